@@ -1,0 +1,1 @@
+"""Balance control for walking humanoids, on Drake."""

@@ -1,0 +1,1 @@
+"""Pure mathematics of the papers: no systems, no plant, no clock."""

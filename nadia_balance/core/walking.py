@@ -1,0 +1,184 @@
+"""The vocabulary of walking: sides, phases, footsteps, the walking state.
+
+All values are frozen and their arrays read-only, because Drake hands the very
+same object to every reader of an abstract port, and because clones of a
+Context may then share them.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Side(enum.Enum):
+    """Left or right, as seen by the robot."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+    @property
+    def other(self) -> Side:
+        """The opposite side."""
+        return Side.RIGHT if self is Side.LEFT else Side.LEFT
+
+    @property
+    def sign(self) -> int:
+        """Sign of the lateral (y) coordinate of this side: left is +1."""
+        return 1 if self is Side.LEFT else -1
+
+
+class Phase(enum.Enum):
+    """What the legs do."""
+
+    STANDING = "standing"  # both feet carry, nothing is going to happen
+    TRANSFER = "transfer"  # both feet carry, weight moves to support_side
+    SWING = "swing"  # support_side carries, the other foot is in the air
+
+
+def read_only(values: object, size: int) -> Array:
+    """Returns a read-only float copy of `values`, shape (size,)."""
+    array = np.array(values, dtype=float).reshape(size)
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True)
+class FootPose:
+    """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
+
+    The sole frame F is z-up with x along the foot and y to the left.
+    """
+
+    p_WF: Array = field(default_factory=lambda: np.zeros(3))
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
+
+    def __deepcopy__(self, memo: object) -> FootPose:
+        return self
+
+    @property
+    def rotation(self) -> Array:
+        """R_WF restricted to the plane, shape (2, 2)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array([[c, -s], [s, c]])
+
+    def to_world(self, points_F: Array) -> Array:
+        """Points (n, 2) [m] of the sole frame, expressed in W."""
+        return np.asarray(self.p_WF[:2] + points_F @ self.rotation.T)
+
+    def to_sole(self, points_W: Array) -> Array:
+        """Points (n, 2) [m] of W, expressed in the sole frame."""
+        return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
+
+
+@dataclass(frozen=True)
+class FootPoses:
+    """The poses of both soles in W."""
+
+    left: FootPose
+    right: FootPose
+
+    def __deepcopy__(self, memo: object) -> FootPoses:
+        return self
+
+    def __getitem__(self, side: Side) -> FootPose:
+        return self.left if side is Side.LEFT else self.right
+
+    def with_foot(self, side: Side, pose: FootPose) -> FootPoses:
+        """Returns these poses with the foot of `side` moved to `pose`."""
+        return replace(self, **{side.value: pose})
+
+
+@dataclass(frozen=True)
+class Footstep:
+    """One foothold, and how long it takes to get there.
+
+    `side` is the foot that moves; `transfer_duration` [s] is the weight shift
+    before the swing, `swing_duration` [s] the swing itself.
+    """
+
+    side: Side
+    pose: FootPose
+    transfer_duration: float
+    swing_duration: float
+
+    def __deepcopy__(self, memo: object) -> Footstep:
+        return self
+
+
+@dataclass(frozen=True)
+class ReferencePoint:
+    """A sample of the reference motion, each (2,) in W: [m], [m/s]."""
+
+    com: Array
+    com_velocity: Array
+    cop: Array
+
+    def __post_init__(self) -> None:
+        for name in ("com", "com_velocity", "cop"):
+            object.__setattr__(self, name, read_only(getattr(self, name), 2))
+
+    def __deepcopy__(self, memo: object) -> ReferencePoint:
+        return self
+
+
+@dataclass(frozen=True)
+class ContactSchedule:
+    """All that the ICP plan depends on; replaced only when it is re-planned.
+
+    The plan starts with the present phase, at time 0.  `support_side` is the
+    stance foot of a swing, and the foot that receives the weight of a
+    transfer.  `footsteps` are those still to land: in a swing, footsteps[0]
+    is the one in the air.  A transfer without footsteps is the last one: it
+    ends between the feet.  `start` is the reference motion at time 0; it keeps
+    the reference continuous across plans.
+    """
+
+    phase: Phase
+    support_side: Side
+    duration: float  # of the present phase [s]; infinite when standing
+    feet: FootPoses
+    footsteps: tuple[Footstep, ...]
+    start: ReferencePoint
+    final_transfer_duration: float = 0.8  # after the last step [s]
+
+    def __deepcopy__(self, memo: object) -> ContactSchedule:
+        return self
+
+    def in_contact(self, side: Side) -> bool:
+        """True if the foot of `side` is meant to carry weight."""
+        return self.phase is not Phase.SWING or side is self.support_side
+
+
+@dataclass(frozen=True)
+class WalkingState:
+    """The only walking clock: the schedule, and where we are in it."""
+
+    schedule: ContactSchedule
+    time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
+    waiting: bool = False  # the clock has run out, the phase has not ended
+    contact_ticks: int = 0  # consecutive ticks with force on the swing foot
+    steps_taken: int = 0
+
+    def __deepcopy__(self, memo: object) -> WalkingState:
+        return self
+
+    @property
+    def remaining_time(self) -> float:
+        """Planned time [s] until the present phase ends."""
+        return max(self.schedule.duration - self.time_in_phase, 0.0)
+
+
+def rectangle(length: float, width: float) -> Array:
+    """Corners (4, 2) [m] of a rectangle about 0, counter-clockwise."""
+    x, y = 0.5 * length, 0.5 * width
+    return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])

@@ -1,0 +1,206 @@
+"""How the walking state advances by one control period.
+
+Standing -> transfer -> swing -> transfer -> ... -> standing (the state machine
+that the papers leave to the reader; see also the Atlas paper, Sec. II).
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from nadia_balance.core.polygon import project
+from nadia_balance.core.support_polygon import support_polygon
+from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+)
+
+
+class Reference(Protocol):
+    """A sample of the ICP plan."""
+
+    icp: Array
+    com: Array
+    com_velocity: Array
+    cop: Array
+
+
+class Plan(Protocol):
+    """What the state machine asks of an ICP plan."""
+
+    def at(self, t: float) -> Reference:
+        """Returns the reference at the time `t` [s] of the phase."""
+
+
+@dataclass(kw_only=True)
+class WalkingStateMachineParams:
+    """When a phase ends."""
+
+    standing_duration: float = 0.5  # before the first step [s]
+    earliest_touchdown: float = 0.5  # fraction of the swing [-]
+    contact_force: float = 50.0  # the foot has landed above this [N]
+    contact_ticks: int = 3  # for so many ticks in a row [-]
+    # A transfer ends when the ICP error is within this ellipse of the sole
+    # frame, or when waiting would make things worse because the ICP is
+    # leaving the support polygon.
+    icp_error_forward: float = 0.035  # [m]
+    icp_error_inward: float = 0.015  # toward the other foot [m]
+    icp_error_outward: float = 0.012  # [m]
+    icp_outside: float = 0.03  # ICP so far outside the support: step [m]
+
+    def validate(self) -> None:
+        """Raises ValueError if a field is out of range."""
+        for name, value in vars(self).items():
+            if not math.isfinite(value) or value < 0:
+                raise ValueError(f"{name} = {value}: must be finite and >= 0")
+        if not self.earliest_touchdown < 1.0:
+            raise ValueError(
+                f"earliest_touchdown = {self.earliest_touchdown}: must be < 1"
+            )
+        if not self.contact_ticks > 0:
+            raise ValueError(
+                f"contact_ticks = {self.contact_ticks}: must be > 0"
+            )
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What is measured of the robot: sole poses, forces [N], ICP [m], in W."""
+
+    feet: FootPoses
+    forces: Array  # (2,) normal forces, left and right
+    icp: Array  # (2,)
+
+    def force(self, side: Side) -> float:
+        """Normal force [N] on the foot of `side`."""
+        return float(self.forces[0 if side is Side.LEFT else 1])
+
+
+def advance(
+    state: WalkingState,
+    plan: Plan,
+    measured: Measurement,
+    period: float,
+    sole: Array,
+    params: WalkingStateMachineParams,
+) -> WalkingState:
+    """Returns the walking state one `period` [s] later.
+
+    `plan` is the ICP plan of `state.schedule`: it tells where the reference
+    is when a phase ends, so that the next plan continues from there.  `sole`
+    (n, 2) [m] are the sole's corners in the sole frame.
+    """
+    schedule = state.schedule
+    t = min(state.time_in_phase + period, schedule.duration)
+    done = t >= schedule.duration - 0.5 * period
+    if done:
+        t = schedule.duration
+    match schedule.phase:
+        case Phase.STANDING:
+            if done:
+                return _start_transfer(state, plan, t, measured, params)
+        case Phase.TRANSFER:
+            if done and _may_lift(schedule, plan, measured, sole, params):
+                return _end_transfer(state, plan, t, measured)
+        case Phase.SWING:
+            return _advance_swing(state, plan, t, done, measured, params)
+    return replace(state, time_in_phase=t, waiting=done)
+
+
+def _advance_swing(
+    state: WalkingState,
+    plan: Plan,
+    t: float,
+    done: bool,
+    measured: Measurement,
+    params: WalkingStateMachineParams,
+) -> WalkingState:
+    schedule = state.schedule
+    swing = schedule.support_side.other
+    may_land = t >= params.earliest_touchdown * schedule.duration
+    touches = may_land and measured.force(swing) > params.contact_force
+    ticks = state.contact_ticks + 1 if touches else 0
+    if ticks >= params.contact_ticks:
+        landed = replace(
+            state,
+            schedule=replace(schedule, footsteps=schedule.footsteps[1:]),
+            steps_taken=state.steps_taken + 1,
+        )
+        return _start_transfer(landed, plan, t, measured, params)
+    return replace(state, time_in_phase=t, waiting=done, contact_ticks=ticks)
+
+
+def _start_transfer(
+    state: WalkingState,
+    plan: Plan,
+    t: float,
+    measured: Measurement,
+    params: WalkingStateMachineParams,
+) -> WalkingState:
+    old = state.schedule
+    steps = old.footsteps
+    schedule = replace(
+        old,
+        phase=Phase.TRANSFER,
+        support_side=steps[0].side.other if steps else old.support_side.other,
+        duration=(
+            steps[0].transfer_duration if steps else old.final_transfer_duration
+        ),
+        feet=measured.feet,
+        start=_reference_point(plan, t),
+    )
+    return WalkingState(schedule, steps_taken=state.steps_taken)
+
+
+def _end_transfer(
+    state: WalkingState, plan: Plan, t: float, measured: Measurement
+) -> WalkingState:
+    """Lifts the foot, or comes to rest if there are no more steps."""
+    old = state.schedule
+    steps = old.footsteps
+    schedule = replace(
+        old,
+        phase=Phase.SWING if steps else Phase.STANDING,
+        duration=steps[0].swing_duration if steps else math.inf,
+        feet=measured.feet,
+        start=_reference_point(plan, t),
+    )
+    return WalkingState(schedule, steps_taken=state.steps_taken)
+
+
+def _reference_point(plan: Plan, t: float) -> ReferencePoint:
+    reference = plan.at(t)
+    return ReferencePoint(reference.com, reference.com_velocity, reference.cop)
+
+
+def _may_lift(
+    schedule: ContactSchedule,
+    plan: Plan,
+    measured: Measurement,
+    sole: Array,
+    params: WalkingStateMachineParams,
+) -> bool:
+    """True if the ICP is near its reference, or leaves the support anyway."""
+    if not schedule.footsteps:
+        return True
+    reference = plan.at(schedule.duration)
+    support = schedule.feet[schedule.support_side]
+    error = support.rotation.T @ (measured.icp - reference.icp)
+    inward = -schedule.support_side.sign * error[1] > 0.0
+    scale = np.array(
+        [
+            params.icp_error_forward,
+            params.icp_error_inward if inward else params.icp_error_outward,
+        ]
+    )
+    if np.sum((error / scale) ** 2) < 1.0:
+        return True
+    nearest = project(measured.icp, support_polygon(schedule, sole))
+    return math.dist(measured.icp, nearest) > params.icp_outside

@@ -1,0 +1,192 @@
+"""Oracles: the sequence of phases by hand; the plan asked at known times."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.gait import Gait, make_footsteps
+from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.walking import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+    rectangle,
+)
+from nadia_balance.core.walking_state_machine import (
+    Measurement,
+    WalkingStateMachineParams,
+    advance,
+)
+
+PERIOD = 0.002
+SOLE = rectangle(0.25, 0.12)
+PARAMS = WalkingStateMachineParams()
+FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
+
+
+@dataclass
+class Sample:
+    """A reference at rest over the origin, marked with its time."""
+
+    icp: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    cop: np.ndarray
+
+
+class FakePlan:
+    """Returns the time it is asked for as the reference CoM."""
+
+    def at(self, t):
+        """A reference whose CoM says `t`."""
+        return Sample(np.zeros(2), np.array([t, 0.0]), np.zeros(2), np.zeros(2))
+
+
+def standing(num_steps):
+    """Stands about to take `num_steps` steps in place."""
+    steps = make_footsteps(
+        Gait(num_steps=num_steps), FEET, ReachabilityParams()
+    )
+    start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
+    schedule = ContactSchedule(
+        Phase.STANDING, Side.LEFT, 0.5, FEET, steps, start
+    )
+    return WalkingState(schedule)
+
+
+def step(state, forces=(400.0, 400.0), icp=(0.0, 0.0), feet=FEET):
+    """One period later."""
+    measured = Measurement(feet, np.array(forces), np.array(icp))
+    return advance(state, FakePlan(), measured, PERIOD, SOLE, PARAMS)
+
+
+def until(state, phase, **measured):
+    """Advances until `phase` begins; returns the state and the ticks."""
+    for ticks in range(1, 5000):
+        state = step(state, **measured)
+        if state.schedule.phase is phase:
+            return state, ticks
+    raise AssertionError(f"{phase} never began")
+
+
+def swinging(num_steps=3):
+    """At the start of the first swing."""
+    state, _ = until(standing(num_steps), Phase.TRANSFER)
+    return until(state, Phase.SWING)[0]
+
+
+def test_a_walk_of_two_steps_goes_through_all_phases():
+    """Oracle: the sequence and the durations by hand."""
+    state, story = standing(2), []
+    for _ in range(5000):
+        in_swing = state.schedule.phase is Phase.SWING
+        landed = in_swing and state.time_in_phase > 0.69
+        new = step(state, forces=(400, 400) if landed else (0, 0))
+        if new.schedule is not state.schedule:
+            story.append((new.schedule.phase, new.schedule.support_side))
+        state = new
+    left, right = Side.LEFT, Side.RIGHT
+    assert story == [
+        (Phase.TRANSFER, left),
+        (Phase.SWING, left),
+        (Phase.TRANSFER, right),
+        (Phase.SWING, right),
+        (Phase.TRANSFER, left),
+        (Phase.STANDING, left),
+    ]
+    assert state.steps_taken == 2
+    assert state.schedule.duration == math.inf
+
+
+def test_phases_last_as_planned():
+    """Oracle: durations over the period."""
+    state, ticks = until(standing(3), Phase.TRANSFER)
+    assert ticks == 250
+    state, ticks = until(state, Phase.SWING)
+    assert ticks == 400
+    assert state.time_in_phase == 0.0
+
+
+def test_a_foot_that_touches_in_the_first_half_has_not_landed():
+    """Oracle: earliest_touchdown of the swing, then three ticks."""
+    state, ticks = until(swinging(), Phase.TRANSFER)
+    assert ticks == 175 + 2  # touches from the first tick on
+
+
+def test_a_glitch_of_the_force_is_no_touchdown():
+    """Oracle: fewer ticks than contact_ticks."""
+    state = swinging()
+    for k in range(340):
+        force = 400.0 if k % 3 else 0.0
+        state = step(state, forces=(400.0, force))
+    assert state.schedule.phase is Phase.SWING
+
+
+def test_a_late_foot_stops_the_clock():
+    """Oracle: the clock is held at the duration."""
+    state = swinging()
+    for _ in range(500):
+        state = step(state, forces=(800.0, 0.0))
+    assert state.time_in_phase == state.schedule.duration
+    assert state.waiting
+
+
+def test_the_next_plan_starts_where_the_reference_is_now():
+    """Oracle: the plan, asked for the time of the touchdown."""
+    state = swinging()
+    for _ in range(200):
+        state = step(state, forces=(800.0, 0.0))
+    landed, ticks = until(state, Phase.TRANSFER)
+    t = (200 + ticks) * PERIOD
+    assert landed.schedule.start.com == pytest.approx([t, 0.0])
+
+
+def test_the_plan_takes_the_feet_as_they_landed():
+    """Oracle: the measured pose."""
+    landed = FEET.with_foot(Side.RIGHT, FootPose([0.02, -0.13, 0.0], 0.01))
+    state, _ = until(swinging(), Phase.TRANSFER, feet=landed)
+    assert state.schedule.feet == landed
+    assert len(state.schedule.footsteps) == 2
+    assert state.steps_taken == 1
+
+
+@pytest.mark.parametrize(
+    ("icp", "lifts"),
+    [
+        ((0.0, 0.0), True),
+        ((0.03, 0.0), True),
+        ((0.04, 0.0), False),
+        ((0.0, -0.014), True),  # inward of the left foot
+        ((0.0, 0.014), False),  # outward is narrower
+        ((0.0, 0.25), True),  # 6.5 cm outside: waiting makes it worse
+        ((0.0, 0.20), False),  # 1.5 cm outside: not yet
+    ],
+)
+def test_a_foot_lifts_when_the_icp_is_near_or_leaving(icp, lifts):
+    """Oracle: the ellipse and the support polygon by hand."""
+    state, _ = until(standing(2), Phase.TRANSFER, icp=icp)
+    for _ in range(405):
+        state = step(state, icp=icp)
+    assert (state.schedule.phase is Phase.SWING) is lifts
+    assert state.waiting is not lifts
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("contact_force", -1.0),
+        ("earliest_touchdown", 1.0),
+        ("icp_outside", math.nan),
+        ("contact_ticks", 0),
+    ],
+)
+def test_refuses_bad_parameters(field, value):
+    """Oracle: the message names the field and the value."""
+    with pytest.raises(ValueError, match=f"{field} = {value}"):
+        WalkingStateMachineParams(**{field: value}).validate()
