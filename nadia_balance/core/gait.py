@@ -8,9 +8,9 @@ import numpy as np
 
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import (
-    Footstep,
     FootPose,
     FootPoses,
+    Footstep,
     Side,
 )
 

@@ -13,9 +13,9 @@ from nadia_balance.core.swing_foot import (
 )
 from nadia_balance.core.walking import (
     ContactSchedule,
-    Footstep,
     FootPose,
     FootPoses,
+    Footstep,
     Phase,
     ReferencePoint,
     Side,

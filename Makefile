@@ -1,0 +1,47 @@
+# Two commands on a fresh machine: `make push` and `make test`.
+# ARGS goes to what is run: make push ARGS="--direction inward --hold"
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP_INSTALL := $(BIN)/python -m pip install --only-binary :all: --editable
+
+# Matrices here are small: threads inside BLAS cost more than they save.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: push test lint browser clean
+
+push: .venv/installed
+	$(BIN)/python scripts/push.py $(ARGS)
+
+test: lint browser
+	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
+
+lint: .venv/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+# The system's Chromium, or apt-get's, or else playwright's own download.
+# What drives it is a Node.js that misses libatomic on a bare Debian.
+browser: .venv/installed-test
+	@$(BIN)/playwright --version || .ci/apt libatomic1
+	@command -v chromium || command -v google-chrome || .ci/apt chromium \
+		|| $(BIN)/playwright install chromium
+
+clean:
+	rm -rf .venv build dist *.egg-info
+
+# Drake's wheel brings its libraries along, all but GLib.
+.venv/installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "nadia_balance needs Python 3.11 or newer: make PYTHON=..."; \
+		exit 1; }
+	$(PYTHON) -m venv .venv
+	$(PIP_INSTALL) .
+	$(BIN)/python -c 'import pydrake.common' || .ci/apt libglib2.0-0
+	@touch $@
+
+.venv/installed-test: .venv/installed
+	$(PIP_INSTALL) '.[test]'
+	@touch $@

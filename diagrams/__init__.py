@@ -1,0 +1,1 @@
+"""Closed diagrams that simulate, and the scenarios they run."""

@@ -1,0 +1,141 @@
+"""The whole robot in closed loop."""
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import ZeroOrderHold
+
+from diagrams.logs import log_signals, log_state, read_logs
+from diagrams.scenario import Scenario
+from diagrams.start import initial_walking_state
+from nadia_balance.balance_controller import BalanceController
+from nadia_balance.robot import load_robot, terrain_file
+from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.ports import connect
+from nadia_balance.systems.push_source import PushSource
+
+CONTROLLER_LOGS = (
+    "com_state",
+    "icp",
+    "icp_reference",
+    "ecmp_command",
+    "momentum_rate",
+    "momentum_qp_status",
+    "whole_body_qp_status",
+    "foot_wrenches",
+    "swing_foot_reference",
+    "walking_signal",
+    "actuation",
+)
+FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
+FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
+
+
+class HumanoidDiagram(Diagram):
+    """Closes the loop of BalanceController and a MultibodyPlant."""
+
+    def __init__(self, scenario: Scenario, meshcat: Meshcat | None = None):
+        """Builds all of `scenario`; draws if there is a `meshcat`."""
+        super().__init__()
+        self.scenario = scenario
+        period = scenario.controller.control_period
+        self.robot = load_robot(scenario.robot)
+        self.initial = initial_walking_state(scenario)
+        builder = DiagramBuilder()
+        self.plant, self.scene_graph = AddMultibodyPlant(
+            scenario.plant_config, builder
+        )
+        self.robot.add_to(self.plant)
+        Parser(self.plant).AddModels(str(terrain_file()))
+        self.plant.Finalize()
+        self.controller = builder.AddNamedSystem(
+            "balance_controller",
+            BalanceController(scenario.controller, self.robot, self.initial),
+        )
+        self.push = builder.AddNamedSystem(
+            "push_source",
+            PushSource(
+                scenario.pushes,
+                self.robot.mass,
+                period,
+                self.plant,
+                self.robot.pelvis_body,
+            ),
+        )
+        self.sensor = builder.AddNamedSystem(
+            "foot_force_sensor", FootForceSensor(self.plant, self.robot)
+        )
+        self._close_loop(builder, period)
+        self._log(builder, period)
+        builder.BuildInto(self)
+
+    def _close_loop(self, builder: DiagramBuilder, period: float) -> None:
+        plant, controller = self.plant, self.controller
+        actuation = controller.GetOutputPort("actuation")
+        self.hold = builder.AddNamedSystem(
+            "actuation_zero_order_hold",
+            ZeroOrderHold(period, actuation.size()),
+        )
+        for source, sink in (
+            (actuation, self.hold.get_input_port()),
+            (self.hold.get_output_port(), plant.get_actuation_input_port()),
+            (
+                plant.get_state_output_port(),
+                controller.GetInputPort("estimated_state"),
+            ),
+            (
+                plant.get_contact_results_output_port(),
+                self.sensor.GetInputPort("contact_results"),
+            ),
+            (
+                self.push.GetOutputPort("spatial_forces"),
+                plant.get_applied_spatial_force_input_port(),
+            ),
+        ):
+            builder.Connect(source, sink)
+        connect(builder, self.sensor, controller, "foot_forces")
+        connect(builder, controller, self.push, "walking_state")
+
+    def _log(self, builder: DiagramBuilder, period: float) -> None:
+        signals = {
+            name: self.controller.GetOutputPort(name)
+            for name in CONTROLLER_LOGS
+        }
+        signals["push_force"] = self.push.GetOutputPort("push_force")
+        signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
+        log_signals(builder, period, signals)
+        log_state(builder, period, "state", self.plant.get_state_output_port())
+
+    def set_initial_state(self, context: Context) -> None:
+        """Puts the robot on its feet, with the torques that hold it."""
+        plant_context = self.plant.GetMyMutableContextFromRoot(context)
+        q = self.robot.standing_positions(self.scenario.gait.step_width)
+        if self.scenario.seed:
+            rng = np.random.default_rng(self.scenario.seed)
+            q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
+        self.plant.SetPositions(plant_context, q)
+        controller_context = self.controller.GetMyContextFromRoot(context)
+        torque = self.controller.GetOutputPort("actuation").Eval(
+            controller_context
+        )
+        self.hold.SetVectorState(
+            self.hold.GetMyMutableContextFromRoot(context), torque
+        )
+        self._standing_height = q[6]
+
+    def fall_reason(self, context: Context) -> str:
+        """Why the robot counts as fallen; empty while it does not."""
+        plant_context = self.plant.GetMyContextFromRoot(context)
+        pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
+        X_WP = pelvis.EvalPoseInWorld(plant_context)
+        if X_WP.translation()[2] < FALLEN_HEIGHT * self._standing_height:
+            return "pelvis too low"
+        if X_WP.rotation().matrix()[2, 2] < np.cos(FALLEN_TILT):
+            return "pelvis tilted"
+        return ""
+
+    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
+        """All that was logged (see diagrams.logs)."""
+        return read_logs(self, context, now={"state"})

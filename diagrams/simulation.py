@@ -1,0 +1,63 @@
+"""Runs a diagram until it is done, or the robot has fallen."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import EventStatus
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came out of a simulation."""
+
+    logs: dict[str, np.ndarray]  # name -> (n, size), and t (n,)
+    fell_at: float | None  # [s]
+    fall_reason: str
+    simulated_time: float  # [s]
+    cpu_time: float  # [s]
+    interrupted: bool  # by Ctrl-C
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second of processor time."""
+        return self.simulated_time / max(self.cpu_time, 1e-9)
+
+
+def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
+    """Simulates `diagram` for `duration` [s], or until it falls.
+
+    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
+    Ctrl-C ends the run early; what was logged until then is returned.
+    """
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    diagram.set_initial_state(context)
+    simulator.set_target_realtime_rate(realtime_rate)
+    fall = {}
+
+    def watch(root_context):
+        reason = diagram.fall_reason(root_context)
+        if not reason:
+            return EventStatus.DidNothing()
+        fall.update(time=root_context.get_time(), reason=reason)
+        return EventStatus.ReachedTermination(diagram, reason)
+
+    simulator.set_monitor(watch)
+    simulator.Initialize()
+    interrupted = False
+    start = time.process_time()
+    try:
+        simulator.AdvanceTo(duration)
+    except KeyboardInterrupt:
+        interrupted = True
+    cpu_time = time.process_time() - start
+    return Run(
+        logs=diagram.read_logs(context),
+        fell_at=fall.get("time"),
+        fall_reason=fall.get("reason", ""),
+        simulated_time=context.get_time(),
+        cpu_time=cpu_time,
+        interrupted=interrupted,
+    )

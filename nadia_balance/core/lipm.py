@@ -1,0 +1,57 @@
+"""The linear inverted pendulum and its instantaneous capture point (ICP)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from nadia_balance.core.walking import Array
+
+
+def natural_frequency(com_height: float, gravity: float = 9.81) -> float:
+    """Returns omega = sqrt(g / height) [rad/s] (Nadia paper, below Eq. 1).
+
+    Args:
+        com_height: height [m] of the CoM above the eCMP.
+        gravity: magnitude [m/s^2] of gravity.
+
+    Raises:
+        ValueError: either is not positive (NaN included).
+    """
+    for name, value in (("com_height", com_height), ("gravity", gravity)):
+        if not value > 0.0:
+            raise ValueError(f"{name} = {value}: must be > 0")
+    return math.sqrt(gravity / com_height)
+
+
+def icp(com: Array, com_velocity: Array, omega: float) -> Array:
+    """Returns the ICP x + xdot / omega (Nadia paper, Eq. 1).
+
+    `com` [m] and `com_velocity` [m/s], any one shape, one frame.
+    """
+    return np.asarray(com + com_velocity / omega)
+
+
+def icp_after(icp: Array, ecmp: Array, omega: float, t: float) -> Array:
+    """Returns the ICP after `t` [s] at a constant eCMP (Nadia paper, Eq. 3).
+
+    Points (2,) [m] in W; a negative `t` looks back.
+    """
+    return np.asarray(ecmp + math.exp(omega * t) * (icp - ecmp))
+
+
+def com_after(
+    com: Array, com_velocity: Array, ecmp: Array, omega: float, t: float
+) -> tuple[Array, Array]:
+    """Returns CoM and its velocity after `t` [s] at a constant eCMP.
+
+    The solution of xddot = omega^2 (x - r_ecmp), which is Eq. 5 of the Nadia
+    paper without a change of height.  Points (2,) [m], [m/s] in W.
+    """
+    c, s = math.cosh(omega * t), math.sinh(omega * t)
+    offset = com - ecmp
+    return (
+        np.asarray(ecmp + c * offset + s / omega * com_velocity),
+        np.asarray(omega * s * offset + c * com_velocity),
+    )

@@ -1,0 +1,198 @@
+"""ICP feedback by ankles and hips, one quadratic program (Nadia, Sec. III)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from nadia_balance.core.feedback_limits import FeedbackLimits
+from nadia_balance.core.qp_programs import Mask
+from nadia_balance.core.qp_solver import DenseQp
+from nadia_balance.core.walking import Array
+
+# Below this ICP error [m] its direction is noise: the cost of feedback
+# perpendicular to it fades out.
+_SMALL_ERROR = 1e-3
+_NO_ROWS, _NO_BOUNDS = np.zeros((0, 4)), np.zeros(0)
+
+
+@dataclass(kw_only=True)
+class MomentumQpParams:
+    """Gain, weights and limits of the Nadia paper's Eqs. 6-8."""
+
+    # Erratum: the k_p of the paper is the total gain, unstable below 1.
+    feedback_gain: float = 3.0  # k_p, eCMP per ICP error [-]
+    error_weight: float = 1e3  # Q_e
+    perpendicular_weight: float = 1e5  # Q_perp
+    cop_weight: float = 3.0  # R_delta
+    ecmp_weight: float = 90.0  # R_kappa: the ankles come before the hips
+    rate_weight: float = 100.0  # R_p, on the change since the last tick
+    max_kappa: float = 0.05  # eCMP from CoP, along and across the foot [m]
+    cop_safe_distance: float = 0.005  # CoP inside the support polygon [m]
+    solver: str = "active_set"  # a name of qp_solver.SOLVERS
+
+    def validate(self) -> None:
+        """Raises ValueError if a field is out of range."""
+        if not 1.0 < self.feedback_gain < math.inf:
+            raise ValueError(
+                f"feedback_gain = {self.feedback_gain}: must be > 1"
+            )
+        for name in ("error_weight", "cop_weight", "ecmp_weight"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} = {value}: must be finite and > 0")
+        for name in (
+            "perpendicular_weight",
+            "rate_weight",
+            "max_kappa",
+            "cop_safe_distance",
+        ):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} = {value}: must be finite and >= 0")
+        if not self.effective_gain > 1.0:
+            raise ValueError(
+                f"error_weight = {self.error_weight}: must be larger, the "
+                f"regularisation leaves a gain of {self.effective_gain:.2f}"
+            )
+
+    @property
+    def effective_gain(self) -> float:
+        """What the weights on delta and kappa leave of the feedback gain."""
+        effort = 1.0 / (1.0 / self.cop_weight + 1.0 / self.ecmp_weight)
+        share = self.error_weight / (self.error_weight + effort)
+        return self.feedback_gain * share
+
+
+@dataclass(frozen=True)
+class IcpFeedback:
+    """The feedback increments and the points they lead to, (2,) [m] in W.
+
+    `active` tells the active limits, a guess for the next tick; the others
+    are as in QpResult.
+    """
+
+    delta: Array
+    kappa: Array
+    cop: Array  # r_cop,d
+    ecmp: Array  # r_ecmp,d
+    active: Mask
+    solved: bool
+    fallback: bool
+    iterations: int
+    violation: float
+
+    @property
+    def increments(self) -> Array:
+        """(delta, kappa), shape (4,)."""
+        return np.concatenate((self.delta, self.kappa))
+
+
+class IcpFeedbackQp:
+    """The quadratic program of the Nadia paper's Eq. 8, in increments.
+
+    With the ICP error e, n = e turned by 90 deg and K the feedback gain:
+
+        min   |delta + kappa - K e|^2_Qe + |n . (delta + kappa)|^2_Qperp
+              + |delta|^2_Rd + |kappa|^2_Rk + |delta + kappa - previous|^2_Rp
+        s.t.  r_cop,r + delta in the support polygon,
+              |kappa_r + kappa| <= max_kappa along and across the foot.
+
+    Erratum: as printed, the Q_perp term penalises the feedback along e.
+    Erratum: the printed R_kappa term mixes the total kappa with increments;
+    here R_kappa acts on the increment, and the limits on the total.
+    """
+
+    def __init__(self, params: MomentumQpParams, max_edges: int = 8) -> None:
+        """Builds the program for up to `max_edges` of the support polygon."""
+        params.validate()
+        self._params = params
+        self._qp = DenseQp(4, 0, max_edges + 2, params.solver)
+
+    def solve(
+        self,
+        error: Array,
+        cop_r: Array,
+        kappa_r: Array,
+        previous: Array,
+        limits: FeedbackLimits,
+        active_guess: Mask | None = None,
+    ) -> IcpFeedback:
+        """Returns the feedback for the ICP error icp - icp_r, (2,) [m] in W.
+
+        `cop_r` and `kappa_r` = ecmp_r - cop_r (2,) [m] are the reference,
+        `previous` (4,) [m] the increments of the last tick.  If there is no
+        solution, these are used again as far as the limits allow, and the
+        result says that it is not solved.
+
+        Raises:
+            ValueError: an argument is not finite.
+        """
+        H, g = self._cost(error, previous)
+        reference = np.concatenate((cop_r, kappa_r))
+        shift = limits.C @ reference
+        result = self._qp.solve(
+            H,
+            g,
+            _NO_ROWS,
+            _NO_BOUNDS,
+            limits.C,
+            limits.lower - shift,
+            limits.upper - shift,
+            active_guess,
+        )
+        x = result.x
+        if not result.solved:
+            x = limits.clipped(previous, reference)
+        cop = cop_r + x[:2]
+        return IcpFeedback(
+            delta=x[:2],
+            kappa=x[2:],
+            cop=cop,
+            ecmp=cop + kappa_r + x[2:],
+            active=result.active,
+            solved=result.solved,
+            fallback=result.fallback,
+            iterations=result.iterations,
+            violation=result.violation,
+        )
+
+    def _cost(self, error: Array, previous: Array) -> tuple[Array, Array]:
+        """H (4, 4) and g (4,) of 1/2 x'Hx + g'x."""
+        p = self._params
+        ex, ey = float(error[0]), float(error[1])
+        length = max(math.hypot(ex, ey), _SMALL_ERROR)
+        nx, ny = -ey / length, ex / length
+        both, q = p.error_weight + p.rate_weight, p.perpendicular_weight
+        xx, xy, yy = both + q * nx * nx, q * nx * ny, both + q * ny * ny
+        d, k = p.cop_weight, p.ecmp_weight
+        H = np.array(
+            [
+                [xx + d, xy, xx, xy],
+                [xy, yy + d, xy, yy],
+                [xx, xy, xx + k, xy],
+                [xy, yy, xy, yy + k],
+            ]
+        )
+        dx, dy, kx, ky = previous.tolist()
+        gain = p.error_weight * p.feedback_gain
+        gx = -gain * ex - p.rate_weight * (dx + kx)
+        gy = -gain * ey - p.rate_weight * (dy + ky)
+        return H, np.array([gx, gy, gx, gy])
+
+
+def momentum_rate(
+    mass: float,
+    omega: float,
+    com: Array,
+    ecmp: Array,
+    vertical_acceleration: float,
+) -> Array:
+    """Returns the linear momentum rate (3,) [N] in W (Nadia paper, Eq. 5).
+
+    m omega^2 (x - r_ecmp) horizontally (`com`, `ecmp` (2,) [m]), m zddot
+    vertically: the ground pushes with m (g + zddot).
+    Erratum: g is a vector; it cancels the vertical part at constant height.
+    """
+    x, y = mass * omega**2 * (com - ecmp)
+    return np.array([x, y, mass * vertical_acceleration])

@@ -1,0 +1,159 @@
+"""Convex polygons in the plane: (n, 2) vertices [m], counter-clockwise.
+
+Plain Python loops on purpose: at four to eight vertices they are several
+times faster than numpy or shapely, and they run in every control tick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from nadia_balance.core.walking import Array
+
+_Point = tuple[float, float]
+
+# Twice the area [m^2] of a triangle that counts as a line: far below the
+# square of any length that matters, far above rounding.
+_FLAT = 1e-12
+
+
+def convex_hull(points: Array) -> Array:
+    """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
+
+    Andrew's monotone chain.  One vertex if all points coincide, two if they
+    are on one line.
+    """
+    ordered = sorted({(x, y) for x, y in points.tolist()})
+    if len(ordered) < 3:
+        return np.array(ordered)
+    lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
+    return np.array(lower[:-1] + upper[:-1])
+
+
+def _half_hull(ordered: Iterable[_Point]) -> list[_Point]:
+    """Returns the right-hand boundary met when going through `ordered`."""
+    chain: list[_Point] = []
+    for p in ordered:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= _FLAT:
+            chain.pop()
+        chain.append(p)
+    return chain
+
+
+def _turn(a: _Point, b: _Point, p: _Point) -> float:
+    """Returns twice the signed area of a, b, p: positive if p is left of ab."""
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
+def _edges(polygon: Array) -> list[tuple[_Point, _Point]]:
+    """Returns the (start, end) pairs of all edges, in order."""
+    vertices = [(x, y) for x, y in polygon.tolist()]
+    return list(zip(vertices, vertices[1:] + vertices[:1], strict=True))
+
+
+def halfspaces(polygon: Array) -> tuple[Array, Array]:
+    """Returns A (n, 2), b (n,) [m] with the polygon = {p : A p <= b}.
+
+    The rows of A are the unit outward normals of the edges, so that b - d
+    describes the polygon shrunk by d.
+
+    Raises:
+        ValueError: fewer than 3 vertices: it has no inside.
+    """
+    if len(polygon) < 3:
+        raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
+    normals, offsets = [], []
+    for (x0, y0), (x1, y1) in _edges(polygon):
+        length = math.hypot(x1 - x0, y1 - y0)
+        nx, ny = (y1 - y0) / length, (x0 - x1) / length
+        normals.append((nx, ny))
+        offsets.append(nx * x0 + ny * y0)
+    return np.array(normals), np.array(offsets)
+
+
+def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
+    """True if `point` (2,) is in the polygon or `tolerance` [m] beside it."""
+    if len(polygon) < 3:
+        return bool(
+            np.linalg.norm(point - project(point, polygon)) <= tolerance
+        )
+    p = (float(point[0]), float(point[1]))
+    return all(
+        _turn(a, b, p) >= -tolerance * math.dist(a, b)
+        for a, b in _edges(polygon)
+    )
+
+
+def project(point: Array, polygon: Array) -> Array:
+    """Returns the point (2,) of the polygon that is closest to `point` (2,).
+
+    Also for the one or two vertices of a degenerate hull.
+    """
+    if len(polygon) > 2 and contains(point, polygon):
+        return point
+    p = (float(point[0]), float(point[1]))
+    candidates = [_project_on_segment(p, a, b) for a, b in _edges(polygon)]
+    return np.array(min(candidates, key=lambda c: math.dist(c, p)))
+
+
+def _project_on_segment(p: _Point, a: _Point, b: _Point) -> _Point:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    squared = dx * dx + dy * dy
+    if squared == 0.0:
+        return a
+    along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / squared
+    along = min(max(along, 0.0), 1.0)
+    return a[0] + along * dx, a[1] + along * dy
+
+
+def centroid(polygon: Array) -> Array:
+    """Returns the centre of area (2,) [m]; the mean vertex if it has none."""
+    origin = polygon[0]
+    area, x, y = 0.0, 0.0, 0.0
+    for a, b in _edges(polygon - origin):
+        cross = a[0] * b[1] - a[1] * b[0]
+        area += cross
+        x += (a[0] + b[0]) * cross
+        y += (a[1] + b[1]) * cross
+    if area <= _FLAT:
+        return np.asarray(polygon.mean(axis=0))
+    return np.array([origin[0] + x / (3 * area), origin[1] + y / (3 * area)])
+
+
+def clip(polygon: Array, normal: Array, offset: float) -> Array:
+    """Returns the part of the polygon with normal . p <= offset, (m, 2).
+
+    One step of Sutherland and Hodgman's clipping; (0, 2) if nothing is left.
+    """
+    nx, ny = float(normal[0]), float(normal[1])
+    kept: list[_Point] = []
+    for a, b in _edges(polygon):
+        over_a = nx * a[0] + ny * a[1] - offset
+        over_b = nx * b[0] + ny * b[1] - offset
+        if over_a <= 0.0:
+            kept.append(a)
+        if over_a * over_b < 0.0:
+            s = over_a / (over_a - over_b)
+            kept.append((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])))
+    return np.array(kept).reshape(-1, 2)
+
+
+def shrink(polygon: Array, distance: float) -> Array:
+    """Returns the polygon of all points `distance` [m] or more inside.
+
+    Raises:
+        ValueError: no area is left.
+    """
+    A, b = halfspaces(polygon)
+    inner = polygon
+    for normal, offset in zip(A, b, strict=True):
+        inner = clip(inner, normal, float(offset) - distance)
+    inner = convex_hull(inner)
+    if len(inner) < 3:
+        raise ValueError(
+            f"distance = {distance}: nothing is left of the polygon"
+        )
+    return inner

@@ -1,0 +1,160 @@
+"""Quadratic programs as MathematicalPrograms that are updated in place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.solvers import (
+    ChooseBestSolver,
+    MakeSolver,
+    MathematicalProgram,
+    MathematicalProgramResult,
+    SolverInterface,
+    SolverOptions,
+)
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.int8]
+
+# Drake's default, 1e-12, takes rounding for contradiction.
+_FEASIBILITY_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True)
+class QpProblem:
+    """Minimise 1/2 x'Hx + g'x, A_eq x = b_eq, lower <= C x <= upper."""
+
+    H: Array
+    g: Array
+    A_eq: Array
+    b_eq: Array
+    C: Array
+    lower: Array
+    upper: Array
+
+    def excess(self, x: Array) -> Array:
+        """How far C x is outside its bounds, negative inside, shape (m,)."""
+        value = self.C @ x
+        return np.asarray(np.maximum(self.lower - value, value - self.upper))
+
+    def violation(self, x: Array, excess: Array) -> float:
+        """The largest absolute violation of a constraint, NaN if x is."""
+        residual = np.abs(self.A_eq @ x - self.b_eq).max(initial=0.0)
+        # np.maximum hands on a NaN, max() would not.
+        return float(np.maximum(residual, excess.max(initial=0.0)))
+
+    def require_finite(self) -> None:
+        """Raises ValueError naming the argument that is not finite."""
+        for name in ("H", "g", "A_eq", "b_eq", "C"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} of the QP: must be finite")
+        for name in ("lower", "upper"):
+            if np.isnan(getattr(self, name)).any():
+                raise ValueError(f"{name} bound of the QP: must not be NaN")
+
+
+class EqualityQp:
+    """The QP with the active inequalities as equalities, in closed form.
+
+    Drake's EqConstrainedQP solver.  The number of rows may change from call
+    to call; the program needs one row to begin with.
+    """
+
+    def __init__(self, num_variables: int) -> None:
+        self._program, self._cost, x = _program(num_variables)
+        self._rows = self._program.AddLinearEqualityConstraint(
+            np.zeros((1, num_variables)), np.zeros(1), x
+        )
+        # It has no public name, but is Drake's choice for all such programs.
+        self._solver = MakeSolver(ChooseBestSolver(self._program))
+        self._options = SolverOptions()
+        self._options.SetOption(
+            self._solver.solver_id(), "FeasibilityTol", _FEASIBILITY_TOLERANCE
+        )
+
+    def solve(self, problem: QpProblem, active: Mask) -> tuple[Array, Array]:
+        """Returns x (n,) and the multipliers of all inequalities (m,).
+
+        A multiplier is the change of the cost per unit of the active bound:
+        right are >= 0 at a lower, <= 0 at an upper bound.  x is NaN if the
+        rows contradict each other, or are not finite.
+        """
+        rows = np.flatnonzero(active)
+        bound = np.where(active < 0, problem.lower, problem.upper)[rows]
+        A = np.concatenate((problem.A_eq, problem.C[rows]))
+        b = np.concatenate((problem.b_eq, bound))
+        multipliers = np.zeros(active.size)
+        nowhere = np.full(problem.g.size, np.nan)
+        if not (np.isfinite(A).all() and np.isfinite(b).all()):
+            return nowhere, multipliers  # Drake would end the process
+        self._cost.UpdateCoefficients(problem.H, problem.g, is_convex=True)
+        self._rows.evaluator().UpdateCoefficients(A, b)
+        result = MathematicalProgramResult()
+        self._solver.Solve(self._program, None, self._options, result)
+        if not result.is_success():
+            return nowhere, multipliers
+        if rows.size:
+            dual = result.GetDualSolution(self._rows)
+            multipliers[rows] = dual[problem.b_eq.size :]
+        return np.asarray(result.get_x_val()), multipliers
+
+
+class FullQp:
+    """The whole QP, for iterative solvers."""
+
+    def __init__(
+        self, num_variables: int, num_equalities: int, num_inequalities: int
+    ) -> None:
+        self._program, self._cost, x = _program(num_variables)
+        # At least one row each, because Drake drops constraints without any.
+        rows = np.zeros((max(1, num_equalities), num_variables))
+        self._rows = self._program.AddLinearEqualityConstraint(
+            rows, rows[:, 0], x
+        )
+        rows = np.zeros((max(1, num_inequalities), num_variables))
+        self._limits = self._program.AddLinearConstraint(
+            rows, rows[:, 0], rows[:, 0], x
+        )
+
+    def solve(
+        self,
+        problem: QpProblem,
+        solver: SolverInterface,
+        options: SolverOptions | None = None,
+    ) -> tuple[Array, Mask]:
+        """Returns x (n,), NaN if the solver finds none, and the active rows.
+
+        Active is a bound whose multiplier is larger than its slack.
+        """
+        self._cost.UpdateCoefficients(problem.H, problem.g, is_convex=True)
+        self._rows.evaluator().UpdateCoefficients(problem.A_eq, problem.b_eq)
+        self._limits.evaluator().UpdateCoefficients(
+            problem.C, problem.lower, problem.upper
+        )
+        result = MathematicalProgramResult()
+        solver.Solve(self._program, None, options, result)
+        active = np.zeros(problem.lower.size, dtype=np.int8)
+        if not result.is_success():
+            return np.full(problem.g.size, np.nan), active
+        x = np.asarray(result.get_x_val())
+        value = problem.C @ x
+        multipliers = result.GetDualSolution(self._limits)
+        active[multipliers > value - problem.lower] = -1
+        active[-multipliers > problem.upper - value] = 1
+        return x, active
+
+
+def _program(num_variables: int) -> tuple[Any, Any, Any]:
+    """A program with a quadratic cost: the program, the cost, its variables.
+
+    Untyped, because Drake's stubs do not know NumPy's present array types.
+    """
+    program = MathematicalProgram()
+    x = program.NewContinuousVariables(num_variables)
+    H: Any = np.eye(num_variables)
+    g: Any = np.zeros(num_variables)
+    cost = program.AddQuadraticCost(H, g, x, is_convex=True)
+    return program, cost.evaluator(), x

@@ -1,0 +1,146 @@
+"""Small dense quadratic programs, solved by a back-end chosen by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.solvers import (
+    ClarabelSolver,
+    OsqpSolver,
+    SolverOptions,
+)
+
+from nadia_balance.core.active_set import solve_active_set
+from nadia_balance.core.qp_programs import (
+    Array,
+    EqualityQp,
+    FullQp,
+    Mask,
+    QpProblem,
+)
+
+SOLVERS = ("active_set", "clarabel", "osqp")
+_OSQP_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class QpResult:
+    """What a solver found, and how.
+
+    `x` (n,) is NaN unless `solved`.  `active` (m,) tells which bound of each
+    inequality holds as an equality: -1 lower, 0 none, 1 upper.  `iterations`
+    counts the programs solved, `fallback` tells that the interior point had
+    to help, `violation` is the largest absolute violation of a constraint,
+    NaN unless `solved`.
+    """
+
+    x: Array
+    solved: bool
+    active: Mask
+    iterations: int
+    fallback: bool
+    violation: float
+
+
+class DenseQp:
+    """Minimises 1/2 x'Hx + g'x, A_eq x = b_eq, lower <= C x <= upper.
+
+    H (n, n) must be positive definite, bounds may be infinite.  The
+    MathematicalProgram is built once, its coefficients are overwritten by
+    each solve: no result depends on an earlier one, since the warm start is
+    an argument.  Solvers:
+
+    * "active_set": exact, and fast with a good guess of the active rows.  If
+      it gives up, Clarabel solves the QP, and the result says so.
+    * "clarabel", "osqp": without a guess, to their own accuracy.
+
+    Raises:
+        ValueError: there is no solver of this name.
+    """
+
+    def __init__(
+        self,
+        num_variables: int,
+        num_equalities: int,
+        num_inequalities: int,
+        solver: str = "active_set",
+    ) -> None:
+        methods: dict[str, Callable[[QpProblem, Mask], QpResult]] = {
+            "active_set": self._active_set,
+            "clarabel": self._clarabel,
+            "osqp": self._osqp,
+        }
+        if solver not in methods:
+            raise ValueError(
+                f"solver = {solver!r}: must be one of {', '.join(methods)}"
+            )
+        self._method = methods[solver]
+        self._num_inequalities = num_inequalities
+        self._equality_qp = EqualityQp(num_variables)
+        self._full_qp = FullQp(num_variables, num_equalities, num_inequalities)
+
+    def solve(
+        self,
+        H: Array,
+        g: Array,
+        A_eq: Array,
+        b_eq: Array,
+        C: Array,
+        lower: Array,
+        upper: Array,
+        active_guess: Mask | None = None,
+    ) -> QpResult:
+        """Solves the QP; `active_guess` (m,) is `active` of a similar one.
+
+        Raises:
+            ValueError: NaN in the arguments, or infinity outside the bounds.
+        """
+        problem = QpProblem(H, g, A_eq, b_eq, C, lower, upper)
+        if active_guess is None:
+            active_guess = np.zeros(self._num_inequalities, dtype=np.int8)
+        return self._method(problem, active_guess)
+
+    def _active_set(self, problem: QpProblem, guess: Mask) -> QpResult:
+        x, active, solves = solve_active_set(self._equality_qp, problem, guess)
+        if x is not None:
+            return _report(problem, x, active, solves)
+        return self._referee(problem, solves)
+
+    def _referee(self, problem: QpProblem, solves: int) -> QpResult:
+        """Clarabel's answer, made exact if its active rows allow it."""
+        x, active = self._full_qp.solve(problem, ClarabelSolver())
+        if np.isfinite(x).all():
+            exact, rows, more = solve_active_set(
+                self._equality_qp, problem, active
+            )
+            solves += more
+            if exact is not None:
+                x, active = exact, rows
+        return _report(problem, x, active, solves + 1, fallback=True)
+
+    def _clarabel(self, problem: QpProblem, _: Mask) -> QpResult:
+        problem.require_finite()
+        x, active = self._full_qp.solve(problem, ClarabelSolver())
+        return _report(problem, x, active)
+
+    def _osqp(self, problem: QpProblem, _: Mask) -> QpResult:
+        problem.require_finite()
+        options = SolverOptions()
+        for name in ("eps_abs", "eps_rel"):
+            options.SetOption(OsqpSolver.id(), name, _OSQP_TOLERANCE)
+        x, active = self._full_qp.solve(problem, OsqpSolver(), options)
+        return _report(problem, x, active)
+
+
+def _report(
+    problem: QpProblem,
+    x: Array,
+    active: Mask,
+    iterations: int = 1,
+    fallback: bool = False,
+) -> QpResult:
+    violation = problem.violation(x, problem.excess(x))
+    solved = bool(np.isfinite(violation))
+    return QpResult(x, solved, active, iterations, fallback, violation)

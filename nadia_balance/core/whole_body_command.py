@@ -1,0 +1,73 @@
+"""From the walking state to what the whole body is to do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_terms import WholeBodyCommand
+
+Array = NDArray[np.float64]
+
+
+def whole_body_command(
+    params: WholeBodyQpParams,
+    state: WalkingState,
+    momentum_rate: Array,
+    swing: Array,
+    weight: float,
+) -> WholeBodyCommand:
+    """Returns contacts, heading and force bounds of a walking state.
+
+    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
+    `weight` [N] of the robot.
+    """
+    schedule = state.schedule
+    left, right = (schedule.in_contact(s) for s in (Side.LEFT, Side.RIGHT))
+    return WholeBodyCommand(
+        momentum_rate=momentum_rate,
+        heading=heading(state, swing),
+        contacts=(left, right),
+        max_normal_forces=(
+            max_normal_force(params, state, Side.LEFT, weight),
+            max_normal_force(params, state, Side.RIGHT, weight),
+        ),
+        swing=swing,
+    )
+
+
+def heading(state: WalkingState, swing: Array) -> Array:
+    """Mean [yaw, yawdot, yawddot] (3,) of the feet; moves with a swing."""
+    schedule = state.schedule
+    stance = schedule.feet[schedule.support_side].yaw
+    other = np.array([schedule.feet[schedule.support_side.other].yaw, 0, 0])
+    if schedule.phase is Phase.SWING:
+        other = swing[9:]
+    difference = math.remainder(other[0] - stance, math.tau)
+    return np.array([stance + 0.5 * difference, 0.5 * other[1], 0.5 * other[2]])
+
+
+def max_normal_force(
+    params: WholeBodyQpParams, state: WalkingState, side: Side, weight: float
+) -> float:
+    """Upper bound [N] of a sole's force: the trailing foot unloads.
+
+    The bound falls linearly from `weight` [N] in the last part of a transfer
+    to a step.  A transfer that waits for the ICP needs both feet.
+    """
+    schedule = state.schedule
+    unloads = (
+        schedule.phase is Phase.TRANSFER
+        and side is not schedule.support_side
+        and bool(schedule.footsteps)
+        and not state.waiting
+    )
+    part = params.unloading_fraction * schedule.duration
+    if not unloads or state.remaining_time >= part:
+        return math.inf
+    left = state.remaining_time / part
+    return left * weight + (1.0 - left) * params.unloaded_force

@@ -1,0 +1,1 @@
+"""One Drake LeafSystem a file, one algorithm a LeafSystem."""

@@ -1,0 +1,46 @@
+"""The colours of everything that is drawn, in Meshcat and in plots alike."""
+
+from pydrake.geometry import Rgba
+
+from nadia_balance.core.walking import Side
+
+LEFT = "#0b8a8f"  # teal
+RIGHT = "#e8632b"  # orange
+ICP = "#2456d6"  # blue
+ICP_REFERENCE = "#86a6f2"  # light blue
+COM = "#2f3440"  # near black
+COP = "#b8157a"  # magenta
+ECMP = "#d29a00"  # gold
+SUPPORT = "#4f8a2f"  # green
+PUSH = "#d11f35"  # red
+FLOOR = "#c9d0da"  # grey
+GRID = "#aab4c2"  # darker grey
+SKY_TOP = "#f4f7fb"
+SKY_BOTTOM = "#c3cedb"
+
+LEGEND = {
+    "ICP": ICP,
+    "ICP reference": ICP_REFERENCE,
+    "CoM": COM,
+    "CoP": COP,
+    "eCMP": ECMP,
+    "support polygon": SUPPORT,
+    "left foot": LEFT,
+    "right foot": RIGHT,
+    "push": PUSH,
+}
+
+
+def foot_color(side: Side) -> str:
+    """The colour, as #rrggbb, of the foot of `side`."""
+    return LEFT if side is Side.LEFT else RIGHT
+
+
+def rgb(color: str) -> list[float]:
+    """Red, green and blue in [0, 1] of a colour written #rrggbb."""
+    return [int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+
+
+def rgba(color: str, alpha: float = 1.0) -> Rgba:
+    """Drake's form of a colour written #rrggbb."""
+    return Rgba(*rgb(color), alpha)

@@ -1,0 +1,200 @@
+"""Joint torques that move the whole body as the capture point demands."""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import EventStatus, LeafSystem, ValueProducer
+
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.whole_body_command import whole_body_command
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_qp import WholeBodyQp
+from nadia_balance.core.whole_body_tasks import GRAVITY
+from nadia_balance.robot import RobotModel
+from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.whole_body_kinematics import (
+    WholeBodyKinematics,
+    whole_body_model,
+)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What one tick comes to: the outputs, and the active rows."""
+
+    actuation: np.ndarray
+    wrenches: np.ndarray
+    status: np.ndarray
+    active: np.ndarray
+
+    def __deepcopy__(self, memo):
+        return self
+
+
+class WholeBodyInverseDynamics(LeafSystem):
+    """Solves the whole-body QP once a tick.
+
+    `estimated_state` is [q, v] of the robot's `control_plant`;
+    `momentum_rate` [N] is that of the linear momentum, in W;
+    `swing_foot_reference` is [p, v, a, yaw, yawdot, yawddot] of the swing
+    sole in W.  `actuation` [N m] is in the order of the plant's actuators;
+    `foot_wrenches` are [tau, f] [N m, N] of the left and the right sole, at
+    its centre, in W; `qp_status` is [solved, fallback, iterations, violation,
+    failures so far].
+
+    If the QP has no solution, torques and wrenches of the last tick are held
+    and the failure is counted.  The discrete state holds these, the active
+    rows that warm-start the next tick, and the failures.
+
+    Evaluating any output raises RuntimeError if an input is not finite.
+
+    .. pydrake_system::
+
+        name: WholeBodyInverseDynamics
+        input_ports: [estimated_state, momentum_rate, swing_foot_reference,
+                      walking_state]
+        output_ports: [actuation, foot_wrenches, qp_status]
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        params: WholeBodyQpParams,
+        control_period: float,
+    ):
+        """Solves every `control_period` [s]; one private plant of `robot`."""
+        super().__init__()
+        plant = robot.control_plant()
+        model = whole_body_model(robot, plant, params.joint_lower_limits)
+        self._params, self._weight = params, model.mass * GRAVITY
+        self._kinematics = WholeBodyKinematics(robot, plant)
+        self._qp = WholeBodyQp(params, model)
+        self._joint_of_actuator = [
+            plant.get_joint_actuator(i).joint().velocity_start() - 6
+            for i in plant.GetJointActuatorIndices()
+        ]
+        self._declare_inputs(plant)
+        self._declare_state(plant.num_actuators(), control_period)
+        self._declare_caches(plant)
+        self._declare_outputs(plant.num_actuators())
+
+    def _declare_inputs(self, plant):
+        self._estimated_state = self.DeclareVectorInputPort(
+            "estimated_state", plant.num_multibody_states()
+        )
+        self._momentum_rate = self.DeclareVectorInputPort("momentum_rate", 3)
+        self._swing = self.DeclareVectorInputPort("swing_foot_reference", 12)
+        self._walking_state = declare_input(self, "walking_state", object())
+
+    def _declare_state(self, num_actuators, control_period):
+        self._held_actuation = self.DeclareDiscreteState(num_actuators)
+        self._held_wrenches = self.DeclareDiscreteState(12)
+        self._active = self.DeclareDiscreteState(self._qp.num_inequalities)
+        self._failures = self.DeclareDiscreteState(1)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=control_period, offset_sec=0.0, update=self._remember
+        )
+
+    def _declare_caches(self, plant):
+        self._plant_context = self.DeclareCacheEntry(
+            "plant context",
+            ValueProducer(
+                allocate=lambda: Value(plant.CreateDefaultContext()),
+                calc=self._set_state,
+            ),
+            prerequisites_of_calc={self._estimated_state.ticket()},
+        )
+        self._outcome = self.DeclareCacheEntry(
+            "outcome",
+            ValueProducer(
+                allocate=lambda: Value(object()), calc=self._calc_outcome
+            ),
+            prerequisites_of_calc={
+                self._plant_context.ticket(),
+                self._momentum_rate.ticket(),
+                self._swing.ticket(),
+                self._walking_state.ticket(),
+                self.xd_ticket(),
+            },
+        )
+
+    def _declare_outputs(self, num_actuators):
+        for name, size, field in (
+            ("actuation", num_actuators, "actuation"),
+            ("foot_wrenches", 12, "wrenches"),
+            ("qp_status", 5, "status"),
+        ):
+            self.DeclareVectorOutputPort(
+                name,
+                size,
+                functools.partial(self._write, field),
+                prerequisites_of_calc={self._outcome.ticket()},
+            )
+
+    def _write(self, field, context, output):
+        output.SetFromVector(getattr(self._outcome.Eval(context), field))
+
+    def _set_state(self, context, cache):
+        self._kinematics.plant.SetPositionsAndVelocities(
+            cache.get_mutable_value(),
+            self._eval_finite(context, self._estimated_state),
+        )
+
+    def _eval_finite(self, context, port):
+        value = port.Eval(context)
+        if not np.isfinite(value).all():
+            raise RuntimeError(
+                f"{self.get_name() or type(self).__name__}: input port "
+                f"'{port.get_name()}' is not finite"
+            )
+        return value
+
+    def _calc_outcome(self, context, cache):
+        command = whole_body_command(
+            self._params,
+            eval_typed(self, context, self._walking_state, WalkingState),
+            self._eval_finite(context, self._momentum_rate),
+            self._eval_finite(context, self._swing),
+            self._weight,
+        )
+        terms = self._kinematics.calc(self._plant_context.Eval(context))
+        guess = context.get_discrete_state(self._active).value()
+        found = self._qp.solve(terms, command, guess.astype(np.int8))
+        failures = context.get_discrete_state(self._failures).value()[0]
+        qp = found.qp
+        if qp.solved:
+            actuation = found.torques[self._joint_of_actuator]
+            wrenches = found.wrenches
+        else:
+            failures += 1
+            actuation, wrenches = (
+                context.get_discrete_state(i).get_value().copy()
+                for i in (self._held_actuation, self._held_wrenches)
+            )
+        cache.set_value(
+            _Outcome(
+                actuation,
+                wrenches,
+                np.array(
+                    [
+                        qp.solved,
+                        qp.fallback,
+                        qp.iterations,
+                        qp.violation,
+                        failures,
+                    ],
+                    dtype=float,
+                ),
+                qp.active,
+            )
+        )
+
+    def _remember(self, context, state):
+        outcome = self._outcome.Eval(context)
+        state.set_value(self._held_actuation, outcome.actuation)
+        state.set_value(self._held_wrenches, outcome.wrenches)
+        state.set_value(self._active, outcome.active)
+        state.set_value(self._failures, outcome.status[-1:])
+        return EventStatus.Succeeded()

@@ -1,0 +1,158 @@
+"""Oracles: shapely, scipy's ConvexHull, and brute force."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from nadia_balance.core.polygon import (
+    centroid,
+    clip,
+    contains,
+    convex_hull,
+    halfspaces,
+    project,
+    shrink,
+)
+from nadia_balance.core.walking import rectangle
+
+# On a grid of 1 cm, so that many are on one line or coincide, while no
+# triangle is so flat that its orientation is a matter of rounding.
+GRID = st.tuples(st.integers(-30, 30), st.integers(-30, 30))
+POINT = GRID.map(lambda p: 0.01 * np.array(p))
+POINTS = st.lists(GRID, min_size=1, max_size=12).map(
+    lambda points: 0.01 * np.array(points)
+)
+POLYGON = POINTS.map(convex_hull).filter(lambda hull: len(hull) > 2)
+
+
+@given(POINTS)
+def test_the_hull_is_that_of_shapely(points):
+    """Oracle: shapely, whose boundary must coincide with ours."""
+    hull = convex_hull(points)
+    expected = shapely.MultiPoint(points).convex_hull
+    ours = shapely.MultiPoint(hull).convex_hull
+    assert ours.hausdorff_distance(expected) < 1e-12
+
+
+@given(POLYGON)
+def test_the_hull_is_counter_clockwise_with_true_corners_only(hull):
+    """Oracle: every three vertices in a row turn left; scipy's corners."""
+    before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
+    u, v = (hull - before).T, (after - hull).T
+    assert np.all(u[0] * v[1] - u[1] * v[0] > 1e-5)
+    corners = ConvexHull(hull).vertices
+    assert sorted(corners) == list(range(len(hull)))
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        ([[1, 2], [1, 2]], [[1, 2]]),
+        ([[0, 0], [2, 2], [1, 1], [2, 2]], [[0, 0], [2, 2]]),
+    ],
+)
+def test_the_hull_of_points_on_a_line_has_its_ends(points, expected):
+    """Oracle: by hand."""
+    np.testing.assert_array_equal(convex_hull(np.array(points)), expected)
+
+
+@given(POLYGON, POINT)
+def test_halfspaces_measure_how_far_outside_a_point_is(hull, point):
+    """Oracle: the definition of a convex polygon, edge by edge."""
+    A, b = halfspaces(hull)
+    np.testing.assert_allclose(np.linalg.norm(A, axis=1), 1.0, atol=1e-15)
+    ends = np.roll(hull, -1, axis=0)
+    for vertex in hull, ends:  # both ends of each edge are on its line
+        np.testing.assert_allclose(
+            np.einsum("ij,ij->i", A, vertex), b, atol=1e-15
+        )
+    inside = shapely.Polygon(hull).distance(shapely.Point(point)) < 1e-12
+    assert np.all(A @ point <= b + 1e-12) == inside
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_no_halfspaces_without_an_inside(n):
+    """Oracle: the message tells the number of vertices."""
+    with pytest.raises(ValueError, match=f"{n} vertices"):
+        halfspaces(np.eye(2)[:n])
+
+
+@given(POINTS.map(convex_hull), POINT, st.floats(1e-9, 0.1))
+def test_contains_the_points_within_the_tolerance(hull, point, tolerance):
+    """Oracle: shapely's distance; beyond the corners it may be more."""
+    distance = shapely.MultiPoint(hull).convex_hull.distance(
+        shapely.Point(point)
+    )
+    found = contains(point, hull, tolerance)
+    if distance <= tolerance - 1e-12:
+        assert found
+    if len(hull) > 2:
+        A, b = halfspaces(hull)
+        assume(abs(np.max(A @ point - b) - tolerance) > 1e-12)
+        assert found == (np.max(A @ point - b) <= tolerance)
+
+
+@given(POINTS.map(convex_hull), POINT)
+def test_projects_to_the_closest_point(hull, point):
+    """Oracle: shapely's distance to, and from, the projection."""
+    shape = shapely.MultiPoint(hull).convex_hull
+    projection = project(point, hull)
+    expected = shape.distance(shapely.Point(point))
+    assert math.dist(projection, point) == pytest.approx(expected, abs=1e-12)
+    assert shape.distance(shapely.Point(projection)) < 1e-12
+
+
+@given(POLYGON)
+def test_the_centroid_is_that_of_shapely(hull):
+    """Oracle: shapely."""
+    expected = shapely.Polygon(hull).centroid
+    np.testing.assert_allclose(
+        centroid(hull), [expected.x, expected.y], atol=1e-12
+    )
+
+
+def test_the_centroid_of_a_line_is_its_middle():
+    """Oracle: by hand."""
+    line = np.array([[0.0, 0.0], [1.0, 3.0]])
+    np.testing.assert_array_equal(centroid(line), [0.5, 1.5])
+
+
+@given(POLYGON, st.floats(0.0, 2.0 * math.pi), st.floats(-0.3, 0.3))
+def test_clips_like_shapely(hull, angle, offset):
+    """Oracle: shapely's intersection with a large square."""
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    side = np.array([-normal[1], normal[0]])
+    edge = offset * normal
+    square = shapely.Polygon(
+        [edge + side, edge - side, edge - side - normal, edge + side - normal]
+    )
+    expected = shapely.Polygon(hull).intersection(square)
+    part = clip(hull, normal, offset)
+    assert np.all(part @ normal <= offset + 1e-12)
+    area = shapely.Polygon(part).area if len(part) > 2 else 0.0
+    assert area == pytest.approx(expected.area, abs=1e-12)
+
+
+@given(POLYGON, st.floats(0.001, 0.1))
+def test_shrinks_like_shapely_or_refuses(hull, distance):
+    """Oracle: shapely's inward buffer with mitred corners."""
+    expected = shapely.Polygon(hull).buffer(-distance, join_style="mitre")
+    assume(expected.is_empty or expected.area > 1e-8)
+    if expected.is_empty:
+        with pytest.raises(ValueError, match=f"distance = {distance}"):
+            shrink(hull, distance)
+        return
+    inner = shapely.Polygon(shrink(hull, distance))
+    assert inner.symmetric_difference(expected).area < 1e-9
+
+
+def test_shrinks_a_sole_by_hand():
+    """Oracle: a rectangle that is shorter and narrower by twice 0.01 m."""
+    inner = shrink(rectangle(0.25, 0.12), 0.01)
+    expected = convex_hull(rectangle(0.23, 0.10))
+    np.testing.assert_allclose(inner, expected, atol=1e-15)

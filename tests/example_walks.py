@@ -1,0 +1,172 @@
+"""Contact schedules to plan for: straight, turning, sideways, and random."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import strategies as st
+
+from nadia_balance.core.walking import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    ReferencePoint,
+    Side,
+    rectangle,
+)
+
+SOLE = rectangle(0.25, 0.12)
+OMEGA = math.sqrt(9.81 / 0.95)
+FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
+
+
+def at_rest(point):
+    """A reference that rests at `point`."""
+    return ReferencePoint(point, np.zeros(2), point)
+
+
+def standing(feet=FEET, start=None):
+    """Stands for ever, at rest between the feet unless told otherwise."""
+    mid = 0.5 * (feet.left.p_WF + feet.right.p_WF)[:2]
+    start = at_rest(mid) if start is None else start
+    return ContactSchedule(Phase.STANDING, Side.LEFT, math.inf, feet, (), start)
+
+
+def walk(
+    length=0.3, sideways=0.0, turn=0.0, num_steps=3, transfer=0.3, swing=0.7
+):
+    """In the first transfer, at rest; the right foot goes first."""
+    steps, centre, yaw = [], np.zeros(2), 0.0
+    for i in range(num_steps):
+        side = Side.RIGHT if i % 2 == 0 else Side.LEFT
+        yaw += turn
+        c, s = math.cos(yaw), math.sin(yaw)
+        R = np.array([[c, -s], [s, c]])
+        centre = centre + R @ [length, sideways]
+        p = centre + R @ [0.0, 0.125 * side.sign]
+        steps.append(Footstep(side, FootPose([*p, 0.0], yaw), transfer, swing))
+    return ContactSchedule(
+        Phase.TRANSFER,
+        Side.LEFT,
+        transfer,
+        FEET,
+        tuple(steps),
+        at_rest(np.zeros(2)),
+    )
+
+
+def successor(schedule, plan, t=None):
+    """The schedule after this one, if all goes as planned until `t`."""
+    t = schedule.duration if t is None else t
+    steps = schedule.footsteps
+    if schedule.phase is Phase.TRANSFER:
+        return replace(
+            schedule,
+            phase=Phase.SWING if steps else Phase.STANDING,
+            duration=steps[0].swing_duration if steps else math.inf,
+            start=plan.at(t).point(),
+        )
+    feet = schedule.feet.with_foot(steps[0].side, steps[0].pose)
+    steps = steps[1:]
+    return ContactSchedule(
+        Phase.TRANSFER,
+        schedule.support_side.other,
+        steps[0].transfer_duration if steps else 0.8,
+        feet,
+        steps,
+        plan.at(t).point(),
+    )
+
+
+def phases(schedule, plan_of):
+    """All (schedule, plan) until it stands, planned by `plan_of`."""
+    found = []
+    while True:
+        plan = plan_of(schedule)
+        found.append((schedule, plan))
+        if schedule.phase is Phase.STANDING:
+            return found
+        schedule = successor(schedule, plan)
+
+
+def moved(schedule, angle, shift):
+    """The same walk, turned about 0 by `angle` and then moved by `shift`."""
+    c, s = math.cos(angle), math.sin(angle)
+    R = np.array([[c, -s], [s, c]])
+
+    def move(pose):
+        return FootPose([*(R @ pose.p_WF[:2] + shift), 0.0], pose.yaw + angle)
+
+    return replace(
+        schedule,
+        feet=FootPoses(move(schedule.feet.left), move(schedule.feet.right)),
+        footsteps=tuple(
+            replace(step, pose=move(step.pose)) for step in schedule.footsteps
+        ),
+        start=ReferencePoint(
+            R @ schedule.start.com + shift,
+            R @ schedule.start.com_velocity,
+            R @ schedule.start.cop + shift,
+        ),
+    )
+
+
+def mirrored(schedule):
+    """The same walk with left and right exchanged: y becomes -y."""
+    flip = np.array([1.0, -1.0])
+
+    def mirror(pose):
+        return FootPose([*(flip * pose.p_WF[:2]), 0.0], -pose.yaw)
+
+    start = schedule.start
+    return replace(
+        schedule,
+        support_side=schedule.support_side.other,
+        feet=FootPoses(mirror(schedule.feet.right), mirror(schedule.feet.left)),
+        footsteps=tuple(
+            replace(step, side=step.side.other, pose=mirror(step.pose))
+            for step in schedule.footsteps
+        ),
+        start=ReferencePoint(
+            flip * start.com, flip * start.com_velocity, flip * start.cop
+        ),
+    )
+
+
+def _near(size):
+    return st.floats(-size, size, allow_subnormal=False)
+
+
+@st.composite
+def random_walks(draw):
+    """A transfer or swing with 1 to 4 wild steps and a wild start."""
+    start = walk(
+        length=draw(_near(0.5)),
+        sideways=draw(_near(0.2)),
+        turn=draw(_near(0.5)),
+        num_steps=draw(st.integers(1, 4)),
+        transfer=draw(st.floats(0.05, 1.0)),
+        swing=draw(st.floats(0.3, 1.5)),
+    )
+    steps = tuple(
+        replace(
+            step,
+            pose=FootPose(
+                step.pose.p_WF + [draw(_near(0.1)), draw(_near(0.1)), 0.0],
+                step.pose.yaw + draw(_near(0.3)),
+            ),
+        )
+        for step in start.footsteps
+    )
+    xy = st.tuples(_near(0.05), _near(0.05))
+    velocity = st.tuples(_near(0.2), _near(0.2))
+    swinging = draw(st.booleans())
+    return replace(
+        start,
+        phase=Phase.SWING if swinging else Phase.TRANSFER,
+        duration=steps[0].swing_duration if swinging else start.duration,
+        footsteps=steps,
+        start=ReferencePoint(draw(xy), draw(velocity), draw(xy)),
+    )

@@ -1,0 +1,27 @@
+"""The project's own source files, and what they import."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def python_files(*folders: str) -> list[Path]:
+    """The Python files under these folders, relative to the root."""
+    paths = (p for f in folders for p in (ROOT / f).rglob("*.py"))
+    return sorted(path.relative_to(ROOT) for path in paths)
+
+
+def syntax_tree(path: Path) -> ast.Module:
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
+def imports(tree: ast.Module) -> Iterator[str]:
+    """The full dotted name of everything imported anywhere in `tree`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: a relative import"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)

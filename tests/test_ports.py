@@ -1,0 +1,200 @@
+"""The contract of all systems: documented ports, feedthrough, no hidden state.
+
+The systems are taken out of the closed diagrams, where they get real inputs.
+"""
+
+import importlib
+import inspect
+import pkgutil
+import textwrap
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, LeafSystem, System
+
+import nadia_balance.systems
+from diagrams.humanoid import HumanoidDiagram
+from diagrams.lipm import LipmDiagram
+from diagrams.scenario import load_scenario
+from nadia_balance.balance_controller import BalanceController
+from nadia_balance.capture_point_controller import CapturePointController
+
+# output port: the input ports that it depends on within the same instant.
+FEEDTHROUGH = {
+    "BalanceVisualizer": {},
+    "CentroidalEstimator": {
+        "com_state": {"estimated_state"},
+        "icp": {"estimated_state"},
+        "foot_poses": {"estimated_state"},
+    },
+    "FootForceSensor": {"foot_forces": {"contact_results"}},
+    "IcpPlanner": {
+        "icp_plan": {"walking_state"},
+        "icp_reference": {"walking_state"},
+    },
+    "MomentumQp": {
+        "ecmp_command": {
+            "com_state",
+            "icp",
+            "icp_reference",
+            "walking_state",
+        },
+        "momentum_rate": {
+            "com_state",
+            "icp",
+            "icp_reference",
+            "walking_state",
+        },
+        "qp_status": {"com_state", "icp", "icp_reference", "walking_state"},
+    },
+    "PointMassPlant": {
+        "com_state": set(),
+        "icp": set(),
+        "foot_poses": {"swing_foot_reference", "walking_state"},
+        "foot_forces": {"swing_foot_reference", "walking_state"},
+    },
+    "PushSource": {"push_force": set(), "spatial_forces": set()},
+    "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
+    "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},
+    "WholeBodyInverseDynamics": {
+        "actuation": {
+            "estimated_state",
+            "momentum_rate",
+            "swing_foot_reference",
+            "walking_state",
+        },
+        "foot_wrenches": {
+            "estimated_state",
+            "momentum_rate",
+            "swing_foot_reference",
+            "walking_state",
+        },
+        "qp_status": {
+            "estimated_state",
+            "momentum_rate",
+            "swing_foot_reference",
+            "walking_state",
+        },
+    },
+}
+
+
+def leaf_systems() -> Iterator[type[LeafSystem]]:
+    """All LeafSystem classes defined in nadia_balance.systems."""
+    for module_info in pkgutil.iter_modules(nadia_balance.systems.__path__):
+        name = f"nadia_balance.systems.{module_info.name}"
+        for value in vars(importlib.import_module(name)).values():
+            if (
+                inspect.isclass(value)
+                and issubclass(value, LeafSystem)
+                and value.__module__ == name
+            ):
+                yield value
+
+
+LEAVES = sorted(leaf_systems(), key=lambda kind: kind.__name__)
+DIAGRAMS = [CapturePointController, BalanceController]
+
+
+def systems_in(diagram: Diagram) -> Iterator[System]:
+    for system in diagram.GetSystems():
+        yield system
+        if isinstance(system, Diagram):
+            yield from systems_in(system)
+
+
+@pytest.fixture(scope="module")
+def diagrams() -> list[Diagram]:
+    scenario = load_scenario("walk_in_place")
+    return [HumanoidDiagram(scenario, Meshcat()), LipmDiagram(scenario)]
+
+
+@pytest.fixture(scope="module")
+def systems(diagrams) -> dict[type, System]:
+    """One instance of every class, from the first diagram that has it."""
+    found: dict[type, System] = {}
+    for diagram in diagrams:
+        for system in systems_in(diagram):
+            found.setdefault(type(system), system)
+    return found
+
+
+def input_names(system: System) -> list[str]:
+    count = range(system.num_input_ports())
+    return [system.get_input_port(i).get_name() for i in count]
+
+
+def output_names(system: System) -> list[str]:
+    count = range(system.num_output_ports())
+    return [system.get_output_port(i).get_name() for i in count]
+
+
+@pytest.mark.parametrize("kind", LEAVES + DIAGRAMS)
+def test_docstring_lists_the_real_ports(kind, systems):
+    """Oracle: the ports that the system itself reports, in order."""
+    block = inspect.getdoc(kind).split(".. pydrake_system::")[1]
+    documented = yaml.safe_load(textwrap.dedent(block))
+    assert documented == {
+        "name": kind.__name__,
+        "input_ports": input_names(systems[kind]),
+        "output_ports": output_names(systems[kind]),
+    }
+
+
+@pytest.mark.parametrize("kind", LEAVES)
+def test_outputs_depend_at_once_on_no_more_than_they_must(kind, systems):
+    """Oracle: the table of architecture decisions above."""
+    system = systems[kind]
+    inputs, outputs = input_names(system), output_names(system)
+    feedthrough = {name: set() for name in outputs}
+    for i, j in system.GetDirectFeedthroughs():
+        feedthrough[outputs[j]].add(inputs[i])
+    assert feedthrough == FEEDTHROUGH[kind.__name__]
+
+
+def our_outputs(diagram: Diagram, root: Context) -> dict[str, str]:
+    """Every output of our systems in `diagram`, to the last bit, as text."""
+    values = {}
+    for system in systems_in(diagram):
+        if not type(system).__module__.startswith("nadia_balance."):
+            continue
+        context = system.GetMyContextFromRoot(root)
+        for name in output_names(system):
+            value = system.GetOutputPort(name).Eval(context)
+            values[f"{system.GetSystemPathname()}:{name}"] = text(value)
+    return values
+
+
+def text(value: object) -> str:
+    """Equal for equal numbers, arrays and dataclasses, and only for them."""
+    if isinstance(value, list):  # of Drake's forces, whose repr is an address
+        value = [(f.body_index, f.F_Bq_W.get_coeffs()) for f in value]
+    with np.printoptions(floatmode="unique", threshold=10**6):
+        return repr(value)
+
+
+@pytest.mark.parametrize("index", [0, 1], ids=["humanoid", "lipm"])
+def test_equal_contexts_give_equal_outputs(index, diagrams):
+    """Oracle: the same state, before and after another one was seen.
+
+    A system that keeps anything on itself would remember the other one.
+    """
+    diagram = diagrams[index]
+    simulator = Simulator(diagram)
+    diagram.set_initial_state(simulator.get_mutable_context())
+    simulator.AdvanceTo(0.1)
+    state = simulator.get_context()
+    outputs = []
+    for _ in range(2):
+        context = diagram.CreateDefaultContext()
+        diagram.set_initial_state(context)
+        outputs.append(our_outputs(diagram, context))
+        context.SetTimeStateAndParametersFrom(state)
+        outputs.append(our_outputs(diagram, context))
+    assert outputs[0] == outputs[2]
+    assert outputs[1] == outputs[3]
+    assert outputs[0] != outputs[1]
