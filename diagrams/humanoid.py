@@ -138,4 +138,24 @@ class HumanoidDiagram(Diagram):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
-        return read_logs(self, context, now={"state"})
+        logs = read_logs(self, context, now={"state"})
+        logs["foot_poses"] = self._foot_positions(logs["state"])
+        logs["num_positions"] = np.array(self.plant.num_positions())
+        logs["effort_limits"] = self.plant.GetEffortUpperLimits()
+        return logs
+
+    def _foot_positions(self, states: np.ndarray) -> np.ndarray:
+        """Sole centres p_WF (n, 6) [m], left and right, along `states`."""
+        plant = self.robot.control_plant()
+        context = plant.CreateDefaultContext()
+        feet = [
+            (plant.GetBodyByName(name), self.robot.X_FootSole[side])
+            for side, name in self.robot.foot_bodies.items()
+        ]
+        positions = np.empty((len(states), 6))
+        for row, state in zip(positions, states, strict=True):
+            plant.SetPositionsAndVelocities(context, state)
+            for i, (body, X_FootSole) in enumerate(feet):
+                X_WF = plant.EvalBodyPoseInWorld(context, body) @ X_FootSole
+                row[3 * i : 3 * i + 3] = X_WF.translation()
+        return positions

@@ -59,7 +59,7 @@ def write_replay(meshcat: Meshcat, path: Path) -> None:
 def _legend() -> str:
     """What the colours mean, in a corner of the page."""
     entries = "".join(
-        f'<div><span style="color:{color}">&#9679;</span> {name}</div>'
+        f'<div><b style="color:{color}">&#9632;</b> {name}</div>'
         for name, color in palette.LEGEND.items()
     )
     return (

@@ -1,11 +1,9 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
-import math
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from xml.etree import ElementTree
 
-import models
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
@@ -17,60 +15,16 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
 
-from nadia_balance.core.com_height import LegGeometry
 from nadia_balance.core.lipm import natural_frequency
+from nadia_balance.core.robot_params import RobotParams
 from nadia_balance.core.walking import Side, rectangle
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.typed_yaml import load_typed
 
-MODELS = Path(next(iter(models.__path__)))
+# Beside the package in a checkout as well as in an installation.  Not found
+# by `import models`: a user may have a folder of that name.
+MODELS = Path(__file__).resolve().parents[1] / "models"
 
-
-@dataclass(kw_only=True)
-class SoleParams:
-    """The rectangle of either sole in the frame of its foot body."""
-
-    x_min: float = 0.0  # heel [m]
-    x_max: float = 0.0  # toe [m]
-    half_width: float = 0.0  # [m]
-    z: float = 0.0  # [m]
-
-
-@dataclass(kw_only=True)
-class RobotParams:
-    """The fields of robot.yaml."""
-
-    name: str = ""
-    urdf: str = ""  # relative to robot.yaml
-    pelvis_body: str = ""  # the floating base
-    torso_body: str = ""
-    left_foot_body: str = ""
-    right_foot_body: str = ""
-    sole: SoleParams = field(default_factory=SoleParams)
-    com_height: float = 0.0  # of the CoM above the soles, standing [m]
-    step_width: float = 0.0  # between the sole centres, standing [m]
-    posture: dict[str, float] = field(default_factory=dict)  # [rad]
-    legs: LegGeometry = field(default_factory=LegGeometry)
-    max_joint_speed: float = 20.0  # runs are checked against it [rad/s]
-    whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
-
-    def validate(self) -> None:
-        """Raises ValueError naming the field, its value, what is allowed."""
-        for name in ("com_height", "step_width", "max_joint_speed"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value}: must be > 0")
-        for name, value in {
-            "sole.x_max - sole.x_min": self.sole.x_max - self.sole.x_min,
-            "sole.half_width": self.sole.half_width,
-        }.items():
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value}: must be > 0 m")
-        for joint, angle in self.posture.items():
-            if not math.isfinite(angle):
-                raise ValueError(f"posture.{joint} = {angle}: must be finite")
-        self.legs.validate()
-        self.whole_body.validate()
+BODIES = ("pelvis_body", "torso_body", "left_foot_body", "right_foot_body")
 
 
 class RobotModel:
@@ -87,7 +41,8 @@ class RobotModel:
         self.com_height, self.posture = params.com_height, params.posture
         self.omega = natural_frequency(params.com_height)
         self.legs, self.whole_body = params.legs, params.whole_body
-        self.pelvis_body, self.torso_body = params.pelvis_body, params.torso_body
+        self.pelvis_body = params.pelvis_body
+        self.torso_body = params.torso_body
         self.foot_bodies = {
             Side.LEFT: params.left_foot_body,
             Side.RIGHT: params.right_foot_body,
@@ -98,25 +53,7 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        self._check(self.control_plant())
-
-    def _check(self, plant: MultibodyPlant) -> None:
-        where = f"robot {self.name!r}"
-        bodies = [self.pelvis_body, self.torso_body, *self.foot_bodies.values()]
-        for body in bodies:
-            if not plant.HasBodyNamed(body):
-                raise ValueError(f"{where}: no body {body!r} in {self.urdf}")
-        for joint in self.posture:
-            if not plant.HasJointNamed(joint):
-                raise ValueError(f"{where}: no joint {joint!r} in {self.urdf}")
-        joints = plant.num_velocities() - 6
-        if not plant.num_actuators() == joints > 0:
-            raise ValueError(
-                f"{where}: {plant.num_actuators()} actuators for {joints} "
-                f"joints in {self.urdf}: every joint needs a <transmission>"
-            )
-        if not self.mass > 0.0:
-            raise ValueError(f"{where}: mass = {self.mass}: must be > 0 kg")
+        _check_plant(self.control_plant(), params)
 
     @cached_property
     def mass(self) -> float:
@@ -128,12 +65,17 @@ class RobotModel:
         """Adds the robot to a `plant` that is not finalized yet.
 
         Raises:
-            ValueError: the URDF is malformed.
+            ValueError: the URDF is malformed; what Drake would only warn of
+                counts as such, because it then invents figures of its own.
         """
+        parser = Parser(plant)
+        parser.SetStrictParsing()
         try:
-            return Parser(plant).AddModels(str(self.urdf))[0]
-        except RuntimeError as error:
-            raise ValueError(f"urdf = {self.urdf}: {error}") from error
+            _check_masses(self.urdf)
+            return parser.AddModels(str(self.urdf))[0]
+        except (RuntimeError, ValueError, SyntaxError) as error:
+            reason = " ".join(str(error).split())
+            raise ValueError(f"urdf = {self.urdf}: {reason}") from error
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
@@ -176,8 +118,8 @@ class RobotModel:
         result = SnoptSolver().Solve(prog)
         if not result.is_success():
             raise ValueError(
-                f"robot {self.name!r}: cannot stand with com_height = "
-                f"{self.com_height} m and step_width = {width} m"
+                f"step_width = {width}, com_height = {self.com_height}: must "
+                f"be within reach of the legs of {self.name}, in m"
             )
         return result.GetSolution(q)
 
@@ -210,6 +152,46 @@ class RobotModel:
         return q
 
 
+def _check_masses(urdf: Path) -> None:
+    """Raises ValueError for a negative mass; Drake would not call it that."""
+    for mass in ElementTree.parse(urdf).iter("mass"):
+        if float(mass.get("value", "0")) < 0.0:
+            raise ValueError(f"mass = {mass.get('value')}: must be > 0 kg")
+
+
+def _check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
+    """Raises ValueError if `plant` lacks what `params` and control need."""
+    for field in BODIES:
+        body = getattr(params, field)
+        if not plant.HasBodyNamed(body):
+            raise ValueError(f"{field} = {body!r}: must be a link of the URDF")
+    joints = {
+        joint.name(): joint
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+        if joint.num_positions() == 1
+    }
+    for name, angle in params.posture.items():
+        if name not in joints:
+            raise ValueError(
+                f"posture.{name} = {angle}: must be one of the joints "
+                f"{', '.join(sorted(joints))}"
+            )
+        low = joints[name].position_lower_limits()[0]
+        high = joints[name].position_upper_limits()[0]
+        if not low <= angle <= high:
+            raise ValueError(
+                f"posture.{name} = {angle}: must be in [{low}, {high}] rad"
+            )
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    effort = {a.joint().name(): a.effort_limit() for a in actuators}
+    for name in joints:
+        if not effort.get(name, np.inf) < np.inf:
+            raise ValueError(
+                f"urdf = {params.urdf}: joint {name}: must have a "
+                "<transmission> and an effort limit"
+            )
+
+
 def robot_names() -> list[str]:
     """The robots that come with the package."""
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
@@ -220,12 +202,12 @@ def load_robot(name: str) -> RobotModel:
 
     Raises:
         ValueError: unknown name or field, malformed YAML or URDF, a value out
-            of range; the message names it.
+            of range; one line that names it.
         FileNotFoundError: there is no such file.
     """
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
-    elif name.endswith(".yaml"):
+    elif name.endswith((".yaml", ".yml")):
         path = Path(name)
     else:
         raise ValueError(
@@ -234,7 +216,7 @@ def load_robot(name: str) -> RobotModel:
         )
     if not path.is_file():
         raise FileNotFoundError(f"robot = {name}: no such file")
-    params = load_typed(RobotParams, "robot", filename=str(path))
+    params = load_typed(RobotParams, f"robot = {name}", filename=str(path))
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from matplotlib.image import imread
 from playwright.sync_api import Browser, Page
 from pydrake.common.value import Value
 from pydrake.geometry import Meshcat
@@ -91,7 +91,7 @@ def vectors(time: float) -> dict[str, np.ndarray]:
         "com_state": np.concatenate([com(time), np.zeros(3)]),
         "icp": icp(time),
         "icp_reference": np.concatenate([icp(time) + 0.02, np.zeros(6)]),
-        "ecmp_command": np.concatenate([com(time)[:2], icp(time) - 0.1]),
+        "ecmp_command": np.concatenate([icp(time) - 0.05, icp(time) - 0.1]),
         "push_force": np.array([0.0, 500.0 * pushed, 0.0]),
     }
 
@@ -193,7 +193,7 @@ class Replay:
     def picture(self) -> np.ndarray:
         """A screenshot (height, width, 3)."""
         png = io.BytesIO(self.page.screenshot())
-        return np.asarray(Image.open(png).convert("RGB"), dtype=int)
+        return np.rint(255.0 * imread(png)[:, :, :3]).astype(int)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.plots.style import (
+    TEXT,
     mark_pushes,
     set_title,
     shade_phases,
@@ -98,7 +99,7 @@ def _draw_torques(ax: Axes, log: Log) -> None:
 
 def _draw_speed(ax: Axes, log: Log) -> None:
     speed = np.max(joint_speed(log), axis=1)
-    ax.plot(log["t"], speed, color=palette.COM, linewidth=1.1)
+    ax.plot(log["t"], speed, color=TEXT, linewidth=1.1)
     ax.set_ylabel("fastest joint\n[rad/s]")
     ax.set_ylim(bottom=0.0)
 

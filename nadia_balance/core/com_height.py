@@ -100,21 +100,21 @@ class ComHeightPlan:
 def plan_com_height(
     schedule: ContactSchedule,
     nominal: float,
-    legs: LegGeometry | None,
+    legs: LegGeometry,
     params: ComHeightParams,
 ) -> ComHeightPlan:
     """Returns the desired CoM height during the present phase.
 
     It is `nominal` [m] above the support sole, or less if the feet are far
     apart.  It changes during a swing only, from what the place of lift-off
-    allows to what the next foothold allows.  Without `legs` it is nominal.
+    allows to what the next foothold allows.
     """
     side = schedule.support_side
     stance = schedule.feet[side]
     lowest = params.min_height_ratio * nominal
 
     def height(other: FootPose) -> float:
-        limit = height_limit(stance, other, legs, params) if legs else nominal
+        limit = height_limit(stance, other, legs, params)
         return float(stance.p_WF[2]) + min(max(limit, lowest), nominal)
 
     start = end = height(schedule.feet[side.other])

@@ -46,7 +46,6 @@ class CopWaypointParams:
     transfer_split: float = 0.5  # share of a transfer until its middle [-]
     swing_split: float = 0.5  # share of the swing's shift until the ball [-]
     swing_shift_fraction: float = 0.85  # share of a swing until the exit [-]
-    final_transfer_duration: float = 0.8  # after the last step [s]
     num_previewed_steps: int = 3  # [-]
 
     def validate(self) -> None:
@@ -64,10 +63,6 @@ class CopWaypointParams:
         ):
             _check(self, name, "in (0, 1)", 0.0 < getattr(self, name) < 1.0)
         _check(self, "margin", ">= 0", 0.0 <= self.margin < math.inf)
-        duration = self.final_transfer_duration
-        _check(
-            self, "final_transfer_duration", "> 0", 0.0 < duration < math.inf
-        )
         _check(
             self, "num_previewed_steps", ">= 1", self.num_previewed_steps > 0
         )
@@ -116,7 +111,7 @@ def cop_waypoints(
     path.add_final_transfer(
         unseen[0].transfer_duration
         if unseen
-        else params.final_transfer_duration
+        else schedule.final_transfer_duration
     )
     return path.waypoints()
 

@@ -6,10 +6,10 @@ that the papers leave to the reader; see also the Atlas paper, Sec. II).
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
+from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.polygon import project
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
@@ -17,26 +17,9 @@ from nadia_balance.core.walking import (
     ContactSchedule,
     FootPoses,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
-
-
-class Reference(Protocol):
-    """A sample of the ICP plan."""
-
-    icp: Array
-    com: Array
-    com_velocity: Array
-    cop: Array
-
-
-class Plan(Protocol):
-    """What the state machine asks of an ICP plan."""
-
-    def at(self, t: float) -> Reference:
-        """Returns the reference at the time `t` [s] of the phase."""
 
 
 @dataclass(kw_only=True)
@@ -85,7 +68,7 @@ class Measurement:
 
 def advance(
     state: WalkingState,
-    plan: Plan,
+    plan: IcpPlan,
     measured: Measurement,
     period: float,
     sole: Array,
@@ -116,7 +99,7 @@ def advance(
 
 def _advance_swing(
     state: WalkingState,
-    plan: Plan,
+    plan: IcpPlan,
     t: float,
     done: bool,
     measured: Measurement,
@@ -139,7 +122,7 @@ def _advance_swing(
 
 def _start_transfer(
     state: WalkingState,
-    plan: Plan,
+    plan: IcpPlan,
     t: float,
     measured: Measurement,
     params: WalkingStateMachineParams,
@@ -154,13 +137,13 @@ def _start_transfer(
             steps[0].transfer_duration if steps else old.final_transfer_duration
         ),
         feet=measured.feet,
-        start=_reference_point(plan, t),
+        start=plan.at(t).point(),
     )
     return WalkingState(schedule, steps_taken=state.steps_taken)
 
 
 def _end_transfer(
-    state: WalkingState, plan: Plan, t: float, measured: Measurement
+    state: WalkingState, plan: IcpPlan, t: float, measured: Measurement
 ) -> WalkingState:
     """Lifts the foot, or comes to rest if there are no more steps."""
     old = state.schedule
@@ -170,19 +153,14 @@ def _end_transfer(
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
         feet=measured.feet,
-        start=_reference_point(plan, t),
+        start=plan.at(t).point(),
     )
     return WalkingState(schedule, steps_taken=state.steps_taken)
 
 
-def _reference_point(plan: Plan, t: float) -> ReferencePoint:
-    reference = plan.at(t)
-    return ReferencePoint(reference.com, reference.com_velocity, reference.cop)
-
-
 def _may_lift(
     schedule: ContactSchedule,
-    plan: Plan,
+    plan: IcpPlan,
     measured: Measurement,
     sole: Array,
     params: WalkingStateMachineParams,

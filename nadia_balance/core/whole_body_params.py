@@ -86,6 +86,7 @@ class WholeBodyQpParams:
 
 _POSITIVE = (
     "posture_weight",
+    "leg_posture_weight",
     "moment_weight",
     "tangential_weight",
     "normal_weight",

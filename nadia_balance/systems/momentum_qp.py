@@ -59,13 +59,13 @@ class MomentumQp(LeafSystem):
         omega: float,
         com_height: float,
         sole: np.ndarray,
+        legs: LegGeometry,
         control_period: float,
-        legs: LegGeometry | None = None,
     ):
         """Controls a robot with `mass` [kg], `omega` [rad/s], `sole` (n, 2).
 
-        `com_height` [m] is nominal, above the soles; without `legs` they are
-        taken to reach everywhere.
+        `com_height` [m] is nominal, above the soles, and as low as `legs`
+        require.
 
         Raises:
             ValueError: a parameter is out of range.

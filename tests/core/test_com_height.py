@@ -131,13 +131,6 @@ def test_standing_forever_holds_the_height():
     assert course.at(100.0) == (GROUND + NOMINAL, 0.0)
 
 
-def test_without_legs_every_step_is_within_reach():
-    """Oracle: the nominal height."""
-    far = schedule(Phase.SWING, apart=1.0, step=2.0)
-    course = plan_com_height(far, NOMINAL, None, PARAMS)
-    assert course.start == course.end == GROUND + NOMINAL
-
-
 def test_near_the_goal_it_is_a_pd_law():
     """Oracle: k_p e - k_d v, by hand."""
     k_d = 2.0 * 0.9 * math.sqrt(50.0)

@@ -164,7 +164,10 @@ def test_fig_3_right_the_cop_is_where_the_ray_leaves_the_sole():
 def test_fig_3_left_without_q_perp_the_cop_is_the_orthogonal_projection():
     """Oracle: the closest point of the sole to the unlimited eCMP."""
     params = MomentumQpParams(
-        perpendicular_weight=0.0, max_kappa=0.0, rate_weight=0.0, cop_weight=1e-4
+        perpendicular_weight=0.0,
+        max_kappa=0.0,
+        rate_weight=0.0,
+        cop_weight=1e-4,
     )
     error = np.array([0.06, 0.01])
     wanted = params.feedback_gain * error
@@ -208,7 +211,9 @@ def test_a_turned_and_moved_world_gives_turned_and_moved_feedback(
     """Oracle: the rigid motion, applied to the result; 1e-8 m."""
     move = FootPose([*shift, 0.0], yaw)
     previous = np.array([0.01, 0.02, 0.0, 0.005])
-    turned = np.concatenate([move.rotation @ v for v in (previous.reshape(2, 2))])
+    turned = np.concatenate(
+        [move.rotation @ v for v in (previous.reshape(2, 2))]
+    )
     before = feedback(error, cop_r=cop_r, kappa_r=kappa_r, previous=previous)
     after = feedback(
         move.rotation @ error,
@@ -274,7 +279,9 @@ def test_if_there_is_no_solution_repeats_the_last_feedback_within_limits():
         good.polygon, good.axes, good.max_kappa, good.C, good.lower, upper
     )
     previous = np.array([0.03, 0.0, 0.01, 0.0])
-    found = feedback((0.01, 0.0), cop_r=(0.1, 0), previous=previous, limits=none)
+    found = feedback(
+        (0.01, 0.0), cop_r=(0.1, 0), previous=previous, limits=none
+    )
     assert not found.solved
     assert found.cop == pytest.approx([0.12, 0.0])
     assert found.ecmp == pytest.approx([0.13, 0.0])
@@ -294,9 +301,7 @@ def test_the_icp_error_of_a_pendulum_decays_as_the_gain_says():
     assert np.linalg.norm(icp) < 0.05 * np.linalg.norm(start)
 
 
-@pytest.mark.parametrize(
-    ("start", "recovers"), [(0.155, True), (0.185, False)]
-)
+@pytest.mark.parametrize(("start", "recovers"), [(0.155, True), (0.185, False)])
 def test_recovers_exactly_while_the_icp_is_within_reach_of_the_ecmp(
     start, recovers
 ):
@@ -317,9 +322,7 @@ def test_momentum_rate_moves_the_mass_as_the_pendulum():
     """Oracle: second difference of the LIPM's closed form."""
     com, velocity = np.array([0.1, -0.05]), np.array([0.3, 0.2])
     ecmp, h = np.array([0.02, 0.01]), 1e-3
-    back, ahead = (
-        com_after(com, velocity, ecmp, OMEGA, t)[0] for t in (-h, h)
-    )
+    back, ahead = (com_after(com, velocity, ecmp, OMEGA, t)[0] for t in (-h, h))
     acceleration = (back - 2.0 * com + ahead) / h**2
     found = momentum_rate(90.9, OMEGA, com, ecmp, 0.7)
     # Truncation (w h)^2 / 12 = 8e-7 of it, rounding 1e-16 / h^2.

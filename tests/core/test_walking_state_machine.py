@@ -39,6 +39,10 @@ class Sample:
     com_velocity: np.ndarray
     cop: np.ndarray
 
+    def point(self):
+        """The start of the next plan."""
+        return ReferencePoint(self.com, self.com_velocity, self.cop)
+
 
 class FakePlan:
     """Returns the time it is asked for as the reference CoM."""

@@ -28,9 +28,7 @@ PARAMS = SwingFootParams()
 
 def swing(t):
     """The right foot swings 0.3 m forward."""
-    feet = FootPoses(
-        FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0])
-    )
+    feet = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
     step = Footstep(Side.RIGHT, FootPose([0.3, -0.125, 0.0]), 0.3, 0.7)
     start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
     schedule = ContactSchedule(

@@ -1,0 +1,155 @@
+"""Oracles: sums over bodies, finite differences, points on the sole."""
+
+import math
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.walking import FootPoses, Side
+from nadia_balance.robot import load_robot
+from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
+
+ROBOT = load_robot("nadia")
+PLANT = ROBOT.control_plant()
+
+
+def random_state(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    q = ROBOT.standing_positions()
+    q[:4] = rng.normal(size=4)
+    q[:4] /= np.linalg.norm(q[:4])
+    q[4:7] = rng.uniform(-2.0, 2.0, 3)
+    q[7:] += rng.uniform(-0.3, 0.3, len(q) - 7)
+    return np.concatenate((q, rng.normal(size=PLANT.num_velocities())))
+
+
+def outputs(state, estimator=None):
+    """com_state, icp, foot_poses of a state."""
+    estimator = estimator or CentroidalEstimator(ROBOT)
+    context = estimator.CreateDefaultContext()
+    estimator.GetInputPort("estimated_state").FixValue(context, state)
+    return [
+        estimator.GetOutputPort(name).Eval(context)
+        for name in ("com_state", "icp", "foot_poses")
+    ]
+
+
+def com_of(q) -> np.ndarray:
+    """CoM by the definition: bodies weighted by their mass."""
+    context = PLANT.CreateDefaultContext()
+    PLANT.SetPositions(context, q)
+    bodies = [
+        PLANT.get_body(i)
+        for instance in map(PLANT.GetBodyIndices, [ROBOT_INSTANCE])
+        for i in instance
+    ]
+    weighted = [
+        body.default_mass()
+        * (PLANT.EvalBodyPoseInWorld(context, body) @ body.default_com())
+        for body in bodies
+    ]
+    return sum(weighted) / ROBOT.mass
+
+
+ROBOT_INSTANCE = PLANT.GetBodyByName(ROBOT.pelvis_body).model_instance()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_com_state_is_the_mean_of_the_bodies_and_its_derivative(seed):
+    """Oracle: the mass-weighted sum, and its central difference."""
+    state = random_state(seed)
+    q, v = np.split(state, [PLANT.num_positions()])
+    com_state, *_ = outputs(state)
+    assert com_state[:3] == pytest.approx(com_of(q), abs=1e-12)
+    context, h = PLANT.CreateDefaultContext(), 1e-6
+    PLANT.SetPositions(context, q)
+    qdot = PLANT.MapVelocityToQDot(context, v)
+    slope = (com_of(q + h * qdot) - com_of(q - h * qdot)) / (2.0 * h)
+    # Rounding 1e-16 / h, and truncation h^2 times the third derivative.
+    assert com_state[3:] == pytest.approx(slope, abs=1e-8)
+
+
+def test_icp_is_eq_1_with_the_omega_of_the_robot():
+    """Oracle: x + xdot / omega by hand."""
+    com_state, icp, _ = outputs(random_state(3))
+    expected = com_state[:2] + com_state[3:5] / ROBOT.omega
+    assert icp == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_foot_poses_are_those_of_the_soles(seed):
+    """Oracle: two points of the sole, moved by the plant's kinematics."""
+    state = random_state(seed)
+    _, _, poses = outputs(state)
+    assert isinstance(poses, FootPoses)
+    context = PLANT.CreateDefaultContext()
+    PLANT.SetPositionsAndVelocities(context, state)
+    for side in Side:
+        foot = PLANT.GetFrameByName(ROBOT.foot_bodies[side])
+        X_FS = ROBOT.X_FootSole[side]
+        points = np.array([X_FS @ [0, 0, 0], X_FS @ [0.1, 0, 0]]).T
+        centre, ahead = PLANT.CalcPointsPositions(
+            context, foot, points, PLANT.world_frame()
+        ).T
+        assert poses[side].p_WF == pytest.approx(centre, abs=1e-12)
+        yaw = math.atan2(ahead[1] - centre[1], ahead[0] - centre[0])
+        assert poses[side].yaw == pytest.approx(yaw, abs=1e-12)
+
+
+def test_a_robot_that_stands_has_its_soles_on_the_ground():
+    """Oracle: where standing_positions says that it puts them."""
+    v = np.zeros(PLANT.num_velocities())
+    state = np.concatenate((ROBOT.standing_positions(0.3), v))
+    com_state, icp, poses = outputs(state)
+    # The tolerance of SNOPT.
+    assert com_state[2] == pytest.approx(ROBOT.com_height, abs=1e-5)
+    assert icp == pytest.approx([0.0, 0.0], abs=1e-5)
+    assert poses.left.p_WF == pytest.approx([0.0, 0.15, 0.0], abs=1e-5)
+    assert poses.right.p_WF == pytest.approx([0.0, -0.15, 0.0], abs=1e-5)
+    assert poses.left.yaw == pytest.approx(0.0, abs=1e-5)
+
+
+def test_poses_the_plant_once_for_all_outputs(monkeypatch):
+    """Oracle: the calls counted."""
+    estimator, calls = CentroidalEstimator(ROBOT), []
+    real = estimator._plant.SetPositionsAndVelocities
+    monkeypatch.setattr(
+        estimator._plant,
+        "SetPositionsAndVelocities",
+        lambda *args: (calls.append(1), real(*args)),
+    )
+    outputs(random_state(0), estimator)
+    assert len(calls) == 1
+
+
+def test_equal_contexts_give_equal_outputs():
+    """Oracle: bits, before and after another state was seen."""
+    estimator = CentroidalEstimator(ROBOT)
+    first = outputs(random_state(0), estimator)
+    other = outputs(random_state(1), estimator)
+    again = outputs(random_state(0), estimator)
+    assert np.array_equal(first[0], again[0])
+    assert repr(first[2]) == repr(again[2]) != repr(other[2])
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("output", ["com_state", "icp", "foot_poses"])
+def test_a_state_that_is_not_finite_is_an_error_that_names_it(output, value):
+    """Oracle: the message names system, port, coordinate and value."""
+    estimator = CentroidalEstimator(ROBOT)
+    estimator.set_name("estimator")
+    context = estimator.CreateDefaultContext()
+    state = random_state(0)
+    state[6] = value
+    estimator.GetInputPort("estimated_state").FixValue(context, state)
+    message = f"estimator: .*'estimated_state' is not finite: .*_z = {value}"
+    with pytest.raises(RuntimeError, match=message):
+        estimator.GetOutputPort(output).Eval(context)
+
+
+def test_a_missing_state_is_an_error():
+    """Oracle: Drake names the port."""
+    estimator = CentroidalEstimator(ROBOT)
+    context = estimator.CreateDefaultContext()
+    with pytest.raises(RuntimeError, match="estimated_state"):
+        estimator.GetOutputPort("com_state").Eval(context)

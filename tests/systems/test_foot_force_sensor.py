@@ -1,0 +1,130 @@
+"""Oracles: weights of boxes that lie on the ground."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    Box,
+    ProximityProperties,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    SpatialInertia,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from nadia_balance.core.walking import Side
+from nadia_balance.systems.foot_force_sensor import FootForceSensor
+
+ROBOT = SimpleNamespace(foot_bodies={Side.LEFT: "left", Side.RIGHT: "right"})
+WEIGHT_LEFT, WEIGHT_RIGHT = 3.0 * 9.81, 5.0 * 9.81
+HALF, KNOB = 0.05, 0.01
+SHAPE = Box(2 * HALF, 2 * HALF, 2 * HALF)
+CORNERS = [[x, y, -HALF] for x in (-HALF, HALF) for y in (-HALF, HALF)]
+ON_GROUND_LEFT = [0.0, 0.3, HALF + KNOB]
+ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
+ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
+
+
+def properties() -> ProximityProperties:
+    found = ProximityProperties()
+    AddCompliantHydroelasticProperties(0.05, 1e7, found)
+    AddContactMaterial(
+        properties=found, dissipation=10.0, friction=CoulombFriction(0.8, 0.8)
+    )
+    return found
+
+
+def measured(left, right, contact_model="point", tilt=0.0) -> np.ndarray:
+    """Lets two boxes settle where they are put, and reads the sensor.
+
+    A box on a plane touches it in one point and rocks: each has four knobs.
+    """
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(
+        MultibodyPlantConfig(time_step=0.001, contact_model=contact_model),
+        builder,
+    )
+    instance = plant.AddModelInstance("robot")
+    for name, mass in (("left", 3.0), ("right", 5.0)):
+        body = plant.AddRigidBody(
+            name,
+            instance,
+            SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size()),
+        )
+        plant.RegisterCollisionGeometry(
+            body, RigidTransform(), SHAPE, name, properties()
+        )
+        for i, corner in enumerate(CORNERS):
+            plant.RegisterCollisionGeometry(
+                body,
+                RigidTransform(corner),
+                Sphere(KNOB),
+                f"{name}_{i}",
+                properties(),
+            )
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0.0, 0.0, -0.5]),
+        Box(4.0, 4.0, 1.0),
+        "ground",
+        properties(),
+    )
+    plant.mutable_gravity_field().set_gravity_vector(
+        9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    )
+    plant.Finalize()
+    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT))
+    builder.Connect(
+        plant.get_contact_results_output_port(), sensor.get_input_port()
+    )
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for name, p_WB in (("left", left), ("right", right)):
+        plant.SetFreeBodyPose(
+            context, plant.GetBodyByName(name), RigidTransform(p_WB)
+        )
+    simulator.AdvanceTo(0.6)
+    root = simulator.get_context()
+    return sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(root))
+
+
+@pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
+def test_a_foot_at_rest_presses_with_its_weight(contact_model):
+    """Oracle: weight; left comes before right."""
+    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT, contact_model)
+    # What the boxes still move after 0.6 s.
+    assert found == pytest.approx([WEIGHT_LEFT, WEIGHT_RIGHT], rel=1e-3)
+
+
+def test_friction_does_not_count():
+    """Oracle: the normal part of a weight that also pulls sideways."""
+    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT, tilt=0.3)
+    expected = np.cos(0.3) * np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_foot_in_the_air_has_no_force():
+    """Oracle: zero, exactly, as it falls for 0.6 s from 5 m."""
+    found = measured([0.0, 0.3, 5.0], ON_GROUND_RIGHT)
+    assert found[0] == 0.0
+    assert found[1] == pytest.approx(WEIGHT_RIGHT, rel=1e-3)
+
+
+@pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
+def test_a_foot_on_the_other_foot_is_not_on_the_ground(contact_model):
+    """Oracle: the lower one carries both weights."""
+    found = measured(ON_RIGHT_FOOT, ON_GROUND_RIGHT, contact_model)
+    assert found[0] == 0.0
+    assert found[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)

@@ -1,0 +1,78 @@
+"""Nadia's terms, and things to do, for the tests of the whole-body QP."""
+
+import functools
+import math
+
+import numpy as np
+
+from nadia_balance.core.whole_body_terms import (
+    WholeBodyCommand,
+    WholeBodyModel,
+    WholeBodyTerms,
+)
+from nadia_balance.robot import RobotModel, load_robot
+from nadia_balance.systems.whole_body_kinematics import (
+    WholeBodyKinematics,
+    whole_body_model,
+)
+
+CONTACTS = [(True, True), (True, False), (False, True)]
+
+
+@functools.cache
+def nadia() -> RobotModel:
+    return load_robot("nadia")
+
+
+@functools.cache
+def standing_positions() -> np.ndarray:
+    return nadia().standing_positions()
+
+
+@functools.cache
+def kinematics() -> WholeBodyKinematics:
+    return WholeBodyKinematics(nadia(), nadia().control_plant())
+
+
+def model(**joint_lower_limits) -> WholeBodyModel:
+    return whole_body_model(nadia(), kinematics().plant, joint_lower_limits)
+
+
+def random_state(seed: int, size: float = 1.0) -> np.ndarray:
+    """[q, v] about standing; `size` 1 is a brisk walk."""
+    rng = np.random.default_rng(seed)
+    q, nv = standing_positions().copy(), kinematics().plant.num_velocities()
+    q[1:] += 0.03 * size * rng.normal(size=q.size - 1)
+    q[:4] /= np.linalg.norm(q[:4])
+    return np.concatenate([q, 0.2 * size * rng.normal(size=nv)])
+
+
+def terms_at(state: np.ndarray) -> WholeBodyTerms:
+    plant = kinematics().plant
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    return kinematics().calc(context)
+
+
+def standing_state() -> np.ndarray:
+    nv = kinematics().plant.num_velocities()
+    return np.concatenate([standing_positions(), np.zeros(nv)])
+
+
+def command(
+    terms: WholeBodyTerms,
+    contacts: tuple[bool, bool] = (True, True),
+    momentum_rate=(0.0, 0.0, 0.0),
+    max_normal_forces=(math.inf, math.inf),
+) -> WholeBodyCommand:
+    """Pelvis and torso ahead; a swing foot stays where it is."""
+    swing = np.zeros(12)
+    if not all(contacts):
+        swing[:3] = terms.sole_positions[contacts.index(False)]
+    return WholeBodyCommand(
+        momentum_rate=np.array(momentum_rate, dtype=float),
+        heading=np.zeros(3),
+        contacts=contacts,
+        max_normal_forces=max_normal_forces,
+        swing=swing,
+    )
