@@ -1,28 +1,27 @@
 """The flags that the scripts share, and what they do."""
 
 import argparse
+import contextlib
 import math
 import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
+from pydrake.common.yaml import yaml_dump_typed
+from pydrake.geometry import Meshcat
+
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
-from diagrams.replay import (
-    set_scene,
-    start_meshcat,
-    start_recording,
-    write_replay,
-)
+from diagrams.meshcat_scene import set_scene, start_meshcat
+from diagrams.replay import start_recording
 from diagrams.run_folder import prepare_folder, write_run
 from diagrams.scenario import MECHANISMS, Scenario, load_scenario
 from diagrams.simulation import Run, simulate
 from diagrams.story import telling_lines
+from diagrams.summary import RunInfo, summarize
 
 RECOVERED, FELL, BAD_INPUT = 0, 1, 2
-# What bad input raises, by us or by the operating system.
-INPUT_ERRORS = (ValueError, OSError)
 
 
 def finite(text: str) -> float:
@@ -81,7 +80,7 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
         help="1 is real time, 0 as fast as possible",
     )
     group.add_argument(
-        "--graphviz", type=Path, help="write the diagram as SVG or dot"
+        "--graphviz", type=Path, help="write the diagram as Graphviz dot"
     )
 
 
@@ -107,50 +106,77 @@ def main_job(
     args = parser.parse_args(argv)
     try:
         scenario = make_scenario(args)
-        folder = prepare_folder(args.out, scenario)
-        meshcat = None
-        if not args.no_meshcat and args.plant == "humanoid":
-            meshcat, message = start_meshcat(args.port)
-            if message:
-                print(message)
+        folder = prepare_folder(args.out, args.scenario_name)
+        meshcat = _meshcat(args)
         diagram = (
             LipmDiagram(scenario)
             if args.plant == "lipm"
             else HumanoidDiagram(scenario, meshcat)
         )
-    except INPUT_ERRORS as error:
-        print(f"{parser.prog}: {one_line(error)}", file=sys.stderr)
+        if args.graphviz:
+            args.graphviz.write_text(diagram.GetGraphvizString(max_depth=2))
+    except (ValueError, OSError) as error:
+        message = " ".join(str(error).split())
+        print(f"{parser.prog}: {message}", file=sys.stderr)
         return BAD_INPUT
     return _run(args, scenario, folder, diagram, meshcat)
 
 
-def one_line(error: Exception) -> str:
-    """The message of `error`, on one line."""
-    return " ".join(str(error).split())
+def _meshcat(args: argparse.Namespace) -> Meshcat | None:
+    """The tab, unless it is not wanted or there is no robot to see."""
+    if args.no_meshcat or args.plant == "lipm":
+        return None
+    meshcat, message = start_meshcat(args.port)
+    if message:
+        print(message)
+    print(f"Meshcat: {meshcat.web_url()}", flush=True)
+    set_scene(meshcat)
+    return meshcat
 
 
-def _run(args, scenario, folder, diagram, meshcat) -> int:
-    if args.graphviz:
-        args.graphviz.write_text(diagram.GetGraphvizString(max_depth=2))
+def _run(
+    args: argparse.Namespace,
+    scenario: Scenario,
+    folder: Path,
+    diagram: LipmDiagram | HumanoidDiagram,
+    meshcat: Meshcat | None,
+) -> int:
     if meshcat is not None:
-        print(f"Meshcat: {meshcat.web_url()}", flush=True)
-        set_scene(meshcat)
         if args.open:
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
     run = simulate(diagram, scenario.duration, args.realtime_rate)
-    if meshcat is not None:
-        write_replay(meshcat, folder / "replay.html")
-    summary = write_run(folder, run, scenario, diagram)
+    summary = summarize(run.logs, run_info(args, scenario, run))
     for line in telling_lines(run.logs, summary):
         print(line)
-    names = ", ".join(sorted(path.name for path in folder.iterdir()))
-    print(f"wrote {folder}/{{{names}}}")
+    text = yaml_dump_typed(scenario, child_name=args.scenario_name)
+    written = write_run(folder, run.logs, summary, text, meshcat)
+    print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
     if args.hold and meshcat is not None:
-        input(f"Meshcat: {meshcat.web_url()}  (Enter ends) ")
-    return exit_code(run, summary)
-
-
-def exit_code(run: Run, summary: dict) -> int:
-    """0 if the robot recovered, else 1."""
+        _hold(meshcat)
     return RECOVERED if summary["recovered"] else FELL
+
+
+def run_info(args: argparse.Namespace, scenario: Scenario, run: Run) -> RunInfo:
+    """What summary.json says beside the log."""
+    push = scenario.pushes[0] if scenario.pushes else None
+    return RunInfo(
+        robot=scenario.robot,
+        mechanisms=scenario.mechanisms,
+        scenario=args.scenario_name,
+        plant=args.plant,
+        seed=scenario.seed,
+        direction_deg=push.direction_deg if push else None,
+        delta_v=push.delta_v if push else None,
+        fell_at=run.fell_at,
+        fall_reason=run.fall_reason,
+        interrupted=run.interrupted,
+        cpu_time=run.cpu_time,
+    )
+
+
+def _hold(meshcat: Meshcat) -> None:
+    """Keeps the tab alive until Enter, Ctrl-C or the end of the input."""
+    print(f"Meshcat: {meshcat.web_url()}  (Enter ends)", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        sys.stdin.readline()

@@ -8,10 +8,12 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
 from diagrams.logs import log_signals, log_state, read_logs
+from diagrams.meshcat_scene import add_robot_view
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.robot import load_robot, terrain_file
+from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
@@ -28,6 +30,13 @@ CONTROLLER_LOGS = (
     "swing_foot_reference",
     "walking_signal",
     "actuation",
+)
+VISUALIZED = (
+    "walking_state",
+    "com_state",
+    "icp",
+    "icp_reference",
+    "ecmp_command",
 )
 FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
 FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
@@ -69,6 +78,8 @@ class HumanoidDiagram(Diagram):
         )
         self._close_loop(builder, period)
         self._log(builder, period)
+        if meshcat is not None:
+            self._draw(builder, meshcat)
         builder.BuildInto(self)
 
     def _close_loop(self, builder: DiagramBuilder, period: float) -> None:
@@ -97,6 +108,14 @@ class HumanoidDiagram(Diagram):
             builder.Connect(source, sink)
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
+
+    def _draw(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
+        add_robot_view(builder, self.scene_graph, meshcat)
+        view = builder.AddNamedSystem(
+            "balance_visualizer", BalanceVisualizer(meshcat, self.robot.sole)
+        )
+        connect(builder, self.controller, view, *VISUALIZED)
+        connect(builder, self.push, view, "push_force")
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {
@@ -141,6 +160,8 @@ class HumanoidDiagram(Diagram):
         logs = read_logs(self, context, now={"state"})
         logs["foot_poses"] = self._foot_positions(logs["state"])
         logs["num_positions"] = np.array(self.plant.num_positions())
+        logs["sole"] = self.robot.sole
+        logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
         return logs
 

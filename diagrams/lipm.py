@@ -107,4 +107,6 @@ class LipmDiagram(Diagram):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
-        return read_logs(self, context, now=set())
+        logs = read_logs(self, context, now=set())
+        logs["sole"] = self.robot.sole
+        return logs

@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.gait import Gait
 from nadia_balance.core.push import Push
-from nadia_balance.typed_yaml import load_typed
 from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 MECHANISMS = ("icp_only",)

@@ -7,6 +7,8 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
+WATCH_PERIOD = 0.01  # looks for a fall so often [s]
+
 
 @dataclass(frozen=True)
 class Run:
@@ -29,7 +31,8 @@ def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
     """Simulates `diagram` for `duration` [s], or until it falls.
 
     `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
-    Ctrl-C ends the run early; what was logged until then is returned.
+    Ctrl-C, or an error while running, ends the run early; what was logged
+    until then is returned.
     """
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
@@ -38,12 +41,17 @@ def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
     fall = {}
 
     def watch(root_context):
+        now = root_context.get_time()
+        if now < watch.next_time:
+            return EventStatus.DidNothing()
+        watch.next_time = now + WATCH_PERIOD
         reason = diagram.fall_reason(root_context)
         if not reason:
             return EventStatus.DidNothing()
-        fall.update(time=root_context.get_time(), reason=reason)
+        fall.update(time=now, reason=reason)
         return EventStatus.ReachedTermination(diagram, reason)
 
+    watch.next_time = 0.0
     simulator.set_monitor(watch)
     simulator.Initialize()
     interrupted = False
@@ -52,6 +60,9 @@ def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
         simulator.AdvanceTo(duration)
     except KeyboardInterrupt:
         interrupted = True
+    except RuntimeError as error:  # such as NaN at an input
+        message = " ".join(str(error).split())
+        fall.update(time=context.get_time(), reason=f"stopped: {message}")
     cpu_time = time.process_time() - start
     return Run(
         logs=diagram.read_logs(context),

@@ -177,7 +177,9 @@ def versions() -> dict[str, str]:
 
 
 def _duration(log: Log) -> float:
-    return float(log["t"][-1] - log["t"][0]) if len(log["t"]) else 0.0
+    t = log["t"]
+    # The last row, too, stands for one period.
+    return float(t[-1] - t[0] + t[1] - t[0]) if len(t) > 1 else 0.0
 
 
 def _largest(values: np.ndarray) -> float | None:

@@ -58,7 +58,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
     spans = phase_spans(log)
     for ax, (draw_row, _) in zip(axes, rows, strict=True):
         shade_phases(ax, spans)
-        mark_pushes(ax, log, label=ax is axes[0])
+        mark_pushes(ax, log)
         draw_row(ax, log)
     axes[-1].set_xlim(log["t"][0], log["t"][-1])
     set_title(fig, summary, "Effort")

@@ -152,9 +152,10 @@ def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
 
 
 def _draw_push(ax: Axes, log: Log, push: PushSpan) -> None:
-    """An arrow that ends where the ICP was when the push began."""
+    """An arrow beside the place where the ICP was when the push began."""
     direction = push.force[:2] / np.linalg.norm(push.force)
-    tip = log["icp"][push.first]
+    beside = 0.04 * np.array([direction[1], -direction[0]])
+    tip = log["icp"][push.first] + beside
     ax.annotate(
         "",
         xy=tip,

@@ -14,6 +14,8 @@ from diagrams.run_log import Log, icp_error, phase_spans
 from diagrams.summary import ICP_BACK
 from nadia_balance.systems import palette
 
+SMALLEST_RANGE = 0.1  # of an axis [m]
+
 
 def draw(log: Log, summary: dict) -> Figure:
     """Draws both coordinates with the CoP and CoM, and the error."""
@@ -60,6 +62,10 @@ def _draw_coordinate(ax: Axes, log: Log, column: int) -> None:
         label="ICP reference",
     )
     ax.plot(t, log["icp"][:, column], color=palette.ICP, label="ICP")
+    # Millimetres of noise must not look like motion.
+    low, high = ax.get_ylim()
+    missing = max(0.0, SMALLEST_RANGE - (high - low))
+    ax.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
 
 
 def _draw_error(ax: Axes, log: Log) -> None:

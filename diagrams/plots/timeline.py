@@ -11,7 +11,7 @@ from diagrams.run_log import Log, PhaseSpan, phase_spans
 from nadia_balance.core.walking import Phase, Side
 from nadia_balance.systems import palette
 
-LOADED = 0.05  # a foot with this share of the largest force is in contact [-]
+LOADED = 0.05  # a foot with this share of the weight is in contact [-]
 CHANGED = 0.03  # a duration that differs more from its plan shows both [s]
 _WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
@@ -74,7 +74,8 @@ def measured(log: Log, side: Side) -> list[tuple[float, float]]:
     """When the foot of `side` carried weight: (start, duration) [s]."""
     t, forces = log["t"], log["foot_forces"]
     column = 0 if side is Side.LEFT else 1
-    loaded = forces[:, column] > LOADED * np.max(forces, initial=0.0)
+    weight = np.median(np.sum(forces, axis=1))
+    loaded = forces[:, column] > LOADED * weight
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
     return [
         (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))

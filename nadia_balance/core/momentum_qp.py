@@ -7,7 +7,7 @@ import numpy as np
 
 from nadia_balance.core.feedback_limits import FeedbackLimits
 from nadia_balance.core.qp_programs import Mask
-from nadia_balance.core.qp_solver import DenseQp
+from nadia_balance.core.qp_solver import DenseQp, QpResult
 from nadia_balance.core.walking import Array
 
 # Below this ICP error [m] its direction is noise: the cost of feedback
@@ -66,26 +66,27 @@ class MomentumQpParams:
 
 @dataclass(frozen=True)
 class IcpFeedback:
-    """The feedback increments and the points they lead to, (2,) [m] in W.
+    """The feedback increments, and the points they lead to in W [m].
 
-    `active` tells the active limits, a guess for the next tick; the others
-    are as in QpResult.
+    `increments` (4,) are delta and kappa, `cop` (2,) is r_cop,d, `ecmp` (2,)
+    is r_ecmp,d.  `result.active` tells the active limits, a guess for the
+    next tick; `result.x` is not to be used if it is not solved.
     """
 
-    delta: Array
-    kappa: Array
-    cop: Array  # r_cop,d
-    ecmp: Array  # r_ecmp,d
-    active: Mask
-    solved: bool
-    fallback: bool
-    iterations: int
-    violation: float
+    increments: Array
+    cop: Array
+    ecmp: Array
+    result: QpResult
 
     @property
-    def increments(self) -> Array:
-        """(delta, kappa), shape (4,)."""
-        return np.concatenate((self.delta, self.kappa))
+    def delta(self) -> Array:
+        """The increment of the CoP (2,) [m]."""
+        return self.increments[:2]
+
+    @property
+    def kappa(self) -> Array:
+        """The increment of the eCMP with respect to the CoP (2,) [m]."""
+        return self.increments[2:]
 
 
 class IcpFeedbackQp:
@@ -145,17 +146,7 @@ class IcpFeedbackQp:
         if not result.solved:
             x = limits.clipped(previous, reference)
         cop = cop_r + x[:2]
-        return IcpFeedback(
-            delta=x[:2],
-            kappa=x[2:],
-            cop=cop,
-            ecmp=cop + kappa_r + x[2:],
-            active=result.active,
-            solved=result.solved,
-            fallback=result.fallback,
-            iterations=result.iterations,
-            violation=result.violation,
-        )
+        return IcpFeedback(x, cop, cop + kappa_r + x[2:], result)
 
     def _cost(self, error: Array, previous: Array) -> tuple[Array, Array]:
         """H (4, 4) and g (4,) of 1/2 x'Hx + g'x."""

@@ -164,14 +164,16 @@ class MomentumQp(LeafSystem):
             self._phase_data.Eval(context).limits,
             state[4:-1].astype(np.int8),
         )
-        failures = state[-1] + (not feedback.solved)
+        failures = state[-1] + (not feedback.result.solved)
         cache.set_value((feedback, failures))
 
     def _remember(self, context, state):
         feedback, failures = self._feedback.Eval(context)
         state.set_value(
             self._state,
-            np.concatenate((feedback.increments, feedback.active, [failures])),
+            np.concatenate(
+                (feedback.increments, feedback.result.active, [failures])
+            ),
         )
         return EventStatus.Succeeded()
 
@@ -195,12 +197,13 @@ class MomentumQp(LeafSystem):
 
     def _calc_status(self, context, output):
         feedback, failures = self._feedback.Eval(context)
+        result = feedback.result
         output.SetFromVector(
             [
-                feedback.solved,
-                feedback.fallback,
-                feedback.iterations,
-                feedback.violation,
+                result.solved,
+                result.fallback,
+                result.iterations,
+                result.violation,
                 failures,
             ]
         )

@@ -87,7 +87,7 @@ def test_without_active_limits_solves_the_normal_equations(error):
     A, b = cost_rows(error, previous, DEFAULTS)
     expected = np.linalg.solve(A.T @ A, A.T @ b)
     found = feedback(error, previous=previous)
-    assert not found.active.any()
+    assert not found.result.active.any()
     # Condition number 1e6 times rounding, on 1e-2 m.
     assert found.increments == pytest.approx(expected, abs=1e-11)
 
@@ -108,8 +108,8 @@ def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
     d = np.concatenate((shift - limits.upper, limits.lower - shift))
     real = np.isfinite(d)
     expected, *_ = quadprog.solve_qp(A.T @ A, A.T @ b, C[real].T, d[real])
-    assert found.solved
-    assert not found.fallback
+    assert found.result.solved
+    assert not found.result.fallback
     assert found.increments == pytest.approx(expected, abs=1e-7)
 
 
@@ -130,10 +130,10 @@ def test_keeps_the_limits_wherever_the_reference_is(
         limits=limits,
     )
     kappa_F = foot.rotation.T @ (found.ecmp - found.cop)
-    assert found.solved
+    assert found.result.solved
     assert contains(found.cop, limits.polygon, tolerance=ROUNDING)
     assert np.abs(kappa_F).max() <= 0.04 + ROUNDING
-    assert found.violation <= ROUNDING
+    assert found.result.violation <= ROUNDING
 
 
 @pytest.mark.parametrize("cop_r", [(0.0, 0.0), (0.1, 0.04)])
@@ -144,7 +144,7 @@ def test_fig_3_right_feedback_points_along_the_error(cop_r, error):
     for weight in (1e4, 1e5, 1e6, 1e7):
         params = MomentumQpParams(perpendicular_weight=weight)
         found = feedback(error, params, cop_r=cop_r)
-        assert found.active[:8].any()
+        assert found.result.active[:8].any()
         angles.append(angle_to(error, found))
     assert all(b < 0.2 * a for a, b in zip(angles, angles[1:], strict=False))
     assert angles[-1] < 1e-3
@@ -184,7 +184,7 @@ def test_default_q_perp_looks_like_fig_3():
         angle = math.radians(degrees)
         error = 0.1 * np.array([math.cos(angle), math.sin(angle)])
         found = feedback(error)
-        assert found.active.any()
+        assert found.result.active.any()
         assert math.degrees(angle_to(error, found)) < 2.0
 
 
@@ -282,7 +282,7 @@ def test_if_there_is_no_solution_repeats_the_last_feedback_within_limits():
     found = feedback(
         (0.01, 0.0), cop_r=(0.1, 0), previous=previous, limits=none
     )
-    assert not found.solved
+    assert not found.result.solved
     assert found.cop == pytest.approx([0.12, 0.0])
     assert found.ecmp == pytest.approx([0.13, 0.0])
 
@@ -310,11 +310,11 @@ def test_recovers_exactly_while_the_icp_is_within_reach_of_the_ecmp(
     icp, previous, guess = np.array([start, 0.0]), NOTHING, None
     for _ in range(2000):
         found = qp.solve(icp, ZERO, ZERO, previous, limits, guess)
-        previous, guess = found.increments, found.active
+        previous, guess = found.increments, found.result.active
         icp = icp_after(icp, found.ecmp, OMEGA, PERIOD)
         if abs(icp[0]) > 1.0:
             break
-    assert found.solved
+    assert found.result.solved
     assert bool(np.linalg.norm(icp) < 1e-3) is recovers
 
 

@@ -108,7 +108,13 @@ def test_commands_what_the_core_computes():
         MASS, OMEGA, INPUTS["com_state"][:2], expected.ecmp, 0.0
     )
     assert found["momentum_rate"][:2].tolist() == rate[:2].tolist()
-    status = [1.0, 0.0, expected.iterations, expected.violation, 0.0]
+    status = [
+        1.0,
+        0.0,
+        expected.result.iterations,
+        expected.result.violation,
+        0.0,
+    ]
     assert found["qp_status"].tolist() == status
 
 

@@ -1,0 +1,203 @@
+"""RobotModel: its figures agree with the URDF, its errors can be read."""
+
+import shutil
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+
+from nadia_balance.core.walking import Side
+from nadia_balance.robot import MODELS, load_robot, robot_names
+
+ROBOT = load_robot("nadia")
+
+
+def plant_at(q):
+    """The robot's plant, and its context at the positions `q`."""
+    plant = ROBOT.control_plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    return plant, context
+
+
+def at_posture():
+    """The plant at the posture of robot.yaml, the pelvis at the origin."""
+    plant = ROBOT.control_plant()
+    context = plant.CreateDefaultContext()
+    for joint, angle in ROBOT.posture.items():
+        plant.GetJointByName(joint).set_angle(context, angle)
+    return plant, context
+
+
+def position(plant, context, body: str) -> np.ndarray:
+    return plant.GetBodyByName(body).EvalPoseInWorld(context).translation()
+
+
+def soles(plant, context):
+    """X_WF of both soles, by side."""
+    return {
+        side: plant.GetBodyByName(ROBOT.foot_bodies[side]).EvalPoseInWorld(
+            context
+        )
+        @ ROBOT.X_FootSole[side]
+        for side in Side
+    }
+
+
+@pytest.mark.parametrize("width", [None, 0.125, 0.25, 0.5])
+def test_stands_with_level_soles_and_the_com_over_their_middle(width):
+    """Oracle: forward kinematics.  SNOPT is content with some 1e-7."""
+    plant, context = plant_at(ROBOT.standing_positions(width))
+    for side, X_WF in soles(plant, context).items():
+        y = 0.5 * side.sign * (width or 0.25)
+        assert X_WF.translation() == pytest.approx([0.0, y, 0.0], abs=1e-6)
+        assert X_WF.rotation().IsNearlyIdentity(1e-5)
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    assert com == pytest.approx([0.0, 0.0, ROBOT.com_height], abs=1e-6)
+    pelvis = plant.GetBodyByName(ROBOT.pelvis_body).EvalPoseInWorld(context)
+    assert pelvis.rotation().IsNearlyIdentity(1e-9)
+
+
+def test_standing_is_the_posture():
+    """But for the hips' roll: they are not as far apart as the feet."""
+    plant, context = at_posture()
+    q = ROBOT.standing_positions()
+    assert q[7:] == pytest.approx(plant.GetPositions(context)[7:], abs=0.01)
+
+
+def test_com_height_is_that_of_the_posture():
+    """Oracle: forward kinematics of the posture, to 1 mm."""
+    plant, context = at_posture()
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    for X_WF in soles(plant, context).values():
+        height = com[2] - X_WF.translation()[2]
+        assert height == pytest.approx(ROBOT.com_height, abs=1e-3)
+
+
+def test_legs_are_as_long_as_robot_yaml_says():
+    """Oracle: forward kinematics, to 1 mm."""
+    plant, context = at_posture()
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    hips, ankles = (
+        {
+            side: position(plant, context, f"{side.value.upper()}_{link}")
+            for side in Side
+        }
+        for link in ("THIGH_LINK", "ANKLE_LINK")
+    )
+    legs, near = ROBOT.legs, {"abs": 1e-3}
+    hip, ankle = hips[Side.LEFT], ankles[Side.LEFT]
+    sole = soles(plant, context)[Side.LEFT].translation()
+    assert com[2] - hip[2] == pytest.approx(legs.com_above_hip, **near)
+    assert ankle[2] - sole[2] == pytest.approx(legs.ankle_height, **near)
+    width = hip[1] - hips[Side.RIGHT][1]
+    assert width == pytest.approx(legs.hip_width, **near)
+    knee = plant.GetJointByName("LEFT_KNEE_Y")
+    lengths = []
+    for angle in np.linspace(0.0, 0.1, 101):
+        knee.set_angle(context, angle)
+        ankle = position(plant, context, "LEFT_ANKLE_LINK")
+        lengths.append(np.linalg.norm(ankle - hip))
+    assert max(lengths) == pytest.approx(legs.length, **near)
+
+
+def test_omega_is_that_of_the_com_height():
+    """Oracle: omega^2 z = g."""
+    assert ROBOT.omega**2 * ROBOT.com_height == pytest.approx(9.81, rel=1e-12)
+
+
+def test_plant_and_controller_get_the_same_robot():
+    """Oracle: the mass matrix, armature included, bit by bit."""
+    plant = MultibodyPlant(0.001)
+    ROBOT.add_to(plant)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    q = ROBOT.standing_positions()
+    plant.SetPositions(context, q)
+    own, own_context = plant_at(q)
+    assert (
+        plant.CalcMassMatrix(context) == own.CalcMassMatrix(own_context)
+    ).all()
+
+
+def test_refuses_a_step_width_out_of_reach():
+    with pytest.raises(ValueError, match="step_width = 5.0, .*within reach"):
+        ROBOT.standing_positions(5.0)
+
+
+def test_refuses_an_unknown_name_and_lists_the_known():
+    assert robot_names() == ["nadia"]
+    with pytest.raises(ValueError, match="robot = 'adam': .*nadia"):
+        load_robot("adam")
+
+
+def test_refuses_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(FileNotFoundError, match="robot.yaml: no such file"):
+        load_robot(str(tmp_path / "robot.yaml"))
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A robot of one's own: a copy of Nadia's folder."""
+    return shutil.copytree(MODELS / "nadia", tmp_path / "own")
+
+
+def change(path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_loads_a_robot_of_ones_own(copy):
+    change(copy / "robot.yaml", "name: nadia", "name: own")
+    own = load_robot(str(copy / "robot.yaml"))
+    assert own.name == "own"
+    assert own.mass == ROBOT.mass
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("urdf: nadia.urdf", "urdf: none.urdf", "urdf = .*: no such file"),
+        ("name: nadia", "nam: nadia", "robot.yaml: .*nam"),
+        ("name: nadia", "name: [", "robot.yaml: "),
+        ("com_height: 0.888", "com_height: .nan", "com_height = nan: must"),
+        ("com_height: 0.888", "com_height: high", "robot.yaml: .*high"),
+        ("TORSO_LINK", "TRUNK", "torso_body = 'TRUNK': must be a link"),
+        ("LEFT_KNEE_Y: 0.552", "KNEE: 0.5", "posture.KNEE = 0.5: must be one"),
+        (
+            "LEFT_KNEE_Y: 0.552",
+            "LEFT_KNEE_Y: -0.5",
+            r"posture.LEFT_KNEE_Y = -0.5: must be in \[0.0, 2.62\] rad",
+        ),
+    ],
+)
+def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
+    change(copy / "robot.yaml", old, new)
+    with pytest.raises((ValueError, FileNotFoundError), match=message) as error:
+        load_robot(str(copy / "robot.yaml"))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("</robot>", "", "XML|element"),
+        ("</robot>", "<link/></robot>", "name"),
+        ('value="19.0917"', 'value="-19.0917"', "mass = -19.0917: must be > 0"),
+        ('value="19.0917"', 'value="nan"', "'nan'"),
+        ('ixx="0.0942"', 'ixx="-0.0942"', "inertia"),
+        ("<transmission ", "<ignored ", "SPINE_Z: must have a <transmission>"),
+        (' effort="350"', "", "LEFT_KNEE_Y: must have .* an effort limit"),
+    ],
+)
+def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):
+    urdf = copy / "nadia.urdf"
+    if old == "<transmission ":  # all of them: a URDF without actuators
+        text = urdf.read_text().replace("</transmission>", "</ignored>")
+        urdf.write_text(text.replace(old, new))
+    else:
+        change(urdf, old, new)
+    with pytest.raises(ValueError, match="urdf = .*(" + message + ")") as error:
+        load_robot(str(copy / "robot.yaml"))
+    assert "\n" not in str(error.value)
