@@ -25,8 +25,8 @@ lint: .venv/installed-test
 # The system's Chromium, or apt-get's, or else playwright's own download.
 # What drives it is a Node.js that misses libatomic on a bare Debian.
 browser: .venv/installed-test
-	@$(BIN)/playwright --version || .ci/apt libatomic1
-	@command -v chromium || command -v google-chrome || .ci/apt chromium \
+	@$(BIN)/playwright --version || sh .ci/apt libatomic1
+	@command -v chromium || command -v google-chrome || sh .ci/apt chromium \
 		|| $(BIN)/playwright install chromium
 
 clean:
@@ -39,7 +39,7 @@ clean:
 		exit 1; }
 	$(PYTHON) -m venv .venv
 	$(PIP_INSTALL) .
-	$(BIN)/python -c 'import pydrake.common' || .ci/apt libglib2.0-0
+	$(BIN)/python -c 'import pydrake.common' || sh .ci/apt libglib2.0-0
 	@touch $@
 
 .venv/installed-test: .venv/installed

@@ -7,7 +7,7 @@ from pydrake.multibody.plant import AddMultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from diagrams.logs import log_signals, log_state, read_logs
+from diagrams.logs import SignalLog
 from diagrams.meshcat_scene import add_robot_view
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
@@ -74,7 +74,7 @@ class HumanoidDiagram(Diagram):
             ),
         )
         self.sensor = builder.AddNamedSystem(
-            "foot_force_sensor", FootForceSensor(self.plant, self.robot)
+            "foot_force_sensor", FootForceSensor(self.plant, self.robot, period)
         )
         self._close_loop(builder, period)
         self._log(builder, period)
@@ -124,8 +124,8 @@ class HumanoidDiagram(Diagram):
         }
         signals["push_force"] = self.push.GetOutputPort("push_force")
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
-        log_signals(builder, period, signals)
-        log_state(builder, period, "state", self.plant.get_state_output_port())
+        signals["state"] = self.plant.get_state_output_port()
+        self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
         """Puts the robot on its feet, with the torques that hold it."""
@@ -157,7 +157,7 @@ class HumanoidDiagram(Diagram):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
-        logs = read_logs(self, context, now={"state"})
+        logs = self._signal_log.read(context)
         logs["foot_poses"] = self._foot_positions(logs["state"])
         logs["num_positions"] = np.array(self.plant.num_positions())
         logs["sole"] = self.robot.sole

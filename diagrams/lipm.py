@@ -5,7 +5,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from diagrams.logs import log_signals, read_logs
+from diagrams.logs import SignalLog
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
 from nadia_balance.balance_controller import point_mass_of
@@ -17,6 +17,13 @@ from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 
+BRAIN_LOGS = (
+    "icp_reference",
+    "ecmp_command",
+    "momentum_rate",
+    "momentum_qp_status",
+    "walking_signal",
+)
 FALLEN_DISTANCE = 0.8  # of the CoM from the nearer foot, horizontally [m]
 
 
@@ -56,7 +63,7 @@ class LipmDiagram(Diagram):
         connect(builder, push, plant, "push_force")
         connect(builder, plant, brain, "com_state", "icp")
         connect(builder, plant, brain, "foot_poses", "foot_forces")
-        log_signals(
+        self._signal_log = SignalLog(
             builder,
             period,
             {
@@ -65,16 +72,7 @@ class LipmDiagram(Diagram):
                     (plant, ("com_state", "icp", "foot_forces")),
                     (swing, ("swing_foot_reference",)),
                     (push, ("push_force",)),
-                    (
-                        brain,
-                        (
-                            "icp_reference",
-                            "ecmp_command",
-                            "momentum_rate",
-                            "momentum_qp_status",
-                            "walking_signal",
-                        ),
-                    ),
+                    (brain, BRAIN_LOGS),
                 )
                 for name in names
             },
@@ -107,6 +105,6 @@ class LipmDiagram(Diagram):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
-        logs = read_logs(self, context, now=set())
+        logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
         return logs

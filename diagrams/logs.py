@@ -1,50 +1,58 @@
-"""Logs that cost next to nothing: every signal is sampled once a tick."""
+"""A log that costs next to nothing: every signal is sampled once a tick."""
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, ZeroOrderHold
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    OutputPort,
+)
+from pydrake.systems.primitives import (
+    LogVectorOutput,
+    Multiplexer,
+    ZeroOrderHold,
+)
 
-SUFFIX = "_log"
 
-
-def log_signals(builder: DiagramBuilder, period: float, ports: dict) -> None:
-    """Logs the vector `ports` (name -> OutputPort) once per `period` [s].
+class SignalLog:
+    """Logs vector ports once per control period.
 
     A publish event sees the state after the update, so that logging a
-    computed port directly would compute everything a second time.  A hold
-    samples it in the update itself, where it has been computed already; the
-    log then reads the hold one period later.
+    computed port would compute everything a second time.  A hold samples all
+    signals in the update itself, where they have been computed already; the
+    log then reads the hold, one period later.
     """
-    for name, port in ports.items():
-        hold = builder.AddNamedSystem(
-            f"{name}_hold", ZeroOrderHold(period, port.size())
+
+    def __init__(
+        self,
+        builder: DiagramBuilder,
+        period: float,
+        ports: dict[str, OutputPort],
+    ):
+        """Adds what it takes to log `ports`, by name, every `period` [s]."""
+        self._sizes = {name: port.size() for name, port in ports.items()}
+        multiplexer = builder.AddNamedSystem(
+            "log_multiplexer", Multiplexer(list(self._sizes.values()))
         )
-        builder.Connect(port, hold.get_input_port())
-        log_state(builder, period, name, hold.get_output_port())
+        for i, port in enumerate(ports.values()):
+            builder.Connect(port, multiplexer.get_input_port(i))
+        hold = builder.AddNamedSystem(
+            "log_hold", ZeroOrderHold(period, sum(self._sizes.values()))
+        )
+        builder.Connect(multiplexer.get_output_port(), hold.get_input_port())
+        self._sink = LogVectorOutput(
+            hold.get_output_port(), builder, publish_period=period
+        )
+        self._sink.set_name("log")
 
+    def read(self, context: Context) -> dict[str, np.ndarray]:
+        """Returns name -> (n, size), and the times `t` (n,) [s].
 
-def log_state(builder: DiagramBuilder, period: float, name: str, port) -> None:
-    """Logs a `port` that depends on held state only."""
-    sink = LogVectorOutput(port, builder, publish_period=period)
-    sink.set_name(f"{name}{SUFFIX}")
-
-
-def read_logs(
-    diagram: Diagram, context: Context, now: set[str]
-) -> dict[str, np.ndarray]:
-    """Returns name -> (n, size) of all logs, and `t` (n,) [s].
-
-    What is held was computed one period before it is logged; the names in
-    `now` were logged at once.  Both are brought to the same instants here.
-    """
-    logs: dict[str, np.ndarray] = {}
-    for system in diagram.GetSystems():
-        name = system.get_name()
-        if not name.endswith(SUFFIX):
-            continue
-        log = system.FindLog(context)
-        data = log.data().T.copy()
-        key = name.removesuffix(SUFFIX)
-        logs["t"] = log.sample_times()[:-1].copy()
-        logs[key] = data[:-1] if key in now else data[1:]
-    return logs
+        Row i is what was computed at t[i].
+        """
+        log = self._sink.FindLog(context)
+        ends = np.cumsum(list(self._sizes.values()))[:-1]
+        columns = np.split(log.data().T[1:], ends, axis=1)
+        return {
+            "t": log.sample_times()[:-1].copy(),
+            **dict(zip(self._sizes, columns, strict=True)),
+        }

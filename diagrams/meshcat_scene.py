@@ -98,7 +98,7 @@ def _add_floor(meshcat: Meshcat) -> None:
     lines += [(-size, size, y - half, y + half) for y in ticks]
     floor = [(-size, size, -size, size)]
     _add_rectangles(meshcat, "/Floor/plane", floor, -0.004, palette.FLOOR)
-    _add_rectangles(meshcat, "/Floor/grid", lines, -0.002, palette.GRID)
+    _add_rectangles(meshcat, "/Floor/grid", lines, -0.001, palette.GRID)
 
 
 def _add_rectangles(

@@ -15,6 +15,7 @@ import pytest
 from tests.source_files import ROOT, imports, python_files, syntax_tree
 
 FOLDERS = ("nadia_balance", "diagrams", "models", "scripts")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"pydrake": "drake", "yaml": "pyyaml"}
 
@@ -107,26 +108,32 @@ def test_runs_a_scenario_from_another_directory(installation, tmp_path):
     assert (tmp_path / "run" / "summary.json").is_file()
 
 
-def test_declares_what_it_imports():
-    """Oracle: the imports in the syntax trees of the installed folders."""
-    metadata = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    declared = {
-        re.split("[<>=~ ]", requirement)[0]
-        for requirement in metadata["project"]["dependencies"]
-    }
+def third_party_imports(*folders: str) -> set[str]:
+    """The distributions that the Python files in `folders` import."""
     imported = {
         name.split(".")[0]
-        for path in python_files(*FOLDERS)
+        for path in python_files(*folders)
         for name in imports(syntax_tree(path))
     }
-    third_party = imported - sys.stdlib_module_names - set(FOLDERS)
-    assert {DISTRIBUTIONS.get(n, n) for n in third_party} == declared
+    imported -= sys.stdlib_module_names | {*FOLDERS, "tests"}
+    return {DISTRIBUTIONS.get(name, name) for name in imported}
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {re.split("[<>=]", requirement)[0] for requirement in requirements}
+
+
+def test_declares_what_it_imports():
+    """Oracle: the imports in the syntax trees of all files."""
+    needed = names(PROJECT["dependencies"])
+    extra = names(PROJECT["optional-dependencies"]["test"])
+    assert third_party_imports(*FOLDERS) == needed
+    assert third_party_imports("tests") <= needed | extra
 
 
 def test_every_command_is_the_main_of_a_script():
     """Oracle: the files in scripts/."""
-    metadata = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    assert metadata["project"]["scripts"] == {
+    assert PROJECT["scripts"] == {
         f"nadia-{path.stem.replace('_', '-')}": f"scripts.{path.stem}:main"
         for path in python_files("scripts")
     }

@@ -6,19 +6,26 @@ quick guesses of the active rows, then a method that cannot cycle.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.qp_programs import Array, EqualityQp, Mask, QpProblem
+from nadia_balance.core.qp_programs import (
+    Array,
+    EqualityQp,
+    Mask,
+    QpProblem,
+    QpResult,
+)
 
 Flags = NDArray[np.bool_]
 
 _QUICK_ROUNDS = 3
 _MAX_SOLVES = 40  # takes as long as the interior point that then takes over
-_PRIMAL_TOLERANCE = 1e-8  # times the largest equality bound, at least 1
-_DUAL_TOLERANCE = 1e-9  # times the largest cost gradient, at least 1
+_PRIMAL_TOLERANCE = 1e-8  # times the norm of the equality bounds, plus 1
+_DUAL_TOLERANCE = 1e-9  # times the norm of the cost's gradient, plus 1
 
 
 class InfeasibleError(Exception):
@@ -39,7 +46,6 @@ class _Iterate:
     def __post_init__(self) -> None:
         self.primal_limit = _PRIMAL_TOLERANCE * _size(self.problem.b_eq)
         self.dual_limit = _DUAL_TOLERANCE * _size(self.problem.g)
-        self.one_sided = self.problem.lower != self.problem.upper
 
     def solve(self) -> tuple[Array, Array]:
         self.solves += 1
@@ -47,13 +53,31 @@ class _Iterate:
 
     def pull(self, multipliers: Array) -> Array:
         """Multipliers (m,), positive where the sign is wrong."""
-        return np.asarray(self.active * multipliers * self.one_sided)
+        one_sided = self.problem.lower != self.problem.upper
+        return np.asarray(self.active * multipliers * one_sided)
+
+    def wrong(self) -> Flags:
+        """The active rows (m,) whose multiplier has the wrong sign."""
+        if not self.active.any():
+            return np.zeros(self.active.size, dtype=bool)
+        return np.asarray(self.pull(self.multipliers) > self.dual_limit)
+
+    def result(self, violation: float) -> QpResult:
+        return QpResult(
+            self.x, True, self.active, self.solves, False, violation
+        )
+
+    def no_result(self) -> QpResult:
+        nowhere = np.full(self.problem.g.size, np.nan)
+        return QpResult(
+            nowhere, False, self.active, self.solves, False, math.nan
+        )
 
 
 def solve_active_set(
     qp: EqualityQp, problem: QpProblem, guess: Mask
-) -> tuple[Array | None, Mask, int]:
-    """Returns the optimum x (n,) or None, the active rows (m,), the solves.
+) -> QpResult:
+    """Returns the optimum, or what is not `solved` if that takes too long.
 
     x is the optimum if the active rows hold as equalities, their multipliers
     have the right signs and no other row is violated (Nocedal and Wright,
@@ -67,38 +91,40 @@ def solve_active_set(
     now = _Iterate(qp, problem, _existing(problem, guess))
     for _ in range(_QUICK_ROUNDS):
         now.x, now.multipliers = now.solve()
-        excess = problem.excess(now.x)
-        violated = excess > now.primal_limit
-        wrong = now.pull(now.multipliers) > now.dual_limit
-        good = problem.violation(now.x, excess) <= now.primal_limit
-        if good and not wrong.any():
-            return now.x, now.active, now.solves
+        excess, wrong = problem.excess(now.x), now.wrong()
+        violation = problem.violation(now.x, excess)
+        if violation <= now.primal_limit and not wrong.any():
+            return now.result(violation)
         problem.require_finite()
-        if np.isnan(now.x).any():  # the active rows contradict each other
+        if math.isnan(violation):  # the active rows contradict each other
             now.active = np.zeros_like(guess)
             break
-        add = violated & (now.active == 0)
+        add = (excess > now.primal_limit) & (now.active == 0)
         now.active = _with(problem, now.x, now.active, add)
         now.active[wrong] = 0
     try:
-        return _solve_dual(now), now.active, now.solves
+        return _solve_dual(now)
     except InfeasibleError:
-        return None, now.active, now.solves
+        return now.no_result()
 
 
-def _solve_dual(now: _Iterate) -> Array | None:
-    """Adds the most violated row, time and again; None if that takes long.
+def _solve_dual(now: _Iterate) -> QpResult:
+    """Adds the most violated row, time and again.
 
     Dual active-set method of Goldfarb and Idnani, A numerically stable dual
     method for solving strictly convex quadratic programs, Mathematical
     Programming 27 (1983).  The cost grows with every row that is added, so
     that no set of rows comes back.
+
+    Raises:
+        InfeasibleError: the constraints exclude each other.
     """
     _make_dual_feasible(now)
     while now.solves < _MAX_SOLVES:
         excess = now.problem.excess(now.x)
-        if now.problem.violation(now.x, excess) <= now.primal_limit:
-            return now.x
+        violation = now.problem.violation(now.x, excess)
+        if violation <= now.primal_limit:
+            return now.result(violation)
         excess[now.active != 0] = 0.0
         row = int(excess.argmax())
         now.active = _with(
@@ -106,14 +132,14 @@ def _solve_dual(now: _Iterate) -> Array | None:
         )
         while not _approach(now, row) and now.solves < _MAX_SOLVES:
             pass
-    return None
+    return now.no_result()
 
 
 def _make_dual_feasible(now: _Iterate) -> None:
     """Drops rows until all multipliers have the right sign."""
     while True:
         now.x, now.multipliers = now.solve()
-        wrong = now.pull(now.multipliers) > now.dual_limit
+        wrong = now.wrong()
         if np.isnan(now.x).any():
             wrong = now.active != 0
         if not wrong.any():
@@ -168,7 +194,9 @@ def _dependence(now: _Iterate, row: int) -> Array:
 
 
 def _existing(problem: QpProblem, active: Mask) -> Mask:
-    """Returns `active` without the bounds that are infinite."""
+    """Returns a copy of `active` without the bounds that are infinite."""
+    if not active.any():
+        return active.copy()
     bound = np.where(active < 0, problem.lower, problem.upper)
     return np.where(np.isfinite(bound), active, 0).astype(np.int8)
 
@@ -180,4 +208,4 @@ def _with(problem: QpProblem, x: Array, active: Mask, add: Flags) -> Mask:
 
 
 def _size(values: Array) -> float:
-    return max(1.0, float(np.abs(values).max(initial=0.0)))
+    return 1.0 + math.sqrt(values @ values)

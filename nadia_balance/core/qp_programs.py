@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.solvers import (
+    Binding,
     ChooseBestSolver,
+    EvaluatorBase,
     MakeSolver,
     MathematicalProgram,
     MathematicalProgramResult,
@@ -56,6 +58,25 @@ class QpProblem:
                 raise ValueError(f"{name} bound of the QP: must not be NaN")
 
 
+@dataclass(frozen=True)
+class QpResult:
+    """What a solver found, and how.
+
+    `x` (n,) is NaN unless `solved`.  `active` (m,) tells which bound of each
+    inequality holds as an equality: -1 lower, 0 none, 1 upper.  `iterations`
+    counts the programs solved, `fallback` tells that the interior point had
+    to help, `violation` is the largest absolute violation of a constraint,
+    NaN unless `solved`.
+    """
+
+    x: Array
+    solved: bool
+    active: Mask
+    iterations: int
+    fallback: bool
+    violation: float
+
+
 class EqualityQp:
     """The QP with the active inequalities as equalities, in closed form.
 
@@ -67,6 +88,10 @@ class EqualityQp:
         self._program, self._cost, x = _program(num_variables)
         self._rows = self._program.AddLinearEqualityConstraint(
             np.zeros((1, num_variables)), np.zeros(1), x
+        )
+        # As GetDualSolution wants it: to convert a binding takes 20 us.
+        self._dual_key = Binding[EvaluatorBase](
+            self._rows.evaluator(), self._rows.variables()
         )
         # It has no public name, but is Drake's choice for all such programs.
         self._solver = MakeSolver(ChooseBestSolver(self._program))
@@ -83,9 +108,11 @@ class EqualityQp:
         rows contradict each other, or are not finite.
         """
         rows = np.flatnonzero(active)
-        bound = np.where(active < 0, problem.lower, problem.upper)[rows]
-        A = np.concatenate((problem.A_eq, problem.C[rows]))
-        b = np.concatenate((problem.b_eq, bound))
+        A, b = problem.A_eq, problem.b_eq
+        if rows.size:
+            bound = np.where(active < 0, problem.lower, problem.upper)[rows]
+            A = np.concatenate((A, problem.C[rows]))
+            b = np.concatenate((b, bound))
         multipliers = np.zeros(active.size)
         nowhere = np.full(problem.g.size, np.nan)
         if not (np.isfinite(A).all() and np.isfinite(b).all()):
@@ -97,7 +124,7 @@ class EqualityQp:
         if not result.is_success():
             return nowhere, multipliers
         if rows.size:
-            dual = result.GetDualSolution(self._rows)
+            dual = result.GetDualSolution(self._dual_key)
             multipliers[rows] = dual[problem.b_eq.size :]
         return np.asarray(result.get_x_val()), multipliers
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from pydrake.solvers import (
@@ -19,29 +20,13 @@ from nadia_balance.core.qp_programs import (
     FullQp,
     Mask,
     QpProblem,
+    QpResult,
 )
+
+__all__ = ["SOLVERS", "DenseQp", "QpResult"]
 
 SOLVERS = ("active_set", "clarabel", "osqp")
 _OSQP_TOLERANCE = 1e-8
-
-
-@dataclass(frozen=True)
-class QpResult:
-    """What a solver found, and how.
-
-    `x` (n,) is NaN unless `solved`.  `active` (m,) tells which bound of each
-    inequality holds as an equality: -1 lower, 0 none, 1 upper.  `iterations`
-    counts the programs solved, `fallback` tells that the interior point had
-    to help, `violation` is the largest absolute violation of a constraint,
-    NaN unless `solved`.
-    """
-
-    x: Array
-    solved: bool
-    active: Mask
-    iterations: int
-    fallback: bool
-    violation: float
 
 
 class DenseQp:
@@ -103,22 +88,20 @@ class DenseQp:
         return self._method(problem, active_guess)
 
     def _active_set(self, problem: QpProblem, guess: Mask) -> QpResult:
-        x, active, solves = solve_active_set(self._equality_qp, problem, guess)
-        if x is not None:
-            return _report(problem, x, active, solves)
-        return self._referee(problem, solves)
+        found = solve_active_set(self._equality_qp, problem, guess)
+        if found.solved:
+            return found
+        return self._referee(problem, found.iterations + 1)
 
     def _referee(self, problem: QpProblem, solves: int) -> QpResult:
         """Clarabel's answer, made exact if its active rows allow it."""
         x, active = self._full_qp.solve(problem, ClarabelSolver())
-        if np.isfinite(x).all():
-            exact, rows, more = solve_active_set(
-                self._equality_qp, problem, active
-            )
-            solves += more
-            if exact is not None:
-                x, active = exact, rows
-        return _report(problem, x, active, solves + 1, fallback=True)
+        found = _report(problem, x, active)
+        if found.solved:
+            exact = solve_active_set(self._equality_qp, problem, active)
+            solves += exact.iterations
+            found = exact if exact.solved else found
+        return replace(found, iterations=solves, fallback=True)
 
     def _clarabel(self, problem: QpProblem, _: Mask) -> QpResult:
         problem.require_finite()
@@ -134,13 +117,7 @@ class DenseQp:
         return _report(problem, x, active)
 
 
-def _report(
-    problem: QpProblem,
-    x: Array,
-    active: Mask,
-    iterations: int = 1,
-    fallback: bool = False,
-) -> QpResult:
+def _report(problem: QpProblem, x: Array, active: Mask) -> QpResult:
     violation = problem.violation(x, problem.excess(x))
-    solved = bool(np.isfinite(violation))
-    return QpResult(x, solved, active, iterations, fallback, violation)
+    solved = math.isfinite(violation)
+    return QpResult(x, solved, active, 1, False, violation)

@@ -44,6 +44,7 @@ class WholeBodyLimits:
         )
         self._cone[-1, 5] = 1.0
         self._max_torque = params.max_effort_ratio * model.max_torque
+        self._positions = np.stack((model.position_lower, model.position_upper))
         self._constant = np.zeros((self.num_rows, 6 + n + 12))
         self._constant[self.torque_rows.stop :, 6 : 6 + n] = np.eye(n)
 
@@ -95,9 +96,6 @@ class WholeBodyLimits:
             self._params.max_joint_acceleration,
         )
         ahead = terms.positions + horizon * terms.v[6:]
-        limits = np.stack(
-            (self._model.position_lower, self._model.position_upper)
-        )
-        bounds = (limits - ahead) * (2.0 / horizon**2)
+        bounds = (self._positions - ahead) * (2.0 / horizon**2)
         lower, upper = np.minimum(np.maximum(bounds, -most), most)
         return lower, upper

@@ -123,7 +123,7 @@ class BalanceVisualizer(LeafSystem):
         self._draw_footprints(state, time)
         self._draw_footsteps(schedule, time)
         self._support.draw(
-            support_polygon(schedule, self._sole), ground + 0.003, time
+            support_polygon(schedule, self._sole), ground + 0.006, time
         )
         for port, columns, marker in self._points:
             if port.HasValue(context):

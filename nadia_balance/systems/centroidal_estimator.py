@@ -76,7 +76,12 @@ class CentroidalEstimator(LeafSystem):
                 f"'estimated_state' is not finite: "
                 f"{self._plant.GetStateNames()[i]} = {state[i]}"
             )
-        self._plant.SetPositionsAndVelocities(cache.get_mutable_value(), state)
+        at = cache.get_mutable_value()
+        # The state machine's update makes Drake ask again for the same state.
+        if not np.array_equal(
+            state, self._plant.GetPositionsAndVelocities(at)
+        ):
+            self._plant.SetPositionsAndVelocities(at, state)
 
     def _calc_com_state(self, context, output):
         plant, at = self._plant, self._plant_context.Eval(context)

@@ -16,7 +16,7 @@ class SoleOutline:
         """Adds the outline of `sole` (n, 2) [m] at `path`, hidden."""
         self._meshcat, self._path = meshcat, path
         outline = PolygonOutline(meshcat, path, len(sole), rgba)
-        outline.draw(np.asarray(sole), 0.0, None)
+        outline.draw(np.asarray(sole), 0.004, None)  # above the prints
         meshcat.SetProperty(path, "visible", False)
 
     def draw(self, pose: FootPose, time: float) -> None:

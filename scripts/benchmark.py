@@ -1,0 +1,188 @@
+"""Measures the speed of the closed loop, and of each block of the controller.
+
+Everything is measured in one run, so that the ratios hold on any machine.
+
+Examples:
+    python scripts/benchmark.py
+    python scripts/benchmark.py --json --seconds 10
+"""
+
+import argparse
+import json
+import sys
+import time
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlant
+from pydrake.multibody.tree import PdControllerGains
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, System
+
+from diagrams.command_line import finite
+from diagrams.humanoid import HumanoidDiagram
+from diagrams.scenario import Scenario, load_scenario
+from nadia_balance.robot import load_robot, terrain_file
+
+STIFFNESS, DAMPING = 3000.0, 100.0  # of the joints of the plant alone
+START = 1.0  # when the measurement begins: she steps [s]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`; 0 done, 2 bad input."""
+    parser = argparse.ArgumentParser(
+        prog="benchmark.py", description=__doc__.partition("\n")[0]
+    )
+    parser.add_argument("--scenario_name", default="walk_in_place")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument(
+        "--seconds", type=finite, default=5.0, help="to simulate, > 0 [s]"
+    )
+    args = parser.parse_args(argv)
+    try:
+        scenario = load_scenario(args.scenario_name)
+        if not args.seconds > 0.0:
+            raise ValueError(f"seconds = {args.seconds}: must be > 0")
+    except ValueError as error:
+        print(f"{parser.prog}: {error}", file=sys.stderr)
+        return 2
+    figures = measure(scenario, args.seconds)
+    print(json.dumps(figures, indent=2) if args.json else as_text(figures))
+    return 0
+
+
+def measure(scenario: Scenario, seconds: float) -> dict:
+    """Returns all figures; see as_text for what they mean."""
+    alone = plant_alone(scenario)
+    loop = Simulator(HumanoidDiagram(scenario))
+    loop.get_system().set_initial_state(loop.get_mutable_context())
+    rates = {"plant": [], "loop": []}
+    for simulator in (alone, loop):
+        simulator.AdvanceTo(START)
+    # In turns, since machines drift.
+    for end in np.linspace(START, START + seconds, 11)[1:]:
+        rates["plant"].append(real_time_factor(alone, end))
+        rates["loop"].append(real_time_factor(loop, end))
+    plant, closed = (float(np.median(rates[k])) for k in ("plant", "loop"))
+    return {
+        "plant_alone": {"real_time_factor": plant},
+        "closed_loop": {
+            "real_time_factor": closed,
+            "ratio_to_plant_alone": float(
+                np.median(np.divide(rates["loop"], rates["plant"]))
+            ),
+        },
+        "blocks": block_times(loop),
+    }
+
+
+def plant_alone(scenario: Scenario) -> Simulator:
+    """The same robot, ground and contact, held by Drake's joint control."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(scenario.plant_config, builder)
+    robot = load_robot(scenario.robot)
+    robot.add_to(plant)
+    Parser(plant).AddModels(str(terrain_file()))
+    for i in plant.GetJointActuatorIndices():
+        plant.get_joint_actuator(i).set_controller_gains(
+            PdControllerGains(p=STIFFNESS, d=DAMPING)
+        )
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(
+        simulator.get_mutable_context()
+    )
+    q = robot.standing_positions()
+    plant.SetPositions(context, q)
+    joints = [
+        plant.get_joint_actuator(i).joint().position_start()
+        for i in plant.GetJointActuatorIndices()
+    ]
+    plant.get_desired_state_input_port(
+        plant.GetModelInstanceByName(robot.name)
+    ).FixValue(context, np.concatenate([q[joints], np.zeros(len(joints))]))
+    return simulator
+
+
+def real_time_factor(simulator: Simulator, end: float) -> float:
+    """Simulated seconds per second of processor time until `end` [s]."""
+    simulated = end - simulator.get_context().get_time()
+    start = time.process_time()
+    simulator.AdvanceTo(end)
+    return simulated / (time.process_time() - start)
+
+
+def block_times(loop: Simulator, ticks: int = 500) -> dict:
+    """Times of every block of the controller in a running loop.
+
+    Each block has a context of its own, in which the inputs of the running
+    loop are fixed anew in every tick, so that nothing is cached.
+    """
+    diagram, root = loop.get_system(), loop.get_mutable_context()
+    period = diagram.scenario.controller.control_period
+    blocks = {
+        block.get_name(): (block, block.CreateDefaultContext())
+        for block in (diagram.controller, *leaves(diagram.controller))
+    }
+    times = {name: [] for name in blocks}
+    for _ in range(ticks):
+        loop.AdvanceTo(root.get_time() + period)
+        for name, (block, context) in blocks.items():
+            copy_inputs(block, block.GetMyContextFromRoot(root), context)
+            times[name].append(evaluation_time(block, context))
+    return {
+        name: {
+            "median_us": 1e6 * float(np.median(values)),
+            "p99_us": 1e6 * float(np.percentile(values, 99)),
+        }
+        for name, values in times.items()
+    }
+
+
+def leaves(diagram) -> list[System]:
+    """The LeafSystems inside of `diagram`, however deep."""
+    found = []
+    for system in diagram.GetSystems():
+        inner = hasattr(system, "GetSystems")
+        found += leaves(system) if inner else [system]
+    return found
+
+
+def copy_inputs(block: System, source: Context, target: Context) -> None:
+    """Gives `target` the state and inputs that `block` has in `source`."""
+    target.SetTimeStateAndParametersFrom(source)
+    for i in range(block.num_input_ports()):
+        port = block.get_input_port(i)
+        if port.HasValue(source):
+            port.FixValue(target, port.Eval(source))
+
+
+def evaluation_time(block: System, context: Context) -> float:
+    """Seconds that it takes to compute all outputs of `block`."""
+    ports = [
+        block.get_output_port(i) for i in range(block.num_output_ports())
+    ]
+    start = time.perf_counter()
+    for port in ports:
+        port.Eval(context)
+    return time.perf_counter() - start
+
+
+def as_text(figures: dict) -> str:
+    """The figures as a table."""
+    plant, loop = figures["plant_alone"], figures["closed_loop"]
+    lines = [
+        f"plant alone   {plant['real_time_factor']:6.2f} x real time",
+        f"closed loop   {loop['real_time_factor']:6.2f} x real time, "
+        f"{loop['ratio_to_plant_alone']:.2f} of the plant alone",
+        f"{'block, per tick':32} {'median us':>10} {'p99 us':>10}",
+    ]
+    lines += [
+        f"{name:32} {block['median_us']:10.0f} {block['p99_us']:10.0f}"
+        for name, block in figures["blocks"].items()
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
