@@ -38,7 +38,7 @@ FEEDTHROUGH = {
         "icp": {"estimated_state"},
         "foot_poses": {"estimated_state"},
     },
-    "FootForceSensor": {"foot_forces": {"contact_results"}},
+    "FootForceSensor": {"foot_forces": set()},  # held between two ticks
     "IcpPlanner": {
         "icp_plan": {"walking_state"},
         "icp_reference": {"walking_state"},

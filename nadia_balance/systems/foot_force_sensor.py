@@ -6,6 +6,7 @@ from pydrake.multibody.plant import (
     ContactResults,
     MultibodyPlant,
 )
+from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.walking import Side
@@ -29,21 +30,20 @@ class FootForceSensor(LeafSystem):
     def __init__(
         self, plant: MultibodyPlant, robot: RobotModel, period: float
     ):
-        """Senses the feet of `robot` in `plant` every `period` [s].
-
-        Raises:
-            ValueError: the contacts of `plant` are not point contacts.
-        """
+        """Senses the feet of `robot` in `plant` every `period` [s]."""
         super().__init__()
-        if plant.get_contact_model() != ContactModel.kPoint:
-            raise ValueError(
-                f"contact_model = {plant.get_contact_model().name}: must be "
-                "point, which is all that the foot sensor sees"
-            )
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
         self._row = {int(foot.index()): i for i, foot in enumerate(feet)}
         self._own = {
             int(i) for i in plant.GetBodyIndices(feet[0].model_instance())
+        }
+        self._has_patches = plant.get_contact_model() != ContactModel.kPoint
+        self._body_of = {
+            geometry: i
+            for i in self._own
+            for geometry in plant.GetCollisionGeometriesForBody(
+                plant.get_body(BodyIndex(i))
+            )
         }
         self._contact_results = self.DeclareAbstractInputPort(
             "contact_results", AbstractValue.Make(ContactResults())
@@ -60,11 +60,22 @@ class FootForceSensor(LeafSystem):
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
             a, b = int(pair.bodyA_index()), int(pair.bodyB_index())
-            if a in self._own and b in self._own:
-                continue
-            if b in self._row:  # the force is the one on B
-                forces[self._row[b]] += pair.contact_force()[2]
-            elif a in self._row:
-                forces[self._row[a]] -= pair.contact_force()[2]
+            self._add(forces, a, b, pair.contact_force()[2])
+        patches = self._has_patches and results.num_hydroelastic_contacts()
+        for i in range(patches):
+            patch = results.hydroelastic_contact_info(i)
+            surface = patch.contact_surface()
+            a = self._body_of.get(surface.id_M(), -1)
+            b = self._body_of.get(surface.id_N(), -1)
+            self._add(forces, a, b, -patch.F_Ac_W().translational()[2])
         state.set_value([max(force, 0.0) for force in forces])
         return EventStatus.Succeeded()
+
+    def _add(self, forces: list[float], a: int, b: int, f_z: float) -> None:
+        """Books the force `f_z` that the body `a` exerts on the body `b`."""
+        if a in self._own and b in self._own:
+            return
+        if b in self._row:
+            forces[self._row[b]] += f_z
+        elif a in self._row:
+            forces[self._row[a]] -= f_z

@@ -84,7 +84,7 @@ def measured(left, right, contact_model="point", tilt=0.0) -> np.ndarray:
         9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     )
     plant.Finalize()
-    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT))
+    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, 0.002))
     builder.Connect(
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
