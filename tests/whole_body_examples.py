@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.core.whole_body_terms import (
     WholeBodyCommand,
     WholeBodyModel,
@@ -15,6 +17,9 @@ from nadia_balance.systems.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
 )
+
+# The solver accepts 1e-8 of the largest acceleration, here times 91 kg.
+ROUNDING = 1e-5  # [N], [N m]
 
 CONTACTS = [(True, True), (True, False), (False, True)]
 
@@ -76,3 +81,17 @@ def command(
         max_normal_forces=max_normal_forces,
         swing=swing,
     )
+
+
+def solve(
+    state: np.ndarray,
+    contacts: tuple[bool, bool] = (True, True),
+    params: WholeBodyQpParams | None = None,
+    **kwargs,
+) -> tuple[WholeBodyTerms, WholeBodySolution]:
+    """The terms at `state`, and the solution of a `command` there."""
+    terms = terms_at(state)
+    qp = WholeBodyQp(params or WholeBodyQpParams(), model())
+    found = qp.solve(terms, command(terms, contacts, **kwargs))
+    assert found.qp.solved
+    return terms, found

@@ -46,8 +46,8 @@ class WholeBodyTerms:
     The floating base B is the pelvis, its velocity expressed in W.
 
     Equations of motion: M vdot + bias = B u + sum J' wrench, with M (nv, nv)
-    and bias (nv,), which holds gravity.  J (15, nv), Jdot_v (15,), and Jv
-    (15,) = J v: rows of both soles ([w, v] at the sole's centre) and of the
+    and bias (nv,), with gravity and damping.  J (15, nv), Jdot_v (15,), and
+    Jv (15,) = J v: rows of both soles ([w, v] at the sole's centre) and of the
     torso's angular velocity, in W.  `rotations` (4, 3, 3): R_W of left sole,
     right sole, torso, pelvis.  `sole_positions` (2, 3) [m] in W; `positions`
     (nj,) [rad].

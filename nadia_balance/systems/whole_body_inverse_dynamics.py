@@ -162,33 +162,21 @@ class WholeBodyInverseDynamics(LeafSystem):
         terms = self._kinematics.calc(self._plant_context.Eval(context))
         guess = context.get_discrete_state(self._active).value()
         found = self._qp.solve(terms, command, guess.astype(np.int8))
-        failures = context.get_discrete_state(self._failures).value()[0]
-        qp = found.qp
-        if qp.solved:
-            actuation = found.torques[self._joint_of_actuator]
-            wrenches = found.wrenches
-        else:
-            failures += 1
-            actuation, wrenches = (
-                context.get_discrete_state(i).get_value().copy()
-                for i in (self._held_actuation, self._held_wrenches)
-            )
-        cache.set_value(
-            _Outcome(
-                actuation,
-                wrenches,
-                np.array(
-                    [
-                        qp.solved,
-                        qp.fallback,
-                        qp.iterations,
-                        qp.violation,
-                        failures,
-                    ],
-                    dtype=float,
-                ),
-                qp.active,
-            )
+        cache.set_value(self._judge(context, found))
+
+    def _judge(self, context, found):
+        """Turns a solution into an outcome, or holds what was."""
+        held = context.get_discrete_state
+        failures = held(self._failures).value()[0]
+        actuation = found.torques[self._joint_of_actuator]
+        wrenches, qp = found.wrenches, found.qp
+        if not qp.solved:
+            failures += 1.0
+            actuation = held(self._held_actuation).get_value().copy()
+            wrenches = held(self._held_wrenches).get_value().copy()
+        status = [qp.solved, qp.fallback, qp.iterations, qp.violation, failures]
+        return _Outcome(
+            actuation, wrenches, np.array(status, dtype=float), qp.active
         )
 
     def _remember(self, context, state):

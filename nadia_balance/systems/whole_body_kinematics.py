@@ -1,6 +1,7 @@
 """Terms of the equations of motion, by Drake's cheapest calls."""
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
@@ -26,67 +27,79 @@ class WholeBodyKinematics:
     def __init__(self, robot: RobotModel, plant: MultibodyPlant):
         """Raises ValueError if `plant` is built in another way."""
         self.plant = plant
-        self._num_joints = plant.num_velocities() - 6
+        num_joints = plant.num_velocities() - 6
         pelvis = plant.GetBodyByName(robot.pelvis_body)
         if not (
             pelvis.is_floating_base_body()
             and pelvis.floating_positions_start() == 0
-            and plant.num_positions() == 7 + self._num_joints
-            and plant.num_actuators() == self._num_joints
+            and plant.num_positions() == 7 + num_joints
+            and plant.num_actuators() == num_joints
         ):
             raise ValueError(
                 f"{robot.name}: needs a floating {robot.pelvis_body}, joints "
                 "of one degree of freedom, and one actuator for each"
             )
-        self._pelvis = pelvis
-        self._torso = plant.GetBodyByName(robot.torso_body)
-        self._feet = [
-            plant.GetBodyByName(robot.foot_bodies[side])
+        self._damping = np.zeros(plant.num_velocities())
+        for i in plant.GetJointIndices():
+            joint = plant.get_joint(i)
+            if joint.num_velocities() == 1:  # neither welded nor floating
+                self._damping[joint.velocity_start()] = (
+                    joint.default_damping_vector()[0]
+                )
+        # Left sole, right sole, torso, pelvis: body, and frame in it.
+        self._frames = [
+            (
+                plant.GetBodyByName(robot.foot_bodies[side]),
+                robot.X_FootSole[side],
+            )
             for side in (Side.LEFT, Side.RIGHT)
         ]
-        self._X_FootSole = [
-            robot.X_FootSole[side] for side in (Side.LEFT, Side.RIGHT)
+        torso = plant.GetBodyByName(robot.torso_body)
+        self._frames += [
+            (torso, RigidTransform()),
+            (pelvis, RigidTransform()),
         ]
-        self._p_FootSole = [X.translation() for X in self._X_FootSole]
 
     def calc(self, context: Context) -> WholeBodyTerms:
         """Returns the terms of the state in the plant's `context`."""
-        plant, nv = self.plant, self.plant.num_velocities()
-        M = plant.CalcMassMatrix(context)
+        plant = self.plant
+        M, v = plant.CalcMassMatrix(context), plant.GetVelocities(context)
         # Gravity for free: the base's velocity is expressed in W.
-        weight = -plant.gravity_field().gravity_vector()
-        bias = plant.CalcBiasTerm(context) + M[:, 3:6] @ weight
-        J, Jdot_v = np.empty((15, nv)), np.empty(15)
-        for foot, p_FootSole, rows in zip(
-            self._feet, self._p_FootSole, (LEFT_SOLE, RIGHT_SOLE), strict=True
-        ):
-            J[rows], Jdot_v[rows] = self._motion(context, foot, p_FootSole)
-        spatial = self._motion(context, self._torso, np.zeros(3))
-        J[TORSO], Jdot_v[TORSO] = spatial[0][:3], spatial[1][:3]
-        X_WF = [
-            plant.EvalBodyPoseInWorld(context, foot) @ X_FootSole
-            for foot, X_FootSole in zip(
-                self._feet, self._X_FootSole, strict=True
-            )
+        gravity = plant.gravity_field().gravity_vector()
+        bias = plant.CalcBiasTerm(context) - M[:, 3:6] @ gravity
+        bias += self._damping * v
+        J, Jdot_v = self._motions(context)
+        poses = [
+            plant.EvalBodyPoseInWorld(context, body) @ X_BodyFrame
+            for body, X_BodyFrame in self._frames
         ]
-        upper = [
-            plant.EvalBodyPoseInWorld(context, body)
-            for body in (self._torso, self._pelvis)
-        ]
-        v = plant.GetVelocities(context)
         return WholeBodyTerms(
             M=M,
             bias=bias,
             J=J,
             Jdot_v=Jdot_v,
             Jv=J @ v,
-            rotations=np.array(
-                [X.rotation().matrix() for X in (*X_WF, *upper)]
-            ),
-            sole_positions=np.array([X.translation() for X in X_WF]),
+            rotations=np.array([X.rotation().matrix() for X in poses]),
+            sole_positions=np.array([X.translation() for X in poses[:2]]),
             positions=plant.GetPositions(context)[7:],
             v=v,
         )
+
+    def _motions(self, context):
+        """Stacked Jacobian (15, nv) and bias (15,) of soles and torso."""
+        J = np.empty((15, self.plant.num_velocities()))
+        Jdot_v = np.empty(15)
+        (left, X_L), (right, X_R), (torso, _), _ = self._frames
+        for rows, body, X_BodyFrame in (
+            (LEFT_SOLE, left, X_L),
+            (RIGHT_SOLE, right, X_R),
+        ):
+            J[rows], Jdot_v[rows] = self._motion(
+                context, body, X_BodyFrame.translation()
+            )
+        spatial = self._motion(context, torso, np.zeros(3))
+        J[TORSO], Jdot_v[TORSO] = spatial[0][:3], spatial[1][:3]
+        return J, Jdot_v
 
     def _motion(self, context, body, p_BP):
         """Jacobian (6, nv) and bias (6,) of [w, v] of a point of `body`."""

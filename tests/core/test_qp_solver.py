@@ -1,50 +1,13 @@
 import itertools
 
-import daqp
 import numpy as np
 import pytest
-import quadprog
 
 from nadia_balance.core.qp_solver import SOLVERS, DenseQp
+from tests.qp_examples import SIZES, by_daqp, by_quadprog, random_qp
 
-# Sizes (variables, equalities, inequalities); the last is a hard one from a
-# cold start: some twenty of its inequalities are active.
-SIZES = [(4, 0, 10), (4, 1, 10), (12, 3, 20), (41, 18, 80)]
 # What each method can promise, for solutions of size 1 to 10.
 ACCURACY = {"active_set": 1e-9, "clarabel": 1e-3, "osqp": 1e-5}
-
-
-def random_qp(seed, n, equalities, inequalities):
-    """A feasible QP whose bounds are partly infinite."""
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(n, n))
-    inside = rng.normal(size=n)
-    A_eq = rng.normal(size=(equalities, n))
-    C = rng.normal(size=(inequalities, n))
-    lower = C @ inside - rng.exponential(size=inequalities)
-    upper = C @ inside + rng.exponential(size=inequalities)
-    lower[rng.random(inequalities) < 0.3] = -np.inf
-    upper[rng.random(inequalities) < 0.3] = np.inf
-    H = root @ root.T + 0.01 * np.eye(n)
-    return H, 5.0 * rng.normal(size=n), A_eq, A_eq @ inside, C, lower, upper
-
-
-def by_quadprog(H, g, A_eq, b_eq, C, lower, upper):
-    below, above = np.isfinite(lower), np.isfinite(upper)
-    rows = np.vstack([A_eq, C[below], -C[above]])
-    bounds = np.concatenate([b_eq, lower[below], -upper[above]])
-    return quadprog.solve_qp(H, -g, rows.T, bounds, len(b_eq))[0]
-
-
-def by_daqp(H, g, A_eq, b_eq, C, lower, upper):
-    rows = np.ascontiguousarray(np.vstack([A_eq, C]))
-    above = np.concatenate([b_eq, np.minimum(upper, 1e30)])
-    below = np.concatenate([b_eq, np.maximum(lower, -1e30)])
-    sense = np.zeros(len(above), dtype=np.int32)
-    sense[: len(b_eq)] = 5  # equality
-    x, _, flag, _ = daqp.solve(H, g, rows, above, below, sense)
-    assert flag == 1
-    return x
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -59,25 +22,6 @@ def test_finds_the_optimum(solver, size):
         accuracy = ACCURACY[solver]
         assert found.x == pytest.approx(by_quadprog(*problem), abs=accuracy)
         assert found.x == pytest.approx(by_daqp(*problem), abs=accuracy)
-
-
-@pytest.mark.parametrize("size", SIZES, ids=str)
-def test_satisfies_the_optimality_conditions(size):
-    """Oracle: the Karush-Kuhn-Tucker conditions, multipliers by lstsq."""
-    for seed in range(8):
-        problem = random_qp(seed, *size)
-        H, g, A_eq, b_eq, C, lower, upper = problem
-        found = DenseQp(*size).solve(*problem)
-        x, active = found.x, found.active
-        assert np.abs(A_eq @ x - b_eq).max(initial=0.0) < 1e-8
-        assert np.all(C @ x > lower - 1e-8)
-        assert np.all(C @ x < upper + 1e-8)
-        assert C[active < 0] @ x == pytest.approx(lower[active < 0], abs=1e-8)
-        assert C[active > 0] @ x == pytest.approx(upper[active > 0], abs=1e-8)
-        rows = np.vstack([A_eq, C[active != 0]])
-        multipliers = np.linalg.lstsq(rows.T, H @ x + g, rcond=None)[0]
-        assert rows.T @ multipliers == pytest.approx(H @ x + g, abs=1e-7)
-        assert np.all(multipliers[len(b_eq) :] * active[active != 0] < 1e-7)
 
 
 def test_reports_the_largest_violation():
@@ -95,26 +39,6 @@ def test_reports_the_largest_violation():
     assert 1e-13 < found.violation < 1e-5
 
 
-def test_the_active_rows_of_the_solution_solve_it_at_once():
-    """Oracle: one equality-constrained solve is all that is left to do."""
-    qp, problem = DenseQp(12, 3, 20), random_qp(5, 12, 3, 20)
-    cold = qp.solve(*problem)
-    warm = qp.solve(*problem, cold.active)
-    assert cold.iterations > 1
-    assert warm.iterations == 1
-    assert warm.x == pytest.approx(cold.x, abs=1e-11)
-
-
-@pytest.mark.parametrize("guess", [-1, 1])
-def test_an_absurd_guess_does_not_change_the_optimum(guess):
-    """Oracle: quadprog; the guess makes all rows equalities, 80 in 23 dims."""
-    size = (41, 18, 80)
-    problem = random_qp(2, *size)
-    mask = np.full(80, guess, dtype=np.int8)
-    found = DenseQp(*size).solve(*problem, mask)
-    assert found.x == pytest.approx(by_quadprog(*problem), abs=1e-9)
-
-
 def test_earlier_problems_leave_no_trace():
     """Oracle: a fresh object gives the same bits."""
     size = (12, 3, 20)
@@ -127,18 +51,6 @@ def test_earlier_problems_leave_no_trace():
     assert np.array_equal(again.x, fresh.x)
     assert np.array_equal(again.active, fresh.active)
     assert again.iterations == fresh.iterations
-
-
-def test_copes_with_rows_that_depend_on_each_other():
-    """Oracle: the corner of a box whose rows all come three times."""
-    H, g = np.eye(3), np.array([-3.0, -4.0, 5.0])
-    C = np.vstack([np.eye(3)] * 3 + [np.ones((1, 3))])
-    upper, lower = np.ones(10), -np.ones(10)
-    found = DenseQp(3, 0, 10).solve(
-        H, g, np.zeros((0, 3)), np.zeros(0), C, lower, upper
-    )
-    assert found.solved
-    assert found.x == pytest.approx([1.0, 1.0, -1.0], abs=1e-12)
 
 
 def test_works_without_inequalities():

@@ -1,10 +1,8 @@
 import dataclasses
 import math
 
-import daqp
 import numpy as np
 import pytest
-import quadprog
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
@@ -12,29 +10,21 @@ from pydrake.multibody.tree import MultibodyForces
 from nadia_balance.core.walking import Side
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
+from tests.qp_examples import by_daqp, by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
+    ROUNDING,
     command,
     kinematics,
     model,
     nadia,
     random_state,
+    solve,
     standing_state,
     terms_at,
 )
 
 SIDES = (Side.LEFT, Side.RIGHT)
-
-# The solver accepts 1e-8 of the largest acceleration, here times 91 kg.
-ROUNDING = 1e-5  # [N], [N m]
-
-
-def solve(state, contacts=(True, True), params=None, **kwargs):
-    terms = terms_at(state)
-    qp = WholeBodyQp(params or WholeBodyQpParams(), model())
-    found = qp.solve(terms, command(terms, contacts, **kwargs))
-    assert found.qp.solved
-    return terms, found
 
 
 def inverse_dynamics(plant: MultibodyPlant, state, found):
@@ -68,30 +58,6 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
 
 
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)
-def test_wrenches_are_possible(contacts):
-    """Oracle: CoP in the sole, friction and force by their definitions."""
-    params = WholeBodyQpParams()
-    length, width = nadia().sole_length, nadia().sole_width
-    for seed in range(10):
-        hard_push = (300.0, 150.0, -100.0)
-        terms, found = solve(
-            random_state(seed), contacts, momentum_rate=hard_push
-        )
-        for side, carries in enumerate(contacts):
-            wrench = found.wrenches[6 * side : 6 * side + 6]
-            if not carries:
-                assert wrench == pytest.approx(np.zeros(6), abs=ROUNDING)
-                continue
-            R_FW = terms.rotations[side].T
-            tau, f = R_FW @ wrench[:3], R_FW @ wrench[3:]
-            cop = np.array([-tau[1], tau[0]]) / f[2]
-            reach = np.array([length, width]) / 2 - params.sole_margin
-            assert np.all(np.abs(cop) * f[2] < reach * f[2] + ROUNDING)
-            assert np.all(np.abs(f[:2]) < params.friction * f[2] + ROUNDING)
-            assert f[2] > params.min_normal_force - ROUNDING
-
-
-@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
 def test_agrees_with_independent_solvers(contacts):
     """Oracles: quadprog and daqp on the same matrices, torques in N m."""
     qp = WholeBodyQp(WholeBodyQpParams(), model())
@@ -108,26 +74,6 @@ def test_agrees_with_independent_solvers(contacts):
             x = solver(*problem)
             torques = problem[4][34:57] @ x * nadia().mass + terms.bias[6:]
             assert found.torques == pytest.approx(torques, abs=1e-4)
-
-
-def by_quadprog(H, g, A_eq, b_eq, C, lower, upper):
-    below, above = np.isfinite(lower), np.isfinite(upper)
-    rows = np.vstack([A_eq, C[below], -C[above]])
-    bounds = np.concatenate([b_eq, lower[below], -upper[above]])
-    return quadprog.solve_qp(H, -g, rows.T, bounds, len(b_eq))[0]
-
-
-def by_daqp(H, g, A_eq, b_eq, C, lower, upper):
-    rows = np.ascontiguousarray(np.vstack([A_eq, C]))
-    above = np.concatenate([b_eq, np.minimum(upper, 1e30)])
-    below = np.concatenate([b_eq, np.maximum(lower, -1e30)])
-    sense = np.zeros(len(above), dtype=np.int32)
-    sense[: len(b_eq)] = 5  # equality
-    x, _, flag, _ = daqp.solve(
-        H, g, rows, above, below, sense, primal_tol=1e-10, dual_tol=1e-12
-    )
-    assert flag == 1
-    return x
 
 
 def test_a_still_robot_needs_the_torques_of_gravity_alone():
@@ -185,89 +131,6 @@ def test_a_tilted_sole_is_brought_level():
     assert turn == pytest.approx([-gain * math.sin(0.02), 0, 0], abs=1e-6)
 
 
-def test_tasks_are_met_where_nothing_is_in_the_way():
-    """Oracle: PD laws written out, with vanishing weight on all the rest."""
-    state = standing_state()
-    state[0:4] = [math.cos(0.05), 0.0, 0.0, math.sin(0.05)]  # yaw 0.1
-    for joint in ("SPINE_X", "SPINE_Y", "SPINE_Z"):
-        plant = kinematics().plant
-        state[plant.GetJointByName(joint).position_start()] = 0.0
-    params = WholeBodyQpParams(
-        pelvis_weight=1e3,
-        torso_weight=1e3,
-        swing_position_weight=1e3,
-        swing_orientation_weight=1e3,
-        momentum_weight=0.0,
-        angular_momentum_weight=0.0,
-        posture_weight=1e-6,
-        leg_posture_weight=1e-6,
-        acceleration_weight=1e-6,
-        moment_weight=1e-6,
-        tangential_weight=1e-6,
-    )
-    terms = terms_at(state)
-    swing = np.zeros(12)
-    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
-    swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
-    swing[9:] = [0.15, 0.4, 0.5]
-    wish = dataclasses.replace(
-        command(terms, (True, False)),
-        swing=swing,
-        heading=np.array([0.2, 0.3, 0.4]),
-    )
-    found = WholeBodyQp(params, model()).solve(terms, wish)
-    acceleration = terms.J @ found.vdot + terms.Jdot_v
-    kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
-    upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
-    assert found.vdot[:3] == pytest.approx(upright, abs=2e-3)
-    assert acceleration[12:15] == pytest.approx(upright, abs=2e-3)
-    kp, kd = 200.0, 2.0 * math.sqrt(200.0)
-    turn = [0.0, 0.0, kp * math.sin(0.05) + kd * 0.4 + 0.5]
-    assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
-    kp, kd = 150.0, 2.0 * math.sqrt(150.0)
-    move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
-    assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
-
-
-def test_keeps_to_the_torque_limits():
-    """Oracle: the limits; without them the knees would take more."""
-    wish = {"momentum_rate": (0.0, 0.0, 500.0)}
-    _, free = solve(standing_state(), **wish)
-    limits = model().max_torque
-    ratio = 0.5 * np.max(np.abs(free.torques) / limits)
-    params = WholeBodyQpParams(max_effort_ratio=ratio)
-    _, found = solve(standing_state(), params=params, **wish)
-    used = np.abs(found.torques) / (ratio * limits)
-    assert used.max() == pytest.approx(1.0, abs=1e-6)
-    assert not found.qp.fallback
-
-
-def test_joints_brake_before_their_limits():
-    """Oracle: the position that the horizon leads to, by hand."""
-    params = WholeBodyQpParams()
-    state, horizon = standing_state(), params.joint_limit_horizon
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    state[30 + knee] = -3.0  # straightens, and fast
-    lowest = state[knee + 1] - 0.02
-    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest))
-    terms = terms_at(state)
-    found = qp.solve(terms, command(terms, (False, True)))
-    ahead = state[knee + 1] + horizon * (-3.0)
-    ahead += 0.5 * horizon**2 * found.vdot[knee]
-    assert ahead == pytest.approx(lowest, abs=1e-9)
-    free = WholeBodyQp(params, model()).solve(
-        terms, command(terms, (False, True))
-    )
-    assert free.vdot[knee] < found.vdot[knee] - 1.0
-
-
-def test_a_foot_carries_no_more_than_it_may():
-    """Oracle: the bound; the other foot takes the rest of the weight."""
-    _, found = solve(standing_state(), max_normal_forces=(100.0, math.inf))
-    assert found.wrenches[5] == pytest.approx(100.0, abs=1e-6)
-    assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
-
-
 def test_the_load_is_shared_so_that_the_cop_stays_in_the_middle():
     """Oracle: symmetric, so half of the weight each and no moment about x."""
     _, found = solve(standing_state())
@@ -322,28 +185,3 @@ def test_refuses_nan(name):
     qp = WholeBodyQp(WholeBodyQpParams(), model())
     with pytest.raises(ValueError, match="must be finite"):
         qp.solve(terms, bad)
-
-
-BAD = [
-    ("momentum_weight", -1.0),
-    ("posture_weight", 0.0),
-    ("friction", math.nan),
-    ("max_effort_ratio", 1.5),
-    ("unloading_fraction", 1.1),
-    ("unloaded_force", 1.0),
-    ("joint_lower_limits", {"LEFT_KNEE_Y": math.inf}),
-    ("solver", "mosek"),
-]
-
-
-@pytest.mark.parametrize(("name", "value"), BAD)
-def test_refuses_parameters_out_of_range(name, value):
-    """Oracle: the message begins with the field that was spoilt."""
-    params = WholeBodyQpParams(**{name: value})
-    with pytest.raises(ValueError, match=f"^{name}.* must be"):
-        WholeBodyQp(params, model())
-
-
-def test_the_defaults_are_valid():
-    """Oracle: no error."""
-    WholeBodyQpParams().validate()

@@ -96,6 +96,22 @@ def test_bias_is_the_rest_of_the_acceleration(seed):
     )
 
 
+def test_joints_are_damped():
+    """Oracle: the bias without damping, and one joint's by hand."""
+    plant = MultibodyPlant(0.001)
+    nadia().add_to(plant)
+    knee = plant.GetJointByName("LEFT_KNEE_Y")
+    knee.set_default_damping_vector([0.7])
+    plant.Finalize()
+    state, context = random_state(0), plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    extra = WholeBodyKinematics(nadia(), plant).calc(context).bias
+    extra -= terms_at(state).bias
+    expected = np.zeros(29)
+    expected[knee.velocity_start()] = 0.7 * state[30 + knee.velocity_start()]
+    assert extra == pytest.approx(expected, abs=1e-12)
+
+
 def test_constants_are_in_the_order_of_velocities():
     """Oracle: joints by name, whatever the order of the actuators."""
     plant, constants = kinematics().plant, model(LEFT_KNEE_Y=0.2)

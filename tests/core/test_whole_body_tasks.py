@@ -1,0 +1,149 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_qp import WholeBodyQp
+from nadia_balance.core.whole_body_tasks import (
+    rotation_error,
+    stack_tasks,
+    task_weights,
+)
+from tests.whole_body_examples import (
+    command,
+    kinematics,
+    model,
+    nadia,
+    random_state,
+    standing_state,
+    terms_at,
+)
+
+STEP = 1e-6
+
+
+def test_tasks_are_met_where_nothing_is_in_the_way():
+    """Oracle: PD laws written out, with vanishing weight on all the rest."""
+    state = standing_state()
+    state[0:4] = [math.cos(0.05), 0.0, 0.0, math.sin(0.05)]  # yaw 0.1
+    for joint in ("SPINE_X", "SPINE_Y", "SPINE_Z"):
+        plant = kinematics().plant
+        state[plant.GetJointByName(joint).position_start()] = 0.0
+    params = WholeBodyQpParams(
+        pelvis_weight=1e3,
+        torso_weight=1e3,
+        swing_position_weight=1e3,
+        swing_orientation_weight=1e3,
+        momentum_weight=0.0,
+        angular_momentum_weight=0.0,
+        posture_weight=1e-6,
+        leg_posture_weight=1e-6,
+        acceleration_weight=1e-6,
+        moment_weight=1e-6,
+        tangential_weight=1e-6,
+    )
+    terms = terms_at(state)
+    swing = np.zeros(12)
+    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
+    swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
+    swing[9:] = [0.15, 0.4, 0.5]
+    wish = dataclasses.replace(
+        command(terms, (True, False)),
+        swing=swing,
+        heading=np.array([0.2, 0.3, 0.4]),
+    )
+    found = WholeBodyQp(params, model()).solve(terms, wish)
+    acceleration = terms.J @ found.vdot + terms.Jdot_v
+    kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
+    upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
+    assert found.vdot[:3] == pytest.approx(upright, abs=2e-3)
+    assert acceleration[12:15] == pytest.approx(upright, abs=2e-3)
+    kp, kd = 200.0, 2.0 * math.sqrt(200.0)
+    turn = [0.0, 0.0, kp * math.sin(0.05) + kd * 0.4 + 0.5]
+    assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
+    kp, kd = 150.0, 2.0 * math.sqrt(150.0)
+    move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
+    assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0])
+def test_error_turns_to_upright(yaw):
+    """Oracle: Drake's angle and axis of the same rotation."""
+    R = RollPitchYaw(0.1, -0.2, yaw + 0.15).ToRotationMatrix()
+    to_go = RotationMatrix.MakeZRotation(yaw) @ R.inverse()
+    turn = to_go.ToAngleAxis()
+    assert isinstance(turn, AngleAxis)
+    expected = math.sin(turn.angle()) * turn.axis()
+    assert rotation_error(yaw, R.matrix()) == pytest.approx(expected)
+
+
+def test_no_error_when_upright():
+    """Oracle: zero."""
+    R = RotationMatrix.MakeZRotation(0.7).matrix()
+    assert rotation_error(0.7, R) == pytest.approx(np.zeros(3), abs=1e-15)
+
+
+def momentum_at(state):
+    """Linear and angular momentum about the CoM, by Drake, per mass."""
+    plant = kinematics().plant
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
+        context, plant.CalcCenterOfMassPositionInWorld(context)
+    )
+    both = [momentum.translational(), momentum.rotational()]
+    return np.concatenate(both) / nadia().mass
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_momentum_rows_are_its_rate(seed):
+    """Oracle: finite differences of Drake's spatial momentum.
+
+    S vdot - s is the rate minus what is wished for: zero for the linear, and
+    the damping for the angular momentum.
+    """
+    state, params = random_state(seed), WholeBodyQpParams()
+    terms, plant = terms_at(state), kinematics().plant
+    S, s = stack_tasks(params, model(), terms, command(terms))
+    vdot = np.random.default_rng(seed).normal(size=29)
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    qdot = plant.MapVelocityToQDot(context, terms.v)
+    ahead, behind = (
+        momentum_at(state + sign * STEP * np.concatenate([qdot, vdot]))
+        for sign in (1.0, -1.0)
+    )
+    rate = (ahead - behind) / (2.0 * STEP)
+    rate[3:] += params.angular_momentum_damping * momentum_at(state)[3:]
+    # Truncation and rounding at this step both leave about 1e-8.
+    assert (S @ vdot - s)[:6] == pytest.approx(rate, abs=1e-6)
+
+
+def test_there_is_no_swing_task_with_both_soles_on_the_ground():
+    """Oracle: the number of rows."""
+    terms, params = terms_at(standing_state()), WholeBodyQpParams()
+    both = stack_tasks(params, model(), terms, command(terms))
+    one = stack_tasks(params, model(), terms, command(terms, (False, True)))
+    assert (len(both[1]), len(one[1])) == (12, 18)
+    assert np.array_equal(one[0][12:], terms.J[0:6])
+
+
+def test_weights_are_square_roots():
+    """Oracle: the parameters, in the order of the rows."""
+    params = WholeBodyQpParams()
+    weights = task_weights(params) ** 2
+    assert weights[[0, 2, 3, 6, 9, 12, 15]] == pytest.approx(
+        [
+            params.momentum_weight,
+            params.height_weight,
+            params.angular_momentum_weight,
+            params.torso_weight,
+            params.pelvis_weight,
+            params.swing_orientation_weight,
+            params.swing_position_weight,
+        ]
+    )
