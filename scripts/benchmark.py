@@ -89,9 +89,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
         )
     plant.Finalize()
     simulator = Simulator(builder.Build())
-    context = plant.GetMyMutableContextFromRoot(
-        simulator.get_mutable_context()
-    )
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     q = robot.standing_positions()
     plant.SetPositions(context, q)
     joints = [
@@ -159,9 +157,7 @@ def copy_inputs(block: System, source: Context, target: Context) -> None:
 
 def evaluation_time(block: System, context: Context) -> float:
     """Seconds that it takes to compute all outputs of `block`."""
-    ports = [
-        block.get_output_port(i) for i in range(block.num_output_ports())
-    ]
+    ports = [block.get_output_port(i) for i in range(block.num_output_ports())]
     start = time.perf_counter()
     for port in ports:
         port.Eval(context)

@@ -78,9 +78,7 @@ class CentroidalEstimator(LeafSystem):
             )
         at = cache.get_mutable_value()
         # The state machine's update makes Drake ask again for the same state.
-        if not np.array_equal(
-            state, self._plant.GetPositionsAndVelocities(at)
-        ):
+        if not np.array_equal(state, self._plant.GetPositionsAndVelocities(at)):
             self._plant.SetPositionsAndVelocities(at, state)
 
     def _calc_com_state(self, context, output):

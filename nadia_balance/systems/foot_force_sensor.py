@@ -27,9 +27,7 @@ class FootForceSensor(LeafSystem):
         output_ports: [foot_forces]
     """
 
-    def __init__(
-        self, plant: MultibodyPlant, robot: RobotModel, period: float
-    ):
+    def __init__(self, plant: MultibodyPlant, robot: RobotModel, period: float):
         """Senses the feet of `robot` in `plant` every `period` [s]."""
         super().__init__()
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
