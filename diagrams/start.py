@@ -36,4 +36,4 @@ def initial_walking_state(scenario: Scenario) -> WalkingState:
         start=ReferencePoint(centre, np.zeros(2), centre),
         final_transfer_duration=gait.final_transfer_duration,
     )
-    return WalkingState(schedule)
+    return WalkingState(schedule, commanded=footsteps)

@@ -160,14 +160,39 @@ class ContactSchedule:
 
 
 @dataclass(frozen=True)
+class Adjustment:
+    """Where the step in the air goes instead of where it was to go.
+
+    `region` names the reachability region that was chosen: base, forward or
+    backward; `covered_ticks` counts for how long the capture region has
+    covered the nominal foothold again.
+    """
+
+    nominal: Footstep
+    pose: FootPose
+    region: str = "base"
+    covered_ticks: int = 0
+
+    def __deepcopy__(self, memo: object) -> Adjustment:
+        return self
+
+
+@dataclass(frozen=True)
 class WalkingState:
-    """The only walking clock: the schedule, and where we are in it."""
+    """The only walking clock: the schedule, and where we are in it.
+
+    `commanded` are the user's footsteps that have not landed yet;
+    schedule.footsteps are the same steps as they will be taken.
+    """
 
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
+    elapsed: float = 0.0  # really, since the phase began [s]
     waiting: bool = False  # the clock has run out, the phase has not ended
     contact_ticks: int = 0  # consecutive ticks with force on the swing foot
     steps_taken: int = 0
+    commanded: tuple[Footstep, ...] = ()
+    adjustment: Adjustment | None = None  # of the step in the air
 
     def __deepcopy__(self, memo: object) -> WalkingState:
         return self

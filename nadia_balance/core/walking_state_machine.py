@@ -13,6 +13,7 @@ from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.polygon import project
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
+    Adjustment,
     Array,
     ContactSchedule,
     FootPoses,
@@ -66,6 +67,17 @@ class Measurement:
         return float(self.forces[0 if side is Side.LEFT else 1])
 
 
+@dataclass(frozen=True)
+class Proposal:
+    """What the adapters propose for this tick."""
+
+    time_gain: float = 0.0  # to advance the clock by, on top of the tick [s]
+    adjustment: Adjustment | None = None
+
+
+KEEP = Proposal()
+
+
 def advance(
     state: WalkingState,
     plan: IcpPlan,
@@ -73,6 +85,7 @@ def advance(
     period: float,
     sole: Array,
     params: WalkingStateMachineParams,
+    proposal: Proposal = KEEP,
 ) -> WalkingState:
     """Returns the walking state one `period` [s] later.
 
@@ -80,52 +93,65 @@ def advance(
     is when a phase ends, so that the next plan continues from there.  `sole`
     (n, 2) [m] are the sole's corners in the sole frame.
     """
+    state = _adjust(state, proposal.adjustment)
     schedule = state.schedule
-    t = min(state.time_in_phase + period, schedule.duration)
+    t = state.time_in_phase + period + max(proposal.time_gain, 0.0)
     done = t >= schedule.duration - 0.5 * period
-    if done:
-        t = schedule.duration
+    state = replace(
+        state,
+        time_in_phase=schedule.duration if done else t,
+        elapsed=state.elapsed + period,
+        waiting=done,
+    )
     match schedule.phase:
-        case Phase.STANDING:
-            if done:
-                return _start_transfer(state, plan, t, measured, params)
-        case Phase.TRANSFER:
-            if done and _may_lift(schedule, plan, measured, sole, params):
-                return _end_transfer(state, plan, t, measured)
+        case Phase.STANDING if done:
+            return _start_transfer(state, plan, measured)
+        case Phase.TRANSFER if done:
+            if _may_lift(schedule, plan, measured, sole, params):
+                return _end_transfer(state, plan, measured)
         case Phase.SWING:
-            return _advance_swing(state, plan, t, done, measured, params)
-    return replace(state, time_in_phase=t, waiting=done)
+            return _advance_swing(state, plan, measured, params)
+    return state
+
+
+def _adjust(
+    state: WalkingState, adjustment: Adjustment | None
+) -> WalkingState:
+    """Moves the foothold of the step in the air."""
+    schedule = state.schedule
+    if adjustment is None or schedule.phase is not Phase.SWING:
+        return state
+    step, *later = schedule.footsteps
+    if adjustment.pose is not step.pose:
+        step = replace(step, pose=adjustment.pose)
+        schedule = replace(schedule, footsteps=(step, *later))
+    return replace(state, schedule=schedule, adjustment=adjustment)
 
 
 def _advance_swing(
     state: WalkingState,
     plan: IcpPlan,
-    t: float,
-    done: bool,
     measured: Measurement,
     params: WalkingStateMachineParams,
 ) -> WalkingState:
     schedule = state.schedule
-    swing = schedule.support_side.other
-    may_land = t >= params.earliest_touchdown * schedule.duration
-    touches = may_land and measured.force(swing) > params.contact_force
+    earliest = params.earliest_touchdown * schedule.duration
+    force = measured.force(schedule.support_side.other)
+    touches = state.time_in_phase >= earliest and force > params.contact_force
     ticks = state.contact_ticks + 1 if touches else 0
-    if ticks >= params.contact_ticks:
-        landed = replace(
-            state,
-            schedule=replace(schedule, footsteps=schedule.footsteps[1:]),
-            steps_taken=state.steps_taken + 1,
-        )
-        return _start_transfer(landed, plan, t, measured, params)
-    return replace(state, time_in_phase=t, waiting=done, contact_ticks=ticks)
+    if ticks < params.contact_ticks:
+        return replace(state, contact_ticks=ticks)
+    landed = replace(
+        state,
+        schedule=replace(schedule, footsteps=schedule.footsteps[1:]),
+        commanded=state.commanded[1:],
+        steps_taken=state.steps_taken + 1,
+    )
+    return _start_transfer(landed, plan, measured)
 
 
 def _start_transfer(
-    state: WalkingState,
-    plan: IcpPlan,
-    t: float,
-    measured: Measurement,
-    params: WalkingStateMachineParams,
+    state: WalkingState, plan: IcpPlan, measured: Measurement
 ) -> WalkingState:
     old = state.schedule
     steps = old.footsteps
@@ -137,13 +163,13 @@ def _start_transfer(
             steps[0].transfer_duration if steps else old.final_transfer_duration
         ),
         feet=measured.feet,
-        start=plan.at(t).point(),
+        start=plan.at(state.time_in_phase).point(),
     )
-    return WalkingState(schedule, steps_taken=state.steps_taken)
+    return _begin(state, schedule)
 
 
 def _end_transfer(
-    state: WalkingState, plan: IcpPlan, t: float, measured: Measurement
+    state: WalkingState, plan: IcpPlan, measured: Measurement
 ) -> WalkingState:
     """Lifts the foot, or comes to rest if there are no more steps."""
     old = state.schedule
@@ -153,9 +179,16 @@ def _end_transfer(
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
         feet=measured.feet,
-        start=plan.at(t).point(),
+        start=plan.at(state.time_in_phase).point(),
     )
-    return WalkingState(schedule, steps_taken=state.steps_taken)
+    return _begin(state, schedule)
+
+
+def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:
+    """The first tick of the phase that `schedule` begins."""
+    return WalkingState(
+        schedule, steps_taken=state.steps_taken, commanded=state.commanded
+    )
 
 
 def _may_lift(

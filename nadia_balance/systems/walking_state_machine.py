@@ -5,6 +5,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.walking import (
+    Adjustment,
     FootPose,
     FootPoses,
     Phase,
@@ -13,6 +14,7 @@ from nadia_balance.core.walking import (
 )
 from nadia_balance.core.walking_state_machine import (
     Measurement,
+    Proposal,
     WalkingStateMachineParams,
     advance,
 )
@@ -25,6 +27,9 @@ PHASES = [Phase.STANDING, Phase.TRANSFER, Phase.SWING]
 class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
+    `time_adjustment` [s] and `adjustment` are proposals; what is not
+    connected is not used.
+
     `walking_signal` is the walking state as numbers, for logs: [phase
     (0 standing, 1 transfer, 2 swing), support side (+1 left, -1 right), time
     in phase [s], duration [s], waiting, steps taken, left sole x, y, yaw,
@@ -33,7 +38,8 @@ class WalkingStateMachine(LeafSystem):
     .. pydrake_system::
 
         name: WalkingStateMachine
-        input_ports: [foot_poses, foot_forces, icp, icp_plan]
+        input_ports: [foot_poses, foot_forces, icp, icp_plan,
+                      time_adjustment, adjustment]
         output_ports: [walking_state, walking_signal]
     """
 
@@ -55,6 +61,10 @@ class WalkingStateMachine(LeafSystem):
         self._icp = self.DeclareVectorInputPort("icp", 2)
         self._icp_plan = self.DeclareAbstractInputPort(
             "icp_plan", Value(object())
+        )
+        self._time = self.DeclareVectorInputPort("time_adjustment", 1)
+        self._adjustment = self.DeclareAbstractInputPort(
+            "adjustment", Value(object())
         )
         self._state = self.DeclareAbstractState(Value(initial))
         # The outputs depend on the state only: this breaks every loop.
@@ -94,9 +104,21 @@ class WalkingStateMachine(LeafSystem):
             self._period,
             self._sole,
             self._params,
+            self._proposal(context),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
+
+    def _proposal(self, context) -> Proposal:
+        """What is connected of the adapters; the rest stays as it is."""
+        gain, adjustment = 0.0, None
+        if self._time.HasValue(context):
+            gain = float(self._time.Eval(context)[0])
+        if self._adjustment.HasValue(context):
+            adjustment = eval_typed(
+                self, context, self._adjustment, Adjustment
+            )
+        return Proposal(gain, adjustment)
 
     def _calc_signal(self, context, output):
         output.SetFromVector(walking_signal(self._walking_state(context)))
