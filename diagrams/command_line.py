@@ -7,9 +7,12 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
 
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
@@ -17,7 +20,7 @@ from diagrams.meshcat_scene import set_scene, start_meshcat
 from diagrams.replay import start_recording
 from diagrams.run_folder import prepare_folder, write_run
 from diagrams.scenario import MECHANISMS, Scenario, load_scenario
-from diagrams.simulation import Run, simulate
+from diagrams.simulation import Run, advance, start
 from diagrams.story import telling_lines
 from diagrams.summary import RunInfo, summarize
 
@@ -26,10 +29,18 @@ RECOVERED, FELL, BAD_INPUT = 0, 1, 2
 
 def finite(text: str) -> float:
     """A finite number, for argparse."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text}: must be a finite number")
-    return value
+    with contextlib.suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise argparse.ArgumentTypeError(f"{text!r}: must be a finite number")
+
+
+class CommandLine(argparse.ArgumentParser):
+    """Says on one line what is wrong with the command line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the program."""
+        self.exit(BAD_INPUT, f"{self.prog}: {message}\n")
 
 
 def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
@@ -105,21 +116,35 @@ def main_job(
     """Parses, checks, simulates, tells and writes; returns the exit code."""
     args = parser.parse_args(argv)
     try:
+        if args.realtime_rate < 0.0:
+            raise ValueError(
+                f"realtime_rate = {args.realtime_rate}: must be >= 0"
+            )
         scenario = make_scenario(args)
-        folder = prepare_folder(args.out, args.scenario_name)
         meshcat = _meshcat(args)
         diagram = (
             LipmDiagram(scenario)
             if args.plant == "lipm"
             else HumanoidDiagram(scenario, meshcat)
         )
+        simulator = start(diagram)
+        folder = prepare_folder(args.out, args.scenario_name)
         if args.graphviz:
-            args.graphviz.write_text(diagram.GetGraphvizString(max_depth=2))
+            _write_graph(diagram, args.graphviz)
     except (ValueError, OSError) as error:
         message = " ".join(str(error).split())
         print(f"{parser.prog}: {message}", file=sys.stderr)
         return BAD_INPUT
-    return _run(args, scenario, folder, diagram, meshcat)
+    return _run(args, scenario, folder, simulator, meshcat)
+
+
+def _write_graph(diagram: Diagram, path: Path) -> None:
+    try:
+        path.write_text(diagram.GetGraphvizString(max_depth=2))
+    except OSError as error:
+        raise ValueError(
+            f"graphviz = {path}: must be a file to write to ({error.strerror})"
+        ) from error
 
 
 def _meshcat(args: argparse.Namespace) -> Meshcat | None:
@@ -138,15 +163,19 @@ def _run(
     args: argparse.Namespace,
     scenario: Scenario,
     folder: Path,
-    diagram: LipmDiagram | HumanoidDiagram,
+    simulator: Simulator,
     meshcat: Meshcat | None,
 ) -> int:
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
-    run = simulate(diagram, scenario.duration, args.realtime_rate)
+    run = advance(simulator, scenario.duration, args.realtime_rate)
     summary = summarize(run.logs, run_info(args, scenario, run))
+    if summary["recovered"] and run.missed_pushes:
+        # Who was not pushed has not recovered from it.
+        summary["recovered"] = False
+        summary["reason"] = "not pushed: the push did not come before the end"
     for line in telling_lines(run.logs, summary):
         print(line)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)

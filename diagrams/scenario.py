@@ -10,11 +10,15 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.gait import Gait
 from nadia_balance.core.push import Push
-from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 MECHANISMS = ("icp_only",)
+PLANT_WORDS = {  # of MultibodyPlantConfig
+    "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
+    "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
+    "contact_surface_representation": ("triangle", "polygon"),
+}
 
 
 def default_plant_config() -> MultibodyPlantConfig:
@@ -39,7 +43,6 @@ class Scenario:
         default_factory=default_plant_config
     )
     gait: Gait = field(default_factory=Gait)
-    reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
 
@@ -54,20 +57,52 @@ class Scenario:
                 f"mechanisms = {self.mechanisms!r}: must be one of "
                 f"{', '.join(MECHANISMS)}"
             )
+        self.controller.validate()
+        _validate_plant(self.plant_config)
         self._validate_periods()
         self.gait.validate()
-        self.reachability.validate()
-        self.controller.validate()
         for push in self.pushes:
             push.validate()
+            self._validate_moment(push)
 
     def _validate_periods(self) -> None:
         step = self.plant_config.time_step
-        ticks = self.controller.control_period / step if step > 0 else 0.0
-        if not 0.0 < step or abs(ticks - round(ticks)) > 1e-9 or ticks < 1:
+        ticks = self.controller.control_period / step
+        if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
             raise ValueError(
-                f"time_step = {step}: must be > 0 and divide "
+                f"time_step = {step}: must divide "
                 f"control_period = {self.controller.control_period} s"
+            )
+
+    def _validate_moment(self, push: Push) -> None:
+        """Refuses a push of which it is known that it will never come."""
+        gait = self.gait
+        if push.time is not None and not push.time < self.duration:
+            raise ValueError(
+                f"time = {push.time}: must be < duration = {self.duration} s"
+            )
+        if push.phase and not (gait.num_steps or gait.steps or gait.footholds):
+            raise ValueError(
+                f"phase = {push.phase!r}: must come with steps in the gait"
+            )
+
+
+def _validate_plant(config: MultibodyPlantConfig) -> None:
+    """Drake would refuse these late, and some by ending the process."""
+    for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
+        value = getattr(config, name)
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} = {value}: must be finite and > 0")
+    threshold = config.sap_near_rigid_threshold
+    if not 0.0 <= threshold < math.inf:
+        raise ValueError(
+            f"sap_near_rigid_threshold = {threshold}: must be finite and >= 0"
+        )
+    for name, words in PLANT_WORDS.items():
+        value = getattr(config, name)
+        if value not in words:
+            raise ValueError(
+                f"{name} = {value!r}: must be one of {', '.join(words)}"
             )
 
 
@@ -76,8 +111,27 @@ def scenario_names() -> dict[str, Path]:
     return {
         name: path
         for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
-        for name in yaml_load_file(str(path))
+        for name in _names_in(path)
     }
+
+
+def _names_in(filename: Path) -> list[str]:
+    """The names of the scenarios in a file.
+
+    Raises:
+        ValueError: it is no YAML, or no mapping of names to scenarios.
+    """
+    try:
+        document = yaml_load_file(str(filename))
+    except Exception as error:
+        # PyYAML's errors reach us through pydrake; it has no base for both.
+        message = " ".join(str(error).split())
+        raise ValueError(f"scenario_file: {message}") from error
+    if not isinstance(document, dict):
+        raise ValueError(
+            f"scenario_file = {filename}: must map names to scenarios"
+        )
+    return list(document)
 
 
 def load_scenario(
@@ -94,15 +148,17 @@ def load_scenario(
     """
     if filename is None:
         known = scenario_names()
-        if name not in known:
-            raise ValueError(
-                f"scenario_name = {name!r}: must be one of {', '.join(known)}"
-            )
-        filename = known[name]
-    elif not Path(filename).is_file():
+    elif Path(filename).is_file():
+        known = dict.fromkeys(_names_in(Path(filename)), Path(filename))
+    else:
         raise FileNotFoundError(f"scenario_file = {filename}: no such file")
+    if name not in known:
+        raise ValueError(
+            f"scenario_name = {name!r}: must be one of "
+            f"{', '.join(map(str, known))}"
+        )
     scenario = load_typed(
-        Scenario, "scenario", filename=str(filename), child_name=name
+        Scenario, f"scenario {name}", filename=str(known[name]), child_name=name
     )
     if text:
         scenario = load_typed(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import EventStatus
+from pydrake.systems.framework import Context, EventStatus
 
 WATCH_PERIOD = 0.01  # looks for a fall so often [s]
 
@@ -20,6 +20,7 @@ class Run:
     simulated_time: float  # [s]
     cpu_time: float  # [s]
     interrupted: bool  # by Ctrl-C
+    missed_pushes: int = 0  # that never came, or were cut off by the end
 
     @property
     def real_time_factor(self) -> float:
@@ -27,16 +28,32 @@ class Run:
         return self.simulated_time / max(self.cpu_time, 1e-9)
 
 
+def start(diagram) -> Simulator:
+    """Returns a simulator of `diagram` that stands at the start.
+
+    Raises:
+        ValueError: the robot cannot stand as it is told.
+    """
+    simulator = Simulator(diagram)
+    diagram.set_initial_state(simulator.get_mutable_context())
+    return simulator
+
+
 def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
-    """Simulates `diagram` for `duration` [s], or until it falls.
+    """Simulates `diagram` from its start for `duration` [s]; see advance."""
+    return advance(start(diagram), duration, realtime_rate)
+
+
+def advance(
+    simulator: Simulator, duration: float, realtime_rate: float = 0.0
+) -> Run:
+    """Simulates until `duration` [s], or until the robot falls.
 
     `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
     Ctrl-C, or an error while running, ends the run early; what was logged
     until then is returned.
     """
-    simulator = Simulator(diagram)
-    context = simulator.get_mutable_context()
-    diagram.set_initial_state(context)
+    diagram, context = simulator.get_system(), simulator.get_mutable_context()
     simulator.set_target_realtime_rate(realtime_rate)
     fall = {}
 
@@ -60,7 +77,7 @@ def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
         simulator.AdvanceTo(duration)
     except KeyboardInterrupt:
         interrupted = True
-    except RuntimeError as error:  # such as NaN at an input
+    except (RuntimeError, ValueError) as error:  # such as NaN at an input
         message = " ".join(str(error).split())
         fall.update(time=context.get_time(), reason=f"stopped: {message}")
     cpu_time = time.process_time() - start
@@ -71,4 +88,12 @@ def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
         interrupted=interrupted,
+        missed_pushes=_missed_pushes(diagram, context),
     )
+
+
+def _missed_pushes(diagram, context: Context) -> int:
+    """Number of pushes that never came, or were cut off by the end."""
+    source = diagram.GetSubsystemByName("push_source")
+    state = source.GetMyContextFromRoot(context).get_discrete_state_vector()
+    return int(np.count_nonzero(state.value().reshape(-1, 2)[:, 0]))

@@ -24,7 +24,7 @@ def initial_walking_state(scenario: Scenario) -> WalkingState:
     feet = FootPoses(
         FootPose(np.array([0.0, y, 0.0])), FootPose(np.array([0.0, -y, 0.0]))
     )
-    footsteps = make_footsteps(gait, feet, scenario.reachability)
+    footsteps = make_footsteps(gait, feet, scenario.controller.reachability)
     wait = scenario.controller.walking_state_machine.standing_duration
     centre = middle(feet).p_WF[:2]
     schedule = ContactSchedule(

@@ -8,6 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from nadia_balance.core.com_height import ComHeightParams, LegGeometry
 from nadia_balance.core.icp_plan import IcpPlanParams
 from nadia_balance.core.momentum_qp import MomentumQpParams
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_foot import SwingFootParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import (
@@ -30,6 +31,9 @@ class ControllerParams:
     control_period: float = 0.002  # T [s]
     walking_state_machine: WalkingStateMachineParams = field(
         default_factory=WalkingStateMachineParams
+    )
+    reachability: ReachabilityParams = field(
+        default_factory=ReachabilityParams
     )
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
@@ -88,7 +92,11 @@ class CapturePointController(Diagram):
         machine = builder.AddNamedSystem(
             "walking_state_machine",
             WalkingStateMachine(
-                params.walking_state_machine, initial, model.sole, period
+                params.walking_state_machine,
+                initial,
+                model.sole,
+                params.reachability,
+                period,
             ),
         )
         planner = builder.AddNamedSystem(

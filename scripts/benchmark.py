@@ -7,7 +7,6 @@ Examples:
     python scripts/benchmark.py --json --seconds 10
 """
 
-import argparse
 import json
 import sys
 import time
@@ -19,7 +18,7 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
-from diagrams.command_line import finite
+from diagrams.command_line import CommandLine, finite
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.scenario import Scenario, load_scenario
 from nadia_balance.robot import load_robot, terrain_file
@@ -30,7 +29,7 @@ START = 1.0  # when the measurement begins: she steps [s]
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; 0 done, 2 bad input."""
-    parser = argparse.ArgumentParser(
+    parser = CommandLine(
         prog="benchmark.py", description=__doc__.partition("\n")[0]
     )
     parser.add_argument("--scenario_name", default="walk_in_place")

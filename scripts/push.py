@@ -11,6 +11,7 @@ import re
 import sys
 
 from diagrams.command_line import (
+    CommandLine,
     finite,
     main_job,
     output_flags,
@@ -26,7 +27,7 @@ WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; 0 recovered, 1 fell, 2 bad input."""
-    parser = argparse.ArgumentParser(
+    parser = CommandLine(
         prog="push.py",
         description=__doc__.partition("\n")[0],
         epilog="Exit code: 0 recovered, 1 fell, 2 bad input.",
@@ -81,7 +82,8 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         push.delta_v, push.force = args.delta_v, None
     if args.phase == "standing":
         push.phase, push.time = None, 1.0
-        scenario.gait.num_steps = 0
+        gait = scenario.gait
+        gait.num_steps, gait.steps, gait.footholds = 0, [], []
     elif args.phase is not None:
         push.phase, push.time = args.phase, None
     for name in ("side", "fraction"):
@@ -95,6 +97,9 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
 def _read_at(args: argparse.Namespace) -> None:
     """Splits --at into --side, --phase and --fraction."""
+    for name in ("side", "phase", "fraction"):
+        if (value := getattr(args, name)) is not None:
+            raise ValueError(f"{name} = {value}: must not come with --at")
     match = re.fullmatch(
         r"(left|right) (swing|transfer) (\d+(?:\.\d*)?) ?%", args.at.strip()
     )

@@ -5,10 +5,10 @@ Examples:
     python scripts/simulate.py --scenario_name walk_in_place --plant lipm
 """
 
-import argparse
 import sys
 
 from diagrams.command_line import (
+    CommandLine,
     main_job,
     output_flags,
     scenario_flags,
@@ -20,7 +20,7 @@ from diagrams.scenario import scenario_names
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; 0 stands, 1 fell, 2 bad input."""
     names = ", ".join(scenario_names())
-    parser = argparse.ArgumentParser(
+    parser = CommandLine(
         prog="simulate.py",
         description=__doc__.partition("\n")[0],
         epilog=f"scenarios: {names}. "

@@ -19,6 +19,9 @@ _Point = tuple[float, float]
 # square of any length that matters, far above rounding.
 _FLAT = 1e-12
 
+# Edges whose cross product [m^2] is below this have one direction: rounding.
+_PARALLEL = 1e-16
+
 
 def convex_hull(points: Array) -> Array:
     """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
@@ -123,22 +126,67 @@ def centroid(polygon: Array) -> Array:
     return np.array([origin[0] + x / (3 * area), origin[1] + y / (3 * area)])
 
 
+def area(polygon: Array) -> float:
+    """Returns the area [m^2]; 0 for fewer than three vertices."""
+    twice = 0.0
+    vertices = polygon.tolist()
+    for i in range(2, len(vertices)):
+        twice += _turn(vertices[0], vertices[i - 1], vertices[i])
+    return 0.5 * twice
+
+
 def clip(polygon: Array, normal: Array, offset: float) -> Array:
     """Returns the part of the polygon with normal . p <= offset, (m, 2).
 
     One step of Sutherland and Hodgman's clipping; (0, 2) if nothing is left.
     """
-    nx, ny = float(normal[0]), float(normal[1])
+    kept = _clip(polygon.tolist(), float(normal[0]), float(normal[1]), offset)
+    return np.array(kept).reshape(-1, 2)
+
+
+def _clip(
+    vertices: list[_Point], nx: float, ny: float, offset: float
+) -> list[_Point]:
     kept: list[_Point] = []
-    for a, b in _edges(polygon):
-        over_a = nx * a[0] + ny * a[1] - offset
+    if not vertices:
+        return kept
+    a = vertices[-1]
+    over_a = nx * a[0] + ny * a[1] - offset
+    for b in vertices:
         over_b = nx * b[0] + ny * b[1] - offset
-        if over_a <= 0.0:
-            kept.append(a)
         if over_a * over_b < 0.0:
             s = over_a / (over_a - over_b)
             kept.append((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])))
-    return np.array(kept).reshape(-1, 2)
+        if over_b <= 0.0:
+            kept.append(b)
+        a, over_a = b, over_b
+    return kept
+
+
+def clip_all(polygon: Array, A: Array, b: Array) -> Array:
+    """Returns the part of the polygon with A p <= b, (m, 2).
+
+    `A` (k, 2) and `b` (k,) [m] as of `halfspaces`.  (0, 2) if no area is left.
+    """
+    excess = polygon @ A.T - b
+    if not len(polygon) or (excess.min(axis=0) >= 0.0).any():
+        return np.empty((0, 2))
+    cutting = np.flatnonzero(excess.max(axis=0) > 0.0)
+    if not len(cutting):
+        return polygon
+    vertices = polygon.tolist()
+    normals, offsets = A.tolist(), b.tolist()
+    for k in cutting.tolist():
+        vertices = _clip(vertices, *normals[k], offsets[k])
+    # The hull drops vertices that coincide but for rounding: the direction of
+    # an edge between them would mean nothing.
+    part = convex_hull(np.array(vertices).reshape(-1, 2))
+    return part if len(part) > 2 else np.empty((0, 2))
+
+
+def intersection(first: Array, second: Array) -> Array:
+    """Returns what the polygons share, (n, 2); (0, 2) if they share no area."""
+    return clip_all(first, *halfspaces(second))
 
 
 def shrink(polygon: Array, distance: float) -> Array:
@@ -148,12 +196,46 @@ def shrink(polygon: Array, distance: float) -> Array:
         ValueError: no area is left.
     """
     A, b = halfspaces(polygon)
-    inner = polygon
-    for normal, offset in zip(A, b, strict=True):
-        inner = clip(inner, normal, float(offset) - distance)
-    inner = convex_hull(inner)
-    if len(inner) < 3:
+    inner = clip_all(polygon, A, b - distance)
+    if not len(inner):
         raise ValueError(
             f"distance = {distance}: nothing is left of the polygon"
         )
     return inner
+
+
+def minkowski_sum(first: Array, second: Array) -> Array:
+    """Returns {p + q : p in first, q in second}, by merging the edges.
+
+    Both have to be counter-clockwise and strictly convex, as from
+    `convex_hull`; one may be a single point or a line.
+    """
+    p, q = _from_lowest(first), _from_lowest(second)
+    n, m = len(p), len(q)
+    p.append(p[0])
+    q.append(q[0])
+    i = j = 0
+    total: list[_Point] = []
+    while i < n or j < m:
+        a, b = p[i], q[j]
+        total.append((a[0] + b[0], a[1] + b[1]))
+        if i == n:
+            j += 1
+            continue
+        if j == m:
+            i += 1
+            continue
+        u, v = p[i + 1], q[j + 1]
+        turn = (u[0] - a[0]) * (v[1] - b[1]) - (u[1] - a[1]) * (v[0] - b[0])
+        if turn >= -_PARALLEL:
+            i += 1
+        if turn <= _PARALLEL:
+            j += 1
+    return np.array(total)
+
+
+def _from_lowest(polygon: Array) -> list[_Point]:
+    """Returns the vertices; the lowest, and of these the leftmost, first."""
+    vertices: list[_Point] = polygon.tolist()
+    k = vertices.index(min(vertices, key=lambda v: (v[1], v[0])))
+    return vertices[k:] + vertices[:k]

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nadia_balance.core.footstep_plan import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.polygon import project
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
@@ -84,6 +86,7 @@ def advance(
     measured: Measurement,
     period: float,
     sole: Array,
+    reach: ReachabilityParams,
     params: WalkingStateMachineParams,
     proposal: Proposal = KEEP,
 ) -> WalkingState:
@@ -91,7 +94,8 @@ def advance(
 
     `plan` is the ICP plan of `state.schedule`: it tells where the reference
     is when a phase ends, so that the next plan continues from there.  `sole`
-    (n, 2) [m] are the sole's corners in the sole frame.
+    (n, 2) [m] are the sole's corners in the sole frame, `reach` is where
+    later footsteps must be after the feet have landed elsewhere.
     """
     state = _adjust(state, proposal.adjustment)
     schedule = state.schedule
@@ -105,18 +109,16 @@ def advance(
     )
     match schedule.phase:
         case Phase.STANDING if done:
-            return _start_transfer(state, plan, measured)
+            return _start_transfer(state, plan, measured, reach)
         case Phase.TRANSFER if done:
             if _may_lift(schedule, plan, measured, sole, params):
                 return _end_transfer(state, plan, measured)
         case Phase.SWING:
-            return _advance_swing(state, plan, measured, params)
+            return _advance_swing(state, plan, measured, reach, params)
     return state
 
 
-def _adjust(
-    state: WalkingState, adjustment: Adjustment | None
-) -> WalkingState:
+def _adjust(state: WalkingState, adjustment: Adjustment | None) -> WalkingState:
     """Moves the foothold of the step in the air."""
     schedule = state.schedule
     if adjustment is None or schedule.phase is not Phase.SWING:
@@ -132,6 +134,7 @@ def _advance_swing(
     state: WalkingState,
     plan: IcpPlan,
     measured: Measurement,
+    reach: ReachabilityParams,
     params: WalkingStateMachineParams,
 ) -> WalkingState:
     schedule = state.schedule
@@ -143,18 +146,20 @@ def _advance_swing(
         return replace(state, contact_ticks=ticks)
     landed = replace(
         state,
-        schedule=replace(schedule, footsteps=schedule.footsteps[1:]),
         commanded=state.commanded[1:],
         steps_taken=state.steps_taken + 1,
     )
-    return _start_transfer(landed, plan, measured)
+    return _start_transfer(landed, plan, measured, reach)
 
 
 def _start_transfer(
-    state: WalkingState, plan: IcpPlan, measured: Measurement
+    state: WalkingState,
+    plan: IcpPlan,
+    measured: Measurement,
+    reach: ReachabilityParams,
 ) -> WalkingState:
     old = state.schedule
-    steps = old.footsteps
+    steps = within_reach(state.commanded, measured.feet, reach)
     schedule = replace(
         old,
         phase=Phase.TRANSFER,
@@ -163,6 +168,7 @@ def _start_transfer(
             steps[0].transfer_duration if steps else old.final_transfer_duration
         ),
         feet=measured.feet,
+        footsteps=steps,
         start=plan.at(state.time_in_phase).point(),
     )
     return _begin(state, schedule)

@@ -4,6 +4,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -48,12 +49,13 @@ class WalkingStateMachine(LeafSystem):
         params: WalkingStateMachineParams,
         initial: WalkingState,
         sole: np.ndarray,
+        reach: ReachabilityParams,
         control_period: float,
     ):
         """Starts in `initial`; `sole` (n, 2) [m], `control_period` [s]."""
         super().__init__()
         params.validate()
-        self._params, self._sole = params, sole
+        self._params, self._sole, self._reach = params, sole, reach
         self._period = control_period
         poses = FootPoses(FootPose(), FootPose())
         self._foot_poses = declare_input(self, "foot_poses", poses)
@@ -103,6 +105,7 @@ class WalkingStateMachine(LeafSystem):
             measured,
             self._period,
             self._sole,
+            self._reach,
             self._params,
             self._proposal(context),
         )

@@ -9,6 +9,7 @@ import pytest
 from nadia_balance.core.gait import Gait, make_footsteps
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import (
+    Adjustment,
     ContactSchedule,
     FootPose,
     FootPoses,
@@ -19,7 +20,9 @@ from nadia_balance.core.walking import (
     rectangle,
 )
 from nadia_balance.core.walking_state_machine import (
+    KEEP,
     Measurement,
+    Proposal,
     WalkingStateMachineParams,
     advance,
 )
@@ -27,6 +30,7 @@ from nadia_balance.core.walking_state_machine import (
 PERIOD = 0.002
 SOLE = rectangle(0.25, 0.12)
 PARAMS = WalkingStateMachineParams()
+REACH = ReachabilityParams()
 FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
 
 
@@ -61,13 +65,17 @@ def standing(num_steps):
     schedule = ContactSchedule(
         Phase.STANDING, Side.LEFT, 0.5, FEET, steps, start
     )
-    return WalkingState(schedule)
+    return WalkingState(schedule, commanded=steps)
 
 
-def step(state, forces=(400.0, 400.0), icp=(0.0, 0.0), feet=FEET):
+def step(
+    state, forces=(400.0, 400.0), icp=(0.0, 0.0), feet=FEET, proposal=KEEP
+):
     """One period later."""
     measured = Measurement(feet, np.array(forces), np.array(icp))
-    return advance(state, FakePlan(), measured, PERIOD, SOLE, PARAMS)
+    return advance(
+        state, FakePlan(), measured, PERIOD, SOLE, REACH, PARAMS, proposal
+    )
 
 
 def until(state, phase, **measured):
@@ -194,3 +202,52 @@ def test_refuses_bad_parameters(field, value):
     """Oracle: the message names the field and the value."""
     with pytest.raises(ValueError, match=f"{field} = {value}"):
         WalkingStateMachineParams(**{field: value}).validate()
+
+
+def test_the_clock_runs_faster_by_what_is_proposed():
+    """Oracle: by hand; the elapsed time is the real one."""
+    state = swinging()
+    for _ in range(10):
+        state = step(state, proposal=Proposal(time_gain=0.01))
+    assert state.time_in_phase == pytest.approx(10 * (PERIOD + 0.01))
+    assert state.elapsed == pytest.approx(10 * PERIOD)
+
+
+def test_the_clock_never_runs_back():
+    """Oracle: a negative proposal changes nothing."""
+    state = step(swinging(), proposal=Proposal(time_gain=-1.0))
+    assert state.time_in_phase == PERIOD
+
+
+def test_an_adjusted_step_replaces_the_one_in_the_air():
+    """Oracle: the pose; the command and the later steps stay."""
+    state = swinging()
+    pose = FootPose([0.2, -0.3, 0.0])
+    nominal = state.schedule.footsteps[0]
+    adjustment = Adjustment(nominal, pose, "base")
+    moved = step(state, proposal=Proposal(adjustment=adjustment))
+    assert moved.schedule.footsteps[0].pose is pose
+    assert moved.schedule.footsteps[1:] == state.schedule.footsteps[1:]
+    assert moved.commanded == state.commanded
+    assert moved.adjustment is adjustment
+    again = step(moved, proposal=Proposal(adjustment=adjustment))
+    assert again.schedule is moved.schedule  # nothing to plan anew
+
+
+def test_a_foot_that_is_down_is_not_moved():
+    """Oracle: identity of the schedule in a transfer."""
+    state, _ = until(standing(3), Phase.TRANSFER)
+    pose = FootPose([0.2, -0.3, 0.0])
+    adjustment = Adjustment(state.schedule.footsteps[0], pose, "base")
+    moved = step(state, proposal=Proposal(adjustment=adjustment))
+    assert moved.schedule is state.schedule
+
+
+def test_after_a_crossed_step_the_legs_uncross():
+    """Oracle: the base region of where the foot has landed, by hand."""
+    landed = FEET.with_foot(Side.RIGHT, FootPose([0.3, 0.3, 0.0]))
+    state, _ = until(swinging(), Phase.TRANSFER, feet=landed)
+    left = state.schedule.footsteps[0]
+    assert left.side is Side.LEFT
+    assert left.pose.p_WF[1] >= 0.3 + 0.125 - 1e-9
+    assert state.schedule.footsteps[1].pose == state.commanded[1].pose

@@ -6,6 +6,7 @@ from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.core.walking_state_machine import (
     Measurement,
@@ -20,12 +21,13 @@ from tests.example_walks import FEET, OMEGA, SOLE, standing, walk
 
 PERIOD = 0.002
 PARAMS = WalkingStateMachineParams()
+REACH = ReachabilityParams()
 FORCES, ICP = np.array([400.0, 500.0]), np.array([0.01, 0.02])
 
 
 def machine_in(state):
     """The system in `state`, its inputs fixed, and the plan it gets."""
-    machine = WalkingStateMachine(PARAMS, state, SOLE, PERIOD)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
     simulator = Simulator(machine)
     context = simulator.get_mutable_context()
     plan = plan_icp(state.schedule, SOLE, IcpPlanParams(), OMEGA)
@@ -48,7 +50,13 @@ def test_advances_once_a_period(time):
     assert port.Eval(context) is state
     simulator.AdvanceTo(0.5 * PERIOD)
     expected = advance(
-        state, plan, Measurement(FEET, FORCES, ICP), PERIOD, SOLE, PARAMS
+        state,
+        plan,
+        Measurement(FEET, FORCES, ICP),
+        PERIOD,
+        SOLE,
+        REACH,
+        PARAMS,
     )
     now = port.Eval(context)
     assert now.time_in_phase == expected.time_in_phase
@@ -101,7 +109,7 @@ def test_refuses_another_type(name):
 def test_needs_the_plan():
     """Oracle: Drake names the port that is not connected."""
     state = WalkingState(walk())
-    machine = WalkingStateMachine(PARAMS, state, SOLE, PERIOD)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
     with pytest.raises(RuntimeError, match="foot_poses"):
         Simulator(machine).AdvanceTo(PERIOD)
     assert state.schedule.phase is Phase.TRANSFER

@@ -1,0 +1,162 @@
+"""How far to advance the walking clock, so that the plan meets the ICP.
+
+The Nadia paper, Sec. VI: Eqs. 15 and 16 in swing and in transfer.
+"""
+
+import math
+from dataclasses import dataclass
+
+from nadia_balance.core.icp_plan import IcpPlan, IcpReference
+from nadia_balance.core.polygon import contains, project
+from nadia_balance.core.support_polygon import support_polygon
+from nadia_balance.core.walking import Array, FootPoses, Phase, WalkingState
+
+# The plan's way to the end of the phase has no direction below this [m]: in
+# transfer it comes to a standstill, and Eq. 16 would amplify noise.
+_SHORT_WAY = 0.01
+
+
+@dataclass(kw_only=True)
+class TimingAdapterParams:
+    """How much the walking clock may be advanced, and when."""
+
+    swing: bool = True  # shorten the swing
+    transfer: bool = True  # shorten the transfer
+    swing_discount: float = 0.8  # gamma of a swing, in each tick [-]
+    transfer_discount: float = 0.8  # gamma of a transfer, in each tick [-]
+    icp_error_threshold: float = 0.03  # smaller errors change no clock [m]
+    min_swing_duration: float = 0.4  # [s]
+    min_transfer_duration: float = 0.05  # [s]
+    # What the swing foot needs, whatever the ICP does.
+    min_remaining_swing: float = 0.08  # never leave it less than this [s]
+    max_foot_speed: float = 3.0  # mean, on the straight way to the target [m/s]
+    max_speed_up: float = 3.0  # sigma: of the rest of the swing [-]
+    support_margin: float = 0.02  # eCMPs nearer the edge are not feasible [m]
+
+    def validate(self) -> None:
+        """Raises ValueError if a field is out of range."""
+        for name in ("swing_discount", "transfer_discount"):
+            self._check(name, 0.0 < getattr(self, name) <= 1.0, "in (0, 1]")
+        for name, least in (
+            ("icp_error_threshold", 0.0),
+            ("min_swing_duration", 0.35),
+            ("min_transfer_duration", 0.03),
+            ("min_remaining_swing", 0.0),
+            ("support_margin", 0.0),
+            ("max_speed_up", 1.0),
+        ):
+            valid = least <= getattr(self, name) < math.inf
+            self._check(name, valid, f">= {least}, finite")
+        self._check("max_foot_speed", self.max_foot_speed > 0.0, "> 0 m/s")
+
+    def discount(self, phase: Phase) -> float:
+        """Gamma of `phase`; 0 where the clock is left alone."""
+        if phase is Phase.SWING and self.swing:
+            return self.swing_discount
+        if phase is Phase.TRANSFER and self.transfer:
+            return self.transfer_discount
+        return 0.0
+
+    def _check(self, name: str, valid: bool, rule: str) -> None:
+        if not valid:
+            raise ValueError(f"{name} = {getattr(self, name)}: must be {rule}")
+
+
+def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
+    """Returns how far along icp_r -> icp_end the ICP is, in [0, 1].
+
+    Points (2,) [m] in W.  Goes to 0 where the way vanishes.
+    Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
+    """
+    way = icp_end - icp_r
+    length2 = max(float(way @ way), _SHORT_WAY**2)
+    return min(max(float((icp - icp_r) @ way) / length2, 0.0), 1.0)
+
+
+def time_ahead(fraction: float, remaining: float, omega: float) -> float:
+    """Returns how far ahead [s] of the plan the ICP is, in [0, remaining].
+
+    `fraction` in [0, 1] of the plan's way to the end of the phase, which is
+    `remaining` [s] away; omega [rad/s].
+    Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
+    of two collinear vectors.  With the constant eCMP that leads from icp_r to
+    icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
+    """
+    return math.log1p(fraction * math.expm1(omega * remaining)) / omega
+
+
+def is_leaving(
+    icp: Array, reference: IcpReference, support: Array, margin: float
+) -> bool:
+    """True if the ICP runs away from its reference and no eCMP can stop it.
+
+    That is, if the ICP is out of the polygon `support` (n, 2), its error
+    points outward there, and the eCMP that would keep the error from growing
+    (K = 1 in the Nadia paper, Eq. 6) is not `margin` [m] within the support.
+    An ICP that merely lags behind on its way to the next foot does not leave.
+    `icp` (2,) [m] in W.
+    """
+    error = icp - reference.icp
+    if contains(reference.ecmp + error, support, -margin):
+        return False
+    outward = icp - project(icp, support)
+    return bool(outward @ error > 0.0)
+
+
+def least_remaining_time(
+    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
+) -> float:
+    """Returns the time [s] that must be left in the phase, by the clock.
+
+    In a swing, the foot that is now at its measured pose in `feet` needs time
+    to its target, and the rest of its motion is sped up by no more than sigma
+    (Atlas paper, Eq. 13).
+    Erratum: as printed, sigma has no upper bound.
+    """
+    schedule = state.schedule
+    if schedule.phase is Phase.TRANSFER:
+        return params.min_transfer_duration - state.elapsed
+    step = schedule.footsteps[0]
+    way = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    return max(
+        params.min_swing_duration - state.elapsed,
+        params.min_remaining_swing,
+        math.hypot(*way) / params.max_foot_speed,
+        (schedule.duration - state.elapsed) / params.max_speed_up,
+    )
+
+
+def time_adjustment(
+    icp: Array,
+    plan: IcpPlan,
+    state: WalkingState,
+    feet: FootPoses,
+    sole: Array,
+    params: TimingAdapterParams,
+) -> float:
+    """Returns by how much [s] to advance the clock now, >= 0.
+
+    The discounted time by which the measured `icp` (2,) [m] is ahead of the
+    plan (Nadia paper, Eqs. 15 and 16) or, if what Eq. 16 cannot explain makes
+    the ICP leave the support, all that there is: the next step must come at
+    once.  Limited by `least_remaining_time`.  `sole` (n, 2) [m] are the
+    corners of either sole in its own frame.
+    """
+    t, phase = state.time_in_phase, state.schedule.phase
+    discount = params.discount(phase)
+    if discount == 0.0 or state.waiting or not state.schedule.footsteps:
+        return 0.0
+    reference = plan.at(t)
+    if math.dist(icp, reference.icp) < params.icp_error_threshold:
+        return 0.0
+    left = state.remaining_time
+    most = max(left - least_remaining_time(state, feet, params), 0.0)
+    if most == 0.0:
+        return 0.0
+    done = fraction_done(icp, reference.icp, plan.icp_end)
+    ahead = time_ahead(done, left, plan.omega)
+    reference = plan.at(t + ahead)
+    support = support_polygon(state.schedule, sole)
+    if is_leaving(icp, reference, support, params.support_margin):
+        return most
+    return min(discount * ahead, most)
