@@ -61,7 +61,9 @@ class HumanoidDiagram(Diagram):
         self.plant.Finalize()
         self.controller = builder.AddNamedSystem(
             "balance_controller",
-            BalanceController(scenario.controller, self.robot, self.initial),
+            BalanceController(
+                scenario.controller_params(), self.robot, self.initial
+            ),
         )
         self.push = builder.AddNamedSystem(
             "push_source",

@@ -34,7 +34,8 @@ class LipmDiagram(Diagram):
         """Builds everything from the `scenario`."""
         super().__init__()
         self.scenario = scenario
-        params, period = scenario.controller, scenario.controller.control_period
+        params = scenario.controller_params()
+        period = params.control_period
         self.robot = load_robot(scenario.robot)
         model = point_mass_of(self.robot)
         initial = initial_walking_state(scenario)

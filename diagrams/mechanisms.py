@@ -1,5 +1,6 @@
 """What a robot may use to recover, by name: the columns of Fig. 10."""
 
+import copy
 from dataclasses import dataclass
 
 from nadia_balance.capture_point_controller import ControllerParams
@@ -27,12 +28,19 @@ MECHANISMS = {
 AS_IN_PARAMETERS = "custom"  # whatever the controller's parameters say
 
 
-def switch(params: ControllerParams, name: str) -> None:
-    """Switches on in `params` what the mechanism `name` has, and no more."""
+def with_mechanism(params: ControllerParams, name: str) -> ControllerParams:
+    """Returns a copy of `params` that has what `name` has, and no more."""
+    params = copy.deepcopy(params)
     if name == AS_IN_PARAMETERS:
-        return
+        return params
     mechanism = MECHANISMS[name]
-    params.step_adjuster.enabled = mechanism.step
-    params.reachability.cross_over = mechanism.cross_over
-    params.timing_adapter.swing = mechanism.swing
-    params.timing_adapter.transfer = mechanism.transfer
+    timing, adjuster = params.timing_adapter, params.step_adjuster
+    timing.swing, timing.transfer = mechanism.swing, mechanism.transfer
+    adjuster.enabled = mechanism.step
+    adjuster.reachability.cross_over = mechanism.cross_over
+    # The capture regions count on the hurry that there will be.
+    if mechanism.swing:
+        adjuster.shortest_swing = timing.min_swing_duration
+    if mechanism.transfer:
+        adjuster.shortest_transfer = timing.min_transfer_duration
+    return params

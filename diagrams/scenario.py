@@ -7,13 +7,17 @@ from pathlib import Path
 from pydrake.common.yaml import yaml_load_file
 from pydrake.multibody.plant import MultibodyPlantConfig
 
+from diagrams.mechanisms import (
+    AS_IN_PARAMETERS,
+    MECHANISMS,
+    with_mechanism,
+)
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.gait import Gait
 from nadia_balance.core.push import Push
 from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
-MECHANISMS = ("icp_only",)
 PLANT_WORDS = {  # of MultibodyPlantConfig
     "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
     "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
@@ -38,7 +42,7 @@ class Scenario:
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     duration: float = 10.0  # [s]
     seed: int = 0  # 0: exact start; else shifts it by up to 10 um
-    mechanisms: str = "icp_only"  # what may be used to recover
+    mechanisms: str = "all_with_cross_over"  # what may be used to recover
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
@@ -46,16 +50,18 @@ class Scenario:
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
 
+    def controller_params(self) -> ControllerParams:
+        """The controller's parameters, with the mechanisms switched."""
+        return with_mechanism(self.controller, self.mechanisms)
+
     def validate(self) -> None:
         """Raises ValueError naming the field, its value, what is allowed."""
-        if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise ValueError(f"duration = {self.duration}: must be > 0 s")
         if self.seed < 0:
             raise ValueError(f"seed = {self.seed}: must be >= 0")
-        if self.mechanisms not in MECHANISMS:
+        if self.mechanisms not in (*MECHANISMS, AS_IN_PARAMETERS):
             raise ValueError(
                 f"mechanisms = {self.mechanisms!r}: must be one of "
-                f"{', '.join(MECHANISMS)}"
+                f"{', '.join((*MECHANISMS, AS_IN_PARAMETERS))}"
             )
         self.controller.validate()
         _validate_plant(self.plant_config)
@@ -72,6 +78,12 @@ class Scenario:
             raise ValueError(
                 f"time_step = {step}: must divide "
                 f"control_period = {self.controller.control_period} s"
+            )
+        period = self.controller.control_period
+        if not period <= self.duration < math.inf:
+            raise ValueError(
+                f"duration = {self.duration}: must be finite and >= "
+                f"control_period = {period} s"
             )
 
     def _validate_moment(self, push: Push) -> None:

@@ -30,8 +30,8 @@ class BalanceController(Diagram):
         input_ports: [estimated_state, foot_forces]
         output_ports: [actuation, foot_wrenches, whole_body_qp_status,
                        swing_foot_reference, com_state, icp, foot_poses,
-                       walking_state, walking_signal, icp_plan,
-                       icp_reference, ecmp_command, momentum_rate,
+                       walking_state, walking_signal, capture_regions,
+                       icp_plan, icp_reference, ecmp_command, momentum_rate,
                        momentum_qp_status]
     """
 

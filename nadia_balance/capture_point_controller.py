@@ -6,13 +6,19 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nadia_balance.core.com_height import ComHeightParams, LegGeometry
+from nadia_balance.core.foothold_adjustment_params import (
+    CaptureRegionStepAdjusterParams,
+)
 from nadia_balance.core.icp_plan import IcpPlanParams
 from nadia_balance.core.momentum_qp import MomentumQpParams
-from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_foot import SwingFootParams
+from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import (
     WalkingStateMachineParams,
+)
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
 )
 from nadia_balance.systems.icp_planner import IcpPlanner
 from nadia_balance.systems.momentum_qp import MomentumQp
@@ -21,6 +27,7 @@ from nadia_balance.systems.ports import (
     export_input,
     export_outputs,
 )
+from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 
 
@@ -32,8 +39,11 @@ class ControllerParams:
     walking_state_machine: WalkingStateMachineParams = field(
         default_factory=WalkingStateMachineParams
     )
-    reachability: ReachabilityParams = field(
-        default_factory=ReachabilityParams
+    timing_adapter: TimingAdapterParams = field(
+        default_factory=TimingAdapterParams
+    )
+    step_adjuster: CaptureRegionStepAdjusterParams = field(
+        default_factory=CaptureRegionStepAdjusterParams
     )
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
@@ -73,8 +83,8 @@ class CapturePointController(Diagram):
 
         name: CapturePointController
         input_ports: [foot_poses, foot_forces, icp, com_state]
-        output_ports: [walking_state, walking_signal, icp_plan,
-                       icp_reference, ecmp_command, momentum_rate,
+        output_ports: [walking_state, walking_signal, capture_regions,
+                       icp_plan, icp_reference, ecmp_command, momentum_rate,
                        momentum_qp_status]
     """
 
@@ -95,7 +105,7 @@ class CapturePointController(Diagram):
                 params.walking_state_machine,
                 initial,
                 model.sole,
-                params.reachability,
+                params.step_adjuster.reachability,
                 period,
             ),
         )
@@ -120,12 +130,28 @@ class CapturePointController(Diagram):
         connect(builder, machine, momentum, "walking_state")
         connect(builder, planner, momentum, "icp_reference")
         connect(builder, planner, machine, "icp_plan")
+        timing = builder.AddNamedSystem(
+            "timing_adapter", TimingAdapter(params.timing_adapter, model.sole)
+        )
+        adjuster = builder.AddNamedSystem(
+            "step_adjuster",
+            CaptureRegionStepAdjuster(
+                params.step_adjuster, model.sole, model.omega
+            ),
+        )
+        connect(builder, machine, timing, "walking_state")
+        connect(builder, planner, timing, "icp_plan")
+        connect(builder, timing, machine, "time_adjustment")
+        connect(builder, machine, adjuster, "walking_state")
+        connect(builder, timing, adjuster, "time_adjustment")
+        connect(builder, adjuster, machine, "adjustment")
 
-        export_input(builder, "foot_poses", machine)
+        export_input(builder, "foot_poses", machine, timing)
         export_input(builder, "foot_forces", machine)
-        export_input(builder, "icp", machine, momentum)
+        export_input(builder, "icp", machine, momentum, timing, adjuster)
         export_input(builder, "com_state", momentum)
         export_outputs(builder, machine, "walking_state", "walking_signal")
+        export_outputs(builder, adjuster, "capture_regions")
         export_outputs(builder, planner, "icp_plan", "icp_reference")
         export_outputs(builder, momentum, "ecmp_command", "momentum_rate")
         builder.ExportOutput(

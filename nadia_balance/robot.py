@@ -1,30 +1,35 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
+import contextlib
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
     ComPositionConstraint,
     InverseKinematics,
 )
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
 
 from nadia_balance.core.lipm import natural_frequency
 from nadia_balance.core.robot_params import RobotParams
 from nadia_balance.core.walking import Side, rectangle
+from nadia_balance.robot_checks import (
+    check_plant,
+    check_urdf,
+    improper_contacts,
+)
 from nadia_balance.typed_yaml import load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
 # by `import models`: a user may have a folder of that name.
 MODELS = Path(__file__).resolve().parents[1] / "models"
-
-BODIES = ("pelvis_body", "torso_body", "left_foot_body", "right_foot_body")
 
 
 class RobotModel:
@@ -34,7 +39,8 @@ class RobotModel:
         """Checks that `urdf` has all that the `params` name.
 
         Raises:
-            ValueError: it has not; the message names what is missing.
+            ValueError: it has not, or the robot cannot stand as they say; the
+                message names the field, its value and what is allowed.
         """
         params.validate()
         self.params, self.urdf, self.name = params, urdf, params.name
@@ -53,7 +59,7 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        _check_plant(self.control_plant(), params)
+        self._check()
 
     @cached_property
     def mass(self) -> float:
@@ -70,19 +76,32 @@ class RobotModel:
         """
         parser = Parser(plant)
         parser.SetStrictParsing()
-        try:
-            _check_masses(self.urdf)
+        with self._naming_the_urdf():
             return parser.AddModels(str(self.urdf))[0]
-        except (RuntimeError, ValueError, SyntaxError) as error:
-            reason = " ".join(str(error).split())
-            raise ValueError(f"urdf = {self.urdf}: {reason}") from error
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
         plant = MultibodyPlant(0.001)
         self.add_to(plant)
-        plant.Finalize()
+        with self._naming_the_urdf():
+            plant.Finalize()
         return plant
+
+    def improper_contacts(
+        self, plant: MultibodyPlant, contact_results: ContactResults
+    ) -> set[str]:
+        """Returns the pairs of bodies in contact that are not foot and ground.
+
+        By name, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK -
+        ground", in the `contact_results` of a `plant` with this robot.
+        """
+        pelvis = plant.GetBodyByName(self.pelvis_body)
+        return improper_contacts(
+            plant,
+            contact_results,
+            pelvis.model_instance(),
+            set(self.foot_bodies.values()),
+        )
 
     def standing_positions(self, step_width: float | None = None) -> np.ndarray:
         """Returns the robot's q (nq,): stands about the origin of W.
@@ -95,6 +114,8 @@ class RobotModel:
             ValueError: there is no such posture.
         """
         width = self.params.step_width if step_width is None else step_width
+        if not 0.0 < width < np.inf:
+            raise ValueError(f"step_width = {width}: must be > 0 m")
         plant = self.control_plant()
         ik = InverseKinematics(plant)
         prog, q = ik.prog(), ik.q()
@@ -144,52 +165,32 @@ class RobotModel:
                 foot, X_FS @ p_S, plant.world_frame(), low, high
             )
 
+    def _check(self) -> None:
+        with self._naming_the_urdf():
+            check_urdf(self.urdf)
+        # Once with all shapes: the plant of the controller reads none.
+        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        self.add_to(plant)
+        check_plant(self.control_plant(), self.params)
+        self.standing_positions()
+
+    @contextlib.contextmanager
+    def _naming_the_urdf(self) -> Iterator[None]:
+        """Turns all errors within into a ValueError that names the URDF."""
+        try:
+            yield
+        # SystemExit is how pydrake reports a condition of Drake's own code.
+        except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
+            reason = " ".join(str(error).split())
+            raise ValueError(f"urdf = {self.urdf}: {reason}") from error
+
     def _nominal_positions(self, plant: MultibodyPlant) -> np.ndarray:
         q = np.zeros(plant.num_positions())
         q[0], q[6] = 1.0, self.com_height
         for joint, angle in self.posture.items():
             q[plant.GetJointByName(joint).position_start()] = angle
         return q
-
-
-def _check_masses(urdf: Path) -> None:
-    """Raises ValueError for a negative mass; Drake would not call it that."""
-    for mass in ElementTree.parse(urdf).iter("mass"):
-        if float(mass.get("value", "0")) < 0.0:
-            raise ValueError(f"mass = {mass.get('value')}: must be > 0 kg")
-
-
-def _check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
-    """Raises ValueError if `plant` lacks what `params` and control need."""
-    for field in BODIES:
-        body = getattr(params, field)
-        if not plant.HasBodyNamed(body):
-            raise ValueError(f"{field} = {body!r}: must be a link of the URDF")
-    joints = {
-        joint.name(): joint
-        for joint in map(plant.get_joint, plant.GetJointIndices())
-        if joint.num_positions() == 1
-    }
-    for name, angle in params.posture.items():
-        if name not in joints:
-            raise ValueError(
-                f"posture.{name} = {angle}: must be one of the joints "
-                f"{', '.join(sorted(joints))}"
-            )
-        low = joints[name].position_lower_limits()[0]
-        high = joints[name].position_upper_limits()[0]
-        if not low <= angle <= high:
-            raise ValueError(
-                f"posture.{name} = {angle}: must be in [{low}, {high}] rad"
-            )
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    effort = {a.joint().name(): a.effort_limit() for a in actuators}
-    for name in joints:
-        if not effort.get(name, np.inf) < np.inf:
-            raise ValueError(
-                f"urdf = {params.urdf}: joint {name}: must have a "
-                "<transmission> and an effort limit"
-            )
 
 
 def robot_names() -> list[str]:
@@ -217,6 +218,9 @@ def load_robot(name: str) -> RobotModel:
     if not path.is_file():
         raise FileNotFoundError(f"robot = {name}: no such file")
     params = load_typed(RobotParams, f"robot = {name}", filename=str(path))
+    for field in ("name", "urdf"):
+        if not getattr(params, field):
+            raise ValueError(f"robot = {name}: {field} = '': must not be empty")
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")

@@ -16,6 +16,7 @@ from tests.source_files import ROOT, imports, python_files, syntax_tree
 LAYERS = (
     "nadia_balance.core",
     "nadia_balance.typed_yaml",
+    "nadia_balance.robot_checks",
     "nadia_balance.robot",
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",

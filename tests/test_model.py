@@ -8,6 +8,7 @@ import pytest
 from pydrake.geometry import Role, Sphere
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.walking import Side
@@ -21,26 +22,45 @@ MIRROR = np.diag([1.0, -1.0, 1.0])  # y -> -y
 
 
 class World:
-    """Nadia on the flat ground, at the positions q."""
+    """Nadia on the flat ground, at the positions q, lifted by a height."""
 
-    def __init__(self, q=None):
+    def __init__(self, q=None, height=0.0):
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
         ROBOT.add_to(self.plant)
         Parser(self.plant).AddModels(str(terrain_file()))
         self.plant.Finalize()
         self.inspector = scene_graph.model_inspector()
-        self._diagram = builder.Build()
-        self._root = self._diagram.CreateDefaultContext()
-        self.context = self.plant.GetMyContextFromRoot(self._root)
+        self._simulator = Simulator(builder.Build())
+        self.context = self.plant.GetMyMutableContextFromRoot(
+            self._simulator.get_mutable_context()
+        )
         if q is not None:
-            self.plant.SetPositions(self.context, q)
+            self.plant.SetPositions(
+                self.context, [*q[:6], q[6] + height, *q[7:]]
+            )
+
+    def set_angle(self, joint: str, angle: float) -> None:
+        self.plant.GetJointByName(joint).set_angle(self.context, angle)
 
     def touching(self) -> list[tuple[str, str]]:
         """The names of the bodies of every pair of shapes that overlap."""
         port = self.plant.get_geometry_query_input_port()
         pairs = port.Eval(self.context).ComputePointPairPenetration()
         return [(self._body(p.id_A), self._body(p.id_B)) for p in pairs]
+
+    def improper_contacts(self) -> set[str]:
+        """What the robot says of the contacts of the next millisecond."""
+        self._simulator.AdvanceTo(0.001)
+        results = self.plant.get_contact_results_output_port().Eval(
+            self.context
+        )
+        return ROBOT.improper_contacts(self.plant, results)
+
+    def candidates(self) -> list[tuple[str, str]]:
+        """The names of the bodies of every pair of shapes that may touch."""
+        pairs = self.inspector.GetCollisionCandidates()
+        return [(self._body(a), self._body(b)) for a, b in pairs]
 
     def _body(self, geometry_id) -> str:
         frame = self.inspector.GetFrameId(geometry_id)
@@ -140,6 +160,8 @@ def test_every_joint_has_an_actuator_with_its_limit_and_armature():
     ]
     assert len(actuators) == 23
     assert {a.joint().name(): a.effort_limit() for a in actuators} == effort
+    for actuator in actuators:
+        assert actuator.joint().velocity_upper_limits() == [100.0]
     armature = [actuator.default_reflected_inertia() for actuator in actuators]
     assert armature == pytest.approx([0.1] * 23, rel=1e-12)
 
@@ -214,29 +236,69 @@ def test_every_link_can_be_seen(link):
     )
 
 
+def test_the_shapes_are_few():
+    """Oracle: 60, so that a replay stays small."""
+    assert len(list(URDF.iter("visual"))) <= 60
+
+
 @pytest.mark.parametrize("step_width", [0.125, 0.25, 0.8])
 def test_only_the_corners_of_the_soles_touch_when_standing(step_width):
     """Oracle: four spheres a sole, 1 mm into the ground, and nothing else."""
     q = ROBOT.standing_positions(step_width)
     q[6] -= 0.001
-    feet = [body for pair in World(q).touching() for body in pair]
+    world = World(q)
+    feet = [body for pair in world.touching() for body in pair]
     assert sorted(feet) == sorted(
         [*ROBOT.foot_bodies.values(), "world"] * 4 + ["world"] * 4
     )
+    assert world.improper_contacts() == set()
 
 
-def test_legs_that_pass_through_each_other_are_noticed():
-    """Oracle: feet of 0.12 m cannot stand 0.08 m apart."""
-    touching = World(ROBOT.standing_positions(0.08)).touching()
-    assert {"LEFT_ANKLE_LINK", "RIGHT_ANKLE_LINK"} in map(set, touching)
+@pytest.mark.parametrize(
+    "angles, links",
+    [
+        ({}, ("ANKLE", "ANKLE")),  # feet of 0.12 m, 0.1 m apart
+        ({"HIP_X": (-0.3, 0.0)}, ("SHIN", "SHIN")),
+        ({"HIP_X": (-0.3, 0.0)}, ("SHIN", "ANKLE")),
+        ({"HIP_X": (-0.4, 0.4)}, ("SHIN", "THIGH")),
+        ({"HIP_X": (-0.4, 0.4)}, ("THIGH", "THIGH")),
+    ],
+)
+def test_legs_that_pass_through_each_other_are_noticed(angles, links):
+    """Adducts the hips, left and right, until the legs cross."""
+    world = World(ROBOT.standing_positions(0.1), height=0.5)
+    for joint, (left, right) in angles.items():
+        world.set_angle(f"LEFT_{joint}", left)
+        world.set_angle(f"RIGHT_{joint}", right)
+    left, right = links
+    expected = f"LEFT_{left}_LINK - RIGHT_{right}_LINK"
+    assert expected in world.improper_contacts()
 
 
-@pytest.mark.parametrize("axis, angle", [(1, 1.5), (1, -1.5), (0, 1.5)])
-def test_a_robot_that_lies_touches_with_more_than_its_feet(axis, angle):
-    """Falls forward, backward, on its side; the pelvis 0.1 m high."""
+@pytest.mark.parametrize(
+    "axis, angle, body",
+    [
+        (1, 1.5, "LEFT_ELBOW_PITCH_LINK"),  # forward
+        (1, -1.5, "TORSO_LINK"),  # backward
+        (0, 1.5, "PELVIS_LINK"),  # on the right side
+    ],
+)
+def test_a_robot_that_lies_touches_with_more_than_its_feet(axis, angle, body):
+    """Oracle: what is lowest when the pelvis is 0.1 m high."""
     q = ROBOT.standing_positions()
     q[:7] = 0.0
     q[0], q[1 + axis], q[6] = np.cos(angle / 2), np.sin(angle / 2), 0.1
-    bodies = {body for pair in World(q).touching() for body in pair}
-    assert "world" in bodies
-    assert bodies - {"world", *ROBOT.foot_bodies.values()}
+    assert f"{body} - ground" in World(q).improper_contacts()
+
+
+def test_only_legs_touch_legs_and_only_shapes_the_ground():
+    """Oracle: the pairs that the collision filters leave."""
+    world = World()
+    legs = {f"{link}_LINK" for link in ("THIGH", "SHIN", "ANKLE")}
+    for pair in world.candidates():
+        left, right = sorted(pair)
+        if "world" not in pair:
+            assert left.startswith("LEFT_")
+            assert left.removeprefix("LEFT_") in legs
+            assert right.startswith("RIGHT_")
+            assert right.removeprefix("RIGHT_") in legs

@@ -22,6 +22,11 @@ _FLAT = 1e-12
 # Edges whose cross product [m^2] is below this have one direction: rounding.
 _PARALLEL = 1e-16
 
+# Vertices closer than this [m] are one: rounding.
+_COINCIDENT = 1e-9
+
+_NOTHING = np.empty((0, 2))
+
 
 def convex_hull(points: Array) -> Array:
     """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
@@ -170,18 +175,21 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
     """
     excess = polygon @ A.T - b
     if not len(polygon) or (excess.min(axis=0) >= 0.0).any():
-        return np.empty((0, 2))
+        return _NOTHING
     cutting = np.flatnonzero(excess.max(axis=0) > 0.0)
-    if not len(cutting):
-        return polygon
     vertices = polygon.tolist()
-    normals, offsets = A.tolist(), b.tolist()
-    for k in cutting.tolist():
-        vertices = _clip(vertices, *normals[k], offsets[k])
-    # The hull drops vertices that coincide but for rounding: the direction of
-    # an edge between them would mean nothing.
-    part = convex_hull(np.array(vertices).reshape(-1, 2))
-    return part if len(part) > 2 else np.empty((0, 2))
+    offsets = b[cutting].tolist()
+    for (nx, ny), offset in zip(A[cutting].tolist(), offsets, strict=True):
+        vertices = _clip(vertices, nx, ny, offset)
+    # An edge between vertices that all but coincide would have no direction.
+    last = vertices[-1:] + vertices[:-1]
+    part = [
+        p
+        for p, q in zip(vertices, last, strict=True)
+        if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
+    ]
+    polygon = np.array(part).reshape(-1, 2)
+    return polygon if area(polygon) > _FLAT else _NOTHING
 
 
 def intersection(first: Array, second: Array) -> Array:
@@ -196,8 +204,8 @@ def shrink(polygon: Array, distance: float) -> Array:
         ValueError: no area is left.
     """
     A, b = halfspaces(polygon)
-    inner = clip_all(polygon, A, b - distance)
-    if not len(inner):
+    inner = convex_hull(clip_all(polygon, A, b - distance))
+    if len(inner) < 3:
         raise ValueError(
             f"distance = {distance}: nothing is left of the polygon"
         )

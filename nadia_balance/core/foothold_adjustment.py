@@ -1,0 +1,160 @@
+"""Where the foot in the air is to land, so that the robot recovers.
+
+The Nadia paper, Sec. IV and V; the details that it leaves out are ours.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from nadia_balance.core.foothold_adjustment_params import (
+    CaptureRegionStepAdjusterParams,
+)
+from nadia_balance.core.polygon import contains, project
+from nadia_balance.core.reach_rules import Choice, choose_region
+from nadia_balance.core.swing_geometry import SwingGeometry
+from nadia_balance.core.walking import (
+    Adjustment,
+    Array,
+    ContactSchedule,
+    FootPose,
+    Footstep,
+    Phase,
+    WalkingState,
+)
+
+
+def unadjusted(schedule: ContactSchedule) -> Adjustment:
+    """The next foothold as planned; where the foot stands, if there is none."""
+    if schedule.footsteps:
+        step = schedule.footsteps[0]
+    else:
+        side = schedule.support_side.other
+        step = Footstep(side, schedule.feet[side], 0.0, 0.0)
+    return Adjustment(step, step.pose)
+
+
+def touchdown_interval(
+    state: WalkingState,
+    time_adjustment: float,
+    params: CaptureRegionStepAdjusterParams,
+) -> tuple[float, float]:
+    """Between which times [s] from now the new foot takes the load."""
+    earliest = max(state.remaining_time - time_adjustment, 0.0)
+    return earliest, earliest + params.waiting_time
+
+
+def propose_adjustment(
+    state: WalkingState,
+    icp: Array,
+    time_adjustment: float,
+    geometry: SwingGeometry,
+    params: CaptureRegionStepAdjusterParams,
+    omega: float,
+) -> Adjustment:
+    """Returns the adjustment of the step in the air for this tick.
+
+    `icp` (2,) [m] in W; `time_adjustment` [s] >= 0 is about to be added to
+    the clock.  It stays as it is too early and too late in a swing; early,
+    because the ICP jumps when the contacts change.
+    """
+    current = state.adjustment or unadjusted(state.schedule)
+    touchdown = touchdown_interval(state, time_adjustment, params)
+    if (
+        not params.enabled
+        or state.schedule.phase is not Phase.SWING
+        or state.elapsed < params.settling_time
+        or touchdown[0] < params.freeze_time
+    ):
+        return current
+    one_step = geometry.one_step_region(icp, omega, touchdown)
+    return adjust_foothold(
+        current, geometry.capture_region(one_step), geometry, params
+    )
+
+
+def adjust_foothold(
+    current: Adjustment,
+    capture_region: Array,
+    geometry: SwingGeometry,
+    params: CaptureRegionStepAdjusterParams,
+) -> Adjustment:
+    """Returns the adjustment that puts the foot into `capture_region` (n, 2).
+
+    The nominal foothold, not the last one, is projected on what the capture
+    region shares with the region that the rules choose, so that the foothold
+    comes back with the ICP.  The result keeps the pose object of `current`,
+    or that of the nominal foothold, unless the foothold moves.
+    """
+    nominal = current.nominal.pose
+    if _covered(nominal.p_WF[:2], capture_region, geometry, params):
+        return _return_to_nominal(current, capture_region, params)
+    adjusted = current.pose is not nominal
+    choice = choose_region(
+        geometry.regions,
+        capture_region,
+        current.region if adjusted else None,
+        params.rules,
+        params.margin,
+    )
+    target = _target(nominal.p_WF[:2], choice, geometry)
+    if (
+        target is None
+        or math.dist(target, current.pose.p_WF[:2]) < params.dead_band
+    ):
+        pose = current.pose
+    else:
+        pose = FootPose(np.append(target, nominal.p_WF[2]), nominal.yaw)
+    return Adjustment(current.nominal, pose, choice.region)
+
+
+def _covered(
+    nominal: Array,
+    capture_region: Array,
+    geometry: SwingGeometry,
+    params: CaptureRegionStepAdjusterParams,
+) -> bool:
+    """True if the foot can be put down as planned, and then recovers."""
+    x, y = geometry.stance.to_sole(nominal)
+    return params.reachability.in_base_region(
+        float(x), geometry.swing.sign * float(y)
+    ) and contains(nominal, capture_region, -params.margin)
+
+
+def _return_to_nominal(
+    current: Adjustment,
+    capture_region: Array,
+    params: CaptureRegionStepAdjusterParams,
+) -> Adjustment:
+    """Waits for `return_ticks`, if the present foothold is good as well."""
+    nominal = current.nominal
+    ticks = current.covered_ticks + 1
+    if (
+        current.pose is nominal.pose
+        or ticks >= params.return_ticks
+        or not contains(current.pose.p_WF[:2], capture_region)
+    ):
+        return Adjustment(nominal, nominal.pose)
+    return Adjustment(nominal, current.pose, current.region, ticks)
+
+
+def _target(
+    nominal: Array, choice: Choice, geometry: SwingGeometry
+) -> Array | None:
+    """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
+
+    If that is on the stance foot: in front of it, behind it, or to its side.
+    """
+    target = project(nominal, choice.goal)
+    if not geometry.blocked(target):
+        return target
+    free = geometry.free_parts(choice.goal)
+    if len(choice.goal) == 1:  # as near as can be to the capture region
+        nominal, free = (
+            target,
+            geometry.free_parts(geometry.regions[choice.region]),
+        )
+    candidates = [project(nominal, part) for part in free]
+    return min(candidates, key=lambda p: math.dist(p, nominal), default=None)

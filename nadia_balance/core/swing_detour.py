@@ -1,0 +1,73 @@
+"""The way of the swing foot round the stance leg, seen from above.
+
+Whatever stands beside the stance foot or across it can only be reached round
+its front or round its back: the swing leg never goes round the far side.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from nadia_balance.core.walking import Array, FootPose, Side
+
+
+@dataclass(kw_only=True)
+class SwingDetourParams:
+    """How far the sole centres stay apart while the swing foot passes."""
+
+    # A sole is 0.25 m x 0.12 m, a shin 0.11 m x 0.12 m; 3 cm of air.
+    ahead: float = 0.28  # in front of the stance foot, and behind it [m]
+    beside: float = 0.15  # to the swing side of the stance foot [m]
+
+    def validate(self) -> None:
+        """Raises ValueError if a field is out of range."""
+        for name, value in vars(self).items():
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{name} = {value}: must be in [0, 1] m")
+
+
+def way_round(
+    start: Array,
+    goal: Array,
+    stance: FootPose,
+    swing: Side,
+    params: SwingDetourParams,
+) -> Array:
+    """Returns the points (n, 2) [m] in W of the shortest way to the goal.
+
+    From `start` (2,) round none, one or two corners of the stance foot to
+    `goal` (2,), in straight lines; both are in the result.  A start or goal
+    that is nearer to the front or back of the stance foot than `ahead` is
+    passed on its own side all the same.
+    """
+    mirror = np.array([1.0, float(swing.sign)])  # y toward the swing side
+    p, q = (mirror * stance.to_sole(point[None])[0] for point in (start, goal))
+    ahead = min(_length(p, params), _length(q, params))
+    low, high = min(p[0], q[0]), max(p[0], q[0])
+    corners = []
+    if low <= -ahead < high:
+        corners.append(np.array([-ahead, params.beside]))
+    if low < ahead <= high:
+        corners.append(np.array([ahead, params.beside]))
+    way, left = [p], corners if q[0] > p[0] else corners[::-1]
+    while left:  # a taut string: always the point seen most to the swing side
+        nearest = max([*left, q], key=lambda c: _slope(c - way[-1]))
+        if nearest is q:
+            break
+        way.append(nearest)
+        left = [c for c in left if abs(c[0] - q[0]) < abs(nearest[0] - q[0])]
+    return stance.to_world(np.array([*way, q]) * mirror)
+
+
+def _length(p: Array, params: SwingDetourParams) -> float:
+    """Returns `ahead`, or less if `p` is in front or behind and nearer."""
+    length = abs(float(p[0]))
+    too_deep = params.beside - float(p[1])
+    return length if 0.0 < params.ahead - length < too_deep else params.ahead
+
+
+def _slope(d: Array) -> float:
+    return math.atan2(d[1], abs(d[0]))

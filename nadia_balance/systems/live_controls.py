@@ -1,0 +1,110 @@
+"""What the user may do in the Meshcat tab while the robot walks."""
+
+import math
+
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import EventStatus, LeafSystem
+
+PUSH = "Push"
+SIZE = "push size [m/s]"
+DIRECTION = "push direction [deg]"
+LARGEST = 1.5  # of the sizes that the slider offers [m/s]
+# In the order of the output `mechanisms`, with their names in the tab.
+MECHANISMS = {
+    "step": "step adjustment",
+    "swing": "swing timing",
+    "transfer": "transfer timing",
+    "cross_over": "cross-over",
+}
+
+
+class LiveControls(LeafSystem):
+    """Turns buttons and sliders of the Meshcat tab into signals.
+
+    `live_push` is [clicks on Push, delta_v [m/s], direction [deg]]; 0 deg is
+    forward, 90 left.  `mechanisms` is 1 or 0 for each of MECHANISMS; each has
+    a button that says whether it is on.  State: both outputs, which depend on
+    nothing else.
+
+    .. pydrake_system::
+
+        name: LiveControls
+        input_ports: []
+        output_ports: [live_push, mechanisms]
+    """
+
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        mechanisms: tuple[bool, bool, bool, bool] = (True, True, True, True),
+        delta_v: float = 0.3,
+        direction_deg: float = 90.0,
+        period: float = 0.02,
+    ):
+        """Looks at the tab every `period` [s]; the rest is how it begins.
+
+        Raises:
+            ValueError: `delta_v` [m/s] or `direction_deg` [deg] is not finite.
+        """
+        super().__init__()
+        for name, value in ("delta_v", delta_v), ("direction", direction_deg):
+            if not math.isfinite(value):
+                raise ValueError(f"{name} = {value}: must be finite")
+        self._meshcat = meshcat
+        self._show(mechanisms)
+        for slider, highest, step, value in (
+            (SIZE, LARGEST, 0.01, delta_v),
+            (DIRECTION, 360.0, 5.0, direction_deg % 360.0),
+        ):
+            if slider not in meshcat.GetSliderNames():
+                meshcat.AddSlider(slider, 0.0, highest, step, value)
+            meshcat.SetSliderValue(slider, value)
+        state = self.DeclareDiscreteState([0.0, *self._sliders(), *mechanisms])
+        for port, first, size in ("live_push", 0, 3), ("mechanisms", 3, 4):
+            columns = slice(first, first + size)
+            self.DeclareVectorOutputPort(
+                port,
+                size,
+                lambda context, output, columns=columns: output.SetFromVector(
+                    context.get_discrete_state_vector().value()[columns]
+                ),
+                prerequisites_of_calc={self.discrete_state_ticket(state)},
+            )
+        self.DeclareInitializationDiscreteUpdateEvent(self._begin)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
+
+    def _sliders(self) -> list[float]:
+        return [self._meshcat.GetSliderValue(s) for s in (SIZE, DIRECTION)]
+
+    def _show(self, on) -> None:
+        """Shows all buttons, none of them clicked."""
+        self._meshcat.AddButton(PUSH)
+        # Anew, lest they change places when one gets another label.
+        for name in MECHANISMS:
+            for label in _label(name, False), _label(name, True):
+                self._meshcat.DeleteButton(label, strict=False)
+        for name, is_on in zip(MECHANISMS, on, strict=True):
+            self._meshcat.AddButton(_label(name, is_on))
+
+    def _begin(self, context, state):
+        """A new run: what was clicked in the last one is not its own."""
+        values = context.get_discrete_state_vector().value().copy()
+        values[0] = 0.0
+        self._show(values[3:])
+        state.set_value(values)
+        return EventStatus.Succeeded()
+
+    def _poll(self, context, state):
+        values = context.get_discrete_state_vector().value().copy()
+        values[0] = self._meshcat.GetButtonClicks(PUSH)
+        values[1:3] = self._sliders()
+        clicks = [
+            self._meshcat.GetButtonClicks(_label(name, on))
+            for name, on in zip(MECHANISMS, values[3:], strict=True)
+        ]
+        state.set_value(values)
+        return EventStatus.Succeeded()
+
+
+def _label(name: str, on: float) -> str:
+    return f"{MECHANISMS[name]}: {'on' if on else 'off'}"
