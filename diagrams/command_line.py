@@ -16,10 +16,10 @@ from pydrake.systems.framework import Diagram
 
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
+from diagrams.mechanisms import MECHANISMS
 from diagrams.meshcat_scene import set_scene, start_meshcat
 from diagrams.replay import start_recording
 from diagrams.run_folder import prepare_folder, write_run
-from diagrams.mechanisms import MECHANISMS
 from diagrams.scenario import Scenario, load_scenario
 from diagrams.simulation import Run, advance, start
 from diagrams.story import telling_lines

@@ -1,6 +1,7 @@
 """What a robot may use to recover, by name: the columns of Fig. 10."""
 
 import copy
+import math
 from dataclasses import dataclass
 
 from nadia_balance.capture_point_controller import ControllerParams
@@ -37,6 +38,8 @@ def with_mechanism(params: ControllerParams, name: str) -> ControllerParams:
     timing, adjuster = params.timing_adapter, params.step_adjuster
     timing.swing, timing.transfer = mechanism.swing, mechanism.transfer
     adjuster.enabled = mechanism.step
+    if not mechanism.step:  # where the feet go is given: only time can help
+        params.walking_state_machine.patience = math.inf
     adjuster.reachability.cross_over = mechanism.cross_over
     # The capture regions count on the hurry that there will be.
     if mechanism.swing:

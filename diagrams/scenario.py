@@ -123,27 +123,8 @@ def scenario_names() -> dict[str, Path]:
     return {
         name: path
         for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
-        for name in _names_in(path)
+        for name in yaml_load_file(str(path))
     }
-
-
-def _names_in(filename: Path) -> list[str]:
-    """The names of the scenarios in a file.
-
-    Raises:
-        ValueError: it is no YAML, or no mapping of names to scenarios.
-    """
-    try:
-        document = yaml_load_file(str(filename))
-    except Exception as error:
-        # PyYAML's errors reach us through pydrake; it has no base for both.
-        message = " ".join(str(error).split())
-        raise ValueError(f"scenario_file: {message}") from error
-    if not isinstance(document, dict):
-        raise ValueError(
-            f"scenario_file = {filename}: must map names to scenarios"
-        )
-    return list(document)
 
 
 def load_scenario(
@@ -158,20 +139,17 @@ def load_scenario(
             range; the message names it.
         FileNotFoundError: there is no such file.
     """
+    what = f"scenario_file = {filename}"
     if filename is None:
         known = scenario_names()
-    elif Path(filename).is_file():
-        known = dict.fromkeys(_names_in(Path(filename)), Path(filename))
-    else:
-        raise FileNotFoundError(f"scenario_file = {filename}: no such file")
-    if name not in known:
-        raise ValueError(
-            f"scenario_name = {name!r}: must be one of "
-            f"{', '.join(map(str, known))}"
-        )
-    scenario = load_typed(
-        Scenario, f"scenario {name}", filename=str(known[name]), child_name=name
-    )
+        if name not in known:
+            raise ValueError(
+                f"scenario_name = {name!r}: must be one of {', '.join(known)}"
+            )
+        what, filename = "scenario", known[name]
+    elif not Path(filename).is_file():
+        raise FileNotFoundError(f"{what}: no such file")
+    scenario = load_typed(Scenario, what, filename=filename, child_name=name)
     if text:
         scenario = load_typed(
             Scenario, "scenario_text", data=text, defaults=scenario

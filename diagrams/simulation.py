@@ -72,7 +72,7 @@ def advance(
     simulator.set_monitor(watch)
     simulator.Initialize()
     interrupted = False
-    start = time.process_time()
+    began = time.process_time()
     try:
         simulator.AdvanceTo(duration)
     except KeyboardInterrupt:
@@ -80,7 +80,7 @@ def advance(
     except (RuntimeError, ValueError) as error:  # such as NaN at an input
         message = " ".join(str(error).split())
         fall.update(time=context.get_time(), reason=f"stopped: {message}")
-    cpu_time = time.process_time() - start
+    cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),
         fell_at=fall.get("time"),
@@ -96,4 +96,5 @@ def _missed_pushes(diagram, context: Context) -> int:
     """Number of pushes that never came, or were cut off by the end."""
     source = diagram.GetSubsystemByName("push_source")
     state = source.GetMyContextFromRoot(context).get_discrete_state_vector()
-    return int(np.count_nonzero(state.value().reshape(-1, 2)[:, 0]))
+    ticks_left = state.value()[: 2 * len(diagram.scenario.pushes) : 2]
+    return int(np.count_nonzero(ticks_left))

@@ -24,7 +24,9 @@ def initial_walking_state(scenario: Scenario) -> WalkingState:
     feet = FootPoses(
         FootPose(np.array([0.0, y, 0.0])), FootPose(np.array([0.0, -y, 0.0]))
     )
-    footsteps = make_footsteps(gait, feet, scenario.controller.step_adjuster.reachability)
+    footsteps = make_footsteps(
+        gait, feet, scenario.controller.step_adjuster.reachability
+    )
     # No phase is shorter than a tick.
     wait = max(
         scenario.controller.walking_state_machine.standing_duration,

@@ -120,9 +120,17 @@ def test_plant_and_controller_get_the_same_robot():
     ).all()
 
 
-def test_refuses_a_step_width_out_of_reach():
-    with pytest.raises(ValueError, match="step_width = 5.0, .*within reach"):
-        ROBOT.standing_positions(5.0)
+@pytest.mark.parametrize("width", [2.0, 5.0])
+def test_refuses_a_step_width_out_of_reach(width):
+    """Oracle: two legs of 0.88 m and 0.26 m between them, all in a line."""
+    with pytest.raises(ValueError, match=f"{width}, .*within reach"):
+        ROBOT.standing_positions(width)
+
+
+@pytest.mark.parametrize("width", [0.0, -0.25, np.nan, np.inf])
+def test_refuses_a_step_width_that_is_none(width):
+    with pytest.raises(ValueError, match=f"step_width = {width}: must be > 0"):
+        ROBOT.standing_positions(width)
 
 
 def test_refuses_an_unknown_name_and_lists_the_known():
@@ -162,8 +170,33 @@ def test_loads_a_robot_of_ones_own(copy):
         ("name: nadia", "nam: nadia", "robot.yaml: .*nam"),
         ("name: nadia", "name: [", "robot.yaml: "),
         ("com_height: 0.888", "com_height: .nan", "com_height = nan: must"),
+        ("com_height: 0.888", "com_height: 2.0", "com_height = 2.0: .*reach"),
+        ("step_width: 0.25", "step_width: 3.0", "step_width = 3.0, .*reach"),
         ("com_height: 0.888", "com_height: high", "robot.yaml: .*high"),
+        ("name: nadia", "", "robot.yaml: name = '': must not be empty"),
+        ("urdf: nadia.urdf", "", "robot.yaml: urdf = '': must not be empty"),
+        ("sole: {", "sole: 3  # {", "robot.yaml: sole = 3: must be a mapping"),
         ("TORSO_LINK", "TRUNK", "torso_body = 'TRUNK': must be a link"),
+        (
+            "pelvis_body: PELVIS",
+            "pelvis_body: TORSO",
+            "pelvis_body = 'TORSO_LINK': must .*: PELVIS_LINK$",
+        ),
+        (
+            "right_foot_body: RIGHT",
+            "right_foot_body: LEFT",
+            "left_foot_body = .* must be left of right_foot_body",
+        ),
+        (
+            "{LEFT_KNEE_Y: 0.1",
+            "{KNEE: 0.1",
+            "joint_lower_limits.KNEE = 0.1: must be one of the joints",
+        ),
+        (
+            "{LEFT_KNEE_Y: 0.1",
+            "{LEFT_KNEE_Y: 9.0",
+            r"joint_lower_limits.LEFT_KNEE_Y = 9.0: must be in \[0.0, 2.62\]",
+        ),
         ("LEFT_KNEE_Y: 0.552", "KNEE: 0.5", "posture.KNEE = 0.5: must be one"),
         (
             "LEFT_KNEE_Y: 0.552",
@@ -182,13 +215,49 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("</robot>", "", "XML|element"),
+        ("</robot>", "", "no element found"),
         ("</robot>", "<link/></robot>", "name"),
-        ('value="19.0917"', 'value="-19.0917"', "mass = -19.0917: must be > 0"),
-        ('value="19.0917"', 'value="nan"', "'nan'"),
+        *(
+            (
+                'value="19.0917"',
+                f'value="{mass}"',
+                f"mass of PELVIS_LINK = {mass}: must be a number > 0 kg",
+            )
+            for mass in ("-19.0917", "0", "nan", "inf", "heavy", "")
+        ),
         ('ixx="0.0942"', 'ixx="-0.0942"', "inertia"),
+        ('ixx="0.0942"', 'ixx="nan"', "'ixx' got 'nan'"),
+        ('"0 0.115 -0.07185"', '"0 nan 0"', "xyz got 0 nan 0"),
+        (
+            'lower="-0.7854" upper="0.7854"',
+            'lower="1" upper="-1"',
+            "lower limit of LEFT_HIP_Z = 1: must be <= its upper limit = -1",
+        ),
+        (
+            'velocity="100"',
+            'velocity="-1"',
+            "velocity limit of SPINE_Z = -1: must be a number > 0 rad/s",
+        ),
+        (
+            'rotor_inertia value="0.001"',
+            'rotor_inertia value="-0.001"',
+            "LEFT_HIP_Z = -0.1: must be >= 0 kg m.2",
+        ),
+        ('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "must not have two"),
         ("<transmission ", "<ignored ", "SPINE_Z: must have a <transmission>"),
         (' effort="350"', "", "LEFT_KNEE_Y: must have .* an effort limit"),
+        # Only a plant with shapes, such as the simulated one, reads these.
+        ('<sphere radius="0.005"/>', '<sphere radius="-1"/>', "radius = -1"),
+        (
+            '<sphere radius="0.005"/>',
+            '<mesh filename="none.obj"/>',
+            "none.obj",
+        ),
+        (
+            '<child link="TORSO_LINK"/>',
+            '<child link="PELVIS_LINK"/>',
+            "loops",
+        ),
     ],
 )
 def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):

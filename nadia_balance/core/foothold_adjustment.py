@@ -6,9 +6,11 @@ The Nadia paper, Sec. IV and V; the details that it leaves out are ours.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from nadia_balance.core.capture_region import capture_region
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
@@ -24,6 +26,23 @@ from nadia_balance.core.walking import (
     Phase,
     WalkingState,
 )
+
+
+@dataclass(frozen=True)
+class CaptureRegions:
+    """What there is to draw: polygons (n, 2) [m] in W, and two footholds."""
+
+    regions: tuple[Array, ...] = ()  # C_1, ..., C_N
+    reach: Array = field(default_factory=lambda: np.empty((0, 2)))
+    nominal: FootPose | None = None
+    adjusted: FootPose | None = None
+
+    def __post_init__(self) -> None:
+        for polygon in (*self.regions, self.reach):
+            polygon.flags.writeable = False
+
+    def __deepcopy__(self, memo: object) -> CaptureRegions:
+        return self
 
 
 def unadjusted(schedule: ContactSchedule) -> Adjustment:
@@ -72,6 +91,26 @@ def propose_adjustment(
     one_step = geometry.one_step_region(icp, omega, touchdown)
     return adjust_foothold(
         current, geometry.capture_region(one_step), geometry, params
+    )
+
+
+def capture_regions(
+    state: WalkingState,
+    icp: Array,
+    time_adjustment: float,
+    adjustment: Adjustment,
+    geometry: SwingGeometry,
+    params: CaptureRegionStepAdjusterParams,
+    omega: float,
+) -> CaptureRegions:
+    """Returns what led to the `adjustment` that was proposed for `state`."""
+    touchdown = touchdown_interval(state, time_adjustment, params)
+    one_step = geometry.one_step_region(icp, omega, touchdown)
+    return CaptureRegions(
+        tuple(capture_region(one_step, d) for d in geometry.offsets),
+        geometry.regions[adjustment.region],
+        adjustment.nominal.pose,
+        adjustment.pose,
     )
 
 

@@ -3,17 +3,28 @@
 Each tick continues from the previous reference with the one quintic that
 meets the goal at the time that is left.  While goal and clock stay as they
 were, this is the same polynomial as before; when they change, position,
-velocity and acceleration still continue.
+velocity and acceleration still continue.  What has to be passed on the way,
+the apex and the corners of the stance foot, is dropped shortly before.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from nadia_balance.core.walking import Array, FootPose, WalkingState
+from nadia_balance.core.quintic import end_beyond, quintic, time_to_pass
+from nadia_balance.core.swing_detour import SwingDetourParams, way_round
+from nadia_balance.core.walking import (
+    Array,
+    FootPose,
+    Phase,
+    WalkingState,
+)
 
-X, Y, Z, YAW = range(4)
+XY, Z, YAW = slice(2), 2, 3
+
+# What is so near in time [s] is not aimed at any more.
+_AT_CORNER, _AT_APEX = 0.02, 0.04
 
 
 @dataclass(kw_only=True)
@@ -22,7 +33,8 @@ class SwingFootParams:
 
     height: float = 0.10  # apex above the higher of start and goal [m]
     apex_fraction: float = 0.45  # of the swing, when the apex is reached [-]
-    touchdown_velocity: float = 0.10  # downward, at and after the end [m/s]
+    touchdown_velocity: float = 0.30  # downward, at and after the end [m/s]
+    detour: SwingDetourParams = field(default_factory=SwingDetourParams)
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
@@ -37,6 +49,7 @@ class SwingFootParams:
                 f"touchdown_velocity = {self.touchdown_velocity}: "
                 "must be in [0, 1] m/s"
             )
+        self.detour.validate()
 
 
 @dataclass(frozen=True)
@@ -65,29 +78,6 @@ class FootMotion:
         return cls(pva)
 
 
-def quintic(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """Follows the quintic from `start` to `end` for the time `t`.
-
-    `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
-    the time from start to end, >= t > 0, one for each column.
-    """
-    s, h = t / horizon, horizon
-    p0, v0, a0 = start[0], start[1] * h, start[2] * h * h
-    v1, a1 = end[1] * h, end[2] * h * h
-    gap = end[0] - p0 - v0 - 0.5 * a0
-    dv, da = v1 - v0 - a0, a1 - a0
-    c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
-    c4 = -15.0 * gap + 7.0 * dv - da
-    c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
-    return np.array(
-        [
-            p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5)))),
-            (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
-            (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
-        ]
-    )
-
-
 def swing_foot_motion(
     previous: FootMotion,
     state: WalkingState,
@@ -103,36 +93,63 @@ def swing_foot_motion(
     """
     schedule = state.schedule
     side = schedule.support_side.other
-    if schedule.in_contact(side) or state.time_in_phase <= 0.0:
+    if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return FootMotion.at_rest(schedule.feet[side])
     if state.waiting:
         return _descend(previous, period, params)
-    goal = schedule.footsteps[0].pose
-    end, left = _targets(schedule.feet[side], goal, state, params)
-    end[0, YAW] = _nearest_turn(goal.yaw, previous.pva[0, YAW])
-    return FootMotion(quintic(previous.pva, end, left + period, period))
-
-
-def _targets(
-    start: FootPose,
-    goal: FootPose,
-    state: WalkingState,
-    params: SwingFootParams,
-) -> tuple[Array, Array]:
-    """Where to be (3, 4) and how much time is left for it (4,) [s]."""
-    left = np.full(4, state.remaining_time)
+    pva, goal = previous.pva, schedule.footsteps[0].pose
+    left = np.full(4, state.remaining_time + period)
     end = np.zeros((3, 4))
     end[0, :3] = goal.p_WF
-    duration = state.schedule.duration
-    time_to_apex = params.apex_fraction * duration - state.time_in_phase
-    if time_to_apex >= 0.0:
-        left[Z] = time_to_apex
-        end[0, Z] = max(start.p_WF[2], goal.p_WF[2]) + params.height
-        # The acceleration of a parabola of this height and duration.
-        end[2, Z] = -8.0 * params.height / duration**2
-    else:
-        end[1, Z] = -params.touchdown_velocity
-    return end, left
+    end[0, YAW] = _nearest_turn(goal.yaw, pva[0, YAW])
+    end[:, XY] = _round_stance(pva[:, XY], end[:, XY], state, period, params)
+    end[:, Z], left[Z] = _up_or_down(goal, state, period, params)
+    return FootMotion(quintic(pva, end, left, period))
+
+
+def _round_stance(
+    start: Array,
+    end: Array,
+    state: WalkingState,
+    period: float,
+    params: SwingFootParams,
+) -> Array:
+    """Returns the end (3, 2) to aim at in the plane.
+
+    Beyond `end` (3, 2), if a corner of the stance foot is in the way.
+    """
+    left = state.remaining_time + period
+    support = state.schedule.support_side
+    stance = state.schedule.feet[support]
+    way = way_round(start[0], end[0], stance, support.other, params.detour)
+    if len(way) == 2 or left < 2.0 * _AT_CORNER:
+        return end
+    t = time_to_pass(start, end, left, way[1], period)
+    if min(t, left - t) < _AT_CORNER:
+        return end
+    return end_beyond(start, end, left, way[1], t)
+
+
+def _up_or_down(
+    goal: FootPose, state: WalkingState, period: float, params: SwingFootParams
+) -> tuple[Array, float]:
+    """Where the height has to be next, (3,), and the time [s] until then.
+
+    The apex is at a fraction of the time that the swing really takes, be its
+    clock advanced or not.
+    """
+    remaining = state.remaining_time
+    duration = state.elapsed + remaining
+    time_to_apex = params.apex_fraction * duration - state.elapsed
+    ground = float(goal.p_WF[2])
+    if time_to_apex < _AT_APEX:
+        down = np.array([ground, -params.touchdown_velocity, 0.0])
+        return down, remaining + period
+    lift_off = state.schedule.feet[state.schedule.support_side.other]
+    apex = max(float(lift_off.p_WF[2]), ground) + params.height
+    # The acceleration of a parabola of this height and duration.
+    acceleration = -8.0 * params.height / duration**2
+    return np.array([apex, 0.0, acceleration]), time_to_apex + period
 
 
 def _descend(

@@ -189,6 +189,7 @@ class WalkingState:
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
     elapsed: float = 0.0  # really, since the phase began [s]
     waiting: bool = False  # the clock has run out, the phase has not ended
+    waited: float = 0.0  # for the ICP, at the end of a transfer [s]
     contact_ticks: int = 0  # consecutive ticks with force on the swing foot
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()

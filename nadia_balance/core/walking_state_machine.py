@@ -31,8 +31,8 @@ class WalkingStateMachineParams:
 
     standing_duration: float = 0.5  # before the first step [s]
     earliest_touchdown: float = 0.5  # fraction of the swing [-]
-    contact_force: float = 50.0  # the foot has landed above this [N]
-    contact_ticks: int = 3  # for so many ticks in a row [-]
+    contact_force: float = 30.0  # the foot has landed above this [N]
+    contact_ticks: int = 2  # for so many ticks in a row [-]
     # A transfer ends when the ICP error is within this ellipse of the sole
     # frame, or when waiting would make things worse because the ICP is
     # leaving the support polygon.
@@ -40,11 +40,13 @@ class WalkingStateMachineParams:
     icp_error_inward: float = 0.015  # toward the other foot [m]
     icp_error_outward: float = 0.012  # [m]
     icp_outside: float = 0.03  # ICP so far outside the support: step [m]
+    patience: float = 0.2  # waits no longer for the ICP than this [s]
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
         for name, value in vars(self).items():
-            if not math.isfinite(value) or value < 0:
+            infinite = name != "patience" and value == math.inf
+            if infinite or not value >= 0.0:
                 raise ValueError(f"{name} = {value}: must be finite and >= 0")
         if not self.earliest_touchdown < 1.0:
             raise ValueError(
@@ -73,7 +75,8 @@ class Measurement:
 class Proposal:
     """What the adapters propose for this tick."""
 
-    time_gain: float = 0.0  # to advance the clock by, on top of the tick [s]
+    # To advance the clock by, on top of the tick; negative: to hold it [s].
+    time_gain: float = 0.0
     adjustment: Adjustment | None = None
 
 
@@ -99,7 +102,7 @@ def advance(
     """
     state = _adjust(state, proposal.adjustment)
     schedule = state.schedule
-    t = state.time_in_phase + period + max(proposal.time_gain, 0.0)
+    t = state.time_in_phase + max(period + proposal.time_gain, 0.0)
     done = t >= schedule.duration - 0.5 * period
     state = replace(
         state,
@@ -111,8 +114,11 @@ def advance(
         case Phase.STANDING if done:
             return _start_transfer(state, plan, measured, reach)
         case Phase.TRANSFER if done:
-            if _may_lift(schedule, plan, measured, sole, params):
+            waited = state.waited + period
+            impatient = waited > params.patience
+            if impatient or _may_lift(schedule, plan, measured, sole, params):
                 return _end_transfer(state, plan, measured)
+            return replace(state, waited=waited)
         case Phase.SWING:
             return _advance_swing(state, plan, measured, reach, params)
     return state

@@ -24,9 +24,9 @@ class WholeBodyQpParams:
     pelvis_weight: float = 5.0  # orientation
     torso_weight: float = 5.0  # orientation
     orientation_gain: float = 80.0  # of both, kp [1/s^2]
-    swing_position_weight: float = 30.0
+    swing_position_weight: float = 300.0
     swing_position_gain: float = 150.0  # kp [1/s^2]
-    swing_orientation_weight: float = 3.0
+    swing_orientation_weight: float = 30.0
     swing_orientation_gain: float = 200.0  # kp [1/s^2]
     posture_weight: float = 0.3
     # The legs go where pelvis and feet go: this one only breaks ties.

@@ -5,9 +5,9 @@ import math
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-PUSH = "Push"
-SIZE = "push size [m/s]"
-DIRECTION = "push direction [deg]"
+PUSH, PUSH_KEY = "Push", "KeyP"
+SIZE = "size [m/s]"
+DIRECTION = "direction [deg]"
 LARGEST = 1.5  # of the sizes that the slider offers [m/s]
 # In the order of the output `mechanisms`, with their names in the tab.
 MECHANISMS = {
@@ -51,10 +51,11 @@ class LiveControls(LeafSystem):
             if not math.isfinite(value):
                 raise ValueError(f"{name} = {value}: must be finite")
         self._meshcat = meshcat
-        self._show(mechanisms)
+        meshcat.AddButton(PUSH, PUSH_KEY)
+        self._show_mechanisms(mechanisms)
         for slider, highest, step, value in (
             (SIZE, LARGEST, 0.01, delta_v),
-            (DIRECTION, 360.0, 5.0, direction_deg % 360.0),
+            (DIRECTION, 355.0, 5.0, direction_deg % 360.0),
         ):
             if slider not in meshcat.GetSliderNames():
                 meshcat.AddSlider(slider, 0.0, highest, step, value)
@@ -76,10 +77,9 @@ class LiveControls(LeafSystem):
     def _sliders(self) -> list[float]:
         return [self._meshcat.GetSliderValue(s) for s in (SIZE, DIRECTION)]
 
-    def _show(self, on) -> None:
-        """Shows all buttons, none of them clicked."""
-        self._meshcat.AddButton(PUSH)
-        # Anew, lest they change places when one gets another label.
+    def _show_mechanisms(self, on) -> None:
+        """Shows all toggles, none of them clicked."""
+        # All anew, lest they change places when one gets another label.
         for name in MECHANISMS:
             for label in _label(name, False), _label(name, True):
                 self._meshcat.DeleteButton(label, strict=False)
@@ -90,7 +90,8 @@ class LiveControls(LeafSystem):
         """A new run: what was clicked in the last one is not its own."""
         values = context.get_discrete_state_vector().value().copy()
         values[0] = 0.0
-        self._show(values[3:])
+        self._meshcat.AddButton(PUSH, PUSH_KEY)  # again: forgets the clicks
+        self._show_mechanisms(values[3:])
         state.set_value(values)
         return EventStatus.Succeeded()
 
@@ -102,6 +103,9 @@ class LiveControls(LeafSystem):
             self._meshcat.GetButtonClicks(_label(name, on))
             for name, on in zip(MECHANISMS, values[3:], strict=True)
         ]
+        if any(clicks):
+            values[3:] = (values[3:] + clicks) % 2.0
+            self._show_mechanisms(values[3:])
         state.set_value(values)
         return EventStatus.Succeeded()
 

@@ -22,16 +22,20 @@ class PushSource(LeafSystem):
     """Applies each push once, for exactly duration / period ticks.
 
     The force acts at the centre of mass of the pushed body.  `push_force` is
-    the sum of the forces [N] in W, shape (3,).  State, for each push: [ticks
-    left, heading [rad] of the support foot when it was due]; the outputs
-    depend on nothing else.  A push is decided on in the update at one tick
-    and felt by a discrete plant from its next step on.  Without a plant (a
-    point mass) there is no port `spatial_forces`.
+    the sum of the forces [N] in W, shape (3,).  Whenever the count in the
+    optional input `live_push`, [count, delta_v [m/s], direction [deg]], has
+    increased, one more such push begins; it replaces the last of its kind.
+
+    State, for each push and then for the live one: [ticks left, its angle
+    [rad] in W since it was due]; in the end [the live force while it acts [N],
+    last count].  The outputs depend on nothing else.  A push is decided on in
+    the update at one tick and felt by a discrete plant from its next step on.
+    Without a plant (a point mass) there is no port `spatial_forces`.
 
     .. pydrake_system::
 
         name: PushSource
-        input_ports: [walking_state]
+        input_ports: [walking_state, live_push]
         output_ports: [push_force, spatial_forces]
     """
 
@@ -54,20 +58,22 @@ class PushSource(LeafSystem):
         super().__init__()
         for push in pushes:
             push.validate()
-        self._pushes = list(pushes)
+        self._pushes, self._mass, self._period = list(pushes), mass, period
         self._ticks = [_ticks("duration", p.duration, period) for p in pushes]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
         self._newtons = [p.newtons(mass) for p in pushes]
         self._walking_state = declare_input(self, "walking_state", object())
+        self._live_push = self.DeclareVectorInputPort("live_push", 3)
         self._state = self.DeclareDiscreteState(
-            np.tile([PENDING, 0.0], len(pushes))
+            [*np.tile([PENDING, 0.0], len(pushes)), 0.0, 0.0, 0.0, 0.0]
         )
         state_only = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort(
             "push_force", 3, self._calc_total, prerequisites_of_calc=state_only
         )
         if plant is not None:
-            self._bodies = [_body(plant, p.body or base_body) for p in pushes]
+            names = [p.body or base_body for p in pushes] + [base_body]
+            self._bodies = [_body(plant, name) for name in names]
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 alloc=lambda: AbstractValue.Make(
@@ -94,20 +100,43 @@ class PushSource(LeafSystem):
                     self, context, self._walking_state, WalkingState
                 )
                 if push.is_due(context.get_time(), walking):
-                    schedule = walking.schedule
-                    yaw = schedule.feet[schedule.support_side].yaw
-                    rows[i] = self._delays[i] + self._ticks[i], yaw
+                    rows[i] = (
+                        self._delays[i] + self._ticks[i],
+                        _angle(push, walking),
+                    )
+        if self._live_push.HasValue(context):
+            self._update_live(context, rows[-2], rows[-1])
         state.set_value(self._state, rows.ravel())
         return EventStatus.Succeeded()
 
+    def _update_live(self, context, push_row, live_row) -> None:
+        """Changes the last two rows of the state."""
+        count, delta_v, direction_deg = self._live_push.Eval(context)
+        if push_row[0] > 0.0:
+            push_row[0] -= 1.0
+        if count > live_row[1]:
+            push = Push(delta_v=delta_v, time=0.0, direction_deg=direction_deg)
+            push.validate()
+            walking = eval_typed(
+                self, context, self._walking_state, WalkingState
+            )
+            ticks = max(round(push.duration / self._period), 1)
+            push_row[:] = ticks, _angle(push, walking)
+            live_row[0] = push.newtons(self._mass)
+        elif push_row[0] == 0.0:
+            live_row[0] = 0.0
+        live_row[1] = count
+
     def _forces(self, context) -> list[tuple[int, np.ndarray]]:
         """The pushes that act now, as (number, force (3,) [N] in W)."""
+        *rows, (live_newtons, _) = self._rows(context)
+        newtons = [*self._newtons, live_newtons]
+        longest = [*self._ticks, math.inf]  # what is more is a delay
         active = []
-        for i, (left, yaw) in enumerate(self._rows(context)):
-            if 0.0 < left <= self._ticks[i]:
-                angle = yaw + math.radians(self._pushes[i].direction_deg)
+        for i, (left, angle) in enumerate(rows):
+            if 0.0 < left <= longest[i]:
                 heading = np.array([math.cos(angle), math.sin(angle), 0.0])
-                active.append((i, self._newtons[i] * heading))
+                active.append((i, newtons[i] * heading))
         return active
 
     def _calc_total(self, context, output):
@@ -123,6 +152,13 @@ class PushSource(LeafSystem):
             applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=f_W)
             forces.append(applied)
         output.set_value(forces)
+
+
+def _angle(push: Push, state: WalkingState) -> float:
+    """The direction in W [rad]: that of the push, from the support foot's."""
+    schedule = state.schedule
+    yaw = schedule.feet[schedule.support_side].yaw
+    return yaw + math.radians(push.direction_deg)
 
 
 def _ticks(name: str, time: float, period: float) -> int:

@@ -128,7 +128,8 @@ def test_phases_last_as_planned():
 def test_a_foot_that_touches_in_the_first_half_has_not_landed():
     """Oracle: earliest_touchdown of the swing, then three ticks."""
     state, ticks = until(swinging(), Phase.TRANSFER)
-    assert ticks == 175 + 2  # touches from the first tick on
+    # Touches from the first tick on.
+    assert ticks == 175 + PARAMS.contact_ticks - 1
 
 
 def test_a_glitch_of_the_force_is_no_touchdown():
@@ -213,10 +214,21 @@ def test_the_clock_runs_faster_by_what_is_proposed():
     assert state.elapsed == pytest.approx(10 * PERIOD)
 
 
-def test_the_clock_never_runs_back():
-    """Oracle: a negative proposal changes nothing."""
-    state = step(swinging(), proposal=Proposal(time_gain=-1.0))
-    assert state.time_in_phase == PERIOD
+def test_the_clock_may_be_held_but_never_runs_back():
+    """Oracle: by hand."""
+    state = step(swinging())
+    held = step(state, proposal=Proposal(time_gain=-1.0))
+    assert held.time_in_phase == state.time_in_phase == PERIOD
+    slow = step(state, proposal=Proposal(time_gain=-0.5 * PERIOD))
+    assert slow.time_in_phase == pytest.approx(1.5 * PERIOD)
+
+
+def test_patience_ends_a_wait_for_the_icp():
+    """Oracle: by hand; the ICP stays where no foot would be lifted."""
+    state, _ = until(standing(2), Phase.TRANSFER)
+    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0))
+    wait = ticks * PERIOD - state.schedule.duration
+    assert wait == pytest.approx(PARAMS.patience, abs=1.5 * PERIOD)
 
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():

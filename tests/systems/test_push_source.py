@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import (
@@ -37,7 +37,9 @@ RIGHT_SWING = WalkingState(
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
 
-def run(pushes, ticks, state_at=lambda t: RIGHT_SWING) -> np.ndarray:
+def run(
+    pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None
+) -> np.ndarray:
     """The force that acts after each tick (ticks, 3) [N]."""
     source = PushSource(pushes, MASS, PERIOD)
     simulator = Simulator(source)
@@ -45,6 +47,8 @@ def run(pushes, ticks, state_at=lambda t: RIGHT_SWING) -> np.ndarray:
     port, forces = source.GetInputPort("walking_state"), []
     for k in range(ticks):
         port.FixValue(context, Value(state_at(k * PERIOD)))
+        if live_at is not None:
+            source.GetInputPort("live_push").FixValue(context, live_at(k))
         simulator.AdvanceTo((k + 0.5) * PERIOD)
         forces.append(source.GetOutputPort("push_force").Eval(context))
     return np.array(forces)
@@ -133,17 +137,81 @@ def test_pushes_that_overlap_add_up():
     )
 
 
-@pytest.mark.parametrize("body", ["", "base"])
+def test_a_live_push_acts_like_a_scripted_one():
+    """Oracle: the very same push, scripted for the tick of the click."""
+    scripted = run([Push(delta_v=0.4, time=0.02, direction_deg=30.0)], 100)
+    live = run([], 100, live_at=lambda k: [k >= 10, 0.4, 30.0])
+    assert active(live) == list(range(10, 60))
+    assert np.array_equal(live, scripted)
+
+
+def test_each_click_is_one_push_with_the_sliders_as_they_were():
+    """Oracle: clicks in ticks 10 and 100; what the sliders do then is late."""
+    forces = run(
+        [],
+        200,
+        live_at=lambda k: [(k >= 10) + (k >= 100), 0.1 + 0.01 * k, float(k)],
+    )
+    assert active(forces) == [*range(10, 60), *range(100, 150)]
+    for k, delta_v in (10, 0.2), (100, 1.1):
+        force = MASS * delta_v / 0.1
+        angle = YAW + math.radians(k)
+        expected = [force * math.cos(angle), force * math.sin(angle), 0.0]
+        assert forces[k : k + 50] == pytest.approx(np.tile(expected, (50, 1)))
+
+
+def test_a_click_during_a_live_push_starts_it_anew():
+    """Oracle: 50 ticks from the last click on."""
+    forces = run([], 100, live_at=lambda k: [(k >= 5) + (k >= 20), 0.3, 0.0])
+    assert active(forces) == list(range(5, 70))
+
+
+def test_a_count_that_begins_anew_is_no_push():
+    """Oracle: none; the next click is one."""
+    counts = [3] * 60 + [0] * 60 + [1] * 60
+    forces = run([], 180, live_at=lambda k: [counts[k], 0.3, 0.0])
+    assert active(forces) == [*range(0, 50), *range(120, 170)]
+
+
+def test_live_and_scripted_pushes_add_up():
+    """Oracle: sum."""
+    scripted = run([Push(delta_v=0.4, time=0.02)], 100)
+    live = run([], 100, live_at=lambda k: [k >= 20, 0.2, 90.0])
+    both = run(
+        [Push(delta_v=0.4, time=0.02)],
+        100,
+        live_at=lambda k: [k >= 20, 0.2, 90.0],
+    )
+    assert both == pytest.approx(scripted + live)
+
+
+@pytest.mark.parametrize("live", [[1, math.nan, 0.0], [1, 0.3, math.inf]])
+def test_refuses_a_live_push_that_is_not_finite(live):
+    """Oracle: the message of Push.validate."""
+    with pytest.raises(ValueError, match="must be finite"):
+        run([], 1, live_at=lambda k: live)
+
+
+@pytest.mark.parametrize("body", ["", "base", "live"])
 def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     """Oracle: Newton; the force is constant, so rounding only."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(free_body())
-    push = Push(body=body, delta_v=0.5, time=0.05, direction_deg=90.0)
+    pushes = [Push(body=body, delta_v=0.5, time=0.05, direction_deg=90.0)]
+    if body == "live":
+        pushes = []
     source = builder.AddSystem(
-        PushSource([push], MASS, PERIOD, plant, base_body="base")
+        PushSource(pushes, MASS, PERIOD, plant, base_body="base")
     )
+    if body == "live":
+        click = builder.AddSystem(ConstantVectorSource([1.0, 0.5, 90.0]))
+        builder.Connect(
+            click.get_output_port(), source.GetInputPort("live_push")
+        )
     state = builder.AddSystem(ConstantValueSource(Value(RIGHT_SWING)))
-    builder.Connect(state.get_output_port(), source.get_input_port())
+    builder.Connect(
+        state.get_output_port(), source.GetInputPort("walking_state")
+    )
     builder.Connect(
         source.GetOutputPort("spatial_forces"),
         plant.get_applied_spatial_force_input_port(),
@@ -163,7 +231,7 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
 
 def test_the_outputs_depend_on_the_state_only():
     """Oracle: Drake's own dependency graph."""
-    source = PushSource([], MASS, PERIOD, free_body())
+    source = PushSource([], MASS, PERIOD, free_body(), "base")
     assert not source.HasAnyDirectFeedthrough()
     context = source.CreateDefaultContext()
     assert source.GetOutputPort("spatial_forces").Eval(context) == []

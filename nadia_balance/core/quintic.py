@@ -1,0 +1,70 @@
+"""Motions of least jerk: straight to the end, or through a point before it.
+
+Of all motions between two states (position, velocity, acceleration) in a given
+time, the quintic has the least jerk, and so has the rest of it from any state
+on it.  The same holds with a point to pass (Flash and Hogan 1985).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nadia_balance.core.walking import Array
+
+
+def quintic(
+    start: Array, end: Array, horizon: Array, t: float | Array
+) -> Array:
+    """Follows the quintic from `start` to `end` for the time `t`.
+
+    `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
+    the time from start to end, >= t > 0, one for each column.  The result is
+    (3, k, n) for k times of shape (k, 1).
+    """
+    s, h = t / horizon, horizon
+    p0, v0, a0 = start[0], start[1] * h, start[2] * h * h
+    v1, a1 = end[1] * h, end[2] * h * h
+    gap = end[0] - p0 - v0 - 0.5 * a0
+    dv, da = v1 - v0 - a0, a1 - a0
+    c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
+    c4 = -15.0 * gap + 7.0 * dv - da
+    c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
+    return np.array(
+        [
+            p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5)))),
+            (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
+            (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
+        ]
+    )
+
+
+def end_beyond(
+    start: Array, end: Array, horizon: float, via: Array, t: float
+) -> Array:
+    """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
+
+    That quintic is, until `t` in (0, horizon) [s], the motion of least jerk
+    from `start` through via to `end`, both (3, n).  At `t` its fifth
+    derivative jumps, and it goes on to end.
+    """
+    h = horizon - t
+    kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
+    times = np.array([horizon])
+    missed = via - quintic(start, end, times, t)[0]
+    moved = quintic(np.zeros((3, 1)), kink, times, t)[0]
+    return np.asarray(end + kink * (missed / moved))
+
+
+def time_to_pass(
+    start: Array, end: Array, horizon: float, via: Array, period: float
+) -> float:
+    """Returns when to pass `via` (n,) on the way with the least jerk [s].
+
+    One of the multiples of `period` [s] below `horizon` [s], of which there
+    must be one.  The cost of the detour at t is the squared distance from the
+    quintic to via, over (t (horizon - t))^5.
+    """
+    t = np.arange(period, horizon - 0.5 * period, period)
+    way = quintic(start, end, np.array([horizon]), t[:, None])[0]
+    cost = np.sum((via - way) ** 2, axis=1) / (t * (horizon - t)) ** 5
+    return float(t[np.argmin(cost)])

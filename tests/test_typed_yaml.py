@@ -1,0 +1,160 @@
+"""YAML that fits gives dataclasses, YAML that does not one readable line."""
+
+from dataclasses import dataclass, field
+
+import pytest
+from pydrake.multibody.plant import MultibodyPlantConfig
+
+from nadia_balance.typed_yaml import load_typed
+
+
+@dataclass(kw_only=True)
+class Wheel:
+    radius: float = 0.3
+
+
+@dataclass(kw_only=True)
+class Cart:
+    name: str = "cart"
+    seats: int = 1
+    electric: bool = False
+    load: float | None = None
+    spare: Wheel = field(default_factory=Wheel)
+    wheels: list[Wheel] = field(default_factory=list)
+    angles: dict[str, float] = field(default_factory=dict)
+    either: Wheel | MultibodyPlantConfig = field(default_factory=Wheel)
+    plant: MultibodyPlantConfig = field(default_factory=MultibodyPlantConfig)
+
+
+ALL = """
+name: truck
+seats: 3.0
+electric: true
+load: 1e3  # text for YAML 1.1
+spare: {radius: 1}
+wheels: [{}, {radius: .4}]
+angles: {door: 0.5}
+either: !Wheel {radius: 2.0}
+plant: {time_step: 0.002}
+"""
+
+
+def refusal(text: str, **source) -> str:
+    """What the user reads; always one line."""
+    with pytest.raises(ValueError) as error:
+        load_typed(Cart, "cart.yaml", data=text, **source)
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith("cart.yaml: ")
+    return message.removeprefix("cart.yaml: ")
+
+
+def test_reads_every_kind_of_field():
+    """Oracle: the same, built by hand."""
+    cart = load_typed(Cart, "cart.yaml", data=ALL)
+    assert cart.plant.time_step == 0.002
+    cart.plant = by_default = MultibodyPlantConfig()
+    assert cart == Cart(
+        name="truck",
+        seats=3,
+        electric=True,
+        load=1000.0,
+        spare=Wheel(radius=1.0),
+        wheels=[Wheel(), Wheel(radius=0.4)],
+        angles={"door": 0.5},
+        either=Wheel(radius=2.0),
+        plant=by_default,
+    )
+
+
+def test_keeps_the_defaults_and_leaves_them_alone():
+    defaults = Cart(name="bus", seats=40)
+    cart = load_typed(Cart, "cart.yaml", data="seats: 50", defaults=defaults)
+    assert (cart.name, cart.seats) == ("bus", 50)
+    assert defaults.seats == 40
+
+
+def test_reads_a_child_of_a_file(tmp_path):
+    path = tmp_path / "carts.yaml"
+    path.write_text("small: {seats: 2}\nlarge: {seats: 9}\n")
+    for filename in (path, str(path)):
+        cart = load_typed(Cart, "carts", filename=filename, child_name="large")
+        assert cart.seats == 9
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("3", "file = 3: must be a mapping"),
+        ("", "file = None: must be a mapping"),
+        ("seats: many", "seats = 'many': must be an integer"),
+        ("seats: 2.5", "seats = 2.5: must be an integer"),
+        ("seats: [1]", r"seats = [1]: must be an integer"),
+        ("electric: 1", "electric = 1: must be true or false"),
+        ("name: 3", "name = 3: must be text"),
+        ("load: heavy", "load = 'heavy': must be a number"),
+        ("spare: 3", "spare = 3: must be a mapping"),
+        ("spare: {radius: }", "spare.radius = None: must be a number"),
+        ("spare: {radius: true}", "spare.radius = True: must be a number"),
+        ("spare: {size: 1}", "spare.size: unknown field, must be one of rad"),
+        ("wheels: 4", "wheels = 4: must be a list"),
+        ("wheels: [{}, 4]", "wheels[1] = 4: must be a mapping"),
+        ("angles: [1]", "angles = [1]: must be a mapping"),
+        ("angles: {door: a}", "angles.door = 'a': must be a number"),
+        ("plant: 1", "plant = 1: must be a mapping"),
+        ("plant: {step: 1}", "plant.step: unknown field, must be one of time"),
+    ],
+)
+def test_names_the_field_its_value_and_what_is_allowed(text, message):
+    assert refusal(text).startswith(message)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["spare: !Wagon {}", "either: !Wagon {}", "either: !Wheel {radius: a}"],
+)
+def test_leaves_tags_to_drake(text):
+    """Which knows them; its errors, too, come as one line."""
+    assert refusal(text)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("a: b: c", "line 1, column 5: "),
+        ("name: a\nseats: {", "line 2, column "),
+        ("name: 2020-13-45", "month must be in 1..12"),
+        ("name: \0", "#x0000"),
+        ("name: *nowhere", "line 1, column 7: "),
+        (2000 * "[", "recursion"),
+    ],
+)
+def test_says_where_the_yaml_is_malformed(text, message):
+    """Oracle: the place, counted by hand, or the reason."""
+    refused = refusal(text)
+    assert refused.startswith("malformed YAML: ")
+    assert message in refused
+
+
+def test_shortens_a_long_value():
+    assert len(refusal(f"seats: [{200 * '1, '}]")) < 120
+
+
+def test_lists_the_children_that_there_are():
+    message = refusal("small: {}\nlarge: {}", child_name="huge")
+    assert message == "'huge': must be one of small, large"
+    assert "must be a mapping" in refusal("[small]", child_name="small")
+    named = refusal("small: {seats: a}", child_name="small")
+    assert named.startswith("small.seats = 'a': ")
+
+
+def test_a_file_that_is_no_text_is_malformed(tmp_path):
+    path = tmp_path / "cart.yaml"
+    path.write_bytes(b"name: \xff\xfe")
+    with pytest.raises(ValueError, match="cart.yaml: .*utf-8"):
+        load_typed(Cart, "cart.yaml", filename=path)
+
+
+def test_a_file_that_is_not_there_is_not_found(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        load_typed(Cart, "cart.yaml", filename=tmp_path / "none.yaml")
