@@ -201,6 +201,7 @@ def run_info(args: argparse.Namespace, scenario: Scenario, run: Run) -> RunInfo:
         fell_at=run.fell_at,
         fall_reason=run.fall_reason,
         interrupted=run.interrupted,
+        improper_contacts=run.improper_contacts,
         cpu_time=run.cpu_time,
     )
 

@@ -157,6 +157,14 @@ class HumanoidDiagram(Diagram):
             return "pelvis tilted"
         return ""
 
+    def improper_contacts(self, context: Context) -> set[str]:
+        """Contacts that are not those of a foot and the ground, by name."""
+        plant_context = self.plant.GetMyContextFromRoot(context)
+        port = self.plant.get_contact_results_output_port()
+        return self.robot.improper_contacts(
+            self.plant, port.Eval(plant_context)
+        )
+
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
         logs = self._signal_log.read(context)

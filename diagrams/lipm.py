@@ -104,6 +104,10 @@ class LipmDiagram(Diagram):
             return "CoM out of reach of both feet"
         return ""
 
+    def improper_contacts(self, context: Context) -> set[str]:
+        """A point mass touches nothing."""
+        return set()
+
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see diagrams.logs)."""
         logs = self._signal_log.read(context)

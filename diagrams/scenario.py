@@ -42,7 +42,7 @@ class Scenario:
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     duration: float = 10.0  # [s]
     seed: int = 0  # 0: exact start; else shifts it by up to 10 um
-    mechanisms: str = "all_with_cross_over"  # what may be used to recover
+    mechanisms: str = "icp_only"  # what may be used to recover
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )

@@ -21,6 +21,7 @@ class Run:
     cpu_time: float  # [s]
     interrupted: bool  # by Ctrl-C
     missed_pushes: int = 0  # that never came, or were cut off by the end
+    improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
 
     @property
     def real_time_factor(self) -> float:
@@ -55,21 +56,8 @@ def advance(
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     simulator.set_target_realtime_rate(realtime_rate)
-    fall = {}
-
-    def watch(root_context):
-        now = root_context.get_time()
-        if now < watch.next_time:
-            return EventStatus.DidNothing()
-        watch.next_time = now + WATCH_PERIOD
-        reason = diagram.fall_reason(root_context)
-        if not reason:
-            return EventStatus.DidNothing()
-        fall.update(time=now, reason=reason)
-        return EventStatus.ReachedTermination(diagram, reason)
-
-    watch.next_time = 0.0
-    simulator.set_monitor(watch)
+    watch = _Watch(diagram)
+    simulator.set_monitor(watch.look)
     simulator.Initialize()
     interrupted = False
     began = time.process_time()
@@ -79,17 +67,42 @@ def advance(
         interrupted = True
     except (RuntimeError, ValueError) as error:  # such as NaN at an input
         message = " ".join(str(error).split())
-        fall.update(time=context.get_time(), reason=f"stopped: {message}")
+        watch.fell_at = context.get_time()
+        watch.reason = f"stopped: {message}"
     cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),
-        fell_at=fall.get("time"),
-        fall_reason=fall.get("reason", ""),
+        fell_at=watch.fell_at,
+        fall_reason=watch.reason,
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
         interrupted=interrupted,
         missed_pushes=_missed_pushes(diagram, context),
+        improper_contacts=tuple(sorted(watch.improper_contacts)),
     )
+
+
+class _Watch:
+    """Looks at a running simulation now and then, from outside of it."""
+
+    def __init__(self, diagram):
+        self._diagram, self._next_look = diagram, 0.0
+        self.fell_at: float | None = None
+        self.reason = ""
+        self.improper_contacts: set[str] = set()
+
+    def look(self, context: Context) -> EventStatus:
+        """Ends the simulation if the robot has fallen."""
+        now = context.get_time()
+        if now < self._next_look:
+            return EventStatus.DidNothing()
+        self._next_look = now + WATCH_PERIOD
+        self.improper_contacts |= self._diagram.improper_contacts(context)
+        self.reason = self._diagram.fall_reason(context)
+        if not self.reason:
+            return EventStatus.DidNothing()
+        self.fell_at = now
+        return EventStatus.ReachedTermination(self._diagram, self.reason)
 
 
 def _missed_pushes(diagram, context: Context) -> int:

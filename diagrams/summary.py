@@ -40,7 +40,7 @@ class RunInfo:
     fell_at: float | None = None  # [s]
     fall_reason: str = ""
     interrupted: bool = False  # by the user
-    non_foot_contact: bool = False  # something else touched the ground
+    improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
     cpu_time: float = math.nan  # of the simulation [s]
     required_steps: int = 0  # to be taken after the push
 
@@ -69,7 +69,8 @@ def summarize(log: Log, info: RunInfo) -> dict:
         "steps_taken": len(steps(log)),
         "steps_after_push": steps_after_push(log),
         "stance_slip_m": stance_slip(log),
-        "non_foot_contact": info.non_foot_contact,
+        "non_foot_contact": bool(info.improper_contacts),
+        "improper_contacts": list(info.improper_contacts),
         "max_torque_ratio": _largest(torque_ratio(log)),
         "max_joint_speed": _largest(joint_speed(log)),
         **qp_figures(log),
@@ -87,8 +88,8 @@ def _failure(log: Log, info: RunInfo, error: np.ndarray) -> str:
         return f"fell: {info.fall_reason}" if info.fall_reason else "fell"
     if info.interrupted or len(error) == 0:
         return "interrupted"
-    if info.non_foot_contact:
-        return "not only the feet touched the ground"
+    if info.improper_contacts:
+        return f"contact of {', '.join(info.improper_contacts)}"
     if not np.all(error[settled] < ICP_BACK):
         return f"the ICP error did not stay below {ICP_BACK} m"
     if ratio > 1.0 + EFFORT_MARGIN:

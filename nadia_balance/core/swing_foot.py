@@ -33,7 +33,7 @@ class SwingFootParams:
 
     height: float = 0.10  # apex above the higher of start and goal [m]
     apex_fraction: float = 0.45  # of the swing, when the apex is reached [-]
-    touchdown_velocity: float = 0.30  # downward, at and after the end [m/s]
+    touchdown_velocity: float = 0.20  # downward, at and after the end [m/s]
     detour: SwingDetourParams = field(default_factory=SwingDetourParams)
 
     def validate(self) -> None:

@@ -6,10 +6,14 @@ The Nadia paper, Sec. VI: Eqs. 15 and 16 in swing and in transfer.
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import Array, FootPoses, Phase, WalkingState
+
+_TIMES_TRIED = 8
 
 # The plan's way to the end of the phase has no direction below this [m]: in
 # transfer it comes to a standstill, and Eq. 16 would amplify noise.
@@ -104,26 +108,61 @@ def is_leaving(
 
 
 def least_remaining_time(
-    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
+    state: WalkingState,
+    feet: FootPoses,
+    error: Array,
+    omega: float,
+    params: TimingAdapterParams,
 ) -> float:
     """Returns the time [s] that must be left in the phase, by the clock.
 
     In a swing, the foot that is now at its measured pose in `feet` needs time
-    to its target, and the rest of its motion is sped up by no more than sigma
-    (Atlas paper, Eq. 13).
-    Erratum: as printed, sigma has no upper bound.
+    to get to where the ICP `error` (2,) [m] will have taken its foothold, and
+    the rest of its motion is sped up by no more than sigma (Atlas paper,
+    Eq. 13).  Erratum: as printed, sigma has no upper bound.
     """
     schedule = state.schedule
     if schedule.phase is Phase.TRANSFER:
         return params.min_transfer_duration - state.elapsed
-    step = schedule.footsteps[0]
-    way = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
-    return max(
+    least = max(
         params.min_swing_duration - state.elapsed,
         params.min_remaining_swing,
-        math.hypot(*way) / params.max_foot_speed,
         (schedule.duration - state.elapsed) / params.max_speed_up,
     )
+    return max(least, _travel_time(state, feet, error, omega, least, params))
+
+
+def _time_to_target(
+    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
+) -> float:
+    """Returns the time [s] to the present target, at the largest speed."""
+    step = state.schedule.footsteps[0]
+    way = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    return math.hypot(*way) / params.max_foot_speed
+
+
+def _travel_time(
+    state: WalkingState,
+    feet: FootPoses,
+    error: Array,
+    omega: float,
+    least: float,
+    params: TimingAdapterParams,
+) -> float:
+    """Returns the first time [s] by which the foot can be where it must be.
+
+    By the time T, the ICP error has grown to e^wT times what it is, and has
+    moved the foothold by as much.  If it runs away from the foot, so that
+    there is no such time, the foot must do with the `least` [s].
+    """
+    step = state.schedule.footsteps[0]
+    nominal = state.adjustment.nominal if state.adjustment else step
+    way = nominal.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    for t in np.linspace(least, state.remaining_time, _TIMES_TRIED):
+        distance = math.hypot(*(way + math.exp(omega * t) * error))
+        if distance <= params.max_foot_speed * t:
+            return float(t)
+    return least
 
 
 def time_adjustment(
@@ -147,10 +186,15 @@ def time_adjustment(
     if discount == 0.0 or state.waiting or not state.schedule.footsteps:
         return 0.0
     reference = plan.at(t)
-    if math.dist(icp, reference.icp) < params.icp_error_threshold:
+    left, error = state.remaining_time, icp - reference.icp
+    if phase is Phase.SWING:
+        late = _time_to_target(state, feet, params) - left
+        if late > 0.0:
+            return -late  # hold the clock: the foot cannot be there in time
+    if math.hypot(*error) < params.icp_error_threshold:
         return 0.0
-    left = state.remaining_time
-    most = max(left - least_remaining_time(state, feet, params), 0.0)
+    least = least_remaining_time(state, feet, error, plan.omega, params)
+    most = max(left - least, 0.0)
     if most == 0.0:
         return 0.0
     done = fraction_done(icp, reference.icp, plan.icp_end)

@@ -5,14 +5,17 @@ from pydrake.common.value import Value
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
     ContactSchedule,
+    Phase,
     Side,
     WalkingState,
 )
 from nadia_balance.systems import palette
 from nadia_balance.systems.overlay import Arrow, Marker, PolygonOutline
+from nadia_balance.systems.overlay_regions import RegionOverlay
 from nadia_balance.systems.overlay_soles import Footprints, SoleOutline
 from nadia_balance.systems.ports import eval_typed
 
@@ -27,14 +30,17 @@ class BalanceVisualizer(LeafSystem):
     Footprints (filled) and footsteps still to land (outlined), left and right
     in their colours; the support polygon; the ICP and its reference (balls,
     large and small); the CoM (ball) and its projection, the CoP (discs) and
-    the eCMP (square) on the ground; the push (arrow).  What is not connected
-    is not drawn, except that `walking_state` is needed.
+    the eCMP (square) on the ground; the push (arrow).  In swings the capture
+    regions, the reachability region that the step respects, and the nominal
+    foothold if it is adjusted, all outlined, and redrawn less often: they
+    have many edges.  What is not connected is not drawn, except that
+    `walking_state` is needed.
 
     .. pydrake_system::
 
         name: BalanceVisualizer
         input_ports: [walking_state, com_state, icp, icp_reference,
-                      ecmp_command, push_force]
+                      ecmp_command, push_force, capture_regions]
         output_ports: []
     """
 
@@ -43,8 +49,12 @@ class BalanceVisualizer(LeafSystem):
         meshcat: Meshcat,
         sole: np.ndarray,
         publish_period: float = 1.0 / 32.0,
+        regions_period: float = 1.0 / 16.0,
     ):
-        """`sole` (n, 2) [m] are the corners of either sole in its frame."""
+        """`sole` (n, 2) [m] are the corners of either sole in its frame.
+
+        Draws every `publish_period` [s], regions every `regions_period`.
+        """
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
         self._walking_state = self.DeclareAbstractInputPort(
@@ -55,11 +65,21 @@ class BalanceVisualizer(LeafSystem):
         self._reference = self.DeclareVectorInputPort("icp_reference", 8)
         self._ecmp = self.DeclareVectorInputPort("ecmp_command", 4)
         self._push = self.DeclareVectorInputPort("push_force", 3)
+        self._regions = self.DeclareAbstractInputPort(
+            "capture_regions", Value(object())
+        )
         self._add_feet(publish_period)
         self._add_points()
+        self._region_overlay = RegionOverlay(
+            self._meshcat, f"{ROOT}/capture_regions", self._sole
+        )
         self.DeclareInitializationPublishEvent(self._forget)
         self.DeclarePeriodicPublishEvent(publish_period, 0.0, self._draw)
+        self.DeclarePeriodicPublishEvent(
+            regions_period, 0.0, self._draw_regions
+        )
         self.DeclareForcedPublishEvent(self._draw)
+        self.DeclareForcedPublishEvent(self._draw_regions)
 
     def _add_feet(self, publish_period: float) -> None:
         self._footprints = Footprints(
@@ -130,6 +150,24 @@ class BalanceVisualizer(LeafSystem):
                 marker.draw([*port.Eval(context)[columns], ground], time)
         if self._com.HasValue(context):
             self._draw_com_and_push(context, time)
+        if schedule.phase is not Phase.SWING:
+            self._region_overlay.hide(time)
+        return EventStatus.Succeeded()
+
+    def _draw_regions(self, context):
+        state = eval_typed(self, context, self._walking_state, WalkingState)
+        schedule = state.schedule
+        if schedule.phase is not Phase.SWING or not self._regions.HasValue(
+            context
+        ):
+            return EventStatus.DidNothing()
+        x, y, z = schedule.feet[schedule.support_side].p_WF
+        self._region_overlay.draw(
+            eval_typed(self, context, self._regions, CaptureRegions),
+            np.array([x, y]),
+            float(z),
+            context.get_time(),
+        )
         return EventStatus.Succeeded()
 
     def _draw_footprints(self, state: WalkingState, time: float) -> None:

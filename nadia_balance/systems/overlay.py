@@ -65,16 +65,24 @@ class PolygonOutline:
         Raises:
             ValueError: it has more edges than there are boxes.
         """
-        n = len(vertices)
-        if n > len(self._edges):
+        self.draw_edges(vertices, np.roll(vertices, -1, axis=0), z, time)
+
+    def draw_edges(
+        self, starts: Array, ends: Array, z: float, time: float | None
+    ) -> None:
+        """Shows the lines from `starts` to `ends` (n, 2) [m]; no points.
+
+        Each has the box of its number; else as `draw`.
+        """
+        if len(starts) > len(self._edges):
             raise ValueError(
-                f"vertices = {n}: must be at most {len(self._edges)}"
+                f"edges = {len(starts)}: must be at most {len(self._edges)}"
             )
-        ends = np.roll(vertices, -1, axis=0)
         for i, edge in enumerate(self._edges):
-            self._meshcat.SetProperty(edge, "visible", i < n, time)
-            if i < n:
-                self._draw_edge(edge, vertices[i], ends[i], z, time)
+            seen = i < len(starts) and not np.array_equal(starts[i], ends[i])
+            self._meshcat.SetProperty(edge, "visible", seen, time)
+            if seen:
+                self._draw_edge(edge, starts[i], ends[i], z, time)
 
     def _draw_edge(
         self,

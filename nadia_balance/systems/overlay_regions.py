@@ -12,9 +12,9 @@ from nadia_balance.systems.overlay import PolygonOutline
 from nadia_balance.systems.overlay_soles import SoleOutline
 
 RADIUS = 1.2  # capture regions are shown so far about the stance foot [m]
-REACH_EDGES = 16
-REGION_EDGES = (8, 28, 48)  # of C_1, C_2, C_3
-_CUT = -0.2  # no edge of a foot has this direction [rad]
+EDGES = 16  # of any region: more cost more than they show
+BOXES = 24  # for the edges of a capture region
+_CUT = -0.2  # a direction that no side of a foot has [rad]
 
 
 class RegionOverlay:
@@ -29,16 +29,11 @@ class RegionOverlay:
         """Adds all that there is to draw below `path`, hidden."""
         self._meshcat, self._path = meshcat, path
         self._reach = PolygonOutline(
-            meshcat, f"{path}/reach", REACH_EDGES, palette.rgba(palette.REACH)
+            meshcat, f"{path}/reach", EDGES, palette.rgba(palette.REACH)
         )
         self._regions = [
-            PolygonOutline(
-                meshcat,
-                f"{path}/c_{i + 1}",
-                edges,
-                palette.rgba(palette.CAPTURE_REGIONS[i]),
-            )
-            for i, edges in enumerate(REGION_EDGES)
+            PolygonOutline(meshcat, f"{path}/c_{i}", BOXES, palette.rgba(color))
+            for i, color in enumerate(palette.CAPTURE_REGIONS, start=1)
         ]
         self._nominal = SoleOutline(
             meshcat, f"{path}/nominal", sole, palette.rgba(palette.NOMINAL)
@@ -50,41 +45,59 @@ class RegionOverlay:
     ) -> None:
         """Shows `found` about the stance foot at `centre` (2,) [m], z [m]."""
         self._meshcat.SetProperty(self._path, "visible", True, time)
-        reach = thinned(found.reach, REACH_EDGES)
-        self._reach.draw(reach, z + 0.002, time)
-        regions = found.regions[: len(self._regions)]
-        for i, (outline, region) in enumerate(
-            zip(self._regions, regions, strict=False)
-        ):
-            region = thinned(region, REGION_EDGES[i])
-            starts, ends = edges_near(region, centre, RADIUS)
-            outline.draw_edges(starts, ends, z + 0.005 - 0.001 * i, time)
-        for outline in self._regions[len(regions) :]:
-            outline.draw(np.empty((0, 2)), z, time)
-        if found.nominal is None or found.adjusted is found.nominal:
-            self._nominal.hide(time)
-        else:
+        self._reach.draw(thinned(found.reach, EDGES), z + 0.002, time)
+        for i, outline in enumerate(self._regions):
+            lines = np.zeros((2, BOXES, 2))
+            if i < len(found.regions):
+                region = thinned(found.regions[i], EDGES)
+                boxes = boxes_of_edges(region, BOXES)
+                lines[:, boxes] = edges_near(region, centre, RADIUS)
+            # C_1 above the others: where they coincide, it is seen.
+            outline.draw_edges(*lines, z + 0.005 - 0.001 * i, time)
+        if _moved(found):
             self._nominal.draw(found.nominal, time)
+        else:
+            self._nominal.hide(time)
 
     def hide(self, time: float) -> None:
         """Hides it all from `time` [s] on."""
         self._meshcat.SetProperty(self._path, "visible", False, time)
 
 
-def thinned(polygon: Array, max_vertices: int) -> Array:
-    """Returns the polygon with no more than `max_vertices` of its own.
+def _moved(found: CaptureRegions) -> bool:
+    if found.nominal is None or found.adjusted is None:
+        return False
+    return math.dist(found.nominal.p_WF, found.adjusted.p_WF) > 1e-3
 
-    They begin with the same edge while the polygon changes, so that a replay
-    that draws what is between two frames turns no edge into another.
+
+def thinned(polygon: Array, max_vertices: int) -> Array:
+    """Returns the polygon without the vertices that matter least.
+
+    Those whose triangle with their neighbours is smallest (Visvalingam and
+    Whyatt).
     """
-    n = len(polygon)
-    if n == 0:
-        return polygon
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    directions = np.arctan2(edges[:, 1], edges[:, 0]) - _CUT
-    first = int(np.argmin(directions % (2.0 * math.pi)))
-    count = min(n, max_vertices)
-    return polygon[(first + np.arange(count) * n // count) % n]
+    while len(polygon) > max_vertices:
+        edge = np.roll(polygon, -1, axis=0) - polygon
+        last = np.roll(edge, 1, axis=0)
+        turn = last[:, 0] * edge[:, 1] - last[:, 1] * edge[:, 0]
+        polygon = np.delete(polygon, np.argmin(np.abs(turn)), axis=0)
+    return polygon
+
+
+def boxes_of_edges(polygon: Array, count: int) -> Array:
+    """Returns which of `count` boxes is to show which edge, (n,).
+
+    By the direction of the edge.  A replay draws what is between two frames:
+    when a polygon gets another edge, the others have to keep their boxes.
+    """
+    dx, dy = (np.roll(polygon, -1, axis=0) - polygon).T
+    turns = (np.arctan2(dy, dx) - _CUT) / (2.0 * math.pi) % 1.0
+    order, n = np.argsort(turns), np.arange(len(polygon))
+    boxes = np.floor(turns[order] * count).astype(int)
+    # One box, one edge: the next box for the second of one direction.
+    boxes = np.maximum.accumulate(boxes - n) + n
+    boxes = np.minimum(boxes, count - len(n) + n)
+    return boxes[np.argsort(order)]
 
 
 def edges_near(

@@ -13,6 +13,9 @@ COP = "#b8157a"  # magenta
 ECMP = "#d29a00"  # gold
 SUPPORT = "#3d4552"  # slate
 PUSH = "#d11f35"  # red
+CAPTURE_REGIONS = ("#4a0f8f", "#7d3cc9", "#a673e3")  # C_1 to C_3: violets
+REACH = "#8a5a2b"  # brown
+NOMINAL = "#626b78"  # of a foothold that was adjusted: grey
 FLOOR = "#c9d0da"  # grey
 GRID = "#aab4c2"  # darker grey
 SKY_TOP = "#f4f7fb"
@@ -28,6 +31,11 @@ LEGEND = {
     "left foot": LEFT,
     "right foot": RIGHT,
     "push": PUSH,
+    "capture region C\N{SUBSCRIPT ONE}": CAPTURE_REGIONS[0],
+    "C\N{SUBSCRIPT TWO}": CAPTURE_REGIONS[1],
+    "C\N{SUBSCRIPT THREE}": CAPTURE_REGIONS[2],
+    "reachable": REACH,
+    "nominal foothold": NOMINAL,
 }
 
 

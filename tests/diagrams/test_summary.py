@@ -30,7 +30,7 @@ KEYS = """recovered fell_at robot mechanisms direction_deg delta_v
 max_icp_error_m rms_icp_error_m footstep_error_m swing_durations_s
 transfer_durations_s steps_taken max_torque_ratio max_joint_speed qp_solves
 qp_failures qp_fallbacks max_qp_violation real_time_factor stance_slip_m
-non_foot_contact versions""".split()
+non_foot_contact improper_contacts versions""".split()
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +172,7 @@ def unknown_icp_at_the_end(log):
     [
         (dict, {"fell_at": 2.0, "fall_reason": "low"}, "fell: low"),
         (dict, {"interrupted": True}, "interrupted"),
-        (dict, {"non_foot_contact": True}, "feet touched"),
+        (dict, {"improper_contacts": ("A - ground",)}, "contact of A"),
         (dict, {"required_steps": 8}, "fewer than 8 steps"),
         (icp_error_at_the_end, {}, "ICP error"),
         (unknown_icp_at_the_end, {}, "ICP error"),

@@ -61,7 +61,7 @@ def test_an_outline_adds_its_objects_only_once():
 
 def test_an_outline_refuses_a_polygon_with_too_many_edges():
     outline = PolygonOutline(FakeMeshcat(), "/p", 4, COLOR)
-    with pytest.raises(ValueError, match="vertices = 5: must be at most 4"):
+    with pytest.raises(ValueError, match="edges = 5: must be at most 4"):
         outline.draw(PENTAGON, 0.0, 0.0)
 
 
