@@ -41,9 +41,4 @@ def with_mechanism(params: ControllerParams, name: str) -> ControllerParams:
     if not mechanism.step:  # where the feet go is given: only time can help
         params.walking_state_machine.patience = math.inf
     adjuster.reachability.cross_over = mechanism.cross_over
-    # The capture regions count on the hurry that there will be.
-    if mechanism.swing:
-        adjuster.shortest_swing = timing.min_swing_duration
-    if mechanism.transfer:
-        adjuster.shortest_transfer = timing.min_transfer_duration
     return params

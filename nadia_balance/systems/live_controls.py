@@ -44,35 +44,44 @@ class LiveControls(LeafSystem):
         """Looks at the tab every `period` [s]; the rest is how it begins.
 
         Raises:
-            ValueError: `delta_v` [m/s] or `direction_deg` [deg] is not finite.
+            ValueError: `delta_v` [m/s] or `direction_deg` is not finite.
         """
         super().__init__()
-        for name, value in ("delta_v", delta_v), ("direction", direction_deg):
-            if not math.isfinite(value):
-                raise ValueError(f"{name} = {value}: must be finite")
         self._meshcat = meshcat
         meshcat.AddButton(PUSH, PUSH_KEY)
+        self._add_slider(SIZE, LARGEST, 0.01, delta_v)
+        self._add_slider(DIRECTION, 355.0, 5.0, direction_deg % 360.0)
         self._show_mechanisms(mechanisms)
-        for slider, highest, step, value in (
-            (SIZE, LARGEST, 0.01, delta_v),
-            (DIRECTION, 355.0, 5.0, direction_deg % 360.0),
-        ):
-            if slider not in meshcat.GetSliderNames():
-                meshcat.AddSlider(slider, 0.0, highest, step, value)
-            meshcat.SetSliderValue(slider, value)
-        state = self.DeclareDiscreteState([0.0, *self._sliders(), *mechanisms])
-        for port, first, size in ("live_push", 0, 3), ("mechanisms", 3, 4):
-            columns = slice(first, first + size)
-            self.DeclareVectorOutputPort(
-                port,
-                size,
-                lambda context, output, columns=columns: output.SetFromVector(
-                    context.get_discrete_state_vector().value()[columns]
-                ),
-                prerequisites_of_calc={self.discrete_state_ticket(state)},
-            )
+        self._state = self.DeclareDiscreteState(
+            [0.0, *self._sliders(), *mechanisms]
+        )
+        self._declare_output("live_push", slice(0, 3))
+        self._declare_output("mechanisms", slice(3, 7))
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
+
+    def _add_slider(
+        self, name: str, highest: float, step: float, value: float
+    ) -> None:
+        if not math.isfinite(value):
+            raise ValueError(f"{name} = {value}: must be finite")
+        if name not in self._meshcat.GetSliderNames():
+            self._meshcat.AddSlider(name, 0.0, highest, step, value)
+        self._meshcat.SetSliderValue(name, value)
+
+    def _declare_output(self, name: str, columns: slice) -> None:
+        """Declares an output that is these `columns` of the state."""
+
+        def calc(context, output):
+            state = context.get_discrete_state_vector()
+            output.SetFromVector(state.value()[columns])
+
+        self.DeclareVectorOutputPort(
+            name,
+            columns.stop - columns.start,
+            calc,
+            prerequisites_of_calc={self.discrete_state_ticket(self._state)},
+        )
 
     def _sliders(self) -> list[float]:
         return [self._meshcat.GetSliderValue(s) for s in (SIZE, DIRECTION)]

@@ -6,6 +6,7 @@ from pydrake.common.value import Value
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
     ContactSchedule,
@@ -49,7 +50,7 @@ def state(phase=Phase.SWING, steps_taken=1, num_footsteps=5):
     return WalkingState(schedule, steps_taken=steps_taken)
 
 
-def draw(walking, time=0.0, meshcat=None, **vectors):
+def draw(walking, time=0.0, meshcat=None, regions=None, **vectors):
     """Draws one frame; returns the Meshcat that remembers it."""
     meshcat = meshcat or FakeMeshcat()
     visualizer = BalanceVisualizer(meshcat, SOLE)
@@ -57,6 +58,9 @@ def draw(walking, time=0.0, meshcat=None, **vectors):
     context.SetTime(time)
     port = visualizer.GetInputPort("walking_state")
     port.FixValue(context, Value(walking))
+    if regions is not None:
+        port = visualizer.GetInputPort("capture_regions")
+        port.FixValue(context, Value(regions))
     for name, value in vectors.items():
         visualizer.GetInputPort(name).FixValue(context, value)
     visualizer.ForcedPublish(context)
@@ -166,6 +170,77 @@ def test_every_frame_is_recorded_at_its_time():
         if (path, name) != ("/overlay/footprints/left_1", "visible")
     }
     assert frames == {48}
+
+
+REGION = np.array([0.3, 0.1]) + rectangle(0.6, 0.4)
+REGIONS = CaptureRegions(
+    (REGION, REGION), REGION, foot(0.3, Side.RIGHT), foot(0.6, Side.RIGHT)
+)
+
+
+@pytest.mark.parametrize(
+    ("phase", "regions", "seen"),
+    [
+        (Phase.SWING, REGIONS, True),
+        (Phase.SWING, None, False),
+        (Phase.TRANSFER, REGIONS, False),
+        (Phase.STANDING, REGIONS, False),
+    ],
+)
+def test_outlines_capture_regions_in_swings_only(phase, regions, seen):
+    meshcat = draw(state(phase), regions=regions)
+    path = "/overlay/capture_regions"
+    assert meshcat.live[path, "visible"] == seen
+    if seen:
+        heights = [
+            meshcat.live[p, "transform"][2, 3]
+            for p in meshcat.objects
+            if p.startswith(f"{path}/c_") and meshcat.live[p, "visible"]
+        ]
+        assert len(heights) == 8, "two rectangles"
+        assert all(GROUND < z < GROUND + 0.006 for z in heights)
+        X = meshcat.live[f"{path}/nominal", "transform"]
+        assert X[:3, 3] == pytest.approx([0.3, -0.125, GROUND])
+
+
+def test_capture_regions_vanish_with_the_frame_that_ends_the_swing():
+    """Oracle: the swing ends at 1/32 s, between two of their own frames."""
+    meshcat = FakeMeshcat()
+    visualizer = BalanceVisualizer(meshcat, SOLE)
+    simulator = Simulator(visualizer)
+    context = simulator.get_mutable_context()
+    walking = visualizer.GetInputPort("walking_state")
+    visualizer.GetInputPort("capture_regions").FixValue(context, Value(REGIONS))
+    walking.FixValue(context, Value(state(Phase.SWING)))
+    simulator.AdvanceTo(0.03)
+    walking.FixValue(context, Value(state(Phase.TRANSFER)))
+    simulator.AdvanceTo(0.1)
+    path = "/overlay/capture_regions"
+    seen = [meshcat.at(path, "visible", k / 32.0) for k in range(4)]
+    assert seen == [True, False, False, False]
+
+
+def test_draws_capture_regions_16_times_a_second():
+    """Oracle: 17 frames in [0, 1] s, the first at 0."""
+    meshcat = FakeMeshcat()
+    visualizer = BalanceVisualizer(meshcat, SOLE)
+    context = visualizer.CreateDefaultContext()
+    for name, value in ("walking_state", state()), ("capture_regions", REGIONS):
+        visualizer.GetInputPort(name).FixValue(context, Value(value))
+    Simulator(visualizer, context).AdvanceTo(1.0)
+    tracks = [
+        sorted(track)
+        for (path, name), track in meshcat.tracks.items()
+        if path.startswith("/overlay/capture_regions/c_1")
+        and name == "transform"
+    ]
+    assert tracks == [list(range(0, 33, 2))] * 4
+
+
+def test_refuses_anything_but_capture_regions():
+    message = "'capture_regions' got a FootPose"
+    with pytest.raises(TypeError, match=message):
+        draw(state(), regions=FootPose())
 
 
 def test_refuses_anything_but_a_walking_state():
