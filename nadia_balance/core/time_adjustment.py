@@ -6,14 +6,13 @@ The Nadia paper, Sec. VI: Eqs. 15 and 16 in swing and in transfer.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import Array, FootPoses, Phase, WalkingState
 
-_TIMES_TRIED = 8
+_TIMES_TRIED = 16
+_ARRIVED = 0.03  # so near to its foothold, a foot counts as there [m]
 
 # The plan's way to the end of the phase has no direction below this [m]: in
 # transfer it comes to a standstill, and Eq. 16 would amplify noise.
@@ -26,7 +25,7 @@ class TimingAdapterParams:
 
     swing: bool = True  # shorten the swing
     transfer: bool = True  # shorten the transfer
-    swing_discount: float = 0.8  # gamma of a swing, in each tick [-]
+    swing_discount: float = 0.1  # gamma of a swing, in each tick [-]
     transfer_discount: float = 0.8  # gamma of a transfer, in each tick [-]
     icp_error_threshold: float = 0.03  # smaller errors change no clock [m]
     min_swing_duration: float = 0.4  # [s]
@@ -116,32 +115,22 @@ def least_remaining_time(
 ) -> float:
     """Returns the time [s] that must be left in the phase, by the clock.
 
-    In a swing, the foot that is now at its measured pose in `feet` needs time
-    to get to where the ICP `error` (2,) [m] will have taken its foothold, and
-    the rest of its motion is sped up by no more than sigma (Atlas paper,
-    Eq. 13).  Erratum: as printed, sigma has no upper bound.
+    In a swing, the rest of the foot's motion is sped up by no more than sigma
+    (Atlas paper, Eq. 13), and the foot, now at its measured pose in `feet`,
+    needs time to get to where the ICP `error` (2,) [m] will have taken its
+    foothold.  Erratum: as printed, sigma has no upper bound.
     """
-    schedule = state.schedule
-    if schedule.phase is Phase.TRANSFER:
+    if state.schedule.phase is Phase.TRANSFER:
         return params.min_transfer_duration - state.elapsed
     least = max(
         params.min_swing_duration - state.elapsed,
         params.min_remaining_swing,
-        (schedule.duration - state.elapsed) / params.max_speed_up,
+        (state.schedule.duration - state.elapsed) / params.max_speed_up,
     )
-    return max(least, _travel_time(state, feet, error, omega, least, params))
+    return _first_arrival(state, feet, error, omega, least, params)
 
 
-def _time_to_target(
-    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
-) -> float:
-    """Returns the time [s] to the present target, at the largest speed."""
-    step = state.schedule.footsteps[0]
-    way = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
-    return math.hypot(*way) / params.max_foot_speed
-
-
-def _travel_time(
+def _first_arrival(
     state: WalkingState,
     feet: FootPoses,
     error: Array,
@@ -149,20 +138,40 @@ def _travel_time(
     least: float,
     params: TimingAdapterParams,
 ) -> float:
-    """Returns the first time [s] by which the foot can be where it must be.
+    """Returns the first time [s] >= `least` when the foot can be in place.
 
-    By the time T, the ICP error has grown to e^wT times what it is, and has
-    moved the foothold by as much.  If it runs away from the foot, so that
-    there is no such time, the foot must do with the `least` [s].
+    Within the time t, the ICP error grows to e^wt times what it is, and takes
+    the foothold along.  If the foot can at no time catch up with it, it makes
+    do with the `least`.
     """
     step = state.schedule.footsteps[0]
     nominal = state.adjustment.nominal if state.adjustment else step
-    way = nominal.pose.p_WF[:2] - feet[step.side].p_WF[:2]
-    for t in np.linspace(least, state.remaining_time, _TIMES_TRIED):
-        distance = math.hypot(*(way + math.exp(omega * t) * error))
-        if distance <= params.max_foot_speed * t:
-            return float(t)
+    x, y = nominal.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    for i in range(_TIMES_TRIED):
+        t = least + i / _TIMES_TRIED * max(state.remaining_time - least, 0.0)
+        growth = math.exp(omega * t)
+        way = math.hypot(x + growth * error[0], y + growth * error[1])
+        if way <= params.max_foot_speed * t:
+            return t
     return least
+
+
+def time_to_return(
+    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
+) -> float:
+    """Returns by how much [s] the swing was shortened too much, >= 0.
+
+    The foothold may have moved away from the foot, now at its measured pose
+    in `feet`, since the clock was advanced.  No more than has been gained.
+    """
+    if state.schedule.phase is not Phase.SWING:
+        return 0.0
+    step = state.schedule.footsteps[0]
+    x, y = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    way = max(math.hypot(x, y) - _ARRIVED, 0.0)
+    gained = state.time_in_phase - state.elapsed
+    late = way / params.max_foot_speed - state.remaining_time
+    return min(max(late, 0.0), max(gained, 0.0))
 
 
 def time_adjustment(
@@ -173,7 +182,7 @@ def time_adjustment(
     sole: Array,
     params: TimingAdapterParams,
 ) -> float:
-    """Returns by how much [s] to advance the clock now, >= 0.
+    """Returns by how much [s] to advance the clock now; negative: to hold it.
 
     The discounted time by which the measured `icp` (2,) [m] is ahead of the
     plan (Nadia paper, Eqs. 15 and 16) or, if what Eq. 16 cannot explain makes
@@ -181,26 +190,22 @@ def time_adjustment(
     once.  Limited by `least_remaining_time`.  `sole` (n, 2) [m] are the
     corners of either sole in its own frame.
     """
-    t, phase = state.time_in_phase, state.schedule.phase
-    discount = params.discount(phase)
+    t, left = state.time_in_phase, state.remaining_time
+    discount = params.discount(state.schedule.phase)
     if discount == 0.0 or state.waiting or not state.schedule.footsteps:
         return 0.0
+    if (late := time_to_return(state, feet, params)) > 0.0:
+        return -late
     reference = plan.at(t)
-    left, error = state.remaining_time, icp - reference.icp
-    if phase is Phase.SWING:
-        late = _time_to_target(state, feet, params) - left
-        if late > 0.0:
-            return -late  # hold the clock: the foot cannot be there in time
+    error = icp - reference.icp
     if math.hypot(*error) < params.icp_error_threshold:
         return 0.0
     least = least_remaining_time(state, feet, error, plan.omega, params)
-    most = max(left - least, 0.0)
-    if most == 0.0:
+    if (most := left - least) <= 0.0:
         return 0.0
     done = fraction_done(icp, reference.icp, plan.icp_end)
     ahead = time_ahead(done, left, plan.omega)
-    reference = plan.at(t + ahead)
     support = support_polygon(state.schedule, sole)
-    if is_leaving(icp, reference, support, params.support_margin):
+    if is_leaving(icp, plan.at(t + ahead), support, params.support_margin):
         return most
     return min(discount * ahead, most)

@@ -1,5 +1,6 @@
 """How fast the walking clock is to run."""
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem
 
@@ -15,8 +16,8 @@ from nadia_balance.systems.ports import eval_typed
 class TimingAdapter(LeafSystem):
     """Proposes by how much to advance the walking clock (Nadia, Sec. VI).
 
-    `time_adjustment` [s] is >= 0 and ready to be added to the clock in this
-    tick.
+    `time_adjustment` [s] is ready to be added to the clock in this tick, on
+    top of the control period; if negative, the clock is to be held.
 
     .. pydrake_system::
 
@@ -25,7 +26,7 @@ class TimingAdapter(LeafSystem):
         output_ports: [time_adjustment]
     """
 
-    def __init__(self, params: TimingAdapterParams, sole):
+    def __init__(self, params: TimingAdapterParams, sole: np.ndarray):
         """`sole` (n, 2) [m] are the corners of either sole in its frame."""
         super().__init__()
         params.validate()

@@ -1,14 +1,22 @@
-"""Oracles: boundary values, finite differences, the original polynomial."""
+"""Oracles: boundary values, finite differences, shapely's distances."""
 
 import math
 
 import numpy as np
 import pytest
+from shapely.geometry import Point, Polygon
 
+from nadia_balance.core.quintic import quintic
+from nadia_balance.core.reachability import (
+    BACKWARD,
+    FORWARD,
+    ReachabilityParams,
+    cross_over_region,
+)
+from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
-    quintic,
     swing_foot_motion,
 )
 from nadia_balance.core.walking import (
@@ -20,21 +28,39 @@ from nadia_balance.core.walking import (
     ReferencePoint,
     Side,
     WalkingState,
+    rectangle,
 )
 
 PERIOD = 0.002
 PARAMS = SwingFootParams()
+SOLE = Polygon(rectangle(0.25, 0.12))
+NOMINAL = (0.0, -0.25)  # beside the stance foot
 
 
-def swing_state(t, goal=(0.4, -0.15, 0.0), yaw=0.2, duration=0.7):
-    """The right foot swings from (-0.3, -0.12) to `goal`."""
-    feet = FootPoses(FootPose([0.0, 0.12, 0.0]), FootPose([-0.3, -0.12, 0.0]))
+def swing_state(
+    t,
+    goal=(0.4, -0.15, 0.0),
+    yaw=0.2,
+    duration=0.7,
+    start=(-0.3, -0.12),
+    stance=(0.0, 0.12),
+    gained=0.0,
+):
+    """The right foot swings from `start` to `goal`."""
+    feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
     step = Footstep(Side.RIGHT, FootPose(goal, yaw), 0.3, duration)
     start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
     schedule = ContactSchedule(
         Phase.SWING, Side.LEFT, duration, feet, (step,), start
     )
-    return WalkingState(schedule, t, waiting=t >= duration)
+    return WalkingState(schedule, t, t - gained, waiting=t >= duration)
+
+
+def crossing(t, goal, start=NOMINAL, **kwargs):
+    """The right foot swings past the left one, which stands in the origin."""
+    return swing_state(
+        t, (*goal, 0.0), yaw=0.0, start=start, stance=(0.0, 0.0), **kwargs
+    )
 
 
 def follow(states):
@@ -50,30 +76,6 @@ def follow(states):
 def times(duration=0.7):
     """The walking clock of one swing."""
     return np.minimum(np.arange(0.0, duration + PERIOD / 2, PERIOD), duration)
-
-
-def test_quintic_meets_both_ends():
-    """Oracle: the boundary values."""
-    rng = np.random.default_rng(0)
-    start, end = rng.normal(size=(2, 3, 4))
-    horizon = np.array([0.3, 0.5, 0.7, 0.9])
-    for column, h in enumerate(horizon):
-        arrived = quintic(start, end, horizon, h)[:, column]
-        assert arrived == pytest.approx(end[:, column], abs=1e-9)
-    begun = quintic(start, end, horizon, 0.0)
-    assert begun == pytest.approx(start, abs=1e-12)
-
-
-def test_quintic_rates_are_its_derivatives():
-    """Oracle: central differences."""
-    rng = np.random.default_rng(1)
-    start, end = rng.normal(size=(2, 3, 4))
-    horizon, step = np.full(4, 0.8), 1e-5
-    before, here, after = (
-        quintic(start, end, horizon, 0.3 + d) for d in (-step, 0.0, step)
-    )
-    rates = (after[:2] - before[:2]) / (2 * step)
-    assert rates == pytest.approx(here[1:], abs=1e-6)
 
 
 def test_continuing_each_tick_is_one_quintic():
@@ -93,8 +95,9 @@ def test_lands_on_the_foothold_with_the_touchdown_velocity():
     """Oracle: the boundary values."""
     last = follow([swing_state(t) for t in times()])[-2]
     # One tick before the end: the rest of the way is one tick's worth.
-    assert last[0] == pytest.approx([0.4, -0.15, 0.0, 0.2], abs=3e-4)
-    assert last[1] == pytest.approx([0.0, 0.0, -0.1, 0.0], abs=1e-2)
+    down = -PARAMS.touchdown_velocity
+    assert last[0] == pytest.approx([0.4, -0.15, 0.0, 0.2], abs=5e-4)
+    assert last[1] == pytest.approx([0.0, 0.0, down, 0.0], abs=2e-2)
 
 
 def test_apex_is_the_swing_height():
@@ -121,7 +124,8 @@ def test_a_late_foot_goes_on_downward():
     """Oracle: constant velocity."""
     states = [swing_state(t) for t in times()] + [swing_state(0.7)] * 50
     z = follow(states)[:, 0, 2]
-    assert z[-1] - z[-51] == pytest.approx(-0.1 * 50 * PERIOD, abs=1e-9)
+    way = -PARAMS.touchdown_velocity * 50 * PERIOD
+    assert z[-1] - z[-51] == pytest.approx(way, abs=1e-9)
 
 
 def test_turns_the_short_way_round():
