@@ -28,7 +28,11 @@ from diagrams.meshcat_scene import (
     set_scene,
 )
 from diagrams.replay import start_recording, write_replay
+from nadia_balance.core.foothold_adjustment_params import (
+    CaptureRegionStepAdjusterParams,
+)
 from nadia_balance.core.walking import (
+    Adjustment,
     ContactSchedule,
     FootPose,
     FootPoses,
@@ -40,8 +44,13 @@ from nadia_balance.core.walking import (
     rectangle,
 )
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
+)
+from nadia_balance.systems.ports import connect
 
 URDF = Path(__file__).parents[1] / "models" / "nadia" / "nadia.urdf"
+SOLE = rectangle(0.25, 0.12)
 DURATION, STEP_LENGTH, TRANSFER, SWING = 10.0, 0.2, 0.3, 0.7  # [s], [m]
 PUSH = (4.2, 4.3)  # [s]
 MEGABYTE = 1e6
@@ -68,9 +77,23 @@ def walking_state(time: float) -> WalkingState:
         tuple(Footstep(*foot(taken + i), TRANSFER, SWING) for i in range(1, 5)),
         ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
     )
+    if not swings:
+        return WalkingState(schedule, clock, steps_taken=taken)
+    clock -= TRANSFER
     return WalkingState(
-        schedule, clock - TRANSFER if swings else clock, steps_taken=taken
+        schedule,
+        clock,
+        clock,
+        steps_taken=taken,
+        adjustment=Adjustment(nominal(taken + 1), schedule.footsteps[0].pose),
     )
+
+
+def nominal(step: int) -> Footstep:
+    """Where this step was to land: farther out."""
+    side, pose = foot(step)
+    out = np.array([0.0, 0.2 * side.sign, 0.0])
+    return Footstep(side, FootPose(pose.p_WF + out), TRANSFER, SWING)
 
 
 def com(time: float) -> np.ndarray:
@@ -89,7 +112,6 @@ def vectors(time: float) -> dict[str, np.ndarray]:
     pushed = PUSH[0] <= time < PUSH[1]
     return {
         "com_state": np.concatenate([com(time), np.zeros(3)]),
-        "icp": icp(time),
         "icp_reference": np.concatenate([icp(time) + 0.02, np.zeros(6)]),
         "ecmp_command": np.concatenate([icp(time) - 0.05, icp(time) - 0.1]),
         "push_force": np.array([0.0, 500.0 * pushed, 0.0]),
@@ -120,9 +142,17 @@ def write_imitation(path: Path) -> None:
     Parser(plant).AddModels(str(URDF))
     plant.Finalize()
     add_robot_view(builder, scene_graph, meshcat)
-    visualizer = builder.AddSystem(
-        BalanceVisualizer(meshcat, rectangle(0.25, 0.12))
+    visualizer = builder.AddSystem(BalanceVisualizer(meshcat, SOLE))
+    adjuster = builder.AddSystem(
+        CaptureRegionStepAdjuster(
+            CaptureRegionStepAdjusterParams(), SOLE, omega=3.3
+        )
     )
+    connect(builder, adjuster, visualizer, "capture_regions")
+    builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
+    builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
+    builder.ExportInput(visualizer.GetInputPort("icp"), "icp")
+    builder.ConnectInput("icp", adjuster.GetInputPort("icp"))
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
     robot = plant.GetMyMutableContextFromRoot(root)
@@ -138,8 +168,9 @@ def write_imitation(path: Path) -> None:
             robot, pelvis, RigidTransform(com(time))
         )
         legs(plant, robot, time)
-        port = visualizer.GetInputPort("walking_state")
-        port.FixValue(inputs, Value(walking_state(time)))
+        port = diagram.GetInputPort("state")
+        port.FixValue(root, Value(walking_state(time)))
+        diagram.GetInputPort("icp").FixValue(root, icp(time))
         for name, value in vectors(time).items():
             visualizer.GetInputPort(name).FixValue(inputs, value)
         diagram.ForcedPublish(root)
@@ -272,6 +303,8 @@ def test_the_robot_and_the_overlay_are_seen(replay, path, pixels, time):
     [
         *("footprints", "footsteps", "support_polygon"),
         *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
+        *("capture_regions/c_1", "capture_regions/c_2", "capture_regions/c_3"),
+        *("capture_regions/reach", "capture_regions/nominal"),
     ],
 )
 def test_each_part_of_the_overlay_is_seen(replay, name):
@@ -346,5 +379,5 @@ def test_the_camera_follows_the_walk(replay):
 
 def test_the_legend_names_what_is_drawn(replay):
     text = replay.page.inner_text("#legend")
-    for name in ("ICP", "CoM", "CoP", "eCMP", "left foot", "push"):
+    for name in ("ICP", "CoM", "CoP", "eCMP", "left foot", "push", "C₁"):
         assert name in text

@@ -42,8 +42,9 @@ class CaptureRegionStepAdjusterParams:
     transfer_aware: bool = False
     # The CoP may leave the centre of the feet that are still to land.
     finite_foot: bool = False
-    # What the timing adaptation makes of the steps to come, if they are
-    # longer [s]; infinite: they last as long as they are queued.
+    # The steps to come are counted on to last no longer than this, as when
+    # their timing is adapted; infinite: as long as they are queued.  The more
+    # they promise, the more of the recovery is put off until then.  [s]
     shortest_transfer: float = math.inf
     shortest_swing: float = math.inf
     dead_band: float = 0.01  # the foothold moves by so much, or not at all [m]

@@ -6,7 +6,7 @@ import numpy as np
 
 from nadia_balance.core.polygon import project
 from nadia_balance.core.reachability import ReachabilityParams, base_region
-from nadia_balance.core.walking import Array, Footstep, FootPose, FootPoses
+from nadia_balance.core.walking import Array, FootPose, FootPoses, Footstep
 
 
 def within_reach(

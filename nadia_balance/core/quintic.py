@@ -11,6 +11,8 @@ import numpy as np
 
 from nadia_balance.core.walking import Array
 
+STEP = 0.01  # between the times at which a point may be passed [s]
+
 
 def quintic(
     start: Array, end: Array, horizon: Array, t: float | Array
@@ -55,16 +57,17 @@ def end_beyond(
     return np.asarray(end + kink * (missed / moved))
 
 
-def time_to_pass(
-    start: Array, end: Array, horizon: float, via: Array, period: float
-) -> float:
+def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     """Returns when to pass `via` (n,) on the way with the least jerk [s].
 
-    One of the multiples of `period` [s] below `horizon` [s], of which there
-    must be one.  The cost of the detour at t is the squared distance from the
-    quintic to via, over (t (horizon - t))^5.
+    Of the times a multiple of `STEP` before `horizon` [s] > STEP, which are
+    the same ones seen from anywhere on the way.  The cost of the detour at t
+    is the squared distance from the quintic to via, over (t (horizon - t))^5.
     """
-    t = np.arange(period, horizon - 0.5 * period, period)
+    before_end = np.arange(STEP, horizon - 1e-9, STEP)
+    t = horizon - before_end
     way = quintic(start, end, np.array([horizon]), t[:, None])[0]
-    cost = np.sum((via - way) ** 2, axis=1) / (t * (horizon - t)) ** 5
+    missed = via - way
+    flat = t * before_end
+    cost = np.sum(missed * missed, axis=1) / (flat * flat * flat * flat * flat)
     return float(t[np.argmin(cost)])

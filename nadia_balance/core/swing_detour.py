@@ -4,8 +4,6 @@ Whatever stands beside the stance foot or across it can only be reached round
 its front or round its back: the swing leg never goes round the far side.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

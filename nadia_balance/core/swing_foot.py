@@ -21,10 +21,10 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
-XY, Z, YAW = slice(2), 2, 3
+XY, Z, YAW = slice(2), slice(2, 3), 3
 
-# What is so near in time [s] is not aimed at any more.
-_AT_CORNER, _AT_APEX = 0.02, 0.04
+_SOON = 0.02  # what is so near in time is not aimed at any more [s]
+_FALL = 0.175  # with less time left, a foot is not lifted so high [s]
 
 
 @dataclass(kw_only=True)
@@ -32,7 +32,6 @@ class SwingFootParams:
     """Shape of the swing."""
 
     height: float = 0.10  # apex above the higher of start and goal [m]
-    apex_fraction: float = 0.45  # of the swing, when the apex is reached [-]
     touchdown_velocity: float = 0.20  # downward, at and after the end [m/s]
     detour: SwingDetourParams = field(default_factory=SwingDetourParams)
 
@@ -40,10 +39,6 @@ class SwingFootParams:
         """Raises ValueError if a field is out of range."""
         if not 0.0 < self.height <= 0.5:
             raise ValueError(f"height = {self.height}: must be in (0, 0.5] m")
-        if not 0.1 <= self.apex_fraction <= 0.9:
-            raise ValueError(
-                f"apex_fraction = {self.apex_fraction}: must be in [0.1, 0.9]"
-            )
         if not 0.0 <= self.touchdown_velocity <= 1.0:
             raise ValueError(
                 f"touchdown_velocity = {self.touchdown_velocity}: "
@@ -97,59 +92,53 @@ def swing_foot_motion(
         return FootMotion.at_rest(schedule.feet[side])
     if state.waiting:
         return _descend(previous, period, params)
-    pva, goal = previous.pva, schedule.footsteps[0].pose
-    left = np.full(4, state.remaining_time + period)
-    end = np.zeros((3, 4))
-    end[0, :3] = goal.p_WF
-    end[0, YAW] = _nearest_turn(goal.yaw, pva[0, YAW])
-    end[:, XY] = _round_stance(pva[:, XY], end[:, XY], state, period, params)
-    end[:, Z], left[Z] = _up_or_down(goal, state, period, params)
-    return FootMotion(quintic(pva, end, left, period))
-
-
-def _round_stance(
-    start: Array,
-    end: Array,
-    state: WalkingState,
-    period: float,
-    params: SwingFootParams,
-) -> Array:
-    """Returns the end (3, 2) to aim at in the plane.
-
-    Beyond `end` (3, 2), if a corner of the stance foot is in the way.
-    """
+    goal = schedule.footsteps[0].pose
+    start, end = previous.pva, np.zeros((3, 4))
     left = state.remaining_time + period
+    end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
+    end[1, Z] = -params.touchdown_velocity
+    for axes, via in (
+        (XY, _corner(start[0, XY], end[0, XY], state, params)),
+        (Z, _apex(start[:2, 2], float(end[0, 2]), left, state, params)),
+    ):
+        if via is not None:
+            end[:, axes] = _aim(start[:, axes], end[:, axes], left, via)
+    return FootMotion(quintic(start, end, np.full(4, left), period))
+
+
+def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
+    """Returns where to aim at (3, n) so as to pass `via` (n,), or `end`."""
+    if left < 2.0 * _SOON:
+        return end
+    t = time_to_pass(start, end, left, via)
+    if min(t, left - t) < _SOON:
+        return end
+    return end_beyond(start, end, left, via, t)
+
+
+def _corner(
+    start: Array, goal: Array, state: WalkingState, params: SwingFootParams
+) -> Array | None:
+    """Returns the corner (2,) of the stance foot that is in the way."""
     support = state.schedule.support_side
     stance = state.schedule.feet[support]
-    way = way_round(start[0], end[0], stance, support.other, params.detour)
-    if len(way) == 2 or left < 2.0 * _AT_CORNER:
-        return end
-    t = time_to_pass(start, end, left, way[1], period)
-    if min(t, left - t) < _AT_CORNER:
-        return end
-    return end_beyond(start, end, left, way[1], t)
+    way = way_round(start, goal, stance, support.other, params.detour)
+    return way[1] if len(way) > 2 else None
 
 
-def _up_or_down(
-    goal: FootPose, state: WalkingState, period: float, params: SwingFootParams
-) -> tuple[Array, float]:
-    """Where the height has to be next, (3,), and the time [s] until then.
-
-    The apex is at a fraction of the time that the swing really takes, be its
-    clock advanced or not.
-    """
-    remaining = state.remaining_time
-    duration = state.elapsed + remaining
-    time_to_apex = params.apex_fraction * duration - state.elapsed
-    ground = float(goal.p_WF[2])
-    if time_to_apex < _AT_APEX:
-        down = np.array([ground, -params.touchdown_velocity, 0.0])
-        return down, remaining + period
-    lift_off = state.schedule.feet[state.schedule.support_side.other]
-    apex = max(float(lift_off.p_WF[2]), ground) + params.height
-    # The acceleration of a parabola of this height and duration.
-    acceleration = -8.0 * params.height / duration**2
-    return np.array([apex, 0.0, acceleration]), time_to_apex + period
+def _apex(
+    start: Array,
+    ground: float,
+    left: float,
+    state: WalkingState,
+    params: SwingFootParams,
+) -> Array | None:
+    """Returns the apex (1,), while the height `start` (p, v) goes up to it."""
+    schedule = state.schedule
+    lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
+    height = params.height * min(1.0, (left / _FALL) ** 2)
+    apex = max(lift_off, ground) + height
+    return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
 
 
 def _descend(

@@ -10,11 +10,15 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from nadia_balance.core.polygon import (
+    area,
     centroid,
     clip,
+    clip_all,
     contains,
     convex_hull,
     halfspaces,
+    intersection,
+    minkowski_sum,
     project,
     shrink,
 )
@@ -28,6 +32,10 @@ POINTS = st.lists(GRID, min_size=1, max_size=12).map(
     lambda points: 0.01 * np.array(points)
 )
 POLYGON = POINTS.map(convex_hull).filter(lambda hull: len(hull) > 2)
+FLOAT = st.floats(-1.0, 1.0, allow_subnormal=False)
+ROUNDED = st.lists(st.tuples(FLOAT, FLOAT), min_size=3, max_size=12).map(
+    lambda points: convex_hull(np.array(points))
+)
 
 
 @given(POINTS)
@@ -156,3 +164,71 @@ def test_shrinks_a_sole_by_hand():
     inner = shrink(rectangle(0.25, 0.12), 0.01)
     expected = convex_hull(rectangle(0.23, 0.10))
     np.testing.assert_allclose(inner, expected, atol=1e-15)
+
+
+@given(POINTS.map(convex_hull))
+def test_the_area_is_that_of_shapely(hull):
+    """Oracle: shapely; none for a line or a point."""
+    expected = shapely.MultiPoint(hull).convex_hull.area
+    assert area(hull) == pytest.approx(expected, abs=1e-15)
+
+
+@given(POLYGON | ROUNDED.filter(lambda hull: len(hull) > 2), POLYGON)
+def test_intersects_like_shapely(first, second):
+    """Oracle: shapely, up to the vertices that count as one."""
+    expected = shapely.Polygon(first).intersection(shapely.Polygon(second))
+    shared = intersection(first, second)
+    assert area(shared) == pytest.approx(expected.area, abs=1e-8)
+    if len(shared):
+        difference = shapely.Polygon(shared).symmetric_difference(expected)
+        assert difference.area < 1e-8
+
+
+def test_polygons_that_only_touch_share_nothing():
+    """Oracle: by hand: two squares with a common side, and a common corner."""
+    square = rectangle(1.0, 1.0)
+    for shift in [1.0, 0.0], [1.0, 1.0], [1.0 - 1e-13, 0.0]:
+        assert intersection(square, square + shift).shape == (0, 2)
+
+
+def test_what_is_not_cut_stays_as_it_is():
+    """Oracle: the polygon itself, and nothing of nothing."""
+    inner, outer = rectangle(0.2, 0.1), rectangle(0.3, 0.2)
+    np.testing.assert_array_equal(intersection(inner, outer), inner)
+    A, b = halfspaces(outer)
+    assert clip_all(np.empty((0, 2)), A, b).shape == (0, 2)
+
+
+@given(
+    POINTS.map(convex_hull) | ROUNDED,
+    POINTS.map(convex_hull) | ROUNDED,
+)
+def test_the_minkowski_sum_is_the_hull_of_all_sums(first, second):
+    """Oracle: the hull of the sums of all pairs of vertices, by shapely."""
+    pairs = (first[:, None] + second).reshape(-1, 2)
+    expected = shapely.MultiPoint(pairs).convex_hull
+    total = minkowski_sum(first, second)
+    ours = shapely.MultiPoint(total).convex_hull
+    # Edges that are parallel but for 1e-16 m^2 are merged.
+    assert ours.hausdorff_distance(expected) < 1e-7
+    assert len(total) <= len(first) + len(second)
+
+
+@given(POLYGON, POLYGON)
+def test_the_minkowski_sum_is_counter_clockwise(first, second):
+    """Oracle: the shoelace formula is positive and that of shapely."""
+    total = minkowski_sum(first, second)
+    assert area(total) == pytest.approx(shapely.Polygon(total).area)
+    assert shapely.Polygon(total).exterior.is_ccw
+
+
+def test_a_point_moves_and_a_line_stretches_a_square():
+    """Oracle: by hand."""
+    square = convex_hull(rectangle(2.0, 2.0))
+    moved = minkowski_sum(square, np.array([[5.0, 7.0]]))
+    np.testing.assert_array_equal(convex_hull(moved), square + [5.0, 7.0])
+    line = np.array([[0.0, 0.0], [3.0, 0.0]])
+    for total in minkowski_sum(square, line), minkowski_sum(line, square):
+        expected = convex_hull(rectangle(5.0, 2.0) + [1.5, 0.0])
+        np.testing.assert_array_equal(convex_hull(total), expected)
+        assert len(total) == 4

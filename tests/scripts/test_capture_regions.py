@@ -1,0 +1,182 @@
+"""The pictures of the paper's figures, read from the drawing itself."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from matplotlib.patches import Polygon
+from shapely import MultiPoint
+from shapely import Polygon as Shape
+
+from diagrams.plots import feedback, regions
+from nadia_balance.core.reachability import (
+    BACKWARD,
+    BASE,
+    FORWARD,
+    cross_over_region,
+    step_regions,
+)
+from scripts.capture_regions import FIGURES, main
+
+
+def polygons(ax, label):
+    """The polygons of this label, as shapes."""
+    return [
+        Shape(patch.get_xy())
+        for patch in ax.patches
+        if isinstance(patch, Polygon) and patch.get_label() == label
+    ]
+
+
+def polygon(ax, label):
+    (found,) = polygons(ax, label)
+    return found
+
+
+def dot(ax, label):
+    (line,) = [line for line in ax.lines if line.get_label() == label]
+    return np.array([line.get_xdata()[0], line.get_ydata()[0]])
+
+
+@pytest.mark.parametrize("number", FIGURES)
+def test_draws_each_figure(tmp_path, capsys, number):
+    """Oracle: a picture with more than one colour, where it says."""
+    assert main(["--figure", str(number), "--out", str(tmp_path)]) == 0
+    path = tmp_path / f"figure_{number}.png"
+    assert capsys.readouterr().out == f"wrote {path}\n"
+    pixels = imread(path)[:, :, :3].reshape(-1, 3)
+    assert len(pixels) > 500_000
+    assert len(np.unique(pixels, axis=0)) > 100
+
+
+def test_draws_all_of_them_unless_told(tmp_path):
+    assert main(["--out", str(tmp_path)]) == 0
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"figure_{n}.png" for n in FIGURES]
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["--figure", "5"], "invalid choice: 5"),
+        (["--figure", "four"], "invalid int value: 'four'"),
+        (["--colour", "red"], "unrecognized arguments: --colour"),
+        (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
+    ],
+)
+def test_says_what_is_wrong_on_one_line(argv, message, capsys):
+    """Oracle: exit code 2, and the line."""
+    try:
+        code = main(argv)
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
+    """Oracle: projection on the rectangle; the direction of the error.
+
+    The weights leave 0.3 % of the feedback to the effort.
+    """
+    without, with_it = FIGURES[3]().axes
+    limit = polygon(without, "limit of the CoP")
+    low, high = np.array(limit.bounds).reshape(2, 2)
+    asked = feedback.COP_R + 3.0 * feedback.ERROR
+    assert dot(without, "eCMP asked for") == pytest.approx(asked)
+    nearest = np.clip(asked, low, high)
+    assert dot(without, "eCMP") == pytest.approx(nearest, abs=1e-3)
+    way = dot(with_it, "eCMP") - feedback.COP_R
+    across = way[0] * feedback.ERROR[1] - way[1] * feedback.ERROR[0]
+    assert abs(across) < 1e-2 * np.linalg.norm(way) * 0.065
+    assert limit.exterior.distance(
+        MultiPoint([dot(with_it, "eCMP")])
+    ) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_figure_4_nests_the_regions():
+    """Oracle: containment, by shapely."""
+    for ax in FIGURES[4]().axes:
+        one, two, three = (polygon(ax, name) for name in regions.NAMES)
+        assert two.buffer(1e-9).contains(one)
+        assert three.buffer(1e-9).contains(two)
+        assert one.area < two.area < three.area
+
+
+def test_figure_4_shows_what_crossing_over_is_worth():
+    """Oracle: the paper's text on Fig. 4; the scaled reach, by hand.
+
+    Inward, that is to the left: w_min forbids the next step any correction,
+    crossing over allows w_fwd, the circle all of l_max.
+    """
+    contraction = np.exp(-regions.OMEGA * regions.STEP_DURATION)
+    gains = []
+    for ax in FIGURES[4]().axes:
+        tops = [polygon(ax, name).bounds[3] for name in regions.NAMES[:2]]
+        gains.append(tops[1] - tops[0])
+    assert gains == pytest.approx(contraction * np.array([1.0, 0.0, 0.1]))
+
+
+def test_figure_6_sweeps_the_very_regions_of_figure_4():
+    """Oracle: shapely's hull of all swept copies, and Fig. 4."""
+    for ax, of_figure_4 in zip(
+        FIGURES[6]().axes, FIGURES[4]().axes[:2], strict=True
+    ):
+        swept = [
+            Shape(patch.get_xy())
+            for patch in ax.patches
+            if patch.get_linewidth() == 0.6
+        ]
+        assert len(swept) == 2 * 28
+        for n, copies in (2, swept[:28]), (3, swept[28:]):
+            region = polygon(of_figure_4, regions.NAMES[n - 1])
+            label = f"C{'₂₃'[n - 2]}: C{'₁₂'[n - 2]} swept by step {n}"
+            assert polygon(ax, label).symmetric_difference(
+                region
+            ).area == pytest.approx(0.0, abs=1e-9)
+            for copy in copies:
+                assert region.buffer(1e-9).contains(copy)
+                assert region.exterior.distance(copy.exterior) < 1e-9
+
+
+def test_figure_8_shows_the_regions_and_how_far_they_go():
+    """Oracle: the polygons of the core, mirrored by hand."""
+    together, *alone = FIGURES[8]().axes
+    expected = step_regions(regions.CROSSING)
+    assert len(polygons(together, "reachable")) == 3
+    for ax, name in zip(alone, (BASE, FORWARD, BACKWARD), strict=True):
+        mirrored = Shape(expected[name] * [1.0, -1.0])
+        drawn = polygon(ax, "reachable")
+        assert drawn.symmetric_difference(mirrored).area < 1e-12
+    written = [t.get_text() for ax in alone for t in ax.texts]
+    tip = cross_over_region(regions.CROSSING, FORWARD)
+    tip = tip[np.argmin(tip[:, 1])]
+    for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.125 m"):
+        assert any(text.endswith(f"= {figure}") for text in written)
+
+
+def test_figure_9_obeys_the_three_rules():
+    """Oracle: the rules, by the areas that shapely finds."""
+    mirror = [1.0, -1.0]
+    reach = {
+        name: Shape(region * mirror)
+        for name, region in step_regions(regions.CROSSING).items()
+    }
+    for rule, ax in enumerate(FIGURES[9]().axes, start=1):
+        capture = polygon(ax, "capture region C₃")
+        chosen = polygon(ax, "reachable")
+        (name,) = [n for n, r in reach.items() if r.equals(chosen)]
+        shared = {n: r.intersection(capture).area for n, r in reach.items()}
+        if rule == 1:
+            assert name == BASE
+            assert shared[BASE] > 0.0
+        elif rule == 2:
+            assert name == max(shared, key=shared.get) != BASE
+        else:
+            assert set(shared.values()) == {0.0}
+            gaps = {n: r.distance(capture) for n, r in reach.items()}
+            assert name == min(gaps, key=gaps.get)
+        foothold = polygon(ax, "adjusted foothold")
+        assert chosen.buffer(1e-6).contains(foothold.centroid)
+        assert foothold.intersection(polygon(ax, "left foot")).area < 1e-9
