@@ -4,16 +4,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.plots.regions import (
+from diagrams.plots.plan_view import (
     SOLE,
-    STANCE,
-    SWING,
     draw_sole,
     fill,
     note,
     plans,
     share_legend,
 )
+from diagrams.plots.regions import STANCE, SWING
 from diagrams.plots.style import FAINT
 from nadia_balance.core.feedback_limits import feedback_limits
 from nadia_balance.core.momentum_qp import IcpFeedbackQp, MomentumQpParams

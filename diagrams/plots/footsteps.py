@@ -53,6 +53,7 @@ def draw(log: Log, summary: dict) -> Figure:
     _draw_paths(ax, log, rows)
     for push in pushed[-1:]:
         _draw_push(ax, log, push)
+    ax.plot([], [], color=TEXT, ls=":", lw=1.2, label="at first")
     ax.plot([], [], color=TEXT, ls="--", lw=1.2, label="commanded")
     ax.plot([], [], color=TEXT, lw=1.2, label="achieved")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))

@@ -4,14 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.plots.regions import (
-    CROSSING,
+from diagrams.plots.plan_view import (
     GUIDE,
-    NOMINAL,
-    OMEGA,
     SOLE,
-    STANCE,
-    SWING,
     draw_icp,
     draw_sole,
     fill,
@@ -19,6 +14,7 @@ from diagrams.plots.regions import (
     plans,
     share_legend,
 )
+from diagrams.plots.regions import CROSSING, NOMINAL, OMEGA, STANCE, SWING
 from nadia_balance.core.foothold_adjustment import adjust_foothold, unadjusted
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,

@@ -8,9 +8,15 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 
-from diagrams.plots.style import FAINT, TEXT
+from diagrams.plots.plan_view import (
+    SOLE,
+    draw_icp,
+    draw_sole,
+    fill,
+    plans,
+    share_legend,
+)
 from nadia_balance.core.capture_region import (
     capture_region,
     later_steps,
@@ -27,11 +33,10 @@ from nadia_balance.core.reachability import (
     in_world,
     total_region,
 )
-from nadia_balance.core.walking import Array, FootPose, Side, rectangle
+from nadia_balance.core.walking import Array, FootPose, Side
 from nadia_balance.systems import palette
 
 OMEGA = natural_frequency(com_height=0.888)  # Nadia's
-SOLE = rectangle(0.25, 0.12)  # Nadia's [m]
 STANCE, SWING = FootPose(), Side.RIGHT
 NOMINAL = FootPose(np.array([0.0, -0.25, 0.0]))  # where she would step
 ICP = np.array([0.16, 0.0])  # [m]
@@ -42,7 +47,6 @@ REACH = ReachabilityParams()
 CROSSING = ReachabilityParams(cross_over=True)
 CIRCLE = circle(REACH.length_forward, 96)
 NAMES = ("C₁", "C₂", "C₃")
-_WIDTH = 12.5  # of a figure [in]
 _WHEN = (
     f"Where to step so as to recover: touchdown in {REMAINING_TIME} s, "
     f"all later steps take {STEP_DURATION} s each"
@@ -128,89 +132,3 @@ def _draw_feet(ax: Axes) -> None:
     fill(ax, foot, palette.LEFT, "where the CoP may be", linewidth=0.0)
     draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
     draw_icp(ax, ICP)
-
-
-def plans(
-    *titles: str,
-    x: tuple[float, float] = (-0.3, 1.35),
-    y: tuple[float, float] = (-0.8, 0.8),
-    rows: int = 1,
-) -> tuple[Figure, list[Axes]]:
-    """Axes for what is seen from above, within the limits x and y [m]."""
-    columns = len(titles) // rows
-    scale = (_WIDTH - 0.8) / columns / (x[1] - x[0])
-    height = rows * (scale * (y[1] - y[0]) + 0.4) + 0.9
-    fig = Figure(figsize=(_WIDTH, height), layout="constrained")
-    axes = list(fig.subplots(rows, columns, sharex=True, sharey=True).flat)
-    for ax, title in zip(axes, titles, strict=True):
-        ax.set(xlim=x, ylim=y, aspect="equal", title=title)
-        ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
-        ax.label_outer()
-    return fig, axes
-
-
-def share_legend(fig: Figure, ax: Axes, title: str = "") -> None:
-    """One legend for the whole figure, below it; `title` above it."""
-    handles, names = ax.get_legend_handles_labels()
-    entries = dict(zip(names, handles, strict=True))
-    fig.legend(
-        entries.values(),
-        entries.keys(),
-        loc="outside lower center",
-        ncols=len(entries),
-    )
-    fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=FAINT)
-
-
-def fill(
-    ax: Axes,
-    polygon: Array,
-    color: str,
-    label: str | None = None,
-    alpha: float = 0.22,
-    linewidth: float = 1.4,
-    linestyle: str = "-",
-) -> None:
-    """Draws a polygon (n, 2) [m]: its inside transparent, its edge not."""
-    rgb = palette.rgb(color)
-    patch = Polygon(
-        polygon,
-        facecolor=(*rgb, alpha),
-        edgecolor=color,
-        linewidth=linewidth,
-        linestyle=linestyle,
-        label=label,
-    )
-    ax.add_patch(patch)
-
-
-def draw_sole(
-    ax: Axes,
-    pose: FootPose,
-    side: Side,
-    label: str | None = None,
-    linestyle: str = "-",
-) -> None:
-    """Draws a sole: solid ones stand, others are only meant."""
-    fill(
-        ax,
-        pose.to_world(SOLE),
-        palette.foot_color(side),
-        label or f"{side.value} foot",
-        alpha=0.12 if linestyle == "-" else 0.0,
-        linestyle=linestyle,
-    )
-
-
-def draw_icp(ax: Axes, icp: Array) -> None:
-    """Draws the capture point."""
-    ax.plot(*icp, "o", color=palette.ICP, ms=7, mec="white", label="ICP")
-
-
-def note(ax: Axes, text: str, at: tuple[float, float], **options) -> None:
-    """Writes `text` in the picture."""
-    options = {"color": TEXT, "fontsize": 8.5, "ha": "center", **options}
-    ax.annotate(text, at, **options)
-
-
-GUIDE = {"color": FAINT, "lw": 0.9, "ls": (0, (4, 3))}  # a line to measure by

@@ -6,6 +6,7 @@ times faster than numpy or shapely, and they run in every control tick.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 
@@ -15,15 +16,10 @@ from nadia_balance.core.walking import Array
 
 _Point = tuple[float, float]
 
-# Twice the area [m^2] of a triangle that counts as a line: far below the
-# square of any length that matters, far above rounding.
-_FLAT = 1e-12
-
-# Edges whose cross product [m^2] is below this have one direction: rounding.
-_PARALLEL = 1e-16
-
-# Vertices closer than this [m] are one: rounding.
-_COINCIDENT = 1e-9
+# Far below what matters, far above rounding:
+_FLAT = 1e-12  # a triangle of half this area [m^2] is a line
+_PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
+_COINCIDENT = 1e-9  # vertices closer than this [m] are one
 
 _NOTHING = np.empty((0, 2))
 
@@ -38,17 +34,30 @@ def convex_hull(points: Array) -> Array:
     if len(ordered) < 3:
         return np.array(ordered)
     lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
-    return np.array(lower[:-1] + upper[:-1])
+    hull = lower[:-1] + upper[:-1]
+    if area(np.array(hull)) <= _FLAT:  # a line, but for rounding
+        pairs = itertools.combinations(hull, 2)
+        hull = list(max(pairs, key=lambda ends: math.dist(*ends)))
+    return np.array(hull)
 
 
 def _half_hull(ordered: Iterable[_Point]) -> list[_Point]:
     """Returns the right-hand boundary met when going through `ordered`."""
     chain: list[_Point] = []
     for p in ordered:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= _FLAT:
+        while len(chain) > 1 and _is_needless(chain[-2], chain[-1], p):
             chain.pop()
         chain.append(p)
     return chain
+
+
+def _is_needless(a: _Point, b: _Point, p: _Point) -> bool:
+    """True if `b` is on the inner side of a, p, or all but between them."""
+    turn = _turn(a, b, p)
+    if turn <= 0.0 or turn > _FLAT:
+        return turn <= 0.0
+    # On a line that is vertical but for rounding, b may be beyond a and p.
+    return (b[0] - a[0]) * (p[0] - b[0]) + (b[1] - a[1]) * (p[1] - b[1]) >= 0.0
 
 
 def _turn(a: _Point, b: _Point, p: _Point) -> float:
@@ -140,31 +149,23 @@ def area(polygon: Array) -> float:
     return 0.5 * twice
 
 
-def clip(polygon: Array, normal: Array, offset: float) -> Array:
-    """Returns the part of the polygon with normal . p <= offset, (m, 2).
-
-    One step of Sutherland and Hodgman's clipping; (0, 2) if nothing is left.
-    """
-    kept = _clip(polygon.tolist(), float(normal[0]), float(normal[1]), offset)
-    return np.array(kept).reshape(-1, 2)
-
-
 def _clip(
     vertices: list[_Point], nx: float, ny: float, offset: float
 ) -> list[_Point]:
+    """One step of Sutherland and Hodgman's clipping: n . p <= offset."""
     kept: list[_Point] = []
     if not vertices:
         return kept
-    a = vertices[-1]
-    over_a = nx * a[0] + ny * a[1] - offset
-    for b in vertices:
-        over_b = nx * b[0] + ny * b[1] - offset
-        if over_a * over_b < 0.0:
-            s = over_a / (over_a - over_b)
-            kept.append((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])))
-        if over_b <= 0.0:
-            kept.append(b)
-        a, over_a = b, over_b
+    x0, y0 = vertices[-1]
+    over0 = nx * x0 + ny * y0 - offset
+    for x, y in vertices:
+        over = nx * x + ny * y - offset
+        if over0 * over < 0.0:
+            s = over0 / (over0 - over)
+            kept.append((x0 + s * (x - x0), y0 + s * (y - y0)))
+        if over <= 0.0:
+            kept.append((x, y))
+        x0, y0, over0 = x, y, over
     return kept
 
 
@@ -227,14 +228,11 @@ def minkowski_sum(first: Array, second: Array) -> Array:
     while i < n or j < m:
         a, b = p[i], q[j]
         total.append((a[0] + b[0], a[1] + b[1]))
-        if i == n:
-            j += 1
-            continue
-        if j == m:
-            i += 1
-            continue
-        u, v = p[i + 1], q[j + 1]
-        turn = (u[0] - a[0]) * (v[1] - b[1]) - (u[1] - a[1]) * (v[0] - b[0])
+        if i == n or j == m:
+            turn = 1.0 if j == m else -1.0
+        else:
+            (ux, uy), (vx, vy) = p[i + 1], q[j + 1]
+            turn = (ux - a[0]) * (vy - b[1]) - (uy - a[1]) * (vx - b[0])
         if turn >= -_PARALLEL:
             i += 1
         if turn <= _PARALLEL:

@@ -1,0 +1,367 @@
+"""Oracles: Eq. 3 forward and back, the limits by hand, plans that are ahead."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.icp_plan import (
+    IcpPlanParams,
+    IcpReference,
+    plan_icp,
+)
+from nadia_balance.core.lipm import icp_after
+from nadia_balance.core.time_adjustment import (
+    TimingAdapterParams,
+    fraction_done,
+    is_leaving,
+    least_remaining_time,
+    time_adjustment,
+    time_ahead,
+    time_to_return,
+)
+from nadia_balance.core.walking import (
+    Adjustment,
+    FootPose,
+    Phase,
+    Side,
+    WalkingState,
+    rectangle,
+)
+from tests.example_walks import (
+    OMEGA,
+    SOLE,
+    random_walks,
+    standing,
+    successor,
+    walk,
+)
+
+PERIOD = 0.002
+PARAMS = TimingAdapterParams()
+# Nothing but Eqs. 15 and 16: no threshold, and as little as possible that
+# limits a swing of 1 s.
+FREE = TimingAdapterParams(
+    icp_error_threshold=0.0,
+    min_swing_duration=0.35,
+    min_transfer_duration=0.03,
+    max_speed_up=100.0,
+)
+
+
+def planned(schedule):
+    return plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
+
+
+def transfer(**kwargs):
+    """A transfer in the middle of a walk, and its plan."""
+    first = walk(**kwargs)
+    swing = successor(first, planned(first))
+    schedule = successor(swing, planned(swing))
+    return schedule, planned(schedule)
+
+
+def swing(**kwargs):
+    """The first swing, of the right foot, and its plan."""
+    first = walk(**kwargs)
+    schedule = successor(first, planned(first))
+    return schedule, planned(schedule)
+
+
+def adjustment(icp, plan, state, params=PARAMS, feet=None):
+    feet = feet or state.schedule.feet
+    return time_adjustment(np.array(icp), plan, state, feet, SOLE, params)
+
+
+@pytest.mark.parametrize("advance", [0.0, 0.1, 0.3, 0.7])
+@pytest.mark.parametrize("aside", [0.0, -0.2])
+def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside):
+    """Oracle: move the ICP along Eq. 3 by a known time, ask for it back.
+
+    A displacement at right angles to the way does not count (Eq. 15).
+    """
+    ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
+    end = icp_after(icp_r, ecmp, OMEGA, 0.7)
+    normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
+    icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
+    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, OMEGA)
+    assert found == pytest.approx(advance, abs=1e-12)
+
+
+def test_an_icp_behind_or_past_the_end_is_at_the_next_end_of_the_way():
+    """Oracle: by hand; the clock is never turned back."""
+    start, end = np.zeros(2), np.array([0.2, 0.0])
+    assert fraction_done(np.array([-0.1, 0.3]), start, end) == 0.0
+    assert fraction_done(np.array([0.3, 0.3]), start, end) == 1.0
+    assert time_ahead(1.0, 0.4, OMEGA) == pytest.approx(0.4, abs=1e-12)
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-9, 1e-5])
+def test_a_way_that_vanishes_is_not_followed(length):
+    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
+    found = fraction_done(
+        np.array([0.1, 0.0]), np.zeros(2), np.array([length, 0.0])
+    )
+    assert 0.0 <= found <= 0.1 * length / 0.01**2 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("icp", "icp_r", "leaving"),
+    [
+        ((0.30, 0.0), (0.0, 0.0), True),  # far in front
+        ((0.13, 0.0), (0.12, 0.0), False),  # an eCMP 1 cm ahead holds it
+        ((0.11, 0.0), (0.0, 0.0), False),  # held error or not, it is inside
+        ((0.0, -0.20), (0.0, -0.30), False),  # lags behind a swing outward
+        ((0.0, 0.09), (0.0, -0.05), True),  # past the outer edge
+        ((0.2, -0.1), (0.0, -0.1), True),  # in front and beside
+    ],
+)
+def test_an_icp_that_no_ecmp_can_hold_is_leaving(icp, icp_r, leaving):
+    """Oracle: by hand, for one sole with the reference eCMP at its centre."""
+    icp, icp_r, still = np.array(icp), np.array(icp_r), np.zeros(2)
+    reference = IcpReference(icp_r, still, still, still, still, still)
+    support = rectangle(0.25, 0.12)
+    assert is_leaving(icp, reference, support, 0.02) is leaving
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "distance", "expected"),
+    [
+        (0.1, 0.0, 0.3),  # the shortest swing of 0.4 s
+        (0.3, 0.0, 0.7 / 3.0),  # sigma
+        (0.9, 0.0, 0.08),  # the least of all
+        (0.1, 1.2, 0.4),  # the way, at 3 m/s
+    ],
+)
+def test_the_swing_foot_gets_the_time_that_it_needs(
+    elapsed, distance, expected
+):
+    """Oracle: by hand, each limit in turn; a swing of 1 s, without error."""
+    schedule, plan = swing(swing=1.0)
+    state = WalkingState(schedule, elapsed, elapsed)
+    target = schedule.footsteps[0].pose
+    foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
+    feet = schedule.feet.with_foot(Side.RIGHT, foot)
+    found = least_remaining_time(state, feet, np.zeros(2), OMEGA, PARAMS)
+    # The time of the way is one of 16 that are tried in the time that is left.
+    assert expected - 1e-12 <= found <= expected + 0.9 / 16.0
+
+
+@pytest.mark.parametrize("size", [0.05, 0.1, 0.15])
+def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
+    """Oracle: the foothold moved by the ICP error as Eq. 3 lets it grow.
+
+    The one that the adjustment has moved already does not count twice.
+    """
+    schedule, plan = swing(swing=1.0)
+    step = schedule.footsteps[0]
+    state = WalkingState(
+        replace(schedule, footsteps=(replace(step, pose=FootPose()),)),
+        0.3,
+        0.3,
+        adjustment=Adjustment(step, FootPose()),
+    )
+    error, feet = np.array([size, 0.0]), schedule.feet
+    found = least_remaining_time(state, feet, error, OMEGA, PARAMS)
+    origin = np.zeros(2)
+    way = step.pose.p_WF[:2] - feet.right.p_WF[:2]
+
+    def in_time(t):
+        moved = icp_after(error, origin, OMEGA, t)
+        return np.linalg.norm(way + moved) <= PARAMS.max_foot_speed * t + 1e-12
+
+    times = np.linspace(0.7 / 3.0, 0.7, 16, endpoint=False)
+    first = [t for t in times if in_time(t)]
+    assert found == pytest.approx(first[0] if first else times[0], abs=1e-12)
+
+
+def test_a_transfer_takes_its_least_duration():
+    """Oracle: by hand."""
+    schedule, plan = transfer()
+    state = WalkingState(schedule, 0.03, 0.03)
+    feet, error = schedule.feet, np.ones(2)
+    found = least_remaining_time(state, feet, error, OMEGA, PARAMS)
+    assert found == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("distance", "gained", "expected"),
+    [
+        (0.93, 0.3, 0.2),  # 0.9 m at 3 m/s, 0.1 s left
+        (0.93, 0.05, 0.05),  # no more than was gained
+        (0.93, 0.0, 0.0),
+        (0.3, 0.3, 0.0),  # in time
+    ],
+)
+def test_time_is_given_back_if_the_foothold_moves_away(
+    distance, gained, expected
+):
+    """Oracle: by hand."""
+    schedule, plan = swing(swing=1.0)
+    state = WalkingState(schedule, 0.9, 0.9 - gained)
+    target = schedule.footsteps[0].pose
+    foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
+    feet = schedule.feet.with_foot(Side.RIGHT, foot)
+    found = time_to_return(state, feet, PARAMS)
+    assert found == pytest.approx(expected, abs=1e-12)
+    reference = plan.at(0.9).icp
+    proposed = adjustment(reference, plan, state, feet=feet)
+    assert proposed == pytest.approx(-expected, abs=1e-12)
+
+
+def run_ahead(schedule, plan, lead, params, ticks):
+    """The clock, tick by tick, while the ICP is `lead` [s] ahead of time."""
+    state, clock = WalkingState(schedule), []
+    for tick in range(ticks):
+        state = replace(state, elapsed=tick * PERIOD)
+        icp = plan.at(state.elapsed + lead).icp
+        gain = adjustment(icp, plan, state, params)
+        state = replace(state, time_in_phase=state.time_in_phase + gain)
+        clock.append(state.time_in_phase)
+        state = replace(state, time_in_phase=state.time_in_phase + PERIOD)
+    return np.array(clock)
+
+
+@pytest.mark.parametrize("gamma", [0.1, 0.4])
+@pytest.mark.parametrize(
+    ("phase", "lead"), [(swing, 0.2), (swing, 0.4), (transfer, 0.1)]
+)
+def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
+    """Oracle: the plan itself, sampled ahead of time.
+
+    The eCMP is not constant, as Eq. 16 has it: iterating with gamma makes up
+    for that (Nadia paper, Sec. VI).  The clock only goes forward.
+    """
+    schedule, plan = phase(swing=1.0, transfer=0.4)
+    params = replace(FREE, swing_discount=gamma, transfer_discount=gamma)
+    ticks = 100 if phase is swing else 60
+    clock = run_ahead(schedule, plan, lead, params, ticks)
+    assert np.diff(clock).min() >= PERIOD - 1e-12
+    exact = lead + PERIOD * np.arange(ticks)
+    assert clock[-1] == pytest.approx(exact[-1], abs=1e-4)
+    assert np.max(clock - exact) < 1e-6  # not beyond the ICP at any time
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_a_large_gamma_overshoots(phase):
+    """Oracle: the plan itself; this is why gamma is not 0.8, or 1."""
+    schedule, plan = phase(swing=1.0, transfer=0.4)
+    params = replace(FREE, swing_discount=0.8, transfer_discount=0.8)
+    clock = run_ahead(schedule, plan, 0.1, params, 10)
+    assert clock[-1] > 0.1 + 9 * PERIOD + 0.05
+    assert max(PARAMS.swing_discount, PARAMS.transfer_discount) <= 0.4
+
+
+@pytest.mark.parametrize("direction", np.arange(0.0, 360.0, 45.0))
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_after_a_push_the_clock_keeps_the_limits(phase, direction):
+    """Oracle: the parameters; the ICP runs off from a constant eCMP (Eq. 3)."""
+    schedule, plan = phase(length=0.0)
+    least = {swing: 0.4, transfer: 0.05}[phase]
+    away = np.array([math.cos(direction), math.sin(direction)])
+    state = WalkingState(schedule)
+    icp = plan.at(0.0).icp
+    while state.remaining_time > PERIOD / 2:
+        ecmp = plan.at(state.time_in_phase).ecmp
+        icp = icp_after(icp, ecmp, OMEGA, PERIOD)
+        if 0.02 <= state.elapsed < 0.12:  # 1 m/s
+            icp = icp + away * PERIOD / 0.1 / OMEGA
+        gain = adjustment(icp, plan, state)
+        assert gain >= 0.0  # the foothold stays where it is
+        state = replace(
+            state,
+            time_in_phase=state.time_in_phase + gain + PERIOD,
+            elapsed=state.elapsed + PERIOD,
+        )
+    assert least - 1e-9 <= state.elapsed <= schedule.duration
+
+
+def test_an_icp_that_leaves_hurries_all_it_can_at_once():
+    """Oracle: the shortest transfer and swing, by hand."""
+    schedule, plan = transfer()
+    state = WalkingState(schedule, 0.03, 0.03)
+    gain = adjustment([9.0, 0.0], plan, state)
+    assert gain == pytest.approx(schedule.duration - 0.05, abs=1e-12)
+    schedule, plan = swing(length=0.0)
+    state = WalkingState(schedule, 0.1, 0.1)
+    params = replace(PARAMS, max_foot_speed=1e6)
+    gain = adjustment([9.0, 0.125], plan, state, params)
+    assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_small_errors_leave_the_clock_alone(phase):
+    """Oracle: the threshold."""
+    schedule, plan = phase()
+    state = WalkingState(schedule)
+    way = plan.icp_end - plan.at(0.0).icp
+    way /= np.linalg.norm(way)
+    for error, hurried in (0.99, False), (1.01, True):
+        icp = plan.at(0.0).icp + error * PARAMS.icp_error_threshold * way
+        assert (adjustment(icp, plan, state) > 0.0) is hurried
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_each_phase_can_be_switched_off(phase):
+    """Oracle: zero, for an ICP that is far away; not so for the other one."""
+    schedule, plan = phase()
+    state = WalkingState(schedule)
+    for name in "swing", "transfer":
+        params = replace(PARAMS, **{name: False})
+        gain = adjustment([9.0, 9.0], plan, state, params)
+        assert (gain == 0.0) is (name == phase.__name__)
+
+
+def idle_states():
+    """Standing, the last transfer, and phases whose clock has run out."""
+    yield WalkingState(standing(), 0.1, 0.1)
+    last = replace(walk(), footsteps=())
+    yield WalkingState(last, 0.1, 0.1)
+    for schedule, _ in swing(), transfer():
+        t = schedule.duration
+        yield WalkingState(schedule, t, t, waiting=True)
+
+
+@pytest.mark.parametrize("state", list(idle_states()))
+def test_where_nothing_can_be_hurried_the_clock_is_left_alone(state):
+    """Oracle: zero, for an ICP that is far away."""
+    assert adjustment([9.0, 9.0], planned(state.schedule), state) == 0.0
+
+
+@given(
+    random_walks(),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+    st.tuples(*2 * [st.floats(-1.0, 1.0)]),
+)
+def test_is_always_a_time_that_is_left(schedule, share, gained, icp):
+    """Oracle: between what was gained and what is left."""
+    t = share * schedule.duration
+    state = WalkingState(schedule, t, (1.0 - gained) * t)
+    found = adjustment(icp, planned(schedule), state)
+    assert state.elapsed - t - 1e-12 <= found <= state.remaining_time
+    if schedule.phase is Phase.TRANSFER:
+        assert found >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("swing_discount", 0.0),
+        ("transfer_discount", 1.1),
+        ("icp_error_threshold", -0.1),
+        ("min_swing_duration", 0.3),
+        ("min_transfer_duration", 0.02),
+        ("min_remaining_swing", math.nan),
+        ("max_foot_speed", 0.0),
+        ("max_speed_up", 0.9),
+        ("support_margin", math.inf),
+    ],
+)
+def test_refuses_bad_parameters(field, value):
+    """Oracle: the message names the field and the value."""
+    with pytest.raises(ValueError, match=f"{field} = {value}: must be"):
+        TimingAdapterParams(**{field: value}).validate()

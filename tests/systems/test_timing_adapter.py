@@ -1,0 +1,98 @@
+"""Oracle: core.time_adjustment, called with the same values."""
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.time_adjustment import (
+    TimingAdapterParams,
+    time_adjustment,
+)
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.systems.timing_adapter import TimingAdapter
+from tests.example_walks import OMEGA, SOLE, successor, walk
+
+PARAMS = TimingAdapterParams()
+PORTS = ("icp", "icp_plan", "walking_state", "foot_poses")
+
+
+def inputs(ahead=0.5):
+    """The values of all ports, in the first swing; the ICP is ahead [s]."""
+    first = walk(length=0.0)
+    plan = plan_icp(first, SOLE, IcpPlanParams(), OMEGA)
+    schedule = successor(first, plan)
+    plan = plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
+    icp = plan.at(0.1 + ahead).icp
+    return icp, plan, WalkingState(schedule, 0.1, 0.1), schedule.feet
+
+
+def adapter_with(values, params=PARAMS):
+    """A context in which the ports have `values`, and its output."""
+    adapter = TimingAdapter(params, SOLE)
+    context = adapter.CreateDefaultContext()
+    for name, value in zip(PORTS, values, strict=True):
+        if value is not None:
+            fixed = value if name == "icp" else Value(value)
+            adapter.GetInputPort(name).FixValue(context, fixed)
+    return adapter.GetOutputPort("time_adjustment"), context
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.4, 0.5])
+def test_proposes_what_the_core_says(ahead):
+    """Oracle: the core function, to the last bit."""
+    values = icp, plan, state, feet = inputs(ahead)
+    output, context = adapter_with(values)
+    expected = time_adjustment(icp, plan, state, feet, SOLE, PARAMS)
+    assert output.Eval(context) == np.array([expected])
+    assert (expected > 0.0) is (ahead > 0.0)
+
+
+def test_has_no_memory():
+    """Oracle: a second evaluation, and a context without state."""
+    output, context = adapter_with(inputs())
+    first = output.Eval(context).copy()
+    context.SetTime(0.002)
+    assert output.Eval(context) == first
+    assert context.num_total_states() == 0
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_a_missing_input_raises(index):
+    """Oracle: Drake's own message."""
+    values = list(inputs())
+    values[index] = None
+    output, context = adapter_with(values)
+    with pytest.raises(RuntimeError, match=f"{PORTS[index]}.*not connected"):
+        output.Eval(context)
+
+
+@pytest.mark.parametrize("index", [1, 2, 3])
+def test_a_wrong_type_raises(index):
+    """Oracle: the message names the port and both types."""
+    values = list(inputs())
+    values[index] = object()
+    output, context = adapter_with(values)
+    with pytest.raises(TypeError, match=f"{PORTS[index]}' got a object, needs"):
+        output.Eval(context)
+
+
+def test_refuses_bad_params():
+    """Oracle: the validation of the params."""
+    with pytest.raises(ValueError, match=r"max_speed_up = 0\.5: must be >= 1"):
+        TimingAdapter(TimingAdapterParams(max_speed_up=0.5), SOLE)
+
+
+def test_params_survive_yaml():
+    """Oracle: what was dumped; a partial override keeps the other defaults."""
+    text = yaml_dump_typed(PARAMS)
+    assert yaml_load_typed(schema=TimingAdapterParams, data=text) == PARAMS
+    loaded = yaml_load_typed(
+        schema=TimingAdapterParams,
+        data="{swing: false, min_transfer_duration: 0.03}",
+        defaults=TimingAdapterParams(),
+    )
+    assert loaded == TimingAdapterParams(
+        swing=False, min_transfer_duration=0.03
+    )
