@@ -15,6 +15,7 @@ from nadia_balance.balance_controller import BalanceController
 from nadia_balance.robot import load_robot, terrain_file
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 
@@ -37,6 +38,7 @@ VISUALIZED = (
     "icp",
     "icp_reference",
     "ecmp_command",
+    "capture_regions",
 )
 FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
 FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
@@ -118,6 +120,10 @@ class HumanoidDiagram(Diagram):
         )
         connect(builder, self.controller, view, *VISUALIZED)
         connect(builder, self.push, view, "push_force")
+        controls = builder.AddNamedSystem(
+            "live_controls", LiveControls(meshcat, mechanisms=None)
+        )
+        connect(builder, controls, self.push, "live_push")
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {

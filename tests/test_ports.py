@@ -33,6 +33,10 @@ JOINT_CONTROL = {
 }
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
+    "CaptureRegionStepAdjuster": {
+        "adjustment": {"icp", "walking_state", "time_adjustment"},
+        "capture_regions": {"icp", "walking_state", "time_adjustment"},
+    },
     "CentroidalEstimator": {
         "com_state": {"estimated_state"},
         "icp": {"estimated_state"},
@@ -43,6 +47,7 @@ FEEDTHROUGH = {
         "icp_plan": {"walking_state"},
         "icp_reference": {"walking_state"},
     },
+    "LiveControls": {"live_push": set(), "mechanisms": set()},
     "MomentumQp": {
         "ecmp_command": ICP_CONTROL,
         "momentum_rate": ICP_CONTROL | {"com_state"},
@@ -55,6 +60,9 @@ FEEDTHROUGH = {
         "foot_forces": {"swing_foot_reference", "walking_state"},
     },
     "PushSource": {"push_force": set(), "spatial_forces": set()},
+    "TimingAdapter": {
+        "time_adjustment": {"icp", "icp_plan", "walking_state", "foot_poses"}
+    },
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
     "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},
     "WholeBodyInverseDynamics": {

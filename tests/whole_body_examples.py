@@ -76,7 +76,7 @@ def command(
         swing[:3] = terms.sole_positions[contacts.index(False)]
     return WholeBodyCommand(
         momentum_rate=np.array(momentum_rate, dtype=float),
-        heading=np.zeros(3),
+        heading=(0.0, 0.0, 0.0),
         contacts=contacts,
         max_normal_forces=max_normal_forces,
         swing=swing,

@@ -45,7 +45,7 @@ def solve_active_set(
         now.x, now.multipliers = now.solve()
         excess, wrong = problem.excess(now.x), now.wrong()
         violation = problem.violation(now.x, excess)
-        if violation <= now.primal_limit and not wrong.any():
+        if violation <= now.primal_limit and not wrong.size:
             return now.result(violation)
         problem.require_finite()
         if math.isnan(violation):  # the active rows contradict each other
@@ -60,9 +60,10 @@ def solve_active_set(
         return now.no_result()
 
 
-def _existing(problem: QpProblem, active: Mask) -> Mask:
-    """Returns a copy of `active` without the bounds that are infinite."""
-    if not active.any():
-        return active.copy()
-    bound = np.where(active < 0, problem.lower, problem.upper)
-    return np.where(np.isfinite(bound), active, 0).astype(np.int8)
+def _existing(problem: QpProblem, guess: Mask) -> Mask:
+    """Returns a copy of `guess` without the bounds that are infinite."""
+    active = guess.copy()
+    rows = active.nonzero()[0]
+    if rows.size:
+        active[rows[np.isinf(problem.bounds(rows, active))]] = 0
+    return active

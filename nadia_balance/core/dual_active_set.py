@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from nadia_balance.core.qp_programs import (
     Array,
     EqualityQp,
+    Indices,
     Mask,
     QpProblem,
     QpResult,
@@ -27,20 +27,17 @@ class InfeasibleError(Exception):
     """The constraints exclude each other."""
 
 
-@dataclass
 class Iterate:
     """Optimum x (n,) of the QP whose only rows are the active ones (m,)."""
 
-    qp: EqualityQp
-    problem: QpProblem
-    active: Mask
-    x: Array = field(default_factory=lambda: np.zeros(0))
-    multipliers: Array = field(default_factory=lambda: np.zeros(0))
-    solves: int = 0
+    x: Array
+    multipliers: Array
 
-    def __post_init__(self) -> None:
-        self.primal_limit = _PRIMAL_TOLERANCE * _size(self.problem.b_eq)
-        self.dual_limit = _DUAL_TOLERANCE * _size(self.problem.g)
+    def __init__(self, qp: EqualityQp, problem: QpProblem, active: Mask):
+        """Starts with the rows `active`; x is yet to be solved for."""
+        self.qp, self.problem, self.active = qp, problem, active
+        self.solves = 0
+        self.primal_limit = _PRIMAL_TOLERANCE * _size(problem.b_eq)
 
     def solve(self) -> tuple[Array, Array]:
         """Returns x and the multipliers of the active rows."""
@@ -52,11 +49,13 @@ class Iterate:
         one_sided = self.problem.lower != self.problem.upper
         return np.asarray(self.active * multipliers * one_sided)
 
-    def wrong(self) -> Flags:
-        """The active rows (m,) whose multiplier has the wrong sign."""
-        if not self.active.any():
-            return np.zeros(self.active.size, dtype=bool)
-        return np.asarray(self.pull(self.multipliers) > self.dual_limit)
+    def wrong(self) -> Indices:
+        """The active rows (k,) whose multiplier has the wrong sign."""
+        rows = self.active.nonzero()[0]
+        if not rows.size:
+            return rows
+        limit = _DUAL_TOLERANCE * _size(self.problem.g)
+        return (self.pull(self.multipliers) > limit).nonzero()[0]
 
     def result(self, violation: float) -> QpResult:
         """What is found, if x is the optimum of the problem."""
@@ -105,8 +104,8 @@ def _make_dual_feasible(now: Iterate) -> None:
         now.x, now.multipliers = now.solve()
         wrong = now.wrong()
         if np.isnan(now.x).any():
-            wrong = now.active != 0
-        if not wrong.any():
+            wrong = now.active.nonzero()[0]
+        if not wrong.size:
             return
         now.active[wrong] = 0
 

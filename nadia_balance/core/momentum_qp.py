@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from nadia_balance.core.feedback_limits import FeedbackLimits
-from nadia_balance.core.qp_programs import Mask
+from nadia_balance.core.qp_programs import Mask, QpProblem
 from nadia_balance.core.qp_solver import DenseQp, QpResult
 from nadia_balance.core.walking import Array
 
@@ -64,8 +65,7 @@ class MomentumQpParams:
         return self.feedback_gain * share
 
 
-@dataclass(frozen=True)
-class IcpFeedback:
+class IcpFeedback(NamedTuple):
     """The feedback increments, and the points they lead to in W [m].
 
     `increments` (4,) are delta and kappa, `cop` (2,) is r_cop,d, `ecmp` (2,)
@@ -132,14 +132,9 @@ class IcpFeedbackQp:
         H, g = self._cost(error, previous)
         reference = np.concatenate((cop_r, kappa_r))
         shift = limits.C @ reference
+        lower, upper = limits.lower - shift, limits.upper - shift
         result = self._qp.solve(
-            H,
-            g,
-            _NO_ROWS,
-            _NO_BOUNDS,
-            limits.C,
-            limits.lower - shift,
-            limits.upper - shift,
+            QpProblem(H, g, _NO_ROWS, _NO_BOUNDS, limits.C, lower, upper),
             active_guess,
         )
         x = result.x

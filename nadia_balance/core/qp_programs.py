@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,14 @@ from pydrake.solvers import (
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.int8]
+Indices = NDArray[np.intp]
 
 # Drake's default, 1e-12, takes rounding for contradiction.
 _FEASIBILITY_TOLERANCE = 1e-7
+_ZERO = np.zeros(1)
 
 
-@dataclass(frozen=True)
-class QpProblem:
+class QpProblem(NamedTuple):
     """Minimise 1/2 x'Hx + g'x, A_eq x = b_eq, lower <= C x <= upper."""
 
     H: Array
@@ -44,9 +45,15 @@ class QpProblem:
 
     def violation(self, x: Array, excess: Array) -> float:
         """The largest absolute violation of a constraint, NaN if x is."""
-        residual = np.abs(self.A_eq @ x - self.b_eq).max(initial=0.0)
-        # np.maximum hands on a NaN, max() would not.
-        return float(np.maximum(residual, excess.max(initial=0.0)))
+        residual = np.abs(self.A_eq @ x - self.b_eq)
+        violations = np.concatenate((residual, excess, _ZERO))
+        # Not max(), which takes five times as long; both hand on a NaN.
+        return float(violations[violations.argmax()])
+
+    def bounds(self, rows: Indices, active: Mask) -> Array:
+        """The bounds at which `rows` (k,) of the inequalities are active."""
+        below = active[rows] < 0
+        return np.where(below, self.lower[rows], self.upper[rows])
 
     def require_finite(self) -> None:
         """Raises ValueError naming the argument that is not finite."""
@@ -58,8 +65,7 @@ class QpProblem:
                 raise ValueError(f"{name} bound of the QP: must not be NaN")
 
 
-@dataclass(frozen=True)
-class QpResult:
+class QpResult(NamedTuple):
     """What a solver found, and how.
 
     `x` (n,) is NaN unless `solved`.  `active` (m,) tells which bound of each
@@ -86,19 +92,20 @@ class EqualityQp:
 
     def __init__(self, num_variables: int) -> None:
         self._program, self._cost, x = _program(num_variables)
-        self._rows = self._program.AddLinearEqualityConstraint(
+        rows = self._program.AddLinearEqualityConstraint(
             np.zeros((1, num_variables)), np.zeros(1), x
         )
+        # Kept, because each access takes as long as an update.
+        self._rows = rows.evaluator()
         # As GetDualSolution wants it: to convert a binding takes 20 us.
-        self._dual_key = Binding[EvaluatorBase](
-            self._rows.evaluator(), self._rows.variables()
-        )
+        self._dual_key = Binding[EvaluatorBase](self._rows, rows.variables())
         # It has no public name, but is Drake's choice for all such programs.
         self._solver = MakeSolver(ChooseBestSolver(self._program))
         self._options = SolverOptions()
         self._options.SetOption(
             self._solver.solver_id(), "FeasibilityTol", _FEASIBILITY_TOLERANCE
         )
+        self._result = MathematicalProgramResult()
 
     def solve(self, problem: QpProblem, active: Mask) -> tuple[Array, Array]:
         """Returns x (n,) and the multipliers of all inequalities (m,).
@@ -107,22 +114,23 @@ class EqualityQp:
         right are >= 0 at a lower, <= 0 at an upper bound.  x is NaN if the
         rows contradict each other, or are not finite.
         """
-        rows = np.flatnonzero(active)
         A, b = problem.A_eq, problem.b_eq
+        rows = active.nonzero()[0]
         if rows.size:
-            bound = np.where(active < 0, problem.lower, problem.upper)[rows]
             A = np.concatenate((A, problem.C[rows]))
-            b = np.concatenate((b, bound))
+            b = np.concatenate((b, problem.bounds(rows, active)))
         multipliers = np.zeros(active.size)
-        nowhere = np.full(problem.g.size, np.nan)
-        if not (np.isfinite(A).all() and np.isfinite(b).all()):
-            return nowhere, multipliers  # Drake would end the process
-        self._cost.UpdateCoefficients(problem.H, problem.g, is_convex=True)
-        self._rows.evaluator().UpdateCoefficients(A, b)
-        result = MathematicalProgramResult()
+        # A sum of squares is finite only if all are.  Drake would end the
+        # process.
+        if not math.isfinite(np.vdot(A, A) + b @ b):
+            return np.full(problem.g.size, np.nan), multipliers
+        # H.T is H in the order of memory that spares Drake a copy.
+        self._cost.UpdateCoefficients(problem.H.T, problem.g, 0.0, True)
+        self._rows.UpdateCoefficients(A, b)
+        result = self._result
         self._solver.Solve(self._program, None, self._options, result)
         if not result.is_success():
-            return nowhere, multipliers
+            return np.full(problem.g.size, np.nan), multipliers
         if rows.size:
             dual = result.GetDualSolution(self._dual_key)
             multipliers[rows] = dual[problem.b_eq.size :]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from pydrake.solvers import (
@@ -67,22 +66,13 @@ class DenseQp:
         self._full_qp = FullQp(num_variables, num_equalities, num_inequalities)
 
     def solve(
-        self,
-        H: Array,
-        g: Array,
-        A_eq: Array,
-        b_eq: Array,
-        C: Array,
-        lower: Array,
-        upper: Array,
-        active_guess: Mask | None = None,
+        self, problem: QpProblem, active_guess: Mask | None = None
     ) -> QpResult:
         """Solves the QP; `active_guess` (m,) is `active` of a similar one.
 
         Raises:
-            ValueError: NaN in the arguments, or infinity outside the bounds.
+            ValueError: NaN in the problem, or infinity outside the bounds.
         """
-        problem = QpProblem(H, g, A_eq, b_eq, C, lower, upper)
         if active_guess is None:
             active_guess = np.zeros(self._num_inequalities, dtype=np.int8)
         return self._method(problem, active_guess)
@@ -101,7 +91,7 @@ class DenseQp:
             exact = solve_active_set(self._equality_qp, problem, active)
             solves += exact.iterations
             found = exact if exact.solved else found
-        return replace(found, iterations=solves, fallback=True)
+        return found._replace(iterations=solves, fallback=True)
 
     def _clarabel(self, problem: QpProblem, _: Mask) -> QpResult:
         problem.require_finite()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nadia_balance.core.quintic import end_beyond, quintic, time_to_pass
+from nadia_balance.core.quintic import end_beyond, quintic_at, time_to_pass
 from nadia_balance.core.swing_detour import SwingDetourParams, way_round
 from nadia_balance.core.walking import (
     Array,
@@ -103,7 +103,7 @@ def swing_foot_motion(
     ):
         if via is not None:
             end[:, axes] = _aim(start[:, axes], end[:, axes], left, via)
-    return FootMotion(quintic(start, end, np.full(4, left), period))
+    return FootMotion(quintic_at(start, end, np.full(4, left), period))
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:

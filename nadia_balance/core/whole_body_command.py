@@ -40,15 +40,17 @@ def whole_body_command(
     )
 
 
-def heading(state: WalkingState, swing: Array) -> Array:
-    """Mean [yaw, yawdot, yawddot] (3,) of the feet; moves with a swing."""
+def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
+    """Mean yaw, yawdot, yawddot of the feet; moves with a swing."""
     schedule = state.schedule
     stance = schedule.feet[schedule.support_side].yaw
-    other = np.array([schedule.feet[schedule.support_side.other].yaw, 0, 0])
     if schedule.phase is Phase.SWING:
-        other = swing[9:]
-    difference = math.remainder(other[0] - stance, math.tau)
-    return np.array([stance + 0.5 * difference, 0.5 * other[1], 0.5 * other[2]])
+        other, rate, acceleration = swing[9:].tolist()
+    else:
+        other = schedule.feet[schedule.support_side.other].yaw
+        rate = acceleration = 0.0
+    difference = math.remainder(other - stance, math.tau)
+    return stance + 0.5 * difference, 0.5 * rate, 0.5 * acceleration
 
 
 def max_normal_force(

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.qp_programs import Mask
+from nadia_balance.core.qp_programs import Mask, QpProblem
 from nadia_balance.core.qp_solver import DenseQp, QpResult
 from nadia_balance.core.whole_body_limits import WholeBodyLimits
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_tasks import stack_tasks, task_weights
+from nadia_balance.core.whole_body_tasks import WholeBodyTasks
 from nadia_balance.core.whole_body_terms import (
-    SOLES,
+    BASE,
+    LEFT_SOLE,
+    RIGHT_SOLE,
     WholeBodyCommand,
     WholeBodyModel,
     WholeBodyTerms,
@@ -22,16 +24,21 @@ from nadia_balance.core.whole_body_terms import (
 
 Array = NDArray[np.float64]
 
-_NUM_EQUALITIES = 18
+# Rows of J of the soles that carry.
+_CARRYING = {
+    (True, True): slice(0, 12),
+    (True, False): LEFT_SOLE,
+    (False, True): RIGHT_SOLE,
+    (False, False): slice(0, 0),
+}
 
 
-@dataclass(frozen=True)
-class WholeBodySolution:
+class WholeBodySolution(NamedTuple):
     """Accelerations, contact wrenches and torques that belong together.
 
     `vdot` (nv,); `wrenches` (12,) = [tau, f] of the left and the right sole
-    at its centre, in W [N m], [N]; `torques` (nj,) [N m].  All are NaN unless
-    `qp.solved`.
+    at its centre, in W [N m], [N], zero if it does not carry; `torques` (nj,)
+    [N m].  All others are NaN unless `qp.solved`.
     """
 
     vdot: Array
@@ -43,13 +50,13 @@ class WholeBodySolution:
 class WholeBodyQp:
     """Finds joint torques for soft tasks under hard physical limits.
 
-    Variables [vdot (nv), w_left (6), w_right (6)]; inside, all forces,
-    torques and M are per unit of the robot's mass.  Minimises the weighted
-    squares of the errors of the tasks and of the posture, and of the sole
-    wrenches, subject to
+    Variables [vdot (nv), w_left (6), w_right (6)], but no wrench of a sole
+    that does not carry; inside, all forces, torques and M are per unit of the
+    robot's mass.  Minimises the weighted squares of the errors of the tasks
+    and of the posture, and of the sole wrenches, subject to
 
+    * J vdot + Jdot v = a of a sole that carries,
     * M vdot + bias = sum J' w in the six rows of the floating base,
-    * J vdot + Jdot v = a of a sole that carries, w = 0 of one that does not,
     * the limits of contact wrenches, torques and joints.
 
     Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
@@ -61,31 +68,32 @@ class WholeBodyQp:
         """Builds the program; raises ValueError for parameters out of range."""
         params.validate()
         self._params, self._model = params, model
+        self._tasks = WholeBodyTasks(params, model)
         self._limits = WholeBodyLimits(params, model)
-        self._num_variables = 6 + model.num_joints + 12
-        self._qp = DenseQp(
-            self._num_variables,
-            _NUM_EQUALITIES,
-            self._limits.num_rows,
-            params.solver,
+        nv = 6 + model.num_joints
+        self._qps = [
+            DenseQp(
+                nv + 6 * n, 6 + 6 * n, self._limits.num_rows(n), params.solver
+            )
+            for n in range(3)  # soles that carry
+        ]
+        self._rows_of = {c: self._limits.rows_of(c) for c in _CARRYING}
+        # The posture's PD law, and the costs that are always the same: those
+        # of [vdot, 1], and those of the wrenches.
+        weights, kp = _posture_weights(params, model), params.posture_gain
+        kd = 2.0 * params.damping_ratio * math.sqrt(kp)
+        self._posture_kp, self._posture_kd = weights * kp, weights * kd
+        self._vdot_cost = np.diag(
+            np.concatenate((np.zeros(6), weights, np.zeros(1)))
+            + params.acceleration_weight
         )
-        self._task_weights = task_weights(params)
-        vdot = np.full(6 + model.num_joints, params.acceleration_weight)
-        self._posture_weights = np.where(
-            model.is_leg_joint,
-            params.leg_posture_weight,
-            params.posture_weight,
-        )
-        vdot[6:] += self._posture_weights
-        wrench = np.full(6, params.moment_weight)
-        wrench[3:5] = params.tangential_weight
-        wrench[5] = params.normal_weight
-        self._diagonal = np.diag(np.concatenate((vdot, wrench, wrench)))
+        wrench = _wrench_weights(params)
+        self._H = np.diag(np.concatenate((np.zeros(nv), wrench, wrench)))
 
     @property
     def num_inequalities(self) -> int:
         """Length of the active-set mask."""
-        return self._limits.num_rows
+        return self._limits.num_rows(2)
 
     def solve(
         self,
@@ -98,59 +106,74 @@ class WholeBodyQp:
         Raises:
             ValueError: NaN or infinity in `terms` or `command`.
         """
+        contacts = command.contacts
+        problem, rows = self.problem(terms, command), self._rows_of[contacts]
+        guess = None if active_guess is None else active_guess[rows]
+        qp = self._qps[sum(contacts)].solve(problem, guess)
+        active = np.zeros(rows.size, dtype=np.int8)
+        active[rows] = qp.active
         nv, mass = terms.v.size, self._model.mass
-        limits = self._limits.rows(terms, command)
-        qp = self._qp.solve(
-            *self._cost(terms, command),
-            *self._equalities(terms, command),
-            *limits,
-            active_guess,
+        torques = problem.C[self._limits.torque_rows] @ qp.x
+        torques += terms.forces[6:, -1]
+        wrenches = np.zeros(12)
+        wrenches[_CARRYING[contacts]] = mass * qp.x[nv:]
+        return WholeBodySolution(
+            qp.x[:nv], wrenches, mass * torques, qp._replace(active=active)
         )
-        torque_rows = limits[0][self._limits.torque_rows]
-        torques = mass * (torque_rows @ qp.x) + terms.bias[6:]
-        return WholeBodySolution(qp.x[:nv], mass * qp.x[nv:], torques, qp)
+
+    def problem(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> QpProblem:
+        """Returns the QP as plain matrices."""
+        nv, soles = terms.v.size, _CARRYING[command.contacts]
+        J, n = terms.rows[soles, :nv], sum(command.contacts)
+        rows = np.zeros((6 * n + 6 + self._limits.num_rows(n), nv + 6 * n))
+        A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
+        rows[: 6 * n, :nv] = J
+        # The equations of motion: the base's, and the torques' next to them.
+        motion = rows[6 * n : 6 * n + nv]
+        motion[:, :nv] = terms.forces[:, :nv]
+        motion[:, nv:] = -J.T
+        b = -terms.rows[: BASE.stop, -1]
+        b[:12] += self._rest(terms)
+        b = np.concatenate((b[soles], b[BASE]))
+        lower, upper = self._limits.bounds(terms, command, C)
+        return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
+
+    def _rest(self, terms: WholeBodyTerms) -> Array:
+        """Accelerations (12,) that bring soles to rest, and level."""
+        params = self._params
+        rest = -params.stance_damping * terms.velocities[:12]
+        tilt = params.stance_tilt_gain * terms.rotations[:2, :2, 2]
+        rest[0::6] += tilt[:, 1]
+        rest[1::6] -= tilt[:, 0]
+        return np.asarray(rest)
 
     def _cost(
         self, terms: WholeBodyTerms, command: WholeBodyCommand
     ) -> tuple[Array, Array]:
         """Returns H and g of all that is soft."""
-        params, nv = self._params, terms.v.size
-        S, s = stack_tasks(params, self._model, terms, command)
-        weights = self._task_weights[: s.size]
-        S *= weights[:, None]
-        H = self._diagonal.copy()
-        H[:nv, :nv] += S.T @ S
-        g = np.zeros(self._num_variables)
-        g[:nv] = -((s * weights) @ S)
-        kp = params.posture_gain
-        kd = 2.0 * params.damping_ratio * math.sqrt(kp)
-        error = self._model.posture - terms.positions
-        g[6:nv] -= self._posture_weights * (kp * error - kd * terms.v[6:])
+        nv = terms.v.size
+        n = nv + 6 * sum(command.contacts)
+        tasks = self._tasks.rows(terms, command)
+        square = tasks.T @ tasks + self._vdot_cost
+        H, g = self._H[:n, :n].copy(), np.zeros(n)
+        H[:nv, :nv], g[:nv] = square[:-1, :-1], square[:-1, -1]
+        g[6:nv] += self._posture_kp * (terms.positions - self._model.posture)
+        g[6:nv] += self._posture_kd * terms.v[6:]
         return H, g
 
-    def _equalities(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> tuple[Array, Array]:
-        """Returns A_eq and b_eq of the floating base and of the soles."""
-        nv, mass = terms.v.size, self._model.mass
-        A = np.zeros((_NUM_EQUALITIES, self._num_variables))
-        b = np.zeros(_NUM_EQUALITIES)
-        A[:6, :nv] = terms.M[:6] / mass
-        A[:6, nv:] = -terms.J[:12, :6].T
-        b[:6] = terms.bias[:6] / -mass
-        for side, sole in enumerate(SOLES):
-            rows = slice(6 + sole.start, 6 + sole.stop)
-            if command.contacts[side]:
-                A[rows, :nv] = terms.J[sole]
-                b[rows] = self._hold(terms, side) - terms.Jdot_v[sole]
-            else:
-                A[rows, nv + sole.start : nv + sole.stop] = np.eye(6)
-        return A, b
 
-    def _hold(self, terms: WholeBodyTerms, side: int) -> Array:
-        """Acceleration (6,) that brings a carrying sole to rest, and level."""
-        hold = -self._params.stance_damping * terms.Jv[SOLES[side]]
-        normal = terms.rotations[side][:, 2]
-        hold[0] += self._params.stance_tilt_gain * normal[1]
-        hold[1] -= self._params.stance_tilt_gain * normal[0]
-        return np.asarray(hold)
+def _posture_weights(params: WholeBodyQpParams, model: WholeBodyModel) -> Array:
+    """Returns the weights of the joints' accelerations (nj,)."""
+    return np.where(
+        model.is_leg_joint, params.leg_posture_weight, params.posture_weight
+    )
+
+
+def _wrench_weights(params: WholeBodyQpParams) -> Array:
+    """Returns the weights of [tau, f] of a sole (6,)."""
+    weights = np.full(6, params.moment_weight)
+    weights[3:5] = params.tangential_weight
+    weights[5] = params.normal_weight
+    return weights

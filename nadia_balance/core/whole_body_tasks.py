@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_terms import (
+    BASE,
+    PELVIS,
     SOLES,
     TORSO,
     WholeBodyCommand,
@@ -20,7 +22,7 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # [m/s^2]
 
-# Rows of the stacked tasks.
+# Rows of the tasks.
 _LINEAR = slice(0, 3)
 _ANGULAR = slice(3, 6)
 _TORSO = slice(6, 9)
@@ -29,9 +31,110 @@ _SWING_TURN = slice(12, 15)
 _SWING_MOVE = slice(15, 18)
 _NUM_ROWS = 18
 
+_MOMENT = slice(BASE.start, BASE.start + 3)
+_FORCE = slice(BASE.start + 3, BASE.stop)
 
-def task_weights(params: WholeBodyQpParams) -> Array:
-    """Returns the square roots of the weights of the stacked rows (18,)."""
+
+class WholeBodyTasks:
+    """Rows [S, r] with the wish that S vdot + r = 0.
+
+    In this order: linear and angular momentum per mass (about the CoM), the
+    orientations of torso and pelvis, and the pose of the sole that swings, if
+    one does.  Each is a PD law.
+    """
+
+    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
+        """The tasks of `model`, weighted and tuned by `params`."""
+        self._mass = model.mass
+        self._weights = _root_weights(params)[:, None]
+        self._kp, self._kd = _gains(params)
+        # What the tasks are made of: none, the left or the right sole swings.
+        trunk = _selection(model.num_joints)
+        self._trunk = trunk[: _SWING_TURN.start]
+        self._trunk_and_sole = [trunk.copy(), trunk.copy()]
+        for selection, sole in zip(self._trunk_and_sole, SOLES, strict=True):
+            selection[_SWING_TURN.start :, sole] = np.eye(6)
+
+    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
+        """Returns [S, r], times the roots of the weights, (n, nv + 1).
+
+        n is 18, or 12 if no sole swings.
+        """
+        if all(command.contacts):
+            selection = self._trunk.copy()
+        else:
+            swing = command.contacts.index(False)
+            selection = self._trunk_and_sole[swing].copy()
+        # The moment about the CoM: minus the arm times the force.  The arm is
+        # in M, since the base's velocity is expressed in W.
+        selection[_ANGULAR, _FORCE] = -terms.rows[_MOMENT, 3:6]
+        rows = selection @ terms.rows
+        error, velocity, acceleration = self._wanted(terms, command)
+        kp, kd = self._kp[: error.size], self._kd[: error.size]
+        rows[:, -1] -= (
+            acceleration
+            + kp * error
+            + kd * (velocity - selection @ terms.velocities)
+        )
+        rows *= self._weights[: error.size]
+        return rows
+
+    def _wanted(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Array:
+        """Returns [error, velocity, acceleration] (3, n) of all tasks."""
+        x, y, z = command.momentum_rate.tolist()
+        m = self._mass
+        yaw, rate, acceleration = command.heading
+        error = [
+            *_NOTHING,
+            *rotation_error(yaw, terms.rotations[2]),
+            *rotation_error(yaw, terms.rotations[3]),
+        ]
+        velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate]
+        # The force holds the weight, too: that is no rate of momentum.
+        wanted = [x / m, y / m, z / m + GRAVITY, 0.0, 0.0, 0.0]
+        wanted += 0.0, 0.0, acceleration, 0.0, 0.0, acceleration
+        if not all(command.contacts):
+            side = command.contacts.index(False)
+            p, v, a, turn = command.swing.reshape(4, 3).tolist()
+            px, py, pz = terms.sole_positions[side].tolist()
+            error += rotation_error(turn[0], terms.rotations[side])
+            error += p[0] - px, p[1] - py, p[2] - pz
+            velocity += 0.0, 0.0, turn[1], *v
+            wanted += 0.0, 0.0, turn[2], *a
+        return np.array((error, velocity, wanted))
+
+
+_NOTHING = (0.0,) * 6  # the momentum has no error, and no velocity wished for
+
+
+def _selection(num_joints: int) -> Array:
+    """Returns what picks the tasks from the rows of WholeBodyTerms."""
+    selection = np.zeros((_NUM_ROWS, 24 + num_joints))
+    for task, rows in (
+        (_LINEAR, _FORCE),
+        (_ANGULAR, _MOMENT),
+        (_TORSO, TORSO),
+        (_PELVIS, PELVIS),
+    ):
+        selection[task, rows] = np.eye(3)
+    return selection
+
+
+def _gains(params: WholeBodyQpParams) -> tuple[Array, Array]:
+    """Returns kp and kd of the tasks (18,)."""
+    kp = np.zeros(_NUM_ROWS)
+    kp[_TORSO] = kp[_PELVIS] = params.orientation_gain
+    kp[_SWING_TURN] = params.swing_orientation_gain
+    kp[_SWING_MOVE] = params.swing_position_gain
+    kd = 2.0 * params.damping_ratio * np.sqrt(kp)
+    kd[_ANGULAR] = params.angular_momentum_damping
+    return kp, kd
+
+
+def _root_weights(params: WholeBodyQpParams) -> Array:
+    """Returns the square roots of the weights of the tasks (18,)."""
     weights = np.empty(_NUM_ROWS)
     weights[_LINEAR] = params.momentum_weight
     weights[_LINEAR.stop - 1] = params.height_weight
@@ -43,112 +146,16 @@ def task_weights(params: WholeBodyQpParams) -> Array:
     return np.sqrt(weights)
 
 
-def stack_tasks(
-    params: WholeBodyQpParams,
-    model: WholeBodyModel,
-    terms: WholeBodyTerms,
-    command: WholeBodyCommand,
-) -> tuple[Array, Array]:
-    """Returns S (18 or 12, nv) and s, so that S vdot = s is wished for.
-
-    Rows: linear and angular momentum per mass (about the CoM), torso and
-    pelvis orientation, and the pose of the sole that swings, if one does.
-    """
-    swinging = not all(command.contacts)
-    S = np.zeros((_NUM_ROWS if swinging else _SWING_TURN.start, terms.v.size))
-    s = np.empty(S.shape[0])
-    _momentum(params, model, terms, command, S, s)
-    S[_TORSO] = terms.J[TORSO]
-    S[_PELVIS, :3] = np.eye(3)
-    upright = _orientation(params, terms, command)
-    s[_TORSO] = upright[0] - terms.Jdot_v[TORSO]
-    s[_PELVIS] = upright[1]
-    if swinging:
-        sole = SOLES[command.contacts.index(False)]
-        S[_SWING_TURN.start :] = terms.J[sole]
-        s[_SWING_TURN.start :] = (
-            _swing(params, terms, command) - terms.Jdot_v[sole]
-        )
-    return S, s
-
-
-def _momentum(
-    params: WholeBodyQpParams,
-    model: WholeBodyModel,
-    terms: WholeBodyTerms,
-    command: WholeBodyCommand,
-    S: Array,
-    s: Array,
-) -> None:
-    """Fills in the rows of the momentum about the CoM, per mass.
-
-    The base rows of M vdot + bias are the moment about the base and the
-    force on the robot, since the base's velocity is expressed in W; and
-    M[0:3, 3:6] is mass times the cross-product matrix of the CoM.
-    """
-    base = terms.M[:6] / model.mass
-    bias = terms.bias[:6] / model.mass
-    arm = base[:3, 3:6]  # of the CoM about the base, as a cross product
-    S[_LINEAR] = base[3:]
-    s[_LINEAR] = command.momentum_rate / model.mass - bias[3:]
-    s[_LINEAR.stop - 1] += GRAVITY  # which is no rate of momentum wished for
-    S[_ANGULAR] = base[:3] - arm @ base[3:]
-    damping = params.angular_momentum_damping * (S[_ANGULAR] @ terms.v)
-    s[_ANGULAR] = -damping - (bias[:3] - arm @ bias[3:])
-
-
-def _orientation(
-    params: WholeBodyQpParams,
-    terms: WholeBodyTerms,
-    command: WholeBodyCommand,
-) -> Array:
-    """Desired angular accelerations (2, 3) of torso and pelvis, upright."""
-    yaw, rate, acceleration = command.heading
-    kp = params.orientation_gain
-    kd = 2.0 * params.damping_ratio * math.sqrt(kp)
-    desired = np.empty((2, 3))
-    desired[0] = kp * rotation_error(yaw, terms.rotations[2])
-    desired[1] = kp * rotation_error(yaw, terms.rotations[3])
-    desired[0] -= kd * terms.Jv[TORSO]
-    desired[1] -= kd * terms.v[:3]
-    desired[:, 2] += kd * rate + acceleration
-    return desired
-
-
-def _swing(
-    params: WholeBodyQpParams,
-    terms: WholeBodyTerms,
-    command: WholeBodyCommand,
-) -> Array:
-    """Desired acceleration [angular, linear] (6,) of the swing sole."""
-    side = command.contacts.index(False)
-    p, v, a, (yaw, rate, acceleration) = command.swing.reshape(4, 3)
-    motion = terms.Jv[SOLES[side]]
-    desired = np.empty(6)
-    kp = params.swing_orientation_gain
-    kd = 2.0 * params.damping_ratio * math.sqrt(kp)
-    desired[:3] = kp * rotation_error(yaw, terms.rotations[side])
-    desired[:3] -= kd * motion[:3]
-    desired[2] += kd * rate + acceleration
-    kp = params.swing_position_gain
-    kd = 2.0 * params.damping_ratio * math.sqrt(kp)
-    desired[3:] = a + kp * (p - terms.sole_positions[side])
-    desired[3:] += kd * (v - motion[3:])
-    return desired
-
-
-def rotation_error(yaw: float, R: Array) -> Array:
-    """Rotation vector (3,) in W from R (3, 3) to upright at `yaw` [rad].
+def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:
+    """Rotation vector in W from R (3, 3) to upright at `yaw` [rad].
 
     Its length is the sine of the angle, right to third order: half the
     antisymmetric part of R_upright R'.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, _) = R.tolist()
-    return 0.5 * np.array(
-        (
-            yz - s * zx - c * zy,
-            c * zx - s * zy - xz,
-            s * (xx + yy) + c * (xy - yx),
-        )
+    return (
+        0.5 * (yz - s * zx - c * zy),
+        0.5 * (c * zx - s * zy - xz),
+        0.5 * (s * (xx + yy) + c * (xy - yx)),
     )

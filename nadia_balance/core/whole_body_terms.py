@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Rows of the stacked Jacobian J, and of Jdot_v.
+# Rows of WholeBodyTerms: those of the joints come in between.
 LEFT_SOLE = slice(0, 6)
 RIGHT_SOLE = slice(6, 12)
-TORSO = slice(12, 15)
+BASE = slice(12, 18)
+TORSO = slice(-6, -3)
+PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
 
 
@@ -39,43 +42,45 @@ class WholeBodyModel:
         return self.posture.size
 
 
-@dataclass(frozen=True)
-class WholeBodyTerms:
+class WholeBodyTerms(NamedTuple):
     """The robot's motion; nv = 6 + nj, v = [w_WB, v_WB, joints].
 
     The floating base B is the pelvis, its velocity expressed in W.
 
-    Equations of motion: M vdot + bias = B u + sum J' wrench, with M (nv, nv)
-    and bias (nv,), with gravity and damping.  J (15, nv), Jdot_v (15,), and
-    Jv (15,) = J v: rows of both soles ([w, v] at the sole's centre) and of the
-    torso's angular velocity, in W.  `rotations` (4, 3, 3): R_W of left sole,
-    right sole, torso, pelvis.  `sole_positions` (2, 3) [m] in W; `positions`
-    (nj,) [rad].
+    `rows` (24 + nj, nv + 1) are [A, a] of all that is A vdot + a: the
+    accelerations of the left and of the right sole ([w, v] at its centre), the
+    generalised forces on base and joints, and the angular accelerations of
+    torso and pelvis, all in W.  `velocities` (24 + nj,) are A v.  The forces,
+    M vdot + bias with gravity and damping, are per unit of the robot's mass.
+
+    `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
+    `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad].
     """
 
-    M: Array
-    bias: Array
-    J: Array
-    Jdot_v: Array
-    Jv: Array
+    rows: Array
+    velocities: Array
     rotations: Array
     sole_positions: Array
     positions: Array
     v: Array
 
+    @property
+    def forces(self) -> Array:
+        """[M, bias] (nv, nv + 1), per unit of mass."""
+        return self.rows[BASE.start : TORSO.start]
 
-@dataclass(frozen=True)
-class WholeBodyCommand:
+
+class WholeBodyCommand(NamedTuple):
     """What the robot is to do.
 
-    `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = [yaw,
-    yawdot, yawddot] of pelvis and torso; `contacts`: does the (left, right)
+    `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
+    yawdot, yawddot) of pelvis and torso; `contacts`: does the (left, right)
     sole carry; `max_normal_forces` [N] of the soles; `swing` is the reference
     (12,) [p, v, a, yaw, yawdot, yawddot] of the sole that does not carry.
     """
 
     momentum_rate: Array
-    heading: Array
+    heading: tuple[float, float, float]
     contacts: tuple[bool, bool]
     max_normal_forces: tuple[float, float]
     swing: Array

@@ -35,7 +35,7 @@ class CentroidalEstimator(LeafSystem):
         self._soles = [
             (
                 plant.GetBodyByName(robot.foot_bodies[side]),
-                robot.X_FootSole[side],
+                robot.X_FootSole[side].GetAsMatrix4(),
             )
             for side in (Side.LEFT, Side.RIGHT)
         ]
@@ -69,39 +69,31 @@ class CentroidalEstimator(LeafSystem):
 
     def _set_state(self, context, cache):
         state = self._estimated_state.Eval(context)
-        if not np.all(np.isfinite(state)):
+        if not math.isfinite(state @ state):
             i = int(np.flatnonzero(~np.isfinite(state))[0])
             raise RuntimeError(
                 f"{self.get_name() or type(self).__name__}: input port "
                 f"'estimated_state' is not finite: "
                 f"{self._plant.GetStateNames()[i]} = {state[i]}"
             )
-        at = cache.get_mutable_value()
-        # The state machine's update makes Drake ask again for the same state.
-        if not np.array_equal(state, self._plant.GetPositionsAndVelocities(at)):
-            self._plant.SetPositionsAndVelocities(at, state)
+        self._plant.SetPositionsAndVelocities(cache.get_mutable_value(), state)
 
     def _calc_com_state(self, context, output):
         plant, at = self._plant, self._plant_context.Eval(context)
-        output.SetFromVector(
-            np.concatenate(
-                (
-                    plant.CalcCenterOfMassPositionInWorld(at),
-                    plant.CalcCenterOfMassTranslationalVelocityInWorld(at),
-                )
-            )
-        )
+        p_WC = plant.CalcCenterOfMassPositionInWorld(at)
+        v_WC = plant.CalcCenterOfMassTranslationalVelocityInWorld(at)
+        output.set_value(np.concatenate((p_WC, v_WC)))
 
     def _calc_icp(self, context, output):
         state = self._com_state.Eval(context)
-        output.SetFromVector(icp(state[:2], state[3:5], self._omega))
+        output.set_value(icp(state[:2], state[3:5], self._omega))
 
     def _calc_foot_poses(self, context, output):
         at = self._plant_context.Eval(context)
         poses = []
-        for body, X_FootSole in self._soles:
-            X_WF = self._plant.EvalBodyPoseInWorld(at, body) @ X_FootSole
-            R_WF = X_WF.rotation().matrix()
-            yaw = math.atan2(R_WF[1, 0], R_WF[0, 0])
-            poses.append(FootPose(X_WF.translation(), yaw))
+        for body, X_BodySole in self._soles:
+            X_WB = self._plant.EvalBodyPoseInWorld(at, body)
+            X_WF = X_WB.GetAsMatrix34() @ X_BodySole
+            yaw = math.atan2(X_WF[1, 0], X_WF[0, 0])
+            poses.append(FootPose(X_WF[:, 3], yaw))
         output.set_value(FootPoses(*poses))

@@ -36,12 +36,14 @@ class LiveControls(LeafSystem):
     def __init__(
         self,
         meshcat: Meshcat,
-        mechanisms: tuple[bool, bool, bool, bool] = (True, True, True, True),
+        mechanisms: tuple[bool, ...] | None = (True, True, True, True),
         delta_v: float = 0.3,
         direction_deg: float = 90.0,
         period: float = 0.02,
     ):
         """Looks at the tab every `period` [s]; the rest is how it begins.
+
+        Without `mechanisms` (None) there are no toggles, and all are 0.
 
         Raises:
             ValueError: `delta_v` [m/s] or `direction_deg` is not finite.
@@ -51,6 +53,8 @@ class LiveControls(LeafSystem):
         meshcat.AddButton(PUSH, PUSH_KEY)
         self._add_slider(SIZE, LARGEST, 0.01, delta_v)
         self._add_slider(DIRECTION, 355.0, 5.0, direction_deg % 360.0)
+        self._toggles = MECHANISMS if mechanisms is not None else {}
+        mechanisms = mechanisms or (False,) * len(MECHANISMS)
         self._show_mechanisms(mechanisms)
         self._state = self.DeclareDiscreteState(
             [0.0, *self._sliders(), *mechanisms]
@@ -89,10 +93,10 @@ class LiveControls(LeafSystem):
     def _show_mechanisms(self, on) -> None:
         """Shows all toggles, none of them clicked."""
         # All anew, lest they change places when one gets another label.
-        for name in MECHANISMS:
+        for name in self._toggles:
             for label in _label(name, False), _label(name, True):
                 self._meshcat.DeleteButton(label, strict=False)
-        for name, is_on in zip(MECHANISMS, on, strict=True):
+        for name, is_on in zip(self._toggles, on, strict=False):
             self._meshcat.AddButton(_label(name, is_on))
 
     def _begin(self, context, state):
@@ -110,7 +114,7 @@ class LiveControls(LeafSystem):
         values[1:3] = self._sliders()
         clicks = [
             self._meshcat.GetButtonClicks(_label(name, on))
-            for name, on in zip(MECHANISMS, values[3:], strict=True)
+            for name, on in zip(self._toggles, values[3:], strict=False)
         ]
         if any(clicks):
             values[3:] = (values[3:] + clicks) % 2.0

@@ -155,9 +155,10 @@ class MomentumQp(LeafSystem):
 
     def _calc_feedback(self, context, cache):
         state = context.get_discrete_state(self._state).value()
-        icp_r, _, cop_r, ecmp_r = self._reference.Eval(context).reshape(4, 2)
+        reference = self._reference.Eval(context)
+        cop_r, ecmp_r = reference[4:6], reference[6:8]
         feedback = self._qp.solve(
-            self._icp.Eval(context) - icp_r,
+            self._icp.Eval(context) - reference[:2],
             cop_r,
             ecmp_r - cop_r,
             state[:4],
@@ -179,7 +180,7 @@ class MomentumQp(LeafSystem):
 
     def _calc_command(self, context, output):
         feedback, _ = self._feedback.Eval(context)
-        output.SetFromVector(np.concatenate((feedback.cop, feedback.ecmp)))
+        output.set_value(np.concatenate((feedback.cop, feedback.ecmp)))
 
     def _calc_momentum_rate(self, context, output):
         feedback, _ = self._feedback.Eval(context)
@@ -187,9 +188,9 @@ class MomentumQp(LeafSystem):
         plan = self._phase_data.Eval(context).height
         height, rate = plan.at(self._walking(context).time_in_phase)
         acceleration = vertical_acceleration(
-            com[2], com[5], height, rate, self._height_params
+            float(com[2]), float(com[5]), height, rate, self._height_params
         )
-        output.SetFromVector(
+        output.set_value(
             momentum_rate(
                 self._mass, self._omega, com[:2], feedback.ecmp, acceleration
             )

@@ -129,7 +129,7 @@ class PushSource(LeafSystem):
 
     def _forces(self, context) -> list[tuple[int, np.ndarray]]:
         """The pushes that act now, as (number, force (3,) [N] in W)."""
-        *rows, (live_newtons, _) = self._rows(context)
+        *rows, (live_newtons, _) = self._rows(context).tolist()
         newtons = [*self._newtons, live_newtons]
         longest = [*self._ticks, math.inf]  # what is more is a delay
         active = []
@@ -140,9 +140,8 @@ class PushSource(LeafSystem):
         return active
 
     def _calc_total(self, context, output):
-        output.SetFromVector(
-            sum((f for _, f in self._forces(context)), np.zeros(3))
-        )
+        forces = (force for _, force in self._forces(context))
+        output.set_value(sum(forces, np.zeros(3)))
 
     def _calc_spatial(self, context, output):
         forces = []

@@ -118,9 +118,7 @@ class WalkingStateMachine(LeafSystem):
         if self._time.HasValue(context):
             gain = float(self._time.Eval(context)[0])
         if self._adjustment.HasValue(context):
-            adjustment = eval_typed(
-                self, context, self._adjustment, Adjustment
-            )
+            adjustment = eval_typed(self, context, self._adjustment, Adjustment)
         return Proposal(gain, adjustment)
 
     def _calc_signal(self, context, output):

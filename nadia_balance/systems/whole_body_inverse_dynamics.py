@@ -1,7 +1,7 @@
 """Joint torques that move the whole body as the capture point demands."""
 
 import functools
-from dataclasses import dataclass
+import math
 
 import numpy as np
 from pydrake.common.value import Value
@@ -20,19 +20,6 @@ from nadia_balance.systems.whole_body_kinematics import (
 )
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    """What one tick comes to: the outputs, and the active rows."""
-
-    actuation: np.ndarray
-    wrenches: np.ndarray
-    status: np.ndarray
-    active: np.ndarray
-
-    def __deepcopy__(self, memo):
-        return self
-
-
 class WholeBodyInverseDynamics(LeafSystem):
     """Solves the whole-body QP once a tick.
 
@@ -45,8 +32,8 @@ class WholeBodyInverseDynamics(LeafSystem):
     failures so far].
 
     If the QP has no solution, torques and wrenches of the last tick are held
-    and the failure is counted.  The discrete state holds these, the active
-    rows that warm-start the next tick, and the failures.
+    and the failure is counted.  The discrete state holds what came of the
+    last tick: the outputs, and the active rows that warm-start the next one.
 
     Evaluating any output raises RuntimeError if an input is not finite.
 
@@ -71,14 +58,16 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._params, self._weight = params, model.mass * GRAVITY
         self._kinematics = WholeBodyKinematics(robot, plant)
         self._qp = WholeBodyQp(params, model)
-        self._joint_of_actuator = [
-            plant.get_joint_actuator(i).joint().velocity_start() - 6
-            for i in plant.GetJointActuatorIndices()
-        ]
+        self._joint_of_actuator = np.array(
+            [
+                plant.get_joint_actuator(i).joint().velocity_start() - 6
+                for i in plant.GetJointActuatorIndices()
+            ]
+        )
         self._declare_inputs(plant)
         self._declare_state(plant.num_actuators(), control_period)
         self._declare_caches(plant)
-        self._declare_outputs(plant.num_actuators())
+        self._declare_outputs()
 
     def _declare_inputs(self, plant):
         self._estimated_state = self.DeclareVectorInputPort(
@@ -89,10 +78,13 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._walking_state = declare_input(self, "walking_state", object())
 
     def _declare_state(self, num_actuators, control_period):
-        self._held_actuation = self.DeclareDiscreteState(num_actuators)
-        self._held_wrenches = self.DeclareDiscreteState(12)
-        self._active = self.DeclareDiscreteState(self._qp.num_inequalities)
-        self._failures = self.DeclareDiscreteState(1)
+        # Parts of an outcome, which is what one tick comes to.
+        ends = np.cumsum([num_actuators, 12, 5, self._qp.num_inequalities])
+        self._actuation = slice(0, ends[0])
+        self._wrenches = slice(ends[0], ends[1])
+        self._status = slice(ends[1], ends[2])
+        self._active = slice(ends[2], ends[3])
+        self._last = self.DeclareDiscreteState(ends[3])
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=control_period, offset_sec=0.0, update=self._remember
         )
@@ -120,21 +112,21 @@ class WholeBodyInverseDynamics(LeafSystem):
             },
         )
 
-    def _declare_outputs(self, num_actuators):
-        for name, size, field in (
-            ("actuation", num_actuators, "actuation"),
-            ("foot_wrenches", 12, "wrenches"),
-            ("qp_status", 5, "status"),
+    def _declare_outputs(self):
+        for name, part in (
+            ("actuation", self._actuation),
+            ("foot_wrenches", self._wrenches),
+            ("qp_status", self._status),
         ):
             self.DeclareVectorOutputPort(
                 name,
-                size,
-                functools.partial(self._write, field),
+                part.stop - part.start,
+                functools.partial(self._write, part),
                 prerequisites_of_calc={self._outcome.ticket()},
             )
 
-    def _write(self, field, context, output):
-        output.SetFromVector(getattr(self._outcome.Eval(context), field))
+    def _write(self, part, context, output):
+        output.set_value(self._outcome.Eval(context)[part])
 
     def _set_state(self, context, cache):
         self._kinematics.plant.SetPositionsAndVelocities(
@@ -144,7 +136,7 @@ class WholeBodyInverseDynamics(LeafSystem):
 
     def _eval_finite(self, context, port):
         value = port.Eval(context)
-        if not np.isfinite(value).all():
+        if not math.isfinite(value @ value):
             raise RuntimeError(
                 f"{self.get_name() or type(self).__name__}: input port "
                 f"'{port.get_name()}' is not finite"
@@ -160,29 +152,22 @@ class WholeBodyInverseDynamics(LeafSystem):
             self._weight,
         )
         terms = self._kinematics.calc(self._plant_context.Eval(context))
-        guess = context.get_discrete_state(self._active).value()
-        found = self._qp.solve(terms, command, guess.astype(np.int8))
-        cache.set_value(self._judge(context, found))
+        last = context.get_discrete_state(self._last).value()
+        guess = last[self._active].astype(np.int8)
+        found = self._qp.solve(terms, command, guess)
+        cache.set_value(self._judge(found, last))
 
-    def _judge(self, context, found):
-        """Turns a solution into an outcome, or holds what was."""
-        held = context.get_discrete_state
-        failures = held(self._failures).value()[0]
+    def _judge(self, found, last):
+        """Turns a solution into an outcome, or holds what was `last`."""
+        qp, failures = found.qp, last[self._status][-1]
         actuation = found.torques[self._joint_of_actuator]
-        wrenches, qp = found.wrenches, found.qp
+        wrenches = found.wrenches
         if not qp.solved:
             failures += 1.0
-            actuation = held(self._held_actuation).get_value().copy()
-            wrenches = held(self._held_wrenches).get_value().copy()
-        status = [qp.solved, qp.fallback, qp.iterations, qp.violation, failures]
-        return _Outcome(
-            actuation, wrenches, np.array(status, dtype=float), qp.active
-        )
+            actuation, wrenches = last[self._actuation], last[self._wrenches]
+        status = qp.solved, qp.fallback, qp.iterations, qp.violation, failures
+        return np.concatenate((actuation, wrenches, status, qp.active))
 
     def _remember(self, context, state):
-        outcome = self._outcome.Eval(context)
-        state.set_value(self._held_actuation, outcome.actuation)
-        state.set_value(self._held_wrenches, outcome.wrenches)
-        state.set_value(self._active, outcome.active)
-        state.set_value(self._failures, outcome.status[-1:])
+        state.set_value(self._last, self._outcome.Eval(context))
         return EventStatus.Succeeded()

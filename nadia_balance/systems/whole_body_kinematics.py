@@ -1,20 +1,23 @@
 """Terms of the equations of motion, by Drake's cheapest calls."""
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking import Side
 from nadia_balance.core.whole_body_terms import (
-    LEFT_SOLE,
-    RIGHT_SOLE,
+    BASE,
+    PELVIS,
+    SOLES,
     TORSO,
     WholeBodyModel,
     WholeBodyTerms,
 )
 from nadia_balance.robot import RobotModel
+
+SIDES = (Side.LEFT, Side.RIGHT)
+_V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
 
 
 class WholeBodyKinematics:
@@ -46,72 +49,73 @@ class WholeBodyKinematics:
                 self._damping[joint.velocity_start()] = (
                     joint.default_damping_vector()[0]
                 )
-        # Left sole, right sole, torso, pelvis: body, and frame in it.
-        self._frames = [
-            (
-                plant.GetBodyByName(robot.foot_bodies[side]),
-                robot.X_FootSole[side],
-            )
-            for side in (Side.LEFT, Side.RIGHT)
-        ]
+        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in SIDES]
         torso = plant.GetBodyByName(robot.torso_body)
-        self._frames += [
-            (torso, RigidTransform()),
-            (pelvis, RigidTransform()),
+        self._bodies = [*feet, torso, pelvis]
+        # The frames of soles, torso and pelvis in these bodies (4, 4, 4).
+        self._X_BodyFrame = np.tile(np.eye(4), (4, 1, 1))
+        for i, side in enumerate(SIDES):
+            self._X_BodyFrame[i] = robot.X_FootSole[side].GetAsMatrix4()
+        # Rows of J, the frame of the body, and where its point is in it.
+        self._points = [
+            (rows, foot.body_frame(), robot.X_FootSole[side].translation())
+            for rows, foot, side in zip(SOLES, feet, SIDES, strict=True)
         ]
+        self._torso, self._world = torso.body_frame(), plant.world_frame()
+        self._gravity = plant.gravity_field().gravity_vector()
+        self._mass = robot.mass
+        # What does not change: the base's velocity is that of the pelvis.
+        self._rows = np.zeros((24 + num_joints, 7 + num_joints))
+        self._rows[PELVIS, :3] = np.eye(3)
 
     def calc(self, context: Context) -> WholeBodyTerms:
         """Returns the terms of the state in the plant's `context`."""
-        plant = self.plant
-        M, v = plant.CalcMassMatrix(context), plant.GetVelocities(context)
-        # Gravity for free: the base's velocity is expressed in W.
-        gravity = plant.gravity_field().gravity_vector()
-        bias = plant.CalcBiasTerm(context) - M[:, 3:6] @ gravity
-        bias += self._damping * v
-        J, Jdot_v = self._motions(context)
-        poses = [
-            plant.EvalBodyPoseInWorld(context, body) @ X_BodyFrame
-            for body, X_BodyFrame in self._frames
-        ]
+        plant, rows = self.plant, self._rows.copy()
+        state = plant.GetPositionsAndVelocities(context)
+        v = state[-self._damping.size :]
+        self._fill_forces(context, v, rows[BASE.start : TORSO.start])
+        self._fill_motions(context, rows)
+        poses = np.array(
+            [
+                plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
+                for body in self._bodies
+            ]
+        )
+        poses = poses @ self._X_BodyFrame
         return WholeBodyTerms(
-            M=M,
-            bias=bias,
-            J=J,
-            Jdot_v=Jdot_v,
-            Jv=J @ v,
-            rotations=np.array([X.rotation().matrix() for X in poses]),
-            sole_positions=np.array([X.translation() for X in poses[:2]]),
-            positions=plant.GetPositions(context)[7:],
+            rows=rows,
+            velocities=rows[:, :-1] @ v,
+            rotations=poses[:, :, :3],
+            sole_positions=poses[:2, :, 3],
+            positions=state[7 : -v.size],
             v=v,
         )
 
-    def _motions(self, context):
-        """Stacked Jacobian (15, nv) and bias (15,) of soles and torso."""
-        J = np.empty((15, self.plant.num_velocities()))
-        Jdot_v = np.empty(15)
-        (left, X_L), (right, X_R), (torso, _), _ = self._frames
-        for rows, body, X_BodyFrame in (
-            (LEFT_SOLE, left, X_L),
-            (RIGHT_SOLE, right, X_R),
-        ):
-            J[rows], Jdot_v[rows] = self._motion(
-                context, body, X_BodyFrame.translation()
-            )
-        spatial = self._motion(context, torso, np.zeros(3))
-        J[TORSO], Jdot_v[TORSO] = spatial[0][:3], spatial[1][:3]
-        return J, Jdot_v
+    def _fill_forces(self, context, v, forces):
+        """[M, bias] (nv, nv + 1) per mass, with gravity and damping."""
+        M = self.plant.CalcMassMatrix(context)
+        bias = self.plant.CalcBiasTerm(context) + self._damping * v
+        # Gravity for free: the base's velocity is expressed in W.
+        bias -= M[:, 3:6] @ self._gravity
+        forces[:, :-1], forces[:, -1] = M, bias
+        forces /= self._mass
 
-    def _motion(self, context, body, p_BP):
-        """Jacobian (6, nv) and bias (6,) of [w, v] of a point of `body`."""
-        plant, world = self.plant, self.plant.world_frame()
-        frame = body.body_frame()
-        J = plant.CalcJacobianSpatialVelocity(
-            context, JacobianWrtVariable.kV, frame, p_BP, world, world
+    def _fill_motions(self, context, rows):
+        """[J, Jdot v] of soles and torso."""
+        plant, world = self.plant, self._world
+        for sole, frame, p_BP in self._points:
+            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
+                context, _V, frame, p_BP, world, world
+            )
+            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
+                context, _V, frame, p_BP, world, world
+            ).get_coeffs()
+        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+            context, _V, self._torso, world, world
         )
-        bias = plant.CalcBiasSpatialAcceleration(
-            context, JacobianWrtVariable.kV, frame, p_BP, world, world
-        )
-        return J, bias.get_coeffs()
+        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+            context, _V, self._torso, _ORIGIN, world, world
+        ).rotational()
 
 
 def whole_body_model(

@@ -3,6 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
+from nadia_balance.core.qp_programs import QpProblem
 from nadia_balance.core.qp_solver import SOLVERS, DenseQp
 from tests.qp_examples import SIZES, by_daqp, by_quadprog, random_qp
 
@@ -17,7 +18,7 @@ def test_finds_the_optimum(solver, size):
     qp = DenseQp(*size, solver)
     for seed in range(8):
         problem = random_qp(seed, *size)
-        found = qp.solve(*problem)
+        found = qp.solve(QpProblem(*problem))
         assert found.solved
         accuracy = ACCURACY[solver]
         assert found.x == pytest.approx(by_quadprog(*problem), abs=accuracy)
@@ -27,7 +28,7 @@ def test_finds_the_optimum(solver, size):
 def test_reports_the_largest_violation():
     """Oracle: the error an interior point leaves, measured by hand."""
     problem = random_qp(3, 12, 3, 20)
-    found = DenseQp(12, 3, 20, "clarabel").solve(*problem)
+    found = DenseQp(12, 3, 20, "clarabel").solve(QpProblem(*problem))
     _, _, A_eq, b_eq, C, lower, upper = problem
     value = C @ found.x
     by_hand = max(
@@ -44,10 +45,10 @@ def test_earlier_problems_leave_no_trace():
     size = (12, 3, 20)
     used = DenseQp(*size)
     for seed in range(4):
-        used.solve(*random_qp(seed, *size))
+        used.solve(QpProblem(*random_qp(seed, *size)))
     problem = random_qp(9, *size)
-    fresh = DenseQp(*size).solve(*problem)
-    again = used.solve(*problem)
+    fresh = DenseQp(*size).solve(QpProblem(*problem))
+    again = used.solve(QpProblem(*problem))
     assert np.array_equal(again.x, fresh.x)
     assert np.array_equal(again.active, fresh.active)
     assert again.iterations == fresh.iterations
@@ -60,33 +61,32 @@ def test_works_without_inequalities():
     kkt = np.block([[H, A_eq.T], [A_eq, np.zeros((2, 2))]])
     expected = np.linalg.solve(kkt, np.concatenate([-g, b_eq]))[:6]
     found = DenseQp(6, 2, 0).solve(
-        H, g, A_eq, b_eq, np.zeros((0, 6)), none, none
+        QpProblem(H, g, A_eq, b_eq, np.zeros((0, 6)), none, none)
     )
     assert found.x == pytest.approx(expected, abs=1e-10)
+
+
+def contradiction():
+    C = np.array([[1.0, 0.0], [1.0, 0.0]])
+    lower, upper = np.array([1.0, -np.inf]), np.array([np.inf, -1.0])
+    none = np.zeros((0, 2)), np.zeros(0)
+    return QpProblem(np.eye(2), np.zeros(2), *none, C, lower, upper)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_says_that_there_is_no_solution(solver):
     """Oracle: x_0 >= 1 and x_0 <= -1 exclude each other."""
-    C = np.array([[1.0, 0.0], [1.0, 0.0]])
-    lower, upper = np.array([1.0, -np.inf]), np.array([np.inf, -1.0])
-    found = DenseQp(2, 0, 2, solver).solve(
-        np.eye(2), np.zeros(2), np.zeros((0, 2)), np.zeros(0), C, lower, upper
-    )
+    found = DenseQp(2, 0, 2, solver).solve(contradiction())
     assert not found.solved
     assert np.isnan(found.x).all()
 
 
 def test_counts_the_fallback():
     """Oracle: without a solution the interior point must have been asked."""
-    C = np.array([[1.0, 0.0], [1.0, 0.0]])
-    lower, upper = np.array([1.0, -np.inf]), np.array([np.inf, -1.0])
-    found = DenseQp(2, 0, 2).solve(
-        np.eye(2), np.zeros(2), np.zeros((0, 2)), np.zeros(0), C, lower, upper
-    )
+    found = DenseQp(2, 0, 2).solve(contradiction())
     assert found.fallback
     problem = random_qp(1, 4, 1, 10)
-    assert not DenseQp(4, 1, 10).solve(*problem).fallback
+    assert not DenseQp(4, 1, 10).solve(QpProblem(*problem)).fallback
 
 
 NAMES = ["H", "g", "A_eq", "b_eq", "C", "lower", "upper"]
@@ -100,7 +100,7 @@ def test_refuses_nan_by_name(solver, index):
     problem[index] = problem[index].copy()
     problem[index].flat[-1] = np.nan
     with pytest.raises(ValueError, match=f"^{NAMES[index]} "):
-        DenseQp(4, 1, 10, solver).solve(*problem)
+        DenseQp(4, 1, 10, solver).solve(QpProblem(*problem))
 
 
 def test_every_single_nan_in_the_cost_is_noticed():
@@ -110,7 +110,7 @@ def test_every_single_nan_in_the_cost_is_noticed():
         problem = list(random_qp(0, 4, 1, 10))
         problem[0][i, j] = np.nan
         with pytest.raises(ValueError, match="H of the QP: must be finite"):
-            qp.solve(*problem)
+            qp.solve(QpProblem(*problem))
 
 
 def test_refuses_a_solver_it_does_not_know():

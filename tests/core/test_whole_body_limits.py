@@ -83,23 +83,28 @@ def test_a_foot_carries_no_more_than_it_may():
     assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
 
 
-def test_a_foot_in_the_air_has_no_limits():
-    """Oracle: infinite bounds, so that none of its rows can be active."""
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_a_foot_in_the_air_has_no_limits(contacts):
+    """Oracle: the number of rows; a mask of all marks those there are."""
     terms = terms_at(standing_state())
+    problem = WholeBodyQp(WholeBodyQpParams(), model()).problem(
+        terms, command(terms, contacts)
+    )
     limits = WholeBodyLimits(WholeBodyQpParams(), model())
-    _, lower, upper = limits.rows(terms, command(terms, (True, False)))
-    assert np.all(np.isinf(lower[17:34]))
-    assert np.all(np.isinf(upper[17:34]))
-    assert not np.any(np.isinf(upper[:16]))
+    assert len(problem.C) == 2 * 23 + 17 * sum(contacts)
+    assert len(problem.C) == limits.num_rows(sum(contacts))
+    marks = limits.rows_of(contacts)
+    assert np.all(marks[:46])
+    assert np.all(marks[46:63] == contacts[0])
+    assert np.all(marks[63:] == contacts[1])
 
 
 def test_braking_is_no_harder_than_allowed():
     """Oracle: the parameter, for joints far beyond their limits."""
-    params = WholeBodyQpParams(max_joint_acceleration=300.0)
-    limits = WholeBodyLimits(params, model())
+    qp = WholeBodyQp(WholeBodyQpParams(max_joint_acceleration=300.0), model())
     state = standing_state()
     state[7:30] += 10.0
     terms = terms_at(state)
-    _, lower, upper = limits.rows(terms, command(terms))
-    assert lower[-23:] == pytest.approx(np.full(23, -300.0))
-    assert upper[-23:] == pytest.approx(np.full(23, -300.0))
+    problem = qp.problem(terms, command(terms))
+    assert problem.lower[23:46] == pytest.approx(np.full(23, -300.0))
+    assert problem.upper[23:46] == pytest.approx(np.full(23, -300.0))

@@ -1,4 +1,3 @@
-import dataclasses
 import math
 
 import numpy as np
@@ -8,11 +7,11 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.core.whole_body_tasks import (
+    WholeBodyTasks,
     rotation_error,
-    stack_tasks,
-    task_weights,
 )
 from tests.whole_body_examples import (
+    CONTACTS,
     command,
     kinematics,
     model,
@@ -50,17 +49,15 @@ def test_tasks_are_met_where_nothing_is_in_the_way():
     swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
     swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
     swing[9:] = [0.15, 0.4, 0.5]
-    wish = dataclasses.replace(
-        command(terms, (True, False)),
-        swing=swing,
-        heading=np.array([0.2, 0.3, 0.4]),
+    wish = command(terms, (True, False))._replace(
+        swing=swing, heading=(0.2, 0.3, 0.4)
     )
     found = WholeBodyQp(params, model()).solve(terms, wish)
-    acceleration = terms.J @ found.vdot + terms.Jdot_v
+    acceleration = terms.rows @ np.append(found.vdot, 1.0)
     kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
     upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
     assert found.vdot[:3] == pytest.approx(upright, abs=2e-3)
-    assert acceleration[12:15] == pytest.approx(upright, abs=2e-3)
+    assert acceleration[-6:-3] == pytest.approx(upright, abs=2e-3)
     kp, kd = 200.0, 2.0 * math.sqrt(200.0)
     turn = [0.0, 0.0, kp * math.sin(0.05) + kd * 0.4 + 0.5]
     assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
@@ -97,16 +94,22 @@ def momentum_at(state):
     return np.concatenate(both) / nadia().mass
 
 
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
 @pytest.mark.parametrize("seed", range(3))
-def test_momentum_rows_are_its_rate(seed):
+def test_momentum_rows_are_its_rate(seed, contacts):
     """Oracle: finite differences of Drake's spatial momentum.
 
-    S vdot - s is the rate minus what is wished for: zero for the linear, and
-    the damping for the angular momentum.
+    S vdot + r is the rate minus what is wished for: for the angular momentum
+    that is the damping.
     """
-    state, params = random_state(seed), WholeBodyQpParams()
-    terms, plant = terms_at(state), kinematics().plant
-    S, s = stack_tasks(params, model(), terms, command(terms))
+    unweighted = WholeBodyQpParams(
+        momentum_weight=1.0, height_weight=1.0, angular_momentum_weight=1.0
+    )
+    state, plant = random_state(seed), kinematics().plant
+    terms, wish = terms_at(state), np.array([10.0, -20.0, 30.0])
+    rows = WholeBodyTasks(unweighted, model()).rows(
+        terms, command(terms, contacts, wish)
+    )
     vdot = np.random.default_rng(seed).normal(size=29)
     context = plant.CreateDefaultContext()
     plant.SetPositionsAndVelocities(context, state)
@@ -115,33 +118,48 @@ def test_momentum_rows_are_its_rate(seed):
         momentum_at(state + sign * STEP * np.concatenate([qdot, vdot]))
         for sign in (1.0, -1.0)
     )
-    rate = (ahead - behind) / (2.0 * STEP)
-    rate[3:] += params.angular_momentum_damping * momentum_at(state)[3:]
+    missing = (ahead - behind) / (2.0 * STEP)
+    missing[:3] -= wish / nadia().mass
+    damping = unweighted.angular_momentum_damping
+    missing[3:] += damping * momentum_at(state)[3:]
     # Truncation and rounding at this step both leave about 1e-8.
-    assert (S @ vdot - s)[:6] == pytest.approx(rate, abs=1e-6)
+    assert (rows @ np.append(vdot, 1.0))[:6] == pytest.approx(missing, abs=1e-6)
 
 
 def test_there_is_no_swing_task_with_both_soles_on_the_ground():
-    """Oracle: the number of rows."""
-    terms, params = terms_at(standing_state()), WholeBodyQpParams()
-    both = stack_tasks(params, model(), terms, command(terms))
-    one = stack_tasks(params, model(), terms, command(terms, (False, True)))
-    assert (len(both[1]), len(one[1])) == (12, 18)
-    assert np.array_equal(one[0][12:], terms.J[0:6])
-
-
-def test_weights_are_square_roots():
-    """Oracle: the parameters, in the order of the rows."""
-    params = WholeBodyQpParams()
-    weights = task_weights(params) ** 2
-    assert weights[[0, 2, 3, 6, 9, 12, 15]] == pytest.approx(
-        [
-            params.momentum_weight,
-            params.height_weight,
-            params.angular_momentum_weight,
-            params.torso_weight,
-            params.pelvis_weight,
-            params.swing_orientation_weight,
-            params.swing_position_weight,
-        ]
+    """Oracle: the number of rows, and what they are made of."""
+    terms = terms_at(standing_state())
+    tasks = WholeBodyTasks(
+        WholeBodyQpParams(
+            swing_position_weight=1.0, swing_orientation_weight=1.0
+        ),
+        model(),
     )
+    both = tasks.rows(terms, command(terms))
+    one = tasks.rows(terms, command(terms, (False, True)))
+    assert (len(both), len(one)) == (12, 18)
+    assert np.array_equal(one[12:, :-1], terms.rows[0:6, :-1])
+
+
+def test_weights_are_those_of_the_squares():
+    """Oracle: the rows of a task, with its weight and without."""
+    terms = terms_at(random_state(0))
+    wish = command(terms, (True, False), (10.0, -20.0, 30.0))
+    names = (
+        "momentum_weight",
+        "height_weight",
+        "angular_momentum_weight",
+        "torso_weight",
+        "pelvis_weight",
+        "swing_orientation_weight",
+        "swing_position_weight",
+    )
+    ones, weights = dict.fromkeys(names, 1.0), WholeBodyQpParams()
+    weighted, plain = (
+        WholeBodyTasks(params, model()).rows(terms, wish)
+        for params in (weights, WholeBodyQpParams(**ones))
+    )
+    for name, row in zip(names, (0, 2, 3, 6, 9, 12, 15), strict=True):
+        assert weighted[row] @ weighted[row] == pytest.approx(
+            getattr(weights, name) * (plain[row] @ plain[row])
+        )

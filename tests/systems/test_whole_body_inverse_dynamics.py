@@ -148,15 +148,15 @@ def test_holds_the_last_torque_when_there_is_none(monkeypatch):
 
 def make_infeasible(monkeypatch):
     """Bounds one torque from below by 1 and from above by -1."""
-    rows = WholeBodyLimits.rows
+    bounds = WholeBodyLimits.bounds
 
-    def impossible(self, terms, wish):
-        C, lower, upper = rows(self, terms, wish)
-        C[0] = C[1] = C[self.torque_rows.start]
+    def impossible(self, terms, wish, C):
+        lower, upper = bounds(self, terms, wish, C)
+        C[0] = C[1]
         lower[0], upper[1] = 1.0, -1.0
-        return C, lower, upper
+        return lower, upper
 
-    monkeypatch.setattr(WholeBodyLimits, "rows", impossible)
+    monkeypatch.setattr(WholeBodyLimits, "bounds", impossible)
 
 
 @pytest.mark.parametrize(

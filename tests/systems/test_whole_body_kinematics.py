@@ -4,6 +4,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking import Side
+from nadia_balance.core.whole_body_terms import (
+    BASE,
+    LEFT_SOLE,
+    PELVIS,
+    RIGHT_SOLE,
+    TORSO,
+)
 from nadia_balance.systems.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
@@ -32,14 +39,15 @@ def test_base_rows_are_the_momentum(seed):
     terms, context = terms_at(state), context_at(state)
     p_WB = state[4:7]
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WB)
-    assert terms.M[:6] @ terms.v == pytest.approx(
+    mass = nadia().mass
+    assert mass * terms.velocities[BASE] == pytest.approx(
         momentum.get_coeffs(), abs=1e-12
     )
     p_WC = plant.CalcCenterOfMassPositionInWorld(context)
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WC)
-    arm = terms.M[:3, 3:6] / nadia().mass
-    about_com = terms.M[:3] - arm @ terms.M[3:6]
-    assert about_com @ terms.v == pytest.approx(
+    moment, force = terms.forces[:3, :-1], terms.forces[3:6, :-1]
+    about_com = moment - moment[:, 3:6] @ force
+    assert mass * about_com @ terms.v == pytest.approx(
         momentum.rotational(), abs=1e-12
     )
 
@@ -53,7 +61,9 @@ def test_equations_of_motion_hold(seed):
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
     needed = plant.CalcInverseDynamics(context, vdot, forces)
-    assert terms.M @ vdot + terms.bias == pytest.approx(needed, abs=1e-9)
+    assert nadia().mass * terms.forces @ np.append(vdot, 1.0) == pytest.approx(
+        needed, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -69,13 +79,16 @@ def test_velocities_are_those_of_soles_and_torso(seed):
             X_WB.rotation() @ X_FS.translation()
         )
         rows = slice(6 * index, 6 * index + 6)
-        assert terms.Jv[rows] == pytest.approx(V_WS.get_coeffs(), abs=1e-13)
+        assert terms.velocities[rows] == pytest.approx(
+            V_WS.get_coeffs(), abs=1e-13
+        )
         X_WS = X_WB @ X_FS
         assert terms.sole_positions[index] == pytest.approx(X_WS.translation())
         assert terms.rotations[index] == pytest.approx(X_WS.rotation().matrix())
     torso = plant.GetBodyByName(nadia().torso_body)
     w_WT = plant.EvalBodySpatialVelocityInWorld(context, torso).rotational()
-    assert terms.Jv[12:15] == pytest.approx(w_WT, abs=1e-13)
+    assert terms.velocities[TORSO] == pytest.approx(w_WT, abs=1e-13)
+    assert terms.velocities[PELVIS] == pytest.approx(terms.v[:3], abs=1e-13)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -89,11 +102,11 @@ def test_bias_is_the_rest_of_the_acceleration(seed):
     ahead, behind = (
         terms_at(state + sign * STEP * motion) for sign in (1.0, -1.0)
     )
-    acceleration = (ahead.Jv - behind.Jv) / (2.0 * STEP)
-    # Truncation and rounding at this step both leave about 1e-8.
-    assert terms.J @ vdot + terms.Jdot_v == pytest.approx(
-        acceleration, abs=1e-6
-    )
+    change = (ahead.velocities - behind.velocities) / (2.0 * STEP)
+    acceleration = terms.rows @ np.append(vdot, 1.0)
+    for rows in (LEFT_SOLE, RIGHT_SOLE, TORSO, PELVIS):
+        # Truncation and rounding at this step both leave about 1e-8.
+        assert acceleration[rows] == pytest.approx(change[rows], abs=1e-6)
 
 
 def test_joints_are_damped():
@@ -105,8 +118,8 @@ def test_joints_are_damped():
     plant.Finalize()
     state, context = random_state(0), plant.CreateDefaultContext()
     plant.SetPositionsAndVelocities(context, state)
-    extra = WholeBodyKinematics(nadia(), plant).calc(context).bias
-    extra -= terms_at(state).bias
+    damped = WholeBodyKinematics(nadia(), plant).calc(context).forces[:, -1]
+    extra = nadia().mass * (damped - terms_at(state).forces[:, -1])
     expected = np.zeros(29)
     expected[knee.velocity_start()] = 0.7 * state[30 + knee.velocity_start()]
     assert extra == pytest.approx(expected, abs=1e-12)

@@ -1,0 +1,241 @@
+"""Oracles: the core functions; a count of the geometries made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.foothold_adjustment import (
+    CaptureRegions,
+    capture_regions,
+    propose_adjustment,
+    unadjusted,
+)
+from nadia_balance.core.foothold_adjustment_params import (
+    CaptureRegionStepAdjusterParams,
+)
+from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.swing_geometry import swing_geometry
+from nadia_balance.core.walking import Adjustment, Phase, WalkingState
+from nadia_balance.systems import capture_region_step_adjuster
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
+)
+from tests.example_walks import OMEGA, SOLE, standing, walk
+
+PARAMS = CaptureRegionStepAdjusterParams(
+    reachability=ReachabilityParams(cross_over=True)
+)
+OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
+
+
+def swing(**gait):
+    schedule = walk(**gait)
+    duration = schedule.footsteps[0].swing_duration
+    return replace(schedule, phase=Phase.SWING, duration=duration)
+
+
+IN_PLACE = swing(length=0.0)
+IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
+
+
+@pytest.fixture
+def adjuster():
+    return CaptureRegionStepAdjuster(PARAMS, SOLE, OMEGA)
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """The schedules whose geometry was made, in order."""
+    schedules = []
+
+    def counting(schedule, *args):
+        schedules.append(schedule)
+        return swing_geometry(schedule, *args)
+
+    monkeypatch.setattr(
+        capture_region_step_adjuster, "swing_geometry", counting
+    )
+    return schedules
+
+
+def fix(adjuster, context, state, icp=OUT, time_adjustment=None):
+    adjuster.GetInputPort("walking_state").FixValue(context, state)
+    adjuster.GetInputPort("icp").FixValue(context, icp)
+    if time_adjustment is not None:
+        port = adjuster.GetInputPort("time_adjustment")
+        port.FixValue(context, [time_adjustment])
+
+
+def adjustment(adjuster, context):
+    return adjuster.GetOutputPort("adjustment").Eval(context)
+
+
+def drawn(adjuster, context):
+    return adjuster.GetOutputPort("capture_regions").Eval(context)
+
+
+def expected(state, icp=OUT, time_adjustment=0.0):
+    geometry = swing_geometry(state.schedule, SOLE, PARAMS, OMEGA)
+    return propose_adjustment(
+        state, icp, time_adjustment, geometry, PARAMS, OMEGA
+    )
+
+
+def assert_same(found, wanted):
+    np.testing.assert_array_equal(found.pose.p_WF, wanted.pose.p_WF)
+    assert found.pose.yaw == wanted.pose.yaw
+    assert found.nominal.side is wanted.nominal.side
+    assert found.nominal.pose is wanted.nominal.pose
+    assert found.region == wanted.region
+    assert found.covered_ticks == wanted.covered_ticks
+
+
+@pytest.mark.parametrize("time_adjustment", [None, 0.0, 0.15])
+def test_proposes_what_the_core_proposes(adjuster, time_adjustment):
+    """Oracle: propose_adjustment(); unconnected, the clock keeps its pace."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_AIR, OUT, time_adjustment)
+    found = adjustment(adjuster, context)
+    assert_same(found, expected(IN_AIR, OUT, time_adjustment or 0.0))
+    assert found.pose is not IN_PLACE.footsteps[0].pose
+
+
+def test_reads_its_memory_back_from_the_walking_state(adjuster):
+    """Oracle: the count of covered ticks goes on where the state has it."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_AIR)
+    out = adjustment(adjuster, context)
+    nominal_icp = np.array([0.0, 0.07])
+    for ticks in 0, 7:
+        before = replace(out, covered_ticks=ticks)
+        state = replace(IN_AIR, adjustment=before)
+        fix(adjuster, context, state, nominal_icp)
+        found = adjustment(adjuster, context)
+        assert_same(found, expected(state, nominal_icp))
+        if found.pose is out.pose:
+            assert found.covered_ticks == ticks + 1
+        else:  # the ICP has come back too far for the adjusted foothold
+            assert found.pose is out.nominal.pose
+
+
+def test_draws_what_the_core_draws(adjuster):
+    """Oracle: capture_regions()."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_AIR, OUT, 0.1)
+    found = drawn(adjuster, context)
+    wanted = capture_regions(
+        IN_AIR,
+        OUT,
+        0.1,
+        expected(IN_AIR, OUT, 0.1),
+        swing_geometry(IN_PLACE, SOLE, PARAMS, OMEGA),
+        PARAMS,
+        OMEGA,
+    )
+    for ours, theirs in zip(found.regions, wanted.regions, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(found.reach, wanted.reach)
+    assert found.nominal is wanted.nominal
+    np.testing.assert_array_equal(found.adjusted.p_WF, wanted.adjusted.p_WF)
+
+
+@pytest.mark.parametrize(
+    "schedule",
+    [walk(), replace(walk(), footsteps=()), standing()],
+    ids=["transfer", "last transfer", "standing"],
+)
+def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
+    """Oracle: unadjusted(), and no regions; no foothold is needed."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, WalkingState(schedule))
+    assert_same(adjustment(adjuster, context), unadjusted(schedule))
+    found = drawn(adjuster, context)
+    assert isinstance(found, CaptureRegions)
+    assert (found.regions, found.nominal, found.adjusted) == ((), None, None)
+
+
+def test_makes_the_geometry_of_a_swing_once(adjuster, made):
+    """Oracle: the count, while clock, ICP and adjusted foothold change."""
+    context = adjuster.CreateDefaultContext()
+    state = IN_AIR
+    for k in range(5):
+        fix(adjuster, context, state, OUT - [0.03 * k, 0.0])
+        found = adjustment(adjuster, context)
+        drawn(adjuster, context)
+        assert found.pose is not state.schedule.footsteps[0].pose
+        step, *later = state.schedule.footsteps
+        steps = (replace(step, pose=found.pose), *later)
+        schedule = replace(state.schedule, footsteps=steps)
+        state = replace(
+            state,
+            schedule=schedule,
+            adjustment=found,
+            time_in_phase=state.time_in_phase + 0.002,
+        )
+    assert len(made) == 1
+    fix(adjuster, context, replace(IN_AIR, schedule=swing(length=0.2)))
+    adjustment(adjuster, context)
+    assert len(made) == 2
+
+
+def test_the_memory_changes_no_output(adjuster, made):
+    """Oracle: a context that has seen nothing else before."""
+    context = adjuster.CreateDefaultContext()
+    states = [
+        IN_AIR,
+        replace(IN_AIR, schedule=swing(length=0.3)),
+        replace(IN_AIR, schedule=swing(length=0.3, num_steps=1)),
+        WalkingState(walk()),
+        replace(IN_AIR, schedule=swing(length=0.3, turn=0.3)),
+    ]
+    for state in [*states, *reversed(states)]:
+        fresh = adjuster.CreateDefaultContext()
+        fix(adjuster, fresh, state)
+        fix(adjuster, context, state)
+        assert_same(adjustment(adjuster, context), adjustment(adjuster, fresh))
+
+
+def test_a_cloned_context_goes_on_by_itself(adjuster, made):
+    """Oracle: the original's output stays; the clone makes its own."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_AIR)
+    original = adjustment(adjuster, context)
+    clone = context.Clone()
+    fix(adjuster, clone, replace(IN_AIR, schedule=swing(length=0.3)))
+    other = adjustment(adjuster, clone)
+    assert other.nominal is not original.nominal
+    assert adjustment(adjuster, context) is original
+    assert len(made) == 2
+
+
+@pytest.mark.parametrize("port", ["adjustment", "capture_regions"])
+def test_a_wrong_type_raises(adjuster, port):
+    """Oracle: the message names the port and both types."""
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_PLACE)
+    with pytest.raises(
+        TypeError, match="'walking_state' got a ContactSchedule, needs a Walk"
+    ):
+        adjuster.GetOutputPort(port).Eval(context)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [({"margin": -1.0}, "margin = -1.0"), ({"foot_front": 0.3}, "foot_front")],
+)
+def test_bad_parameters_are_refused_at_once(bad, message):
+    """Oracle: the message names the field."""
+    with pytest.raises(ValueError, match=message):
+        CaptureRegionStepAdjuster(replace(PARAMS, **bad), SOLE, OMEGA)
+
+
+def test_the_ports_have_examples_of_their_types(adjuster):
+    """Oracle: the types."""
+    for name, kind in (
+        ("adjustment", Adjustment),
+        ("capture_regions", CaptureRegions),
+    ):
+        assert isinstance(
+            adjuster.GetOutputPort(name).Allocate().get_value(), kind
+        )
