@@ -20,6 +20,7 @@ from nadia_balance.core.foothold_adjustment_params import (
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import contains, convex_hull
+from nadia_balance.core.reach_rules import ReachRulesParams
 from nadia_balance.core.reachability import (
     BASE,
     FORWARD,
@@ -237,6 +238,23 @@ def test_a_nominal_foothold_out_of_reach_is_brought_within():
     found = propose(state_at(0.1, schedule), [0.0, 0.085], base_only)
     assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))
     assert found.pose.p_WF[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_region_of_the_last_tick_is_kept_if_it_is_nearly_as_good():
+    """Oracle: the same ICP with either past, and with none.
+
+    Here a cross-over in front shares three times the area of the base region,
+    which is more than twice, but not by the hysteresis of 4.
+    """
+    rules = ReachRulesParams(area_margin=2.0, hysteresis=4.0)
+    params = replace(PARAMS, rules=rules)
+    icp, step = [0.15, 0.13], IN_PLACE.footsteps[0]
+    assert propose(state_at(0.3), icp, params).region == FORWARD
+    elsewhere = FootPose([0.3, -0.1, 0.0])
+    for region in BASE, FORWARD:
+        before = Adjustment(step, elsewhere, region)
+        state = state_at(0.3, adjustment=before)
+        assert propose(state, icp, params).region == region
 
 
 # When.

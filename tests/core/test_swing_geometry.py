@@ -200,6 +200,21 @@ def test_a_foothold_is_blocked_where_the_soles_would_meet(yaw):
     assert 50 < blocked < 300
 
 
+def test_the_far_side_of_the_stance_leg_is_blocked():
+    """Oracle: by hand: 1 m to the left of the left foot; not 1 m ahead."""
+    found = geometry(swing(length=0.0))
+    assert found.blocked(np.array([0.0, 1.125]))
+    assert not found.blocked(np.array([1.0, 1.125]))
+
+
+def test_the_foot_that_lands_is_cut_on_its_proper_sides():
+    """Oracle: by hand: the right foot's inner side is then its left one."""
+    found = geometry(swing(num_steps=1), replace(PARAMS, finite_foot=True))
+    (foot,) = found.offsets
+    np.testing.assert_allclose(foot.max(axis=0), [0.105, 0.04], atol=1e-12)
+    np.testing.assert_allclose(foot.min(axis=0), [-0.075, -0.03], atol=1e-12)
+
+
 def test_the_free_parts_are_what_is_not_blocked():
     """Oracle: shapely: the polygon without the blocked footholds."""
     found = geometry(swing(length=0.0, num_steps=1))
