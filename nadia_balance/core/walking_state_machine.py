@@ -144,9 +144,13 @@ def _advance_swing(
     params: WalkingStateMachineParams,
 ) -> WalkingState:
     schedule = state.schedule
-    earliest = params.earliest_touchdown * schedule.duration
+    # Of the swing as it really is: a clock that was advanced has passed half
+    # of the plan before the foot has left the ground.
+    earliest = params.earliest_touchdown * (
+        state.elapsed + state.remaining_time
+    )
     force = measured.force(schedule.support_side.other)
-    touches = state.time_in_phase >= earliest and force > params.contact_force
+    touches = state.elapsed >= earliest and force > params.contact_force
     ticks = state.contact_ticks + 1 if touches else 0
     if ticks < params.contact_ticks:
         return replace(state, contact_ticks=ticks)

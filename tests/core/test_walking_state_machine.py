@@ -263,3 +263,11 @@ def test_after_a_crossed_step_the_legs_uncross():
     assert left.side is Side.LEFT
     assert left.pose.p_WF[1] >= 0.3 + 0.125 - 1e-9
     assert state.schedule.footsteps[1].pose == state.commanded[1].pose
+
+
+def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
+    """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
+    state = step(swinging(), proposal=Proposal(time_gain=0.4))
+    _, ticks = until(state, Phase.TRANSFER)
+    landed = (1 + ticks) * PERIOD
+    assert landed == pytest.approx(0.15, abs=3 * PERIOD)
