@@ -38,18 +38,26 @@ def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
     """Returns p, v, a, be the arguments numbers or arrays."""
-    (p0, v0, a0), (p1, v1, a1) = start, end
+    p, v, a, c3, c4, c5 = _coefficients(start, end, h)
     s = t / h
+    return (
+        p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5)))),
+        (v + s * (2 * a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
+        (2 * a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
+    )
+
+
+def _coefficients(start: Any, end: Any, h: Any) -> tuple[Any, ...]:
+    """Returns those of the powers 0 to 5 of t / h."""
+    (p0, v0, a0), (p1, v1, a1) = start, end
     v0, a0, v1, a1 = v0 * h, a0 * h * h, v1 * h, a1 * h * h
     gap = p1 - p0 - v0 - 0.5 * a0
     dv, da = v1 - v0 - a0, a1 - a0
-    c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
-    c4 = -15.0 * gap + 7.0 * dv - da
-    c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
     return (
-        p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5)))),
-        (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
-        (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
+        *(p0, v0, 0.5 * a0),
+        10.0 * gap - 4.0 * dv + 0.5 * da,
+        -15.0 * gap + 7.0 * dv - da,
+        6.0 * gap - 3.0 * dv + 0.5 * da,
     )
 
 
@@ -64,9 +72,9 @@ def end_beyond(
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
-    times = np.array([horizon])
-    missed = via - quintic(start, end, times, t)[0]
-    moved = quintic(np.zeros((3, 1)), kink, times, t)[0]
+    times = np.full(via.size, horizon)
+    missed = via - quintic_at(start, end, times, t)[0]
+    moved = quintic_at(np.zeros((3, 1)), kink, times[:1], t)[0]
     return np.asarray(end + kink * (missed / moved))
 
 
@@ -79,8 +87,12 @@ def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     """
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end
-    way = quintic(start, end, np.array([horizon]), t[:, None])[0]
-    missed = via - way
+    missed, s = np.zeros_like(t), t / horizon
+    columns = zip(start.T.tolist(), end.T.tolist(), via.tolist(), strict=True)
+    for begin, finish, point in columns:
+        p, v, a, c3, c4, c5 = _coefficients(begin, finish, horizon)
+        way = p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5))))
+        missed += (point - way) * (point - way)
     flat = t * before_end
-    cost = np.sum(missed * missed, axis=1) / (flat * flat * flat * flat * flat)
-    return float(t[np.argmin(cost)])
+    cost = missed / (flat * flat * flat * flat * flat)
+    return float(t[cost.argmin()])

@@ -33,6 +33,7 @@ _NUM_ROWS = 18
 
 _MOMENT = slice(BASE.start, BASE.start + 3)
 _FORCE = slice(BASE.start + 3, BASE.stop)
+_NOTHING = (0.0,) * 6  # the momentum has no error, and no velocity wished for
 
 
 class WholeBodyTasks:
@@ -104,9 +105,6 @@ class WholeBodyTasks:
             velocity += 0.0, 0.0, turn[1], *v
             wanted += 0.0, 0.0, turn[2], *a
         return np.array((error, velocity, wanted))
-
-
-_NOTHING = (0.0,) * 6  # the momentum has no error, and no velocity wished for
 
 
 def _selection(num_joints: int) -> Array:

@@ -1,5 +1,7 @@
 """ICP control with ankles and hips, and the CoM height."""
 
+import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,14 +42,14 @@ class MomentumQp(LeafSystem):
     `icp_reference` is [icp, icp velocity, CoP, eCMP] and `ecmp_command`
     [CoP, eCMP], each xy of W [m]; `momentum_rate` [N] is in W; `qp_status`
     is [solved, fallback used, iterations, violation [m], failures so far].
-    The discrete state is [delta, kappa] of the last tick, its active limits,
-    and the failures so far.
+    The discrete state is what came of the last tick: the outputs, [delta,
+    kappa], and the active limits.
 
     .. pydrake_system::
 
         name: MomentumQp
         input_ports: [com_state, icp, icp_reference, walking_state]
-        output_ports: [ecmp_command, momentum_rate, qp_status]
+        output_ports: [ecmp_command, qp_status, momentum_rate]
     """
 
     def __init__(
@@ -80,9 +82,8 @@ class MomentumQp(LeafSystem):
         self._max_edges = 2 * len(sole)
         self._qp = IcpFeedbackQp(params, self._max_edges)
         self._declare_inputs()
-        num_limits = self._max_edges + 2
-        self._state = self.DeclareDiscreteState(4 + num_limits + 1)
-        self._declare_cache()
+        self._declare_state()
+        self._declare_caches()
         self._declare_outputs()
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=control_period, offset_sec=0.0, update=self._remember
@@ -94,7 +95,15 @@ class MomentumQp(LeafSystem):
         self._reference = self.DeclareVectorInputPort("icp_reference", 8)
         self._walking_state = declare_input(self, "walking_state", object())
 
-    def _declare_cache(self):
+    def _declare_state(self):
+        # Parts of an outcome, which is what one tick comes to.
+        ends = np.cumsum([0, 4, 5, 4, self._max_edges + 2]).tolist()
+        self._command, self._status, self._increments, self._active = (
+            itertools.starmap(slice, itertools.pairwise(ends))
+        )
+        self._last = self.DeclareDiscreteState(ends[-1])
+
+    def _declare_caches(self):
         nothing = PhaseData(None, None, None)
         # Still a pure function of the input: the last value only spares
         # computing the same thing for one schedule many times.
@@ -105,24 +114,31 @@ class MomentumQp(LeafSystem):
             ),
             prerequisites_of_calc={self._walking_state.ticket()},
         )
-        self._feedback = self.DeclareCacheEntry(
-            "feedback",
+        self._outcome = self.DeclareCacheEntry(
+            "outcome",
             ValueProducer(
-                allocate=lambda: Value(object()), calc=self._calc_feedback
+                allocate=lambda: Value(object()), calc=self._calc_outcome
             ),
             prerequisites_of_calc={
                 self._icp.ticket(),
                 self._reference.ticket(),
                 self._phase_data.ticket(),
-                self.discrete_state_ticket(self._state),
+                self.discrete_state_ticket(self._last),
             },
         )
 
     def _declare_outputs(self):
-        needs = {self._feedback.ticket()}
-        self.DeclareVectorOutputPort(
-            "ecmp_command", 4, self._calc_command, prerequisites_of_calc=needs
-        )
+        needs = {self._outcome.ticket()}
+        for name, part in (
+            ("ecmp_command", self._command),
+            ("qp_status", self._status),
+        ):
+            self.DeclareVectorOutputPort(
+                name,
+                part.stop - part.start,
+                functools.partial(self._write, part),
+                prerequisites_of_calc=needs,
+            )
         self.DeclareVectorOutputPort(
             "momentum_rate",
             3,
@@ -130,9 +146,9 @@ class MomentumQp(LeafSystem):
             prerequisites_of_calc=needs
             | {self._com_state.ticket(), self._walking_state.ticket()},
         )
-        self.DeclareVectorOutputPort(
-            "qp_status", 5, self._calc_status, prerequisites_of_calc=needs
-        )
+
+    def _write(self, part, context, output):
+        output.set_value(self._outcome.Eval(context)[part])
 
     def _walking(self, context) -> WalkingState:
         return eval_typed(self, context, self._walking_state, WalkingState)
@@ -153,37 +169,31 @@ class MomentumQp(LeafSystem):
         )
         cache.set_value(PhaseData(schedule, limits, height))
 
-    def _calc_feedback(self, context, cache):
-        state = context.get_discrete_state(self._state).value()
+    def _calc_outcome(self, context, cache):
+        last = context.get_discrete_state(self._last).value()
         reference = self._reference.Eval(context)
         cop_r, ecmp_r = reference[4:6], reference[6:8]
         feedback = self._qp.solve(
             self._icp.Eval(context) - reference[:2],
             cop_r,
             ecmp_r - cop_r,
-            state[:4],
+            last[self._increments],
             self._phase_data.Eval(context).limits,
-            state[4:-1].astype(np.int8),
+            last[self._active].astype(np.int8),
         )
-        failures = state[-1] + (not feedback.result.solved)
-        cache.set_value((feedback, failures))
+        qp, failures = feedback.result, last[self._status][-1]
+        failures += not qp.solved
+        status = qp.solved, qp.fallback, qp.iterations, qp.violation, failures
+        command = feedback.cop, feedback.ecmp
+        memory = feedback.increments, qp.active
+        cache.set_value(np.concatenate((*command, status, *memory)))
 
     def _remember(self, context, state):
-        feedback, failures = self._feedback.Eval(context)
-        state.set_value(
-            self._state,
-            np.concatenate(
-                (feedback.increments, feedback.result.active, [failures])
-            ),
-        )
+        state.set_value(self._last, self._outcome.Eval(context))
         return EventStatus.Succeeded()
 
-    def _calc_command(self, context, output):
-        feedback, _ = self._feedback.Eval(context)
-        output.set_value(np.concatenate((feedback.cop, feedback.ecmp)))
-
     def _calc_momentum_rate(self, context, output):
-        feedback, _ = self._feedback.Eval(context)
+        ecmp = self._outcome.Eval(context)[self._command][2:]
         com = self._com_state.Eval(context)
         plan = self._phase_data.Eval(context).height
         height, rate = plan.at(self._walking(context).time_in_phase)
@@ -191,20 +201,5 @@ class MomentumQp(LeafSystem):
             float(com[2]), float(com[5]), height, rate, self._height_params
         )
         output.set_value(
-            momentum_rate(
-                self._mass, self._omega, com[:2], feedback.ecmp, acceleration
-            )
-        )
-
-    def _calc_status(self, context, output):
-        feedback, failures = self._feedback.Eval(context)
-        result = feedback.result
-        output.SetFromVector(
-            [
-                result.solved,
-                result.fallback,
-                result.iterations,
-                result.violation,
-                failures,
-            ]
+            momentum_rate(self._mass, self._omega, com[:2], ecmp, acceleration)
         )
