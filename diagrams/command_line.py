@@ -19,6 +19,7 @@ from diagrams.lipm import LipmDiagram
 from diagrams.mechanisms import MECHANISMS
 from diagrams.meshcat_scene import set_scene, start_meshcat
 from diagrams.replay import start_recording
+from diagrams.required_steps import required_steps
 from diagrams.run_folder import prepare_folder, write_run
 from diagrams.scenario import Scenario, load_scenario
 from diagrams.simulation import Run, advance, start
@@ -173,10 +174,6 @@ def _run(
         start_recording(meshcat, live=args.open or args.hold)
     run = advance(simulator, scenario.duration, args.realtime_rate)
     summary = summarize(run.logs, run_info(args, scenario, run))
-    if summary["recovered"] and run.missed_pushes:
-        # Who was not pushed has not recovered from it.
-        summary["recovered"] = False
-        summary["reason"] = "not pushed: the push did not come before the end"
     for line in telling_lines(run.logs, summary):
         print(line)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
@@ -190,6 +187,7 @@ def _run(
 def run_info(args: argparse.Namespace, scenario: Scenario, run: Run) -> RunInfo:
     """What summary.json says beside the log."""
     push = scenario.pushes[0] if scenario.pushes else None
+    required, wanted = required_steps(scenario, run.logs)
     return RunInfo(
         robot=scenario.robot,
         mechanisms=scenario.mechanisms,
@@ -200,9 +198,13 @@ def run_info(args: argparse.Namespace, scenario: Scenario, run: Run) -> RunInfo:
         delta_v=push.delta_v if push else None,
         fell_at=run.fell_at,
         fall_reason=run.fall_reason,
+        error=run.error,
         interrupted=run.interrupted,
+        missed_pushes=run.missed_pushes,
         improper_contacts=run.improper_contacts,
         cpu_time=run.cpu_time,
+        required_steps=required,
+        wanted_steps=wanted,
     )
 
 

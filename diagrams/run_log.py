@@ -3,8 +3,11 @@
 `t` (n,) [s] and the signals (n, size) of the ports of the same name;
 `walking_signal` is documented at WalkingStateMachine.  `foot_poses` (n, 6) [m]
 are the measured sole centres [left, right].  Without a row for each tick are
-`sole` (4, 2) [m], `effort_limits` (nu,) [N m], `actuator_names` (nu,) and
-`num_positions` (): what else it takes to draw all plots from the log alone.
+`sole` (4, 2) [m], `effort_limits` (nu,) [N m], `joint_speed_limit` () [rad/s],
+`actuator_names` (nu,), `num_positions` (), and `region_base`, `region_forward`
+and `region_backward` (n, 2) [m], the regions that a step can be put into (see
+nadia_balance.core.reachability): what else it takes to judge the run, and to
+draw all plots, from the log alone.
 A point mass has no `state`, `actuation`, `foot_wrenches` nor
 `whole_body_qp_status`; whoever reads a log copes without them.
 """

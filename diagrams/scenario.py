@@ -43,6 +43,10 @@ class Scenario:
     duration: float = 10.0  # [s]
     seed: int = 0  # 0: exact start; else shifts it by up to 10 um
     mechanisms: str = "icp_only"  # what may be used to recover
+    required_steps: int = 0  # after a push, to have recovered from it [-]
+    # Control period of the point mass.  It has the same largest pushes at
+    # 0.01 as at the robot's, controller.control_period, but is faster. [s]
+    lipm_period: float = 0.01
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
@@ -58,10 +62,18 @@ class Scenario:
         """Raises ValueError naming the field, its value, what is allowed."""
         if self.seed < 0:
             raise ValueError(f"seed = {self.seed}: must be >= 0")
+        if self.required_steps < 0:
+            raise ValueError(
+                f"required_steps = {self.required_steps}: must be >= 0"
+            )
         if self.mechanisms not in (*MECHANISMS, AS_IN_PARAMETERS):
             raise ValueError(
                 f"mechanisms = {self.mechanisms!r}: must be one of "
                 f"{', '.join((*MECHANISMS, AS_IN_PARAMETERS))}"
+            )
+        if not 0.0005 <= self.lipm_period <= 0.02:
+            raise ValueError(
+                f"lipm_period = {self.lipm_period}: must be in [0.0005, 0.02] s"
             )
         self.controller.validate()
         _validate_plant(self.plant_config)

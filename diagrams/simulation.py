@@ -22,6 +22,7 @@ class Run:
     interrupted: bool  # by Ctrl-C
     missed_pushes: int = 0  # that never came, or were cut off by the end
     improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
+    error: str = ""  # that ended the run early, such as NaN at an input
 
     @property
     def real_time_factor(self) -> float:
@@ -30,11 +31,7 @@ class Run:
 
 
 def start(diagram) -> Simulator:
-    """Returns a simulator of `diagram` that stands at the start.
-
-    Raises:
-        ValueError: the robot cannot stand as it is told.
-    """
+    """Returns a simulator of `diagram` that stands at the start."""
     simulator = Simulator(diagram)
     diagram.set_initial_state(simulator.get_mutable_context())
     return simulator
@@ -59,16 +56,14 @@ def advance(
     watch = _Watch(diagram)
     simulator.set_monitor(watch.look)
     simulator.Initialize()
-    interrupted = False
+    interrupted, message = False, ""
     began = time.process_time()
     try:
         simulator.AdvanceTo(duration)
     except KeyboardInterrupt:
         interrupted = True
     except (RuntimeError, ValueError) as error:  # such as NaN at an input
-        message = " ".join(str(error).split())
-        watch.fell_at = context.get_time()
-        watch.reason = f"stopped: {message}"
+        message = " ".join(str(error).split()) or type(error).__name__
     cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),
@@ -79,6 +74,7 @@ def advance(
         interrupted=interrupted,
         missed_pushes=_missed_pushes(diagram, context),
         improper_contacts=tuple(sorted(watch.improper_contacts)),
+        error=message,
     )
 
 

@@ -40,12 +40,12 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
 
 
 def _tell_push(log: Log, push: PushSpan, summary: dict) -> str:
-    span = _span_at(log, push.first)
+    decided = max(push.first - 1, 0)  # it is felt one tick later
     speed = summary.get("delta_v")
     words = ["push"]
     if speed is not None:
         words.append(f"{speed:.2f} m/s")
-    words.append(f"{direction(log, push)}, {_moment(log, push.first, span)}")
+    words.append(f"{direction(log, push)}, {_moment(log, decided)}")
     newtons = float(np.linalg.norm(push.force))
     what = " ".join(words)
     seconds = push.end - push.start
@@ -54,8 +54,9 @@ def _tell_push(log: Log, push: PushSpan, summary: dict) -> str:
 
 def direction(log: Log, push: PushSpan) -> str:
     """Where a push went, in the frame of the support foot, in words."""
-    span = _span_at(log, push.first)
-    yaw = sole_pose(log, push.first, span.support).yaw
+    decided = max(push.first - 1, 0)
+    span = _span_at(log, decided)
+    yaw = sole_pose(log, decided, span.support).yaw
     angle = math.degrees(math.atan2(push.force[1], push.force[0]) - yaw)
     inward = 90.0 * span.support.sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
@@ -67,8 +68,9 @@ def direction(log: Log, push: PushSpan) -> str:
     return f"at {angle:.0f} deg"
 
 
-def _moment(log: Log, row: int, span: PhaseSpan) -> str:
+def _moment(log: Log, row: int) -> str:
     """The point of the gait, such as `right swing 25 %`."""
+    span = _span_at(log, row)
     if span.phase is Phase.STANDING:
         return "standing"
     part = log["walking_signal"][row, TIME_IN_PHASE] / span.planned
@@ -152,14 +154,15 @@ def _tell_end(log: Log, summary: dict, end: float) -> str:
 
 def _tell_outcome(log: Log, summary: dict, end: float) -> str:
     pushed = pushes(log)
-    if summary["reason"]:
-        verb, _, why = summary["reason"].partition(": ")
+    reason = summary["reason"]
+    if not summary["recovered"]:
+        verb, _, why = reason.partition(": ")
         return f"{verb.upper()}: {why}" if why else verb.upper()
     if pushed:
         count = _steps_between(log, pushed[-1], end)
         plural = "" if count == 1 else "s"
         how = f"in {count} step{plural}" if count else "without a step"
-        return f"RECOVERED {how}"
+        return f"RECOVERED {how}" + (f" ({reason})" if reason else "")
     count = summary["steps_taken"]
     return f"WALKED {count} steps" if count else "STOOD"
 

@@ -39,19 +39,26 @@ class RunInfo:
     delta_v: float | None = None  # of the push [m/s]
     fell_at: float | None = None  # [s]
     fall_reason: str = ""
+    error: str = ""  # that ended the run early
     interrupted: bool = False  # by the user
+    missed_pushes: int = 0  # that never came, or were cut off by the end
     improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
     cpu_time: float = math.nan  # of the simulation [s]
     required_steps: int = 0  # to be taken after the push
+    wanted_steps: int = 0  # what would be required of a longer run
 
 
 def summarize(log: Log, info: RunInfo) -> dict:
-    """Returns all figures of a run as plain values, None if there is none."""
+    """Returns all figures of a run as plain values, None if there is none.
+
+    `reason` tells why the run does not count as recovered or, if it does, with
+    what reservation.
+    """
     error = icp_error(log)
-    reason = _failure(log, info, error)
+    failure = _failure(log, info, error)
     summary = {
-        "recovered": not reason,
-        "reason": reason,
+        "recovered": not failure,
+        "reason": failure or _reservation(info),
         "fell_at": info.fell_at,
         "scenario": info.scenario,
         "robot": info.robot,
@@ -68,11 +75,14 @@ def summarize(log: Log, info: RunInfo) -> dict:
         "transfer_durations_s": durations(log, Phase.TRANSFER),
         "steps_taken": len(steps(log)),
         "steps_after_push": steps_after_push(log),
+        "required_steps": info.required_steps,
+        "missed_pushes": info.missed_pushes,
         "stance_slip_m": stance_slip(log),
         "non_foot_contact": bool(info.improper_contacts),
         "improper_contacts": list(info.improper_contacts),
         "max_torque_ratio": _largest(torque_ratio(log)),
         "max_joint_speed": _largest(joint_speed(log)),
+        "max_joint_speed_limit": joint_speed_limit(log),
         **qp_figures(log),
         "real_time_factor": _duration(log) / max(info.cpu_time, 1e-9),
         "versions": versions(),
@@ -82,20 +92,45 @@ def summarize(log: Log, info: RunInfo) -> dict:
 
 def _failure(log: Log, info: RunInfo, error: np.ndarray) -> str:
     """Why the run does not count as recovered; empty if it does."""
-    settled = log["t"] >= log["t"][-1] - SETTLED if len(error) else []
-    ratio = _largest(torque_ratio(log)) or 0.0
+    if info.error:
+        return f"stopped: {info.error}"
     if info.fell_at is not None:
         return f"fell: {info.fall_reason}" if info.fall_reason else "fell"
     if info.interrupted or len(error) == 0:
         return "interrupted"
     if info.improper_contacts:
         return f"contact of {', '.join(info.improper_contacts)}"
+    if info.missed_pushes:  # who was not pushed has not recovered from it
+        return "not pushed: the push did not come before the end"
+    settled = log["t"] >= log["t"][-1] - SETTLED
     if not np.all(error[settled] < ICP_BACK):
         return f"the ICP error did not stay below {ICP_BACK} m"
-    if ratio > 1.0 + EFFORT_MARGIN:
-        return "a torque was above its limit"
+    if failure := _overload(log):
+        return failure
     if steps_after_push(log) < info.required_steps:
-        return f"fewer than {info.required_steps} steps after the push"
+        failure = f"fewer than {info.required_steps} steps after the push"
+        return ", ".join(filter(None, (failure, _reservation(info))))
+    return ""
+
+
+def _reservation(info: RunInfo) -> str:
+    """That less was required than was wanted; empty if it was not."""
+    if info.required_steps >= info.wanted_steps:
+        return ""
+    return (
+        f"the run is too short for {info.wanted_steps} more steps, "
+        f"{info.required_steps} were required"
+    )
+
+
+def _overload(log: Log) -> str:
+    """Which limit of the joints was passed; empty if none was."""
+    ratio = _largest(torque_ratio(log))
+    if ratio is not None and not ratio <= 1.0 + EFFORT_MARGIN:
+        return "a torque was above its limit"
+    speed, limit = _largest(joint_speed(log)), joint_speed_limit(log)
+    if speed is not None and limit is not None and not speed <= limit:
+        return f"too fast: a joint at {speed:.2f} rad/s, limit {limit:g} rad/s"
     return ""
 
 
@@ -147,6 +182,12 @@ def joint_speed(log: Log) -> np.ndarray:
         return np.zeros((0, 0))
     floating_base = 6
     return np.abs(log["state"][:, int(log["num_positions"]) + floating_base :])
+
+
+def joint_speed_limit(log: Log) -> float | None:
+    """What no joint may be faster than [rad/s]; None without joints."""
+    limit = log.get("joint_speed_limit")
+    return None if limit is None else float(limit)
 
 
 def qp_figures(log: Log) -> dict:

@@ -63,17 +63,29 @@ class Push:
         assert self.delta_v is not None
         return mass * self.delta_v / self.duration
 
-    def is_due(self, time: float, state: WalkingState) -> bool:
-        """True if the push is to begin by `time` [s], apart from `delay`."""
+    def is_due(self, time: float, state: WalkingState, period: float) -> bool:
+        """True if the push is to begin by `time` [s], apart from `delay`.
+
+        Whatever the fraction, it is due in the last tick of its phase: the one
+        that begins less than a `period` [s] and a half before the end, since
+        the state machine rounds durations to ticks.
+        """
         if self.time is not None:
             return time >= self.time - TIME_TOLERANCE
-        schedule = state.schedule
-        start = self.fraction * schedule.duration
+        duration = state.schedule.duration
+        start = min(self.fraction * duration, duration - 1.5 * period)
         return (
-            schedule.phase is Phase(self.phase)
-            and schedule.support_side.other.value == self.side
-            and state.steps_taken >= self.after_steps
+            self.is_in_phase(state)
             and state.time_in_phase >= start - TIME_TOLERANCE
+        )
+
+    def is_in_phase(self, state: WalkingState) -> bool:
+        """True in the phase in which the push is to begin."""
+        return (
+            self.phase is not None
+            and state.schedule.phase is Phase(self.phase)
+            and state.schedule.support_side.other.value == self.side
+            and state.steps_taken >= self.after_steps
         )
 
 

@@ -24,7 +24,7 @@ from nadia_balance.core.momentum_qp import (
 from nadia_balance.core.polygon import shrink
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import ContactSchedule, WalkingState
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.ports import declare_input, eval_finite, eval_typed
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class MomentumQp(LeafSystem):
     is [solved, fallback used, iterations, violation [m], failures so far].
     The discrete state is what came of the last tick: the outputs, [delta,
     kappa], and the active limits.
+
+    Evaluating any output raises RuntimeError if an input is not finite.
 
     .. pydrake_system::
 
@@ -171,10 +173,10 @@ class MomentumQp(LeafSystem):
 
     def _calc_outcome(self, context, cache):
         last = context.get_discrete_state(self._last).value()
-        reference = self._reference.Eval(context)
+        reference = eval_finite(self, context, self._reference)
         cop_r, ecmp_r = reference[4:6], reference[6:8]
         feedback = self._qp.solve(
-            self._icp.Eval(context) - reference[:2],
+            eval_finite(self, context, self._icp) - reference[:2],
             cop_r,
             ecmp_r - cop_r,
             last[self._increments],
@@ -194,7 +196,7 @@ class MomentumQp(LeafSystem):
 
     def _calc_momentum_rate(self, context, output):
         ecmp = self._outcome.Eval(context)[self._command][2:]
-        com = self._com_state.Eval(context)
+        com = eval_finite(self, context, self._com_state)
         plan = self._phase_data.Eval(context).height
         height, rate = plan.at(self._walking(context).time_in_phase)
         acceleration = vertical_acceleration(

@@ -11,16 +11,19 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.ports import declare_input, eval_finite, eval_typed
 
 
 class PointMassPlant(LeafSystem):
     """Moves as the linear inverted pendulum under the commanded eCMP.
 
-    Feet go exactly where they are told.  A foot carries weight when it is in
-    contact by the plan, or when the swing foot's reference has come down to
-    the ground.  Discrete state: [p_WC(3), v_WC(3)], exact between ticks for
-    a constant eCMP and push.
+    The swing foot goes exactly as it is told, with the acceleration of the last
+    tick until the next one.  A foot carries weight when it is in contact by the
+    plan, or when the swing foot has come down to the ground.  Discrete states:
+    [p_WC(3), v_WC(3)], exact between ticks for a constant eCMP and push, and
+    [p(3), yaw] of the swing foot.
+
+    Raises RuntimeError if an input is not finite.
 
     .. pydrake_system::
 
@@ -40,12 +43,15 @@ class PointMassPlant(LeafSystem):
     ):
         """`mass` [kg], `omega` [rad/s], `com_height` [m]."""
         super().__init__()
-        self._mass, self._omega = mass, omega
-        self._period = control_period
-        start = initial.schedule.start
+        self._omega, self._period = omega, control_period
+        self._weight, self._stiffness = mass * 9.81, mass * omega**2
+        self._one_tick = _taylor(control_period)
+        schedule = initial.schedule
+        start, foot = schedule.start, schedule.feet[schedule.support_side.other]
         self._com = self.DeclareDiscreteState(
             [*start.com, com_height, *start.com_velocity, 0.0]
         )
+        self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
         self._ecmp = self.DeclareVectorInputPort("ecmp_command", 4)
         self._swing = self.DeclareVectorInputPort("swing_foot_reference", 12)
         self._walking = declare_input(self, "walking_state", initial)
@@ -55,10 +61,10 @@ class PointMassPlant(LeafSystem):
         self.DeclareVectorOutputPort(
             "icp", 2, self._calc_icp, prerequisites_of_calc=state_only
         )
-        feet = {self._swing.ticket(), self._walking.ticket()}
+        feet = {self.discrete_state_ticket(self._foot), self._walking.ticket()}
         self.DeclareAbstractOutputPort(
             "foot_poses",
-            alloc=lambda: Value(initial.schedule.feet),
+            alloc=lambda: Value(schedule.feet),
             calc=self._calc_foot_poses,
             prerequisites_of_calc=feet,
         )
@@ -77,33 +83,52 @@ class PointMassPlant(LeafSystem):
         schedule = self._schedule(context)
         feet = schedule.feet
         if schedule.phase is Phase.SWING:
-            p, yaw = self._swing.Eval(context)[:3], self._swing.Eval(context)[9]
-            side = schedule.support_side.other
+            x, y, z, yaw = self._swing_foot(context)
             ground = min(feet[Side.LEFT].p_WF[2], feet[Side.RIGHT].p_WF[2])
-            p = np.array([p[0], p[1], max(p[2], ground)])
-            feet = feet.with_foot(side, FootPose(p, yaw))
+            pose = FootPose(np.array([x, y, max(z, ground)]), yaw)
+            feet = feet.with_foot(schedule.support_side.other, pose)
         output.set_value(feet)
 
     def _calc_forces(self, context, output):
         schedule = self._schedule(context)
-        loaded = [schedule.in_contact(side) for side in Side]
-        if schedule.phase is Phase.SWING and schedule.footsteps:
-            ground = schedule.footsteps[0].pose.p_WF[2]
-            landed = self._swing.Eval(context)[2] <= ground + 1e-4
-            loaded = [carries or landed for carries in loaded]
-        weight = self._mass * 9.81
-        output.SetFromVector(weight * np.array(loaded) / sum(loaded))
+        left = right = True
+        if schedule.phase is Phase.SWING and not self._landed(context):
+            left = schedule.in_contact(Side.LEFT)
+            right = not left
+        share = self._weight / (left + right)
+        output.SetFromVector([share * left, share * right])
+
+    def _landed(self, context) -> bool:
+        ground = self._schedule(context).footsteps[0].pose.p_WF[2]
+        return self._swing_foot(context)[2] <= ground + 1e-4
 
     def _schedule(self, context):
         return eval_typed(self, context, self._walking, WalkingState).schedule
 
+    def _swing_foot(self, context) -> list[float]:
+        return context.get_discrete_state(self._foot).value().tolist()
+
     def _step(self, context, state):
         com = context.get_discrete_state(self._com).value().copy()
-        omega = self._omega
-        force = self._push.Eval(context)[:2] / (self._mass * omega**2)
-        pivot = self._ecmp.Eval(context)[2:] - force
+        push = eval_finite(self, context, self._push)
+        ecmp = eval_finite(self, context, self._ecmp)
+        swing = eval_finite(self, context, self._swing)
+        pivot = ecmp[2:] - push[:2] / self._stiffness
         com[:2], com[3:5] = com_after(
-            com[:2], com[3:5], pivot, omega, self._period
+            com[:2], com[3:5], pivot, self._omega, self._period
         )
         state.set_value(self._com, com)
+        state.set_value(self._foot, self._one_tick @ swing)
         return EventStatus.Succeeded()
+
+
+def _taylor(t: float) -> np.ndarray:
+    """Turns [p(3), v(3), a(3), yaw, yawdot, yawddot] into [p(3), yaw] after t.
+
+    A matrix (4, 12); the acceleration stays what it is; `t` [s].
+    """
+    matrix = np.zeros((4, 12))
+    powers = np.array([1.0, t, 0.5 * t * t])
+    matrix[:3, :9] = np.kron(powers, np.eye(3))
+    matrix[3, 9:] = powers
+    return matrix

@@ -1,5 +1,8 @@
 """Typed abstract ports, and wiring by signal name."""
 
+import math
+
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
@@ -18,12 +21,37 @@ def eval_typed(system: LeafSystem, context: Context, port, kind: type):
     Raises:
         TypeError: the value is not a `kind`; names system and port.
     """
-    value = port.Eval(context)
+    return _checked(system, port, port.Eval(context), kind)
+
+
+def eval_optional(system: LeafSystem, context: Context, port, kind: type):
+    """As eval_typed, but None if the port is not connected, or has None."""
+    value = port.Eval(context) if port.HasValue(context) else None
+    return None if value is None else _checked(system, port, value, kind)
+
+
+def _checked(system: LeafSystem, port, value: object, kind: type):
     if not isinstance(value, kind):
         raise TypeError(
             f"{system.get_name() or type(system).__name__}: input port "
             f"'{port.get_name()}' got a {type(value).__name__}, "
             f"needs a {kind.__name__}"
+        )
+    return value
+
+
+def eval_finite(system: LeafSystem, context: Context, port) -> np.ndarray:
+    """Evaluates a vector input port, and checks that all of it is finite.
+
+    Raises:
+        RuntimeError: NaN or infinity; names system and port.
+    """
+    value = port.Eval(context)
+    # A sum of squares is finite only if all are, and the cheapest to ask.
+    if not math.isfinite(value @ value):
+        raise RuntimeError(
+            f"{system.get_name() or type(system).__name__}: input port "
+            f"'{port.get_name()}' is not finite"
         )
     return value
 
@@ -39,6 +67,12 @@ def export_input(builder: DiagramBuilder, name: str, *systems) -> None:
     first, *others = systems
     builder.ExportInput(first.GetInputPort(name), name)
     for system in others:
+        feed_input(builder, system, name)
+
+
+def feed_input(builder: DiagramBuilder, system, *names: str) -> None:
+    """Feeds these inputs that the diagram has already to `system` as well."""
+    for name in names:
         builder.ConnectInput(name, system.GetInputPort(name))
 
 

@@ -15,12 +15,16 @@ from nadia_balance.core.push import Push
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.ports import declare_input, eval_typed
 
-PENDING = -1.0  # number of ticks left of a push that is not yet due
+# Numbers of ticks left of a push that is not yet due: its phase has not begun,
+# or it has.
+PENDING, EXPECTED = -1.0, -2.0
 
 
 class PushSource(LeafSystem):
     """Applies each push once, for exactly duration / period ticks.
 
+    A push whose phase is over before its time, because the clock was advanced
+    or the foot landed early, begins in the first tick after it.
     The force acts at the centre of mass of the pushed body.  `push_force` is
     the sum of the forces [N] in W, shape (3,).  Whenever the count in the
     optional input `live_push`, [count, delta_v [m/s], direction [deg]], has
@@ -95,19 +99,22 @@ class PushSource(LeafSystem):
         for i, push in enumerate(self._pushes):
             if rows[i, 0] > 0.0:
                 rows[i, 0] -= 1.0
-            elif rows[i, 0] == PENDING:
-                walking = eval_typed(
-                    self, context, self._walking_state, WalkingState
-                )
-                if push.is_due(context.get_time(), walking):
-                    rows[i] = (
-                        self._delays[i] + self._ticks[i],
-                        _angle(push, walking),
-                    )
+            elif rows[i, 0] < 0.0:
+                ticks = self._delays[i] + self._ticks[i]
+                self._await(context, push, ticks, rows[i])
         if self._live_push.HasValue(context):
             self._update_live(context, rows[-2], rows[-1])
         state.set_value(self._state, rows.ravel())
         return EventStatus.Succeeded()
+
+    def _await(self, context, push: Push, ticks: int, row) -> None:
+        """Changes the `row` of a push that has not begun."""
+        walking = eval_typed(self, context, self._walking_state, WalkingState)
+        due = push.is_due(context.get_time(), walking, self._period)
+        if due or push.is_in_phase(walking):
+            row[:] = ticks if due else EXPECTED, _angle(push, walking)
+        elif row[0] == EXPECTED:  # over too soon
+            row[0] = ticks
 
     def _update_live(self, context, push_row, live_row) -> None:
         """Changes the last two rows of the state."""

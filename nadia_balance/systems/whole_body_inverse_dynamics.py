@@ -1,7 +1,6 @@
 """Joint torques that move the whole body as the capture point demands."""
 
 import functools
-import math
 
 import numpy as np
 from pydrake.common.value import Value
@@ -13,7 +12,7 @@ from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.core.whole_body_tasks import GRAVITY
 from nadia_balance.robot import RobotModel
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.ports import declare_input, eval_finite, eval_typed
 from nadia_balance.systems.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
@@ -131,24 +130,15 @@ class WholeBodyInverseDynamics(LeafSystem):
     def _set_state(self, context, cache):
         self._kinematics.plant.SetPositionsAndVelocities(
             cache.get_mutable_value(),
-            self._eval_finite(context, self._estimated_state),
+            eval_finite(self, context, self._estimated_state),
         )
-
-    def _eval_finite(self, context, port):
-        value = port.Eval(context)
-        if not math.isfinite(value @ value):
-            raise RuntimeError(
-                f"{self.get_name() or type(self).__name__}: input port "
-                f"'{port.get_name()}' is not finite"
-            )
-        return value
 
     def _calc_outcome(self, context, cache):
         command = whole_body_command(
             self._params,
             eval_typed(self, context, self._walking_state, WalkingState),
-            self._eval_finite(context, self._momentum_rate),
-            self._eval_finite(context, self._swing),
+            eval_finite(self, context, self._momentum_rate),
+            eval_finite(self, context, self._swing),
             self._weight,
         )
         terms = self._kinematics.calc(self._plant_context.Eval(context))

@@ -18,6 +18,7 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
+PERIOD = 0.002
 REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
 RIGHT_SWING = WalkingState(
@@ -44,9 +45,11 @@ def test_the_impulse_is_mass_times_delta_v():
 def test_a_time_is_due_from_then_on():
     """Oracle: comparison, with the rounding error of a clock."""
     push = Push(force=1.0, time=0.3)
-    due = [push.is_due(t, RIGHT_SWING) for t in (0.298, 3 * 0.1, 0.302)]
+    times = (0.298, 3 * 0.1, 0.302)
+    due = [push.is_due(t, RIGHT_SWING, PERIOD) for t in times]
     assert due == [False, True, True]
-    assert push.is_due(sum([0.002] * 150), RIGHT_SWING)
+    assert push.is_due(sum([0.002] * 150), RIGHT_SWING, PERIOD)
+    assert not push.is_in_phase(RIGHT_SWING)
 
 
 @pytest.mark.parametrize(
@@ -63,16 +66,43 @@ def test_a_time_is_due_from_then_on():
 def test_a_phase_is_due_at_its_fraction_of_its_side(push, due):
     """Oracle: 25 % into the right foot's swing, after four steps."""
     push.validate()
-    assert push.is_due(100.0, RIGHT_SWING) is due
+    assert push.is_due(100.0, RIGHT_SWING, PERIOD) is due
 
 
 def test_the_side_of_a_transfer_is_the_foot_that_swings_next():
     """Oracle: the left foot receives the weight, the right one will swing."""
     schedule = replace(RIGHT_SWING.schedule, phase=Phase.TRANSFER, duration=0.3)
     state = replace(RIGHT_SWING, schedule=schedule)
-    assert Push(force=1.0, phase="transfer", fraction=0.5).is_due(0.0, state)
+    right = Push(force=1.0, phase="transfer", fraction=0.5)
+    assert right.is_due(0.0, state, PERIOD)
     left = Push(force=1.0, phase="transfer", fraction=0.5, side="left")
-    assert not left.is_due(0.0, state)
+    assert not left.is_due(0.0, state, PERIOD)
+
+
+@pytest.mark.parametrize("phase", [Phase.SWING, Phase.TRANSFER])
+@pytest.mark.parametrize("period", [0.002, 0.004, 0.02])
+@pytest.mark.parametrize("duration", [0.3, 0.7, 0.25])
+@pytest.mark.parametrize("fraction", [0.0, 0.25, 0.99, 0.999, 1.0])
+def test_is_due_once_the_fraction_is_there_or_never_will_be(
+    phase, period, duration, fraction
+):
+    """Oracle: the ticks of the state machine's rule, listed one by one."""
+    schedule = replace(RIGHT_SWING.schedule, phase=phase, duration=duration)
+    push = Push(force=1.0, phase=phase.value, fraction=fraction)
+    clock = [k * period for k in range(1000)]
+    # The tick that comes within half a period of the end begins what follows.
+    ticks = [t for t in clock if t < duration - 0.5 * period - 1e-12]
+    there = [t >= fraction * duration - 1e-9 for t in ticks]
+    there[-1] = True
+    due = [
+        push.is_due(
+            0.0,
+            replace(RIGHT_SWING, schedule=schedule, time_in_phase=t),
+            period,
+        )
+        for t in ticks
+    ]
+    assert due == there
 
 
 def test_can_be_written_in_yaml():

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diagrams.logs import region_logs
 from diagrams.run_log import PHASES
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import Phase, Side
 
 T, OMEGA, MASS = 0.002, 3.2, 90.9
@@ -59,6 +61,7 @@ def without_robot(log: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     kept = ("t", "walking_signal", "com_state", "icp", "icp_reference")
     kept += ("ecmp_command", "momentum_rate", "momentum_qp_status")
     kept += ("push_force", "foot_forces", "sole")
+    kept += ("region_base", "region_forward", "region_backward")
     return {name: log[name] for name in kept}
 
 
@@ -169,6 +172,7 @@ def _add_point_mass(log, push: np.ndarray) -> None:
     log["sole"] = np.array(
         [[0.125, 0.06], [-0.125, 0.06], [-0.125, -0.06], [0.125, -0.06]]
     )
+    log |= region_logs(ReachabilityParams())
 
 
 def _add_robot(log, push: np.ndarray) -> None:
@@ -183,6 +187,7 @@ def _add_robot(log, push: np.ndarray) -> None:
     log["effort_limits"], log["actuator_names"] = limits, np.array(JOINTS)
     nq, nv = nu + 7, nu + 6
     log["num_positions"] = np.array(nq)
+    log["joint_speed_limit"] = np.array(20.0)
     speed = 1.5 * np.abs(np.sin(np.pi * t[:, None] + phases))
     log["state"] = np.hstack([np.zeros((n, nq + nv - nu)), speed])
     log["foot_wrenches"] = np.zeros((n, 12))

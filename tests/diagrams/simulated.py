@@ -12,8 +12,12 @@ DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 
 
 def scenario_of(text: str = "{}") -> Scenario:
-    """Stands, by ankles and hips alone, but for what the YAML says."""
-    return load_scenario("stand", text=f"{{mechanisms: icp_only, {text[1:]}")
+    """Stands, by ankles and hips alone, but for what the YAML says.
+
+    The point mass has the robot's control period, so that one holds for both.
+    """
+    base = "mechanisms: icp_only, lipm_period: 0.002"
+    return load_scenario("stand", text=f"{{{base}, {text[1:]}")
 
 
 def diagram_of(text: str = "{}", plant: str = "humanoid"):
@@ -40,6 +44,8 @@ def figures(text: str = "{}", plant: str = "humanoid") -> dict:
         mechanisms="icp_only",
         fell_at=run.fell_at,
         fall_reason=run.fall_reason,
+        error=run.error,
+        missed_pushes=run.missed_pushes,
         cpu_time=run.cpu_time,
     )
     return summarize(run.logs, info)

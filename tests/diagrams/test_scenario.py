@@ -115,6 +115,9 @@ def test_text_overrides_single_fields():
 # What is wrong, and how the message begins: field = value: must ...
 BAD_TEXTS = {
     "seed: -1": "seed = -1: must be >= 0",
+    "required_steps: -1": "required_steps = -1: must be >= 0",
+    "lipm_period: .nan": "lipm_period = nan: must be in [0.0005, 0.02] s",
+    "lipm_period: 0.03": "lipm_period = 0.03: must be in [0.0005, 0.02] s",
     "duration: .nan": "duration = nan: must be finite",
     "duration: .inf": "duration = inf: must be finite",
     "duration: -1": "duration = -1.0: must be",

@@ -7,7 +7,13 @@ from diagrams.run_log import pushes
 from diagrams.story import direction, telling_lines
 from diagrams.summary import RunInfo, summarize
 from nadia_balance.core.walking import Side
-from tests.diagrams.made_up_run import Recipe, cut, make_log, without_robot
+from tests.diagrams.made_up_run import (
+    Recipe,
+    T,
+    cut,
+    make_log,
+    without_robot,
+)
 
 
 def story(log, **info):
@@ -34,6 +40,43 @@ def test_tells_a_recovery_from_the_push_to_the_end():
 def test_tells_a_fall_at_its_time():
     lines = story(cut(make_log(), 1000), fell_at=1.998, fall_reason="too low")
     assert lines[-1].startswith("t=2.00 s  FELL: too low   max ICP error")
+
+
+def test_tells_an_early_end_that_is_no_fall():
+    """Oracle: the time of the last row."""
+    lines = story(cut(make_log(), 1000), error="brain: input port 'icp': NaN")
+    told = "t=2.00 s  STOPPED: brain: input port 'icp': NaN   max ICP error"
+    assert lines[-1].startswith(told)
+
+
+def test_tells_who_was_not_pushed():
+    line = story(cut(make_log(), 900), missed_pushes=1)[-1]
+    told = "t=1.80 s  NOT PUSHED: the push did not come before the end   max"
+    assert line.startswith(told)
+
+
+def test_tells_a_joint_that_was_too_fast():
+    log = make_log()
+    log["state"][700, -1] = 33.33
+    line = story(log)[-1]
+    told = "TOO FAST: a joint at 33.33 rad/s, limit 20 rad/s   max ICP error"
+    assert told in line
+
+
+def test_tells_with_what_reservation_she_recovered():
+    line = story(make_log(), required_steps=3, wanted_steps=8)[-1]
+    told = "t=2.77 s  RECOVERED in 2 steps (the run is too short for 8 more "
+    assert line.startswith(f"{told}steps, 3 were required)   max ICP error")
+
+
+def test_tells_when_a_push_was_decided_on():
+    """Oracle: the last tick of a transfer; it is felt in the first swing's."""
+    log = make_log(Recipe(pushed_step=None, changed={}))
+    force = np.zeros_like(log["push_force"])
+    swing = round((0.5 + 0.3 + 0.7 + 0.3) / T)
+    force[swing : swing + 50, 1] = 100.0
+    line = story({**log, "push_force": force})[0]
+    assert "push left, transfer to the right foot 99 %" in line
 
 
 def test_tells_a_walk_without_a_push():

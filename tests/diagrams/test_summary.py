@@ -30,7 +30,8 @@ KEYS = """recovered fell_at robot mechanisms direction_deg delta_v
 max_icp_error_m rms_icp_error_m footstep_error_m swing_durations_s
 transfer_durations_s steps_taken max_torque_ratio max_joint_speed qp_solves
 qp_failures qp_fallbacks max_qp_violation real_time_factor stance_slip_m
-non_foot_contact improper_contacts versions""".split()
+non_foot_contact improper_contacts versions max_joint_speed_limit
+required_steps missed_pushes""".split()
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +101,8 @@ def test_effort_is_relative_to_the_limits(log):
     summary = summary_of(changed)
     assert summary["max_torque_ratio"] == pytest.approx(0.9)
     assert summary["max_joint_speed"] == pytest.approx(7.0)
+    assert summary["max_joint_speed_limit"] == 20.0
+    assert summary["recovered"]
 
 
 def test_slip_is_the_stance_foots_way_during_its_step(log):
@@ -161,6 +164,21 @@ def torque_above_its_limit(log):
     return {**log, "actuation": 3.0 * log["actuation"]}
 
 
+def torque_unknown(log):
+    actuation = log["actuation"].copy()
+    actuation[100, 2] = np.nan
+    return {**log, "actuation": actuation}
+
+
+def joint_at(speed):
+    def change(log):
+        state = log["state"].copy()
+        state[200, -2] = -speed
+        return {**log, "state": state}
+
+    return change
+
+
 def unknown_icp_at_the_end(log):
     icp = log["icp"].copy()
     icp[-1] = np.nan
@@ -170,10 +188,25 @@ def unknown_icp_at_the_end(log):
 @pytest.mark.parametrize(
     ("change", "info", "reason"),
     [
+        (dict, {"error": "icp: NaN", "missed_pushes": 1}, "stopped: icp: NaN"),
         (dict, {"fell_at": 2.0, "fall_reason": "low"}, "fell: low"),
         (dict, {"interrupted": True}, "interrupted"),
+        (dict, {"missed_pushes": 1}, "not pushed: the push did not come"),
+        # Who was not pushed took no steps after it either.
+        (dict, {"missed_pushes": 1, "required_steps": 8}, "not pushed: "),
         (dict, {"improper_contacts": ("A - ground",)}, "contact of A"),
         (dict, {"required_steps": 8}, "fewer than 8 steps"),
+        (dict, {"required_steps": 6}, "fewer than 6 steps"),
+        (
+            dict,
+            {"required_steps": 6, "wanted_steps": 8},
+            "fewer than 6 steps after the push, the run is too short for 8 "
+            "more steps, 6 were required",
+        ),
+        (joint_at(20.01), {}, "too fast: a joint at 20.01 rad/s, limit 20"),
+        (joint_at(31.26), {}, "too fast: a joint at 31.26 rad/s, limit 20"),
+        (joint_at(np.nan), {}, "too fast: a joint at nan rad/s, limit 20 rad"),
+        (torque_unknown, {}, "above its limit"),
         (icp_error_at_the_end, {}, "ICP error"),
         (unknown_icp_at_the_end, {}, "ICP error"),
         (torque_above_its_limit, {}, "above its limit"),
@@ -185,11 +218,42 @@ def test_says_why_a_run_does_not_count_as_recovered(log, change, info, reason):
     assert reason in summary["reason"]
 
 
+def test_a_joint_at_its_limit_is_within_it(log):
+    summary = summary_of(joint_at(20.0)(log))
+    assert summary["recovered"] is True
+    assert summary["max_joint_speed"] == 20.0
+
+
+def test_an_older_log_knows_no_limit_of_the_joints(log):
+    """Oracle: nothing to judge by, and nothing invented."""
+    old = {k: v for k, v in log.items() if k != "joint_speed_limit"}
+    summary = summary_of(joint_at(31.0)(old))
+    assert summary["recovered"] is True
+    assert summary["max_joint_speed_limit"] is None
+
+
+def test_recovers_with_the_steps_that_are_required(log):
+    """Oracle: the recipe has five after the push."""
+    summary = summary_of(log, required_steps=5, wanted_steps=5)
+    assert (summary["recovered"], summary["reason"]) == (True, "")
+    assert summary["required_steps"] == 5
+
+
+def test_says_that_a_run_is_too_short_to_ask_for_more(log):
+    """Oracle: the sentence; it is a reservation and no failure."""
+    summary = summary_of(log, required_steps=3, wanted_steps=8)
+    assert summary["recovered"] is True
+    assert summary["reason"] == (
+        "the run is too short for 8 more steps, 3 were required"
+    )
+
+
 def test_a_point_mass_has_no_joints_but_all_other_figures(log):
     summary = summary_of(without_robot(log), plant="lipm")
     assert summary["recovered"] is True
     missing = {name for name in KEYS if summary[name] is None}
     assert missing >= {"max_torque_ratio", "max_joint_speed", "stance_slip_m"}
+    assert "max_joint_speed_limit" in missing
     assert summary["qp_solves"] == len(log["t"])
     assert summary["max_icp_error_m"] > 0.1
 

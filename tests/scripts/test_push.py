@@ -294,20 +294,55 @@ def test_refuses_a_bad_urdf(fault, my_nadia, nothing_runs, capsys):
 
 
 def test_recovers_and_leaves_all_behind(tmp_path, capsys):
-    """Oracle: exit code 0, the story, the files, the figures asked for."""
+    """Oracle: exit code 0, the story, the files, the figures asked for.
+
+    The first tick of 10 ms past 25 % of 0.7 s is at 26 %.
+    """
     argv = [*QUICK, "--duration", 7, "--direction", "inward", "--out", tmp_path]
     outcome = run_script(push, argv, capsys)
     assert (outcome.code, outcome.err) == (0, [])
-    assert "push 0.30 m/s inward, right swing 25 %" in outcome.out[0]
+    assert "push 0.30 m/s inward, right swing 26 %" in outcome.out[0]
     assert "RECOVERED" in outcome.out[-2]
     assert outcome.out[-1].startswith(f"wrote {tmp_path}/")
     summary = summary_of(tmp_path)
     assert summary["recovered"]
+    short = "the run is too short for 8 more steps, 2 were required"
+    assert summary["reason"] == short
+    assert f"RECOVERED without a step ({short})" in outcome.out[-2]
     assert (summary["direction_deg"], summary["delta_v"]) == (90.0, 0.3)
     assert (summary["robot"], summary["plant"]) == ("nadia", "lipm")
     assert summary["fell_at"] is None
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"summary.json", "scenario.yaml", "log.npz", "icp.png"}
+
+
+def test_recovered_is_who_takes_eight_more_steps(tmp_path, capsys):
+    """Oracle: the project's definition; the scenario as it is."""
+    outcome = run_script(push, [*QUICK, "--out", tmp_path], capsys)
+    assert outcome.code == 0
+    summary = summary_of(tmp_path)
+    assert (summary["recovered"], summary["reason"]) == (True, "")
+    assert summary["required_steps"] == 8
+    assert 8 <= summary["steps_after_push"] <= 11
+
+
+@pytest.mark.parametrize(
+    ("at", "moment"),
+    [
+        ("right transfer 100 %", "transfer to the left foot 99 %"),
+        ("left swing 100 %", "left swing 100 %"),
+    ],
+)
+def test_a_push_may_come_at_the_very_end_of_a_phase(
+    at, moment, tmp_path, capsys
+):
+    """Oracle: it comes, and the story says when; in ticks of 2 ms."""
+    argv = [*QUICK, "--duration", 7, "--delta-v", 0.05, "--at", at]
+    argv += ["--scenario_text", "{lipm_period: 0.002}"]
+    outcome = run_script(push, [*argv, "--out", tmp_path], capsys)
+    assert outcome.code == 0
+    assert f", {moment} " in outcome.out[0]
+    assert summary_of(tmp_path)["missed_pushes"] == 0
 
 
 def test_the_scenario_left_behind_gives_the_same_bits(tmp_path, capsys):

@@ -243,11 +243,18 @@ def test_a_wrong_walking_state_is_an_error():
         outputs(system, context_of(system, walking_state=FEET))
 
 
-def test_numbers_that_are_not_finite_are_an_error():
-    """Oracle: never a silent command."""
+@pytest.mark.parametrize("bad", [math.nan, -math.inf])
+@pytest.mark.parametrize(
+    ("port", "size"), [("com_state", 6), ("icp", 2), ("icp_reference", 8)]
+)
+def test_a_number_that_is_not_finite_is_an_error_by_name(port, size, bad):
+    """Oracle: the message; each number alone; never a silent command."""
     system = make()
-    with pytest.raises(ValueError, match="must be finite"):
-        outputs(system, context_of(system, icp=[math.nan, 0.0]))
+    for i in range(size):
+        values = [0.0] * size
+        values[i] = bad
+        with pytest.raises(RuntimeError, match=f"'{port}' is not finite"):
+            outputs(system, context_of(system, **{port: values}))
 
 
 def test_refuses_bad_parameters_before_anything_runs():

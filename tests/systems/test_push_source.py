@@ -98,6 +98,82 @@ def test_a_phase_push_begins_in_that_phase_and_only_the_first_time():
     assert active(forces) == list(range(88, 138))
 
 
+def steps(t, swing=0.7, transfer=0.3, skips=()):
+    """A right swing, a transfer to the right foot, a left swing, ...
+
+    The clock leaves out the times of the phase [s] that are in `skips`.
+    """
+    phases = [
+        (Phase.SWING, Side.LEFT, swing),
+        (Phase.TRANSFER, Side.RIGHT, transfer),
+        (Phase.SWING, Side.RIGHT, swing),
+        (Phase.TRANSFER, Side.LEFT, transfer),
+    ]
+    ticks = round(t / PERIOD)
+    for k in range(100):
+        phase, side, duration = phases[k % 4]
+        clock = [
+            time
+            for time in PERIOD * np.arange(round(duration / PERIOD))
+            if not any(first <= time < last for first, last in skips)
+        ]
+        if ticks < len(clock):
+            schedule = replace(
+                RIGHT_SWING.schedule,
+                phase=phase,
+                support_side=side,
+                duration=duration,
+            )
+            return WalkingState(schedule, time_in_phase=float(clock[ticks]))
+        ticks -= len(clock)
+    raise AssertionError("the walk is over")
+
+
+@pytest.mark.parametrize(
+    ("push", "tick"),
+    [
+        (Push(force=1.0, phase="swing", fraction=1.0), 349),
+        (Push(force=1.0, phase="transfer", side="left", fraction=1.0), 499),
+        (Push(force=1.0, phase="swing", side="left", fraction=1.0), 849),
+        (Push(force=1.0, phase="transfer", fraction=1.0), 999),
+    ],
+)
+def test_the_whole_of_a_phase_is_its_last_tick(push, tick):
+    """Oracle: 350 ticks of swing, 150 of transfer, counted by hand."""
+    forces = run([push], 2200, steps)
+    assert active(forces) == list(range(tick, tick + 50))
+
+
+@pytest.mark.parametrize(
+    ("skips", "tick"),
+    [
+        ([(0.3, 0.5)], 150),  # over it, to a later time: at once
+        ([(0.3, 1.0)], 150),  # over it and the end: in the next phase
+        ([(0.1, 0.2), (0.3, 0.35)], 100 + 25),  # over other times
+    ],
+)
+def test_a_clock_that_jumps_over_the_fraction_starts_the_push_once(skips, tick):
+    """Oracle: 57 % of 0.7 s is 0.4 s; the ticks that are left, by hand."""
+
+    def walking(t):
+        return steps(t, skips=skips)
+
+    push = Push(force=1.0, phase="swing", fraction=0.4 / 0.7)
+    forces = run([push], 1500, walking)
+    assert active(forces) == list(range(tick, tick + 50))
+
+
+def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
+    """Oracle: the left foot's yaw; the next phase has the right foot's."""
+
+    def walking(t):
+        return steps(t, skips=[(0.3, 1.0)])
+
+    push = Push(force=1.0, phase="swing", fraction=0.9)
+    force = run([push], 200, walking)[160]
+    assert force == pytest.approx([math.cos(YAW), math.sin(YAW), 0.0])
+
+
 @pytest.mark.parametrize(
     ("degrees", "left_foot_frame"),
     [(0, (1, 0)), (90, (0, 1)), (180, (-1, 0)), (-90, (0, -1))],
