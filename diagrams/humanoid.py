@@ -7,11 +7,13 @@ from pydrake.multibody.plant import AddMultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from diagrams.logs import SignalLog
+from diagrams.logs import SignalLog, region_logs
 from diagrams.meshcat_scene import add_robot_view
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
 from nadia_balance.balance_controller import BalanceController
+from nadia_balance.capture_point_controller import ControllerParams
+from nadia_balance.core.mechanisms import mechanisms_of
 from nadia_balance.robot import load_robot, terrain_file
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
@@ -48,12 +50,18 @@ class HumanoidDiagram(Diagram):
     """Closes the loop of BalanceController and a MultibodyPlant."""
 
     def __init__(self, scenario: Scenario, meshcat: Meshcat | None = None):
-        """Builds all of `scenario`; draws if there is a `meshcat`."""
+        """Builds all of `scenario`; draws if there is a `meshcat`.
+
+        Raises:
+            ValueError: the robot cannot stand as it is told.
+        """
         super().__init__()
         self.scenario = scenario
-        period = scenario.controller.control_period
+        params = scenario.controller_params()
+        period = params.control_period
         self.robot = load_robot(scenario.robot)
         self.initial = initial_walking_state(scenario)
+        self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlant(
             scenario.plant_config, builder
@@ -64,7 +72,7 @@ class HumanoidDiagram(Diagram):
         self.controller = builder.AddNamedSystem(
             "balance_controller",
             BalanceController(
-                scenario.controller_params(), self.robot, self.initial
+                params, self.robot, self.initial, switchable=meshcat is not None
             ),
         )
         self.push = builder.AddNamedSystem(
@@ -84,6 +92,7 @@ class HumanoidDiagram(Diagram):
         self._log(builder, period)
         if meshcat is not None:
             self._draw(builder, meshcat)
+            self._add_controls(builder, meshcat, params)
         builder.BuildInto(self)
 
     def _close_loop(self, builder: DiagramBuilder, period: float) -> None:
@@ -120,10 +129,19 @@ class HumanoidDiagram(Diagram):
         )
         connect(builder, self.controller, view, *VISUALIZED)
         connect(builder, self.push, view, "push_force")
+
+    def _add_controls(
+        self,
+        builder: DiagramBuilder,
+        meshcat: Meshcat,
+        params: ControllerParams,
+    ) -> None:
+        on = mechanisms_of(params.timing_adapter, params.step_adjuster)
         controls = builder.AddNamedSystem(
-            "live_controls", LiveControls(meshcat, mechanisms=None)
+            "live_controls", LiveControls(meshcat, on)
         )
         connect(builder, controls, self.push, "live_push")
+        connect(builder, controls, self.controller, "mechanisms")
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {
@@ -138,7 +156,7 @@ class HumanoidDiagram(Diagram):
     def set_initial_state(self, context: Context) -> None:
         """Puts the robot on its feet, with the torques that hold it."""
         plant_context = self.plant.GetMyMutableContextFromRoot(context)
-        q = self.robot.standing_positions(self.scenario.gait.step_width)
+        q = self._standing.copy()
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
@@ -150,14 +168,13 @@ class HumanoidDiagram(Diagram):
         self.hold.SetVectorState(
             self.hold.GetMyMutableContextFromRoot(context), torque
         )
-        self._standing_height = q[6]
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
         plant_context = self.plant.GetMyContextFromRoot(context)
         pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
         X_WP = pelvis.EvalPoseInWorld(plant_context)
-        if X_WP.translation()[2] < FALLEN_HEIGHT * self._standing_height:
+        if X_WP.translation()[2] < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
         if X_WP.rotation().matrix()[2, 2] < np.cos(FALLEN_TILT):
             return "pelvis tilted"
@@ -179,6 +196,9 @@ class HumanoidDiagram(Diagram):
         logs["sole"] = self.robot.sole
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
+        logs["joint_speed_limit"] = np.array(self.robot.params.max_joint_speed)
+        adjuster = self.scenario.controller.step_adjuster
+        logs |= region_logs(adjuster.reachability)
         return logs
 
     def _foot_positions(self, states: np.ndarray) -> np.ndarray:

@@ -24,15 +24,18 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 class BalanceController(Diagram):
     """Turns the robot's state into joint torques.
 
+    The ports `mechanisms` and `capture_regions` are there when they are in
+    CapturePointController.
+
     .. pydrake_system::
 
         name: BalanceController
-        input_ports: [estimated_state, foot_forces]
+        input_ports: [estimated_state, foot_forces, mechanisms]
         output_ports: [actuation, foot_wrenches, whole_body_qp_status,
                        swing_foot_reference, com_state, icp, foot_poses,
-                       walking_state, walking_signal, capture_regions,
-                       icp_plan, icp_reference, ecmp_command, momentum_rate,
-                       momentum_qp_status]
+                       walking_state, walking_signal, icp_plan, icp_reference,
+                       ecmp_command, momentum_rate, momentum_qp_status,
+                       capture_regions]
     """
 
     def __init__(
@@ -40,8 +43,12 @@ class BalanceController(Diagram):
         params: ControllerParams,
         robot: RobotModel,
         initial: WalkingState,
+        switchable: bool = False,
     ):
-        """Starts walking from the walking state `initial`."""
+        """Starts walking from the walking state `initial`.
+
+        `switchable`: the mechanisms can be switched while it runs.
+        """
         super().__init__()
         params.validate()
         period = params.control_period
@@ -51,7 +58,9 @@ class BalanceController(Diagram):
         )
         brain = builder.AddNamedSystem(
             "capture_point_controller",
-            CapturePointController(params, point_mass_of(robot), initial),
+            CapturePointController(
+                params, point_mass_of(robot), initial, switchable
+            ),
         )
         swing = builder.AddNamedSystem(
             "swing_foot_planner",
@@ -68,6 +77,8 @@ class BalanceController(Diagram):
 
         export_input(builder, "estimated_state", estimator, body)
         export_input(builder, "foot_forces", brain)
+        if switchable:
+            export_input(builder, "mechanisms", brain)
         export_outputs(builder, body, "actuation", "foot_wrenches")
         builder.ExportOutput(
             body.GetOutputPort("qp_status"), "whole_body_qp_status"

@@ -10,6 +10,7 @@ from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.icp_plan import IcpPlanParams
+from nadia_balance.core.mechanisms import mechanisms_of
 from nadia_balance.core.momentum_qp import MomentumQpParams
 from nadia_balance.core.swing_foot import SwingFootParams
 from nadia_balance.core.time_adjustment import TimingAdapterParams
@@ -26,6 +27,7 @@ from nadia_balance.systems.ports import (
     connect,
     export_input,
     export_outputs,
+    feed_input,
 )
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
@@ -74,18 +76,21 @@ class PointMassModel:
 
 
 class CapturePointController(Diagram):
-    """Plans the ICP and controls it with the ankles and the hips.
+    """Plans the ICP and controls it with ankles, hips and what is switched on.
 
-    The Nadia paper's Sections II and III; knows no robot, only a point mass
-    and two soles.
+    The Nadia paper's Sections II to VI; knows no robot, only a point mass and
+    two soles.  It has a TimingAdapter and a CaptureRegionStepAdjuster only if
+    they have something to do; `capture_regions` comes from the latter.  If it
+    is made `switchable` it has both, and `mechanisms` (see SwitchedParams)
+    switches them while it runs.
 
     .. pydrake_system::
 
         name: CapturePointController
-        input_ports: [foot_poses, foot_forces, icp, com_state]
-        output_ports: [walking_state, walking_signal, capture_regions,
-                       icp_plan, icp_reference, ecmp_command, momentum_rate,
-                       momentum_qp_status]
+        input_ports: [foot_poses, foot_forces, icp, com_state, mechanisms]
+        output_ports: [walking_state, walking_signal, icp_plan, icp_reference,
+                       ecmp_command, momentum_rate, momentum_qp_status,
+                       capture_regions]
     """
 
     def __init__(
@@ -93,68 +98,116 @@ class CapturePointController(Diagram):
         params: ControllerParams,
         model: PointMassModel,
         initial: WalkingState,
+        switchable: bool = False,
     ):
         """Starts walking from the walking state `initial`."""
         super().__init__()
         params.validate()
-        period = params.control_period
         builder = DiagramBuilder()
-        machine = builder.AddNamedSystem(
-            "walking_state_machine",
-            WalkingStateMachine(
-                params.walking_state_machine,
-                initial,
-                model.sole,
-                params.step_adjuster.reachability,
-                period,
-            ),
-        )
+        machine = _add_machine(builder, params, model, initial)
         planner = builder.AddNamedSystem(
             "icp_planner",
             IcpPlanner(params.icp_plan, model.sole, model.omega),
         )
-        momentum = builder.AddNamedSystem(
-            "momentum_qp",
-            MomentumQp(
-                params.balance,
-                params.com_height,
-                mass=model.mass,
-                omega=model.omega,
-                com_height=model.com_height,
-                sole=model.sole,
-                control_period=period,
-                legs=model.legs,
-            ),
-        )
+        momentum = _add_momentum_qp(builder, params, model)
         connect(builder, machine, planner, "walking_state")
         connect(builder, machine, momentum, "walking_state")
         connect(builder, planner, momentum, "icp_reference")
         connect(builder, planner, machine, "icp_plan")
-        timing = builder.AddNamedSystem(
-            "timing_adapter", TimingAdapter(params.timing_adapter, model.sole)
-        )
-        adjuster = builder.AddNamedSystem(
-            "step_adjuster",
-            CaptureRegionStepAdjuster(
-                params.step_adjuster, model.sole, model.omega
-            ),
-        )
-        connect(builder, machine, timing, "walking_state")
-        connect(builder, planner, timing, "icp_plan")
-        connect(builder, timing, machine, "time_adjustment")
-        connect(builder, machine, adjuster, "walking_state")
-        connect(builder, timing, adjuster, "time_adjustment")
-        connect(builder, adjuster, machine, "adjustment")
-
-        export_input(builder, "foot_poses", machine, timing)
+        export_input(builder, "foot_poses", machine)
         export_input(builder, "foot_forces", machine)
-        export_input(builder, "icp", machine, momentum, timing, adjuster)
+        export_input(builder, "icp", machine, momentum)
         export_input(builder, "com_state", momentum)
         export_outputs(builder, machine, "walking_state", "walking_signal")
-        export_outputs(builder, adjuster, "capture_regions")
         export_outputs(builder, planner, "icp_plan", "icp_reference")
         export_outputs(builder, momentum, "ecmp_command", "momentum_rate")
         builder.ExportOutput(
             momentum.GetOutputPort("qp_status"), "momentum_qp_status"
         )
+        on = mechanisms_of(params.timing_adapter, params.step_adjuster)
+        timing = adjuster = None
+        if switchable or on.swing or on.transfer:
+            timing = _add_timing(builder, params, model, machine, planner)
+        if switchable or on.step:
+            adjuster = _add_adjuster(builder, params, model, machine, timing)
+        if switchable:
+            export_input(builder, "mechanisms", timing, adjuster)
         builder.BuildInto(self)
+
+
+def _add_machine(
+    builder: DiagramBuilder,
+    params: ControllerParams,
+    model: PointMassModel,
+    initial: WalkingState,
+) -> WalkingStateMachine:
+    return builder.AddNamedSystem(
+        "walking_state_machine",
+        WalkingStateMachine(
+            params.walking_state_machine,
+            initial,
+            model.sole,
+            params.step_adjuster.reachability,
+            params.control_period,
+        ),
+    )
+
+
+def _add_momentum_qp(
+    builder: DiagramBuilder, params: ControllerParams, model: PointMassModel
+) -> MomentumQp:
+    return builder.AddNamedSystem(
+        "momentum_qp",
+        MomentumQp(
+            params.balance,
+            params.com_height,
+            mass=model.mass,
+            omega=model.omega,
+            com_height=model.com_height,
+            sole=model.sole,
+            control_period=params.control_period,
+            legs=model.legs,
+        ),
+    )
+
+
+def _add_timing(
+    builder: DiagramBuilder,
+    params: ControllerParams,
+    model: PointMassModel,
+    machine: WalkingStateMachine,
+    planner: IcpPlanner,
+) -> TimingAdapter:
+    timing = builder.AddNamedSystem(
+        "timing_adapter",
+        TimingAdapter(
+            params.timing_adapter, model.sole, params.swing_foot.detour
+        ),
+    )
+    connect(builder, machine, timing, "walking_state")
+    connect(builder, planner, timing, "icp_plan")
+    connect(builder, timing, machine, "time_adjustment")
+    feed_input(builder, timing, "icp", "foot_poses")
+    return timing
+
+
+def _add_adjuster(
+    builder: DiagramBuilder,
+    params: ControllerParams,
+    model: PointMassModel,
+    machine: WalkingStateMachine,
+    timing: TimingAdapter | None,
+) -> CaptureRegionStepAdjuster:
+    adjuster = builder.AddNamedSystem(
+        "step_adjuster",
+        CaptureRegionStepAdjuster(
+            params.step_adjuster, model.sole, model.omega
+        ),
+    )
+    connect(builder, machine, adjuster, "walking_state")
+    connect(builder, adjuster, machine, "adjustment")
+    if timing is not None:
+        connect(builder, timing, adjuster, "time_adjustment")
+    feed_input(builder, adjuster, "icp")
+    export_outputs(builder, adjuster, "capture_regions")
+    return adjuster

@@ -1,13 +1,13 @@
 """The live tab in a real browser: what is clicked there arrives.
 
 The simulation runs in a thread of its own, in real time, while the browser
-clicks.  A walking state that stands still takes the place of a robot.
+clicks.  Where it can, what stands still takes the place of a robot.
 """
 
-import functools
+import math
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -18,6 +18,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, EventStatus
 from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput
 
+from diagrams.humanoid import HumanoidDiagram
+from diagrams.scenario import load_scenario
+from diagrams.simulation import start
+from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -32,6 +36,7 @@ from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 
 MASS, PERIOD = 90.0, 0.002
+ALL = Mechanisms(True, True, True, True)
 PUSH_TICKS = 50  # 0.1 s
 LONGEST = 60.0  # of a simulation that nobody ends [s]
 REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
@@ -50,68 +55,116 @@ class LiveRun:
     def __init__(self):
         self._url: queue.Queue[str] = queue.Queue()
         self._end = threading.Event()
-        self._pushed, self.pushes_over = False, 0
-        self._logs: dict[str, np.ndarray] = {}
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
         self.url = self._url.get(timeout=10.0)
 
     def _run(self):
         meshcat = Meshcat()
-        builder = DiagramBuilder()
-        controls = builder.AddSystem(LiveControls(meshcat, delta_v=0.3))
-        state = builder.AddSystem(ConstantValueSource(Value(STANDING)))
-        source = builder.AddSystem(PushSource([], MASS, PERIOD))
-        connect(builder, controls, source, "live_push")
-        builder.Connect(
-            state.get_output_port(), source.GetInputPort("walking_state")
-        )
-        sinks = {
-            port: LogVectorOutput(
-                system.GetOutputPort(port), builder, publish_period=PERIOD
-            )
-            for system, port in (
-                (source, "push_force"),
-                (controls, "mechanisms"),
-            )
-        }
-        simulator = Simulator(builder.Build())
+        simulator = self._start(meshcat)
         simulator.set_target_realtime_rate(1.0)
-        simulator.set_monitor(functools.partial(self._watch, source))
+        simulator.set_monitor(self._watch)
         self._url.put(meshcat.web_url())
         simulator.AdvanceTo(LONGEST)
-        context = simulator.get_context()
-        for name, sink in sinks.items():
-            self._logs[name] = sink.FindLog(context).data().T.copy()
+        self._finish(simulator.get_context())
 
-    def _watch(self, source, root):
-        context = source.GetMyContextFromRoot(root)
-        force = source.GetOutputPort("push_force").Eval(context)
-        pushed = bool(np.any(force != 0.0))
-        self.pushes_over += self._pushed and not pushed
-        self._pushed = pushed
+    def _watch(self, root):
+        self._look(root)
         if self._end.is_set():
             return EventStatus.ReachedTermination(None, "told to end")
         return EventStatus.DidNothing()
 
-    def wait_for_pushes(self, count: int, page: Page) -> None:
-        """Waits until so many pushes are over."""
-        for _ in range(200):
-            if self.pushes_over >= count:
-                return
-            page.wait_for_timeout(50)
-        raise TimeoutError(f"{self.pushes_over} pushes came, not {count}")
-
-    def end(self) -> dict[str, np.ndarray]:
-        """Ends the run; returns its logs (n, size)."""
+    def end(self) -> None:
+        """Ends the run."""
         self._end.set()
         self._thread.join(timeout=10.0)
-        return self._logs
 
 
-@pytest.fixture
-def run() -> Iterator[LiveRun]:
-    run = LiveRun()
+def wait_until(page: Page, has_come: Callable[[], bool]) -> None:
+    """Waits, while the tab lives on."""
+    for _ in range(400):
+        if has_come():
+            return
+        page.wait_for_timeout(50)
+    raise TimeoutError
+
+
+class StandingRun(LiveRun):
+    """Controls and a push source, beside what stands still."""
+
+    def __init__(self):
+        self._pushed, self.pushes_over = False, 0
+        self.logs: dict[str, np.ndarray] = {}  # (n, size), in the end
+        super().__init__()
+
+    def _start(self, meshcat):
+        builder = DiagramBuilder()
+        controls = builder.AddSystem(LiveControls(meshcat, ALL, delta_v=0.3))
+        state = builder.AddSystem(ConstantValueSource(Value(STANDING)))
+        self._source = builder.AddSystem(PushSource([], MASS, PERIOD))
+        connect(builder, controls, self._source, "live_push")
+        builder.Connect(
+            state.get_output_port(), self._source.GetInputPort("walking_state")
+        )
+        self._sinks = {
+            port: LogVectorOutput(
+                system.GetOutputPort(port), builder, publish_period=PERIOD
+            )
+            for system, port in (
+                (self._source, "push_force"),
+                (controls, "mechanisms"),
+            )
+        }
+        return Simulator(builder.Build())
+
+    def _look(self, root):
+        context = self._source.GetMyContextFromRoot(root)
+        force = self._source.GetOutputPort("push_force").Eval(context)
+        pushed = bool(np.any(force != 0.0))
+        self.pushes_over += self._pushed and not pushed
+        self._pushed = pushed
+
+    def _finish(self, root):
+        for name, sink in self._sinks.items():
+            self.logs[name] = sink.FindLog(root).data().T.copy()
+
+
+class RobotRun(LiveRun):
+    """The whole robot, by ankles and hips alone until it is told otherwise."""
+
+    def __init__(self):
+        self.swings = {False: 0, True: 0}  # that were adjusted, or not
+        self.moved = 0.0  # the largest adjustment [m]
+        self._swings = False
+        super().__init__()
+
+    def _start(self, meshcat):
+        text = "{mechanisms: icp_only, gait: {num_steps: 70}}"
+        scenario = load_scenario("walk_in_place", text=text)
+        self._diagram = HumanoidDiagram(scenario, meshcat)
+        return start(self._diagram)
+
+    def _look(self, root):
+        controller = self._diagram.controller
+        state = controller.GetOutputPort("walking_state").Eval(
+            controller.GetMyContextFromRoot(root)
+        )
+        adjusted = state.adjustment is not None
+        # In its first tick, a swing has not been adjusted yet.
+        swings = state.schedule.phase is Phase.SWING and state.elapsed > 0.0
+        self.swings[adjusted] += swings and not self._swings
+        self._swings = swings
+        if adjusted:
+            p, q = state.adjustment.pose, state.adjustment.nominal.pose
+            self.moved = max(self.moved, math.dist(p.p_WF, q.p_WF))
+
+    def _finish(self, root):
+        pass
+
+
+@pytest.fixture(params=[StandingRun])
+def run(request) -> Iterator[LiveRun]:
+    run = request.param()
     yield run
     run.end()
 
@@ -135,8 +188,9 @@ def test_a_click_on_push_arrives_while_the_simulation_runs(run, page):
     """Oracle: m delta_v / 0.1 s to the left, for 50 ticks, once per click."""
     for count in (1, 2):
         click(page, "Push")
-        run.wait_for_pushes(count, page)
-    force = run.end()["push_force"]
+        wait_until(page, lambda count=count: run.pushes_over >= count)
+    run.end()
+    force = run.logs["push_force"]
     acts = np.linalg.norm(force, axis=1) > 0.0
     assert np.count_nonzero(acts) == 2 * PUSH_TICKS
     edges = np.flatnonzero(np.diff(acts.astype(int)))
@@ -154,8 +208,9 @@ def test_the_sliders_set_size_and_direction(run, page):
         box.press("Enter")
     page.wait_for_timeout(200)
     page.keyboard.press("p")  # the key of the button
-    run.wait_for_pushes(1, page)
-    force = run.end()["push_force"]
+    wait_until(page, lambda: run.pushes_over >= 1)
+    run.end()
+    force = run.logs["push_force"]
     acts = np.linalg.norm(force, axis=1) > 0.0
     assert np.count_nonzero(acts) == PUSH_TICKS
     assert force[acts][0] == pytest.approx([-MASS * 0.72 / 0.1, 0.0, 0.0])
@@ -168,7 +223,31 @@ def test_a_toggle_switches_its_mechanism_and_says_so(run, page):
     page.wait_for_timeout(100)
     click(page, "cross-over: off")
     page.get_by_text("cross-over: on", exact=True).wait_for()
-    mechanisms = run.end()["mechanisms"]
+    run.end()
+    mechanisms = run.logs["mechanisms"]
     changes = mechanisms[np.flatnonzero(np.diff(mechanisms[:, 3])) + 1]
     assert changes.tolist() == [[1, 1, 1, 0], [1, 1, 1, 1]]
     assert np.all(mechanisms[:, :3] == 1.0)
+
+
+@pytest.mark.parametrize("run", [RobotRun], indirect=True)
+def test_a_toggle_lets_the_walking_robot_move_her_foothold(run, page):
+    """Oracle: no swing is adjusted before; then the next push moves a foot.
+
+    Until she is pushed, each foot lands where it was to land.
+    """
+    wait_until(page, lambda: run.swings[False] > 0)
+    assert run.swings[True] == 0
+    click(page, "step adjustment: off")
+    wait_until(page, lambda: run.swings[True] > 0)
+    assert run.moved == 0.0
+    for _ in range(3):  # if the click came late in a swing, it was too late
+        swings = run.swings[True]
+        click(page, "Push")
+        wait_until(
+            page,
+            lambda n=swings: run.moved > 0.02 or run.swings[True] > n,
+        )
+        if run.moved > 0.02:
+            break
+    assert run.moved > 0.02

@@ -31,11 +31,19 @@ JOINT_CONTROL = {
     "swing_foot_reference",
     "walking_state",
 }
+STEP_ADJUSTMENT = {"icp", "walking_state", "time_adjustment", "mechanisms"}
+TIME_ADJUSTMENT = {
+    "icp",
+    "icp_plan",
+    "walking_state",
+    "foot_poses",
+    "mechanisms",
+}
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": {
-        "adjustment": {"icp", "walking_state", "time_adjustment"},
-        "capture_regions": {"icp", "walking_state", "time_adjustment"},
+        "adjustment": STEP_ADJUSTMENT,
+        "capture_regions": STEP_ADJUSTMENT,
     },
     "CentroidalEstimator": {
         "com_state": {"estimated_state"},
@@ -56,13 +64,11 @@ FEEDTHROUGH = {
     "PointMassPlant": {
         "com_state": set(),
         "icp": set(),
-        "foot_poses": {"swing_foot_reference", "walking_state"},
-        "foot_forces": {"swing_foot_reference", "walking_state"},
+        "foot_poses": {"walking_state"},
+        "foot_forces": {"walking_state"},
     },
     "PushSource": {"push_force": set(), "spatial_forces": set()},
-    "TimingAdapter": {
-        "time_adjustment": {"icp", "icp_plan", "walking_state", "foot_poses"}
-    },
+    "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
     "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},
     "WholeBodyInverseDynamics": {
@@ -99,7 +105,8 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 
 @pytest.fixture(scope="module")
 def diagrams() -> list[Diagram]:
-    scenario = load_scenario("walk_in_place")
+    text = "{mechanisms: all_with_cross_over}"
+    scenario = load_scenario("walk_in_place", text=text)
     return [HumanoidDiagram(scenario, Meshcat()), LipmDiagram(scenario)]
 
 

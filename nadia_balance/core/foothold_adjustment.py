@@ -16,6 +16,7 @@ from nadia_balance.core.foothold_adjustment_params import (
 )
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.reach_rules import Choice, choose_region
+from nadia_balance.core.reachability import BASE
 from nadia_balance.core.swing_geometry import SwingGeometry
 from nadia_balance.core.walking import (
     Adjustment,
@@ -108,7 +109,8 @@ def capture_regions(
     one_step = geometry.one_step_region(icp, omega, touchdown)
     return CaptureRegions(
         tuple(capture_region(one_step, d) for d in geometry.offsets),
-        geometry.regions[adjustment.region],
+        # A region of before cross-over was switched off is there no more.
+        geometry.regions.get(adjustment.region, geometry.regions[BASE]),
         adjustment.nominal.pose,
         adjustment.pose,
     )

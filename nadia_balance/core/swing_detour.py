@@ -11,20 +11,33 @@ import numpy as np
 
 from nadia_balance.core.walking import Array, FootPose, Side
 
+_AT_REST = np.zeros(2)
+_TINY = 1e-9  # no direction in a shorter way [m]
+
 
 @dataclass(kw_only=True)
 class SwingDetourParams:
-    """How far the sole centres stay apart while the swing foot passes."""
+    """How far the soles stay apart while one passes, and how fast it does."""
 
-    # A sole is 0.25 m x 0.12 m, a shin 0.11 m x 0.12 m; 3 cm of air.
+    # Of the sole centres.  A sole is 0.25 m x 0.12 m, a shin 0.11 m x 0.12 m;
+    # 3 cm of air.
     ahead: float = 0.28  # in front of the stance foot, and behind it [m]
     beside: float = 0.15  # to the swing side of the stance foot [m]
+    # Horizontally, all the way forth and then back.  The rest of the body has
+    # to bear what accelerates the leg [m/s^2].
+    max_acceleration: float = 35.0
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
-        for name, value in vars(self).items():
+        for name in ("ahead", "beside"):
+            value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
                 raise ValueError(f"{name} = {value}: must be in [0, 1] m")
+        if not 0.0 < self.max_acceleration < math.inf:
+            raise ValueError(
+                f"max_acceleration = {self.max_acceleration}: "
+                "must be finite and > 0 m/s^2"
+            )
 
 
 def way_round(
@@ -58,6 +71,23 @@ def way_round(
         way.append(nearest)
         left = [c for c in left if abs(c[0] - q[0]) < abs(nearest[0] - q[0])]
     return stance.to_world(np.array([*way, q]) * mirror)
+
+
+def shortest_time(
+    way: Array, params: SwingDetourParams, velocity: Array = _AT_REST
+) -> float:
+    """Returns how long [s] the foot takes at least to the end of the `way`.
+
+    Along the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to rest: it
+    accelerates for one part of the way and brakes for the other.  Speed across
+    the way, or away from it, does not count.
+    """
+    parts = (way[1:] - way[:-1]).tolist()
+    length = sum(math.hypot(*part) for part in parts)
+    (x, y), (vx, vy) = parts[0], velocity.tolist()
+    v = max((x * vx + y * vy) / max(math.hypot(x, y), _TINY), 0.0)
+    a = params.max_acceleration
+    return float((2.0 * math.sqrt(a * length + 0.5 * v * v) - v) / a)
 
 
 def _length(p: Array, params: SwingDetourParams) -> float:

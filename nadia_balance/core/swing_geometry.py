@@ -106,15 +106,18 @@ def swing_geometry(
     )
 
 
-def geometry_key(schedule: ContactSchedule) -> tuple[object, ...]:
-    """The parts of `schedule` that its geometry depends on.
+def geometry_key(
+    schedule: ContactSchedule, params: CaptureRegionStepAdjusterParams
+) -> tuple[object, ...]:
+    """The parts of `schedule`, and the switch, that its geometry depends on.
 
     While they are the same objects, the geometry is the same.  Where the step
     in the air goes is not among them, so that it can be adjusted.
     """
     step, *later = schedule.footsteps
     stance = schedule.feet[schedule.support_side]
-    return (stance, step.side, step.pose.yaw, *later)
+    cross_over = params.reachability.cross_over
+    return (cross_over, stance, step.side, step.pose.yaw, *later)
 
 
 def _factor(

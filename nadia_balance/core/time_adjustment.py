@@ -4,15 +4,32 @@ The Nadia paper, Sec. VI: Eqs. 15 and 16 in swing and in transfer.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.support_polygon import support_polygon
-from nadia_balance.core.walking import Array, FootPoses, Phase, WalkingState
+from nadia_balance.core.swing_detour import (
+    SwingDetourParams,
+    shortest_time,
+    way_round,
+)
+from nadia_balance.core.walking import (
+    Array,
+    FootPose,
+    FootPoses,
+    Phase,
+    WalkingState,
+)
 
 _TIMES_TRIED = 16
-_ARRIVED = 0.03  # so near to its foothold, a foot counts as there [m]
+_NOTHING = 1e-9  # rounding of the clock [s]
+_TOLERATED = 0.03  # a foot that comes so late needs no time back [s]
+
+# A foot in the second half of its swing, at its full speed, needs so much of
+# the time that it would need from rest.
+_UNDER_WAY = math.sqrt(0.5)
 
 # The plan's way to the end of the phase has no direction below this [m]: in
 # transfer it comes to a standstill, and Eq. 16 would amplify noise.
@@ -34,7 +51,6 @@ class TimingAdapterParams:
     min_transfer_duration: float = 0.05  # [s]
     # What the swing foot needs, whatever the ICP does.
     min_remaining_swing: float = 0.08  # never leave it less than this [s]
-    max_foot_speed: float = 3.0  # mean, on the straight way to the target [m/s]
     max_speed_up: float = 3.0  # sigma: of the rest of the swing [-]
     support_margin: float = 0.02  # eCMPs nearer the edge are not feasible [m]
 
@@ -52,7 +68,6 @@ class TimingAdapterParams:
         ):
             valid = least <= getattr(self, name) < math.inf
             self._check(name, valid, f">= {least}, finite")
-        self._check("max_foot_speed", self.max_foot_speed > 0.0, "> 0 m/s")
 
     def discount(self, phase: Phase) -> float:
         """Gamma of `phase`; 0 where the clock is left alone."""
@@ -110,78 +125,70 @@ def is_leaving(
 
 def least_remaining_time(
     state: WalkingState,
-    feet: FootPoses,
+    foot: FootPose,
     error: Array,
     omega: float,
+    detour: SwingDetourParams,
     params: TimingAdapterParams,
 ) -> float:
-    """Returns the time [s] that must be left in the phase, by the clock.
+    """Returns the time [s] that must be left in the swing, by the clock.
 
-    In a swing, the rest of the foot's motion is sped up by no more than sigma
-    (Atlas paper, Eq. 13), and the foot, now at its measured pose in `feet`,
-    needs time to get to where the ICP `error` (2,) [m] will have taken its
-    foothold.  Erratum: as printed, sigma has no upper bound.
+    The rest of the foot's motion is sped up by no more than sigma (Atlas
+    paper, Eq. 13), and the foot, now at its measured pose `foot`, needs time
+    to get to its foothold, and to where the ICP `error` (2,) [m] will have
+    taken it: within the time t, the error grows to e^wt times what it is.  If
+    the foot can at no time catch up with it, it makes do with the former.
+    Erratum: as printed, sigma has no upper bound.
     """
-    if state.schedule.phase is Phase.TRANSFER:
-        return params.min_transfer_duration - state.elapsed
+    step = state.schedule.footsteps[0]
     least = max(
         params.min_swing_duration - state.elapsed,
         params.min_remaining_swing,
         (state.schedule.duration - state.elapsed) / params.max_speed_up,
+        _time_to_foothold(state, foot, detour),
     )
-    return _first_arrival(state, feet, error, omega, least, params)
-
-
-def _first_arrival(
-    state: WalkingState,
-    feet: FootPoses,
-    error: Array,
-    omega: float,
-    least: float,
-    params: TimingAdapterParams,
-) -> float:
-    """Returns the first time [s] >= `least` when the foot can be in place.
-
-    Within the time t, the ICP error grows to e^wt times what it is, and takes
-    the foothold along.  If the foot can at no time catch up with it, it makes
-    do with the `least`.
-    """
-    step = state.schedule.footsteps[0]
-    nominal = state.adjustment.nominal if state.adjustment else step
-    x, y = nominal.pose.p_WF[:2] - feet[step.side].p_WF[:2]
+    nominal = (state.adjustment.nominal if state.adjustment else step).pose
+    x, y = nominal.p_WF[:2] - foot.p_WF[:2]
+    more = max(state.remaining_time - least, 0.0)
     for i in range(_TIMES_TRIED):
-        t = least + i / _TIMES_TRIED * max(state.remaining_time - least, 0.0)
+        t = least + i / _TIMES_TRIED * more
         growth = math.exp(omega * t)
         way = math.hypot(x + growth * error[0], y + growth * error[1])
-        if way <= params.max_foot_speed * t:
+        if way <= 0.25 * detour.max_acceleration * t * t:
             return t
     return least
 
 
+def _time_to_foothold(
+    state: WalkingState, foot: FootPose, detour: SwingDetourParams
+) -> float:
+    """Returns how long [s] the swing foot takes from rest at `foot`."""
+    side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
+    stance = state.schedule.feet[side]
+    way = way_round(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
+    return shortest_time(way, detour)
+
+
 def time_to_return(
-    state: WalkingState, feet: FootPoses, params: TimingAdapterParams
+    state: WalkingState, foot: FootPose, detour: SwingDetourParams
 ) -> float:
     """Returns by how much [s] the swing was shortened too much, >= 0.
 
     The foothold may have moved away from the foot, now at its measured pose
-    in `feet`, since the clock was advanced.  No more than has been gained.
+    `foot`, since the clock was advanced.  No more than has been gained.
     """
-    if state.schedule.phase is not Phase.SWING:
-        return 0.0
-    step = state.schedule.footsteps[0]
-    x, y = step.pose.p_WF[:2] - feet[step.side].p_WF[:2]
-    way = max(math.hypot(x, y) - _ARRIVED, 0.0)
-    gained = state.time_in_phase - state.elapsed
-    late = way / params.max_foot_speed - state.remaining_time
-    return min(max(late, 0.0), max(gained, 0.0))
+    gained = max(state.time_in_phase - state.elapsed, 0.0)
+    needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
+    return min(max(needed - _TOLERATED - state.remaining_time, 0.0), gained)
 
 
 def time_adjustment(
     icp: Array,
     plan: IcpPlan,
     state: WalkingState,
-    feet: FootPoses,
+    feet: Callable[[], FootPoses],
     sole: Array,
+    detour: SwingDetourParams,
     params: TimingAdapterParams,
 ) -> float:
     """Returns by how much [s] to advance the clock now; negative: to hold it.
@@ -189,26 +196,32 @@ def time_adjustment(
     The discounted time by which the measured `icp` (2,) [m] is ahead of the
     plan (Nadia paper, Eqs. 15 and 16) or, if what Eq. 16 cannot explain makes
     the ICP leave the support, all that there is: the next step must come at
-    once.  Limited by `least_remaining_time`.  `sole` (n, 2) [m] are the
+    once.  Limited by what the phase, and in a swing the foot, need.  `feet`
+    is asked only then for the measured soles.  `sole` (n, 2) [m] are the
     corners of either sole in its own frame.
     """
-    t, left = state.time_in_phase, state.remaining_time
-    discount = params.discount(state.schedule.phase)
+    phase = state.schedule.phase
+    discount = params.discount(phase)
     if discount == 0.0 or state.waiting or not state.schedule.footsteps:
         return 0.0
-    if (late := time_to_return(state, feet, params)) > 0.0:
-        return -late
-    reference = plan.at(t)
+    reference = plan.at(state.time_in_phase)
     error = icp - reference.icp
-    if math.hypot(*error) < params.icp_error_threshold:
-        return 0.0
-    least = least_remaining_time(state, feet, error, plan.omega, params)
-    most = left - max(least, 0.0)
-    if most <= 0.0:
+    hurried = math.hypot(*error) >= params.icp_error_threshold
+    if phase is Phase.TRANSFER:
+        least = params.min_transfer_duration - state.elapsed
+    elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
+        foot = feet()[state.schedule.support_side.other]
+        if (late := time_to_return(state, foot, detour)) > 0.0:
+            return -late
+        least = least_remaining_time(
+            state, foot, error, plan.omega, detour, params
+        )
+    if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:
         return 0.0
     done = fraction_done(icp, reference.icp, plan.icp_end)
-    ahead = time_ahead(done, left, plan.omega)
+    ahead = time_ahead(done, state.remaining_time, plan.omega)
+    future = plan.at(state.time_in_phase + ahead)
     support = support_polygon(state.schedule, sole)
-    if is_leaving(icp, plan.at(t + ahead), support, params.support_margin):
+    if is_leaving(icp, future, support, params.support_margin):
         return most
     return min(discount * ahead, most)

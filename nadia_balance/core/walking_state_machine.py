@@ -5,15 +5,13 @@ that the papers leave to the reader; see also the Atlas paper, Sec. II).
 """
 
 import math
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 from nadia_balance.core.footstep_plan import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.polygon import project
+from nadia_balance.core.lift_off import LiftOffParams, may_lift
 from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -33,20 +31,17 @@ class WalkingStateMachineParams:
     earliest_touchdown: float = 0.5  # fraction of the swing [-]
     contact_force: float = 30.0  # the foot has landed above this [N]
     contact_ticks: int = 2  # for so many ticks in a row [-]
-    # A transfer ends when the ICP error is within this ellipse of the sole
-    # frame, or when waiting would make things worse because the ICP is
-    # leaving the support polygon.
-    icp_error_forward: float = 0.035  # [m]
-    icp_error_inward: float = 0.015  # toward the other foot [m]
-    icp_error_outward: float = 0.012  # [m]
-    icp_outside: float = 0.03  # ICP so far outside the support: step [m]
-    patience: float = 0.2  # waits no longer for the ICP than this [s]
+    lift_off: LiftOffParams = field(default_factory=LiftOffParams)
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
-        for name, value in vars(self).items():
-            infinite = name != "patience" and value == math.inf
-            if infinite or not value >= 0.0:
+        for name in (
+            "standing_duration",
+            "earliest_touchdown",
+            "contact_force",
+        ):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} = {value}: must be finite and >= 0")
         if not self.earliest_touchdown < 1.0:
             raise ValueError(
@@ -56,13 +51,14 @@ class WalkingStateMachineParams:
             raise ValueError(
                 f"contact_ticks = {self.contact_ticks}: must be > 0"
             )
+        self.lift_off.validate()
 
 
 @dataclass(frozen=True)
 class Measurement:
     """What is measured of the robot: sole poses, forces [N], ICP [m], in W."""
 
-    feet: FootPoses
+    feet: Callable[[], FootPoses]  # asked for only when the contacts change
     forces: Array  # (2,) normal forces, left and right
     icp: Array  # (2,)
 
@@ -100,66 +96,81 @@ def advance(
     (n, 2) [m] are the sole's corners in the sole frame, `reach` is where
     later footsteps must be after the feet have landed elsewhere.
     """
-    state = _adjust(state, proposal.adjustment)
+    state = _tick(state, measured, period, params, proposal)
     schedule = state.schedule
-    t = state.time_in_phase + max(period + proposal.time_gain, 0.0)
-    done = t >= schedule.duration - 0.5 * period
-    state = replace(
-        state,
-        time_in_phase=schedule.duration if done else t,
-        elapsed=state.elapsed + period,
-        waiting=done,
-    )
     match schedule.phase:
-        case Phase.STANDING if done:
+        case Phase.STANDING if state.waiting:
             return _start_transfer(state, plan, measured, reach)
-        case Phase.TRANSFER if done:
-            waited = state.waited + period
-            impatient = waited > params.patience
-            if impatient or _may_lift(schedule, plan, measured, sole, params):
+        case Phase.TRANSFER if state.waiting:
+            icp, waited = measured.icp, state.waited
+            if may_lift(schedule, plan, icp, sole, waited, params.lift_off):
                 return _end_transfer(state, plan, measured)
-            return replace(state, waited=waited)
-        case Phase.SWING:
-            return _advance_swing(state, plan, measured, reach, params)
+        case Phase.SWING if state.contact_ticks >= params.contact_ticks:
+            landed = replace(
+                state,
+                commanded=state.commanded[1:],
+                steps_taken=state.steps_taken + 1,
+            )
+            return _start_transfer(landed, plan, measured, reach)
     return state
 
 
-def _adjust(state: WalkingState, adjustment: Adjustment | None) -> WalkingState:
+def _tick(
+    state: WalkingState,
+    measured: Measurement,
+    period: float,
+    params: WalkingStateMachineParams,
+    proposal: Proposal,
+) -> WalkingState:
+    """The same phase one `period` [s] later; one value, as each takes time."""
+    schedule, adjustment = _adjusted(state, proposal.adjustment)
+    time = state.time_in_phase + max(period + proposal.time_gain, 0.0)
+    done = time >= schedule.duration - 0.5 * period
+    time = schedule.duration if done else time
+    elapsed = state.elapsed + period
+    waits = done and schedule.phase is Phase.TRANSFER
+    touches = schedule.phase is Phase.SWING and _touches(
+        schedule, time, elapsed, measured, params
+    )
+    return replace(
+        state,
+        schedule=schedule,
+        time_in_phase=time,
+        elapsed=elapsed,
+        waiting=done,
+        waited=state.waited + period if waits else 0.0,
+        contact_ticks=state.contact_ticks + 1 if touches else 0,
+        adjustment=adjustment,
+    )
+
+
+def _adjusted(
+    state: WalkingState, adjustment: Adjustment | None
+) -> tuple[ContactSchedule, Adjustment | None]:
     """Moves the foothold of the step in the air."""
     schedule = state.schedule
     if adjustment is None or schedule.phase is not Phase.SWING:
-        return state
+        return schedule, state.adjustment
     step, *later = schedule.footsteps
     if adjustment.pose is not step.pose:
         step = replace(step, pose=adjustment.pose)
         schedule = replace(schedule, footsteps=(step, *later))
-    return replace(state, schedule=schedule, adjustment=adjustment)
+    return schedule, adjustment
 
 
-def _advance_swing(
-    state: WalkingState,
-    plan: IcpPlan,
+def _touches(
+    schedule: ContactSchedule,
+    time: float,
+    elapsed: float,
     measured: Measurement,
-    reach: ReachabilityParams,
     params: WalkingStateMachineParams,
-) -> WalkingState:
-    schedule = state.schedule
+) -> bool:
+    """True if the foot in the air meets the ground, and may do so by now."""
     # Of the swing as it really is: a clock that was advanced has passed half
     # of the plan before the foot has left the ground.
-    earliest = params.earliest_touchdown * (
-        state.elapsed + state.remaining_time
-    )
+    earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)
     force = measured.force(schedule.support_side.other)
-    touches = state.elapsed >= earliest and force > params.contact_force
-    ticks = state.contact_ticks + 1 if touches else 0
-    if ticks < params.contact_ticks:
-        return replace(state, contact_ticks=ticks)
-    landed = replace(
-        state,
-        commanded=state.commanded[1:],
-        steps_taken=state.steps_taken + 1,
-    )
-    return _start_transfer(landed, plan, measured, reach)
+    return elapsed >= earliest and force > params.contact_force
 
 
 def _start_transfer(
@@ -168,8 +179,8 @@ def _start_transfer(
     measured: Measurement,
     reach: ReachabilityParams,
 ) -> WalkingState:
-    old = state.schedule
-    steps = within_reach(state.commanded, measured.feet, reach)
+    old, feet = state.schedule, measured.feet()
+    steps = within_reach(state.commanded, feet, reach)
     schedule = replace(
         old,
         phase=Phase.TRANSFER,
@@ -177,7 +188,7 @@ def _start_transfer(
         duration=(
             steps[0].transfer_duration if steps else old.final_transfer_duration
         ),
-        feet=measured.feet,
+        feet=feet,
         footsteps=steps,
         start=plan.at(state.time_in_phase).point(),
     )
@@ -194,7 +205,7 @@ def _end_transfer(
         old,
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
-        feet=measured.feet,
+        feet=measured.feet(),
         start=plan.at(state.time_in_phase).point(),
     )
     return _begin(state, schedule)
@@ -205,29 +216,3 @@ def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:
     return WalkingState(
         schedule, steps_taken=state.steps_taken, commanded=state.commanded
     )
-
-
-def _may_lift(
-    schedule: ContactSchedule,
-    plan: IcpPlan,
-    measured: Measurement,
-    sole: Array,
-    params: WalkingStateMachineParams,
-) -> bool:
-    """True if the ICP is near its reference, or leaves the support anyway."""
-    if not schedule.footsteps:
-        return True
-    reference = plan.at(schedule.duration)
-    support = schedule.feet[schedule.support_side]
-    error = support.rotation.T @ (measured.icp - reference.icp)
-    inward = -schedule.support_side.sign * error[1] > 0.0
-    scale = np.array(
-        [
-            params.icp_error_forward,
-            params.icp_error_inward if inward else params.icp_error_outward,
-        ]
-    )
-    if np.sum((error / scale) ** 2) < 1.0:
-        return True
-    nearest = project(measured.icp, support_polygon(schedule, sole))
-    return math.dist(measured.icp, nearest) > params.icp_outside

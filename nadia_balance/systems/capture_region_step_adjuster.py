@@ -13,6 +13,7 @@ from nadia_balance.core.foothold_adjustment import (
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
+from nadia_balance.core.mechanisms import switched_adjuster
 from nadia_balance.core.swing_geometry import (
     SwingGeometry,
     geometry_key,
@@ -26,7 +27,8 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.ports import eval_typed
+from nadia_balance.systems.ports import eval_finite, eval_typed
+from nadia_balance.systems.switched_params import SwitchedParams
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -34,13 +36,14 @@ class CaptureRegionStepAdjuster(LeafSystem):
 
     What it has to remember is in the `Adjustment` that it reads back from the
     walking state.  Outside of a swing it proposes the next foothold as it is,
-    and the capture regions are empty.  Without a `time_adjustment` [s] the
-    clock keeps its pace.
+    and the capture regions are empty; switched off, by its parameters or by
+    the optional `mechanisms` (see SwitchedParams), it proposes None.  Without
+    a `time_adjustment` [s] the clock keeps its pace.
 
     .. pydrake_system::
 
         name: CaptureRegionStepAdjuster
-        input_ports: [icp, walking_state, time_adjustment]
+        input_ports: [icp, walking_state, time_adjustment, mechanisms]
         output_ports: [adjustment, capture_regions]
     """
 
@@ -54,7 +57,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         super().__init__()
         params.validate()
         params.usable_foot(sole)  # raises if nothing is left of it
-        self._params, self._sole, self._omega = params, sole, omega
+        self._sole, self._omega = sole, omega
         self._icp = self.DeclareVectorInputPort("icp", 2)
         self._walking_state = self.DeclareAbstractInputPort(
             "walking_state", Value(object())
@@ -62,12 +65,13 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._time_adjustment = self.DeclareVectorInputPort(
             "time_adjustment", 1
         )
+        self._params = SwitchedParams(self, params, switched_adjuster)
         # A pure function of the footsteps.  Keeping the last one only saves
         # the work while the ICP and the clock are all that changes.
         self._geometry = self.DeclareCacheEntry(
             "swing geometry",
             ValueProducer(lambda: Value((None, None)), self._calc_geometry),
-            {self.input_port_ticket(self._walking_state.get_index())},
+            {self._walking_state.ticket(), self._params.ticket},
         )
         step = Footstep(Side.LEFT, FootPose(), 0.0, 0.0)
         self._adjustment = self.DeclareAbstractOutputPort(
@@ -86,25 +90,29 @@ class CaptureRegionStepAdjuster(LeafSystem):
 
     def _time_gain(self, context) -> float:
         port = self._time_adjustment
-        return float(port.Eval(context)[0]) if port.HasValue(context) else 0.0
+        if not port.HasValue(context):
+            return 0.0
+        return float(eval_finite(self, context, port)[0])
 
     def _swing_geometry(self, context) -> SwingGeometry:
         return self._geometry.Eval(context)[1]
 
     def _calc_geometry(self, context, geometry):
-        schedule = self._state(context).schedule
-        key, last = geometry_key(schedule), geometry.get_value()[0]
+        schedule, params = self._state(context).schedule, self._params(context)
+        key, last = geometry_key(schedule, params), geometry.get_value()[0]
         if (
             last is None
             or len(key) != len(last)
             or any(a is not b for a, b in zip(key, last, strict=True))
         ):
-            found = swing_geometry(
-                schedule, self._sole, self._params, self._omega
-            )
+            found = swing_geometry(schedule, self._sole, params, self._omega)
             geometry.set_value((key, found))
 
     def _calc_adjustment(self, context, output):
+        params = self._params(context)
+        if not params.enabled:
+            output.set_value(None)
+            return
         state = self._state(context)
         if state.schedule.phase is not Phase.SWING:
             output.set_value(unadjusted(state.schedule))
@@ -112,10 +120,10 @@ class CaptureRegionStepAdjuster(LeafSystem):
         output.set_value(
             propose_adjustment(
                 state,
-                self._icp.Eval(context),
+                eval_finite(self, context, self._icp),
                 self._time_gain(context),
                 self._swing_geometry(context),
-                self._params,
+                params,
                 self._omega,
             )
         )
@@ -125,14 +133,19 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             output.set_value(CaptureRegions())
             return
+        adjustment = (
+            self._adjustment.Eval(context)
+            or state.adjustment  # of before it was switched off
+            or unadjusted(state.schedule)
+        )
         output.set_value(
             capture_regions(
                 state,
-                self._icp.Eval(context),
+                eval_finite(self, context, self._icp),
                 self._time_gain(context),
-                self._adjustment.Eval(context),
+                adjustment,
                 self._swing_geometry(context),
-                self._params,
+                self._params(context),
                 self._omega,
             )
         )

@@ -1,16 +1,19 @@
 """What the user may do in the Meshcat tab while the robot walks."""
 
 import math
+from dataclasses import astuple
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import EventStatus, LeafSystem
+
+from nadia_balance.core.mechanisms import Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"
 DIRECTION = "direction [deg]"
 LARGEST = 1.5  # of the sizes that the slider offers [m/s]
-# In the order of the output `mechanisms`, with their names in the tab.
-MECHANISMS = {
+# The fields of Mechanisms, with their names in the tab.
+LABELS = {
     "step": "step adjustment",
     "swing": "swing timing",
     "transfer": "transfer timing",
@@ -22,7 +25,7 @@ class LiveControls(LeafSystem):
     """Turns buttons and sliders of the Meshcat tab into signals.
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg]]; 0 deg is
-    forward, 90 left.  `mechanisms` is 1 or 0 for each of MECHANISMS; each has
+    forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms; each has
     a button that says whether it is on.  State: both outputs, which depend on
     nothing else.
 
@@ -36,14 +39,12 @@ class LiveControls(LeafSystem):
     def __init__(
         self,
         meshcat: Meshcat,
-        mechanisms: tuple[bool, ...] | None = (True, True, True, True),
+        mechanisms: Mechanisms,
         delta_v: float = 0.3,
         direction_deg: float = 90.0,
         period: float = 0.02,
     ):
         """Looks at the tab every `period` [s]; the rest is how it begins.
-
-        Without `mechanisms` (None) there are no toggles, and all are 0.
 
         Raises:
             ValueError: `delta_v` [m/s] or `direction_deg` is not finite.
@@ -53,12 +54,9 @@ class LiveControls(LeafSystem):
         meshcat.AddButton(PUSH, PUSH_KEY)
         self._add_slider(SIZE, LARGEST, 0.01, delta_v)
         self._add_slider(DIRECTION, 355.0, 5.0, direction_deg % 360.0)
-        self._toggles = MECHANISMS if mechanisms is not None else {}
-        mechanisms = mechanisms or (False,) * len(MECHANISMS)
-        self._show_mechanisms(mechanisms)
-        self._state = self.DeclareDiscreteState(
-            [0.0, *self._sliders(), *mechanisms]
-        )
+        on = astuple(mechanisms)
+        self._show_mechanisms(on)
+        self._state = self.DeclareDiscreteState([0.0, *self._sliders(), *on])
         self._declare_output("live_push", slice(0, 3))
         self._declare_output("mechanisms", slice(3, 7))
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
@@ -93,10 +91,10 @@ class LiveControls(LeafSystem):
     def _show_mechanisms(self, on) -> None:
         """Shows all toggles, none of them clicked."""
         # All anew, lest they change places when one gets another label.
-        for name in self._toggles:
+        for name in LABELS:
             for label in _label(name, False), _label(name, True):
                 self._meshcat.DeleteButton(label, strict=False)
-        for name, is_on in zip(self._toggles, on, strict=False):
+        for name, is_on in zip(LABELS, on, strict=True):
             self._meshcat.AddButton(_label(name, is_on))
 
     def _begin(self, context, state):
@@ -114,7 +112,7 @@ class LiveControls(LeafSystem):
         values[1:3] = self._sliders()
         clicks = [
             self._meshcat.GetButtonClicks(_label(name, on))
-            for name, on in zip(self._toggles, values[3:], strict=False)
+            for name, on in zip(LABELS, values[3:], strict=True)
         ]
         if any(clicks):
             values[3:] = (values[3:] + clicks) % 2.0
@@ -124,4 +122,4 @@ class LiveControls(LeafSystem):
 
 
 def _label(name: str, on: float) -> str:
-    return f"{MECHANISMS[name]}: {'on' if on else 'off'}"
+    return f"{LABELS[name]}: {'on' if on else 'off'}"

@@ -1,5 +1,8 @@
 """The owner of the walking clock, phase and contacts."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
@@ -20,7 +23,12 @@ from nadia_balance.core.walking_state_machine import (
     advance,
 )
 from nadia_balance.systems.icp_planner import IcpPlan
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.ports import (
+    declare_input,
+    eval_finite,
+    eval_optional,
+    eval_typed,
+)
 
 PHASES = [Phase.STANDING, Phase.TRANSFER, Phase.SWING]
 
@@ -29,7 +37,8 @@ class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
     `time_adjustment` [s] and `adjustment` are proposals; what is not
-    connected is not used.
+    connected is not used.  If nobody proposes an adjustment, the feet go where
+    they are told, and only waiting helps: then there is no end of `patience`.
 
     `walking_signal` is the walking state as numbers, for logs: [phase
     (0 standing, 1 transfer, 2 swing), support side (+1 left, -1 right), time
@@ -56,6 +65,9 @@ class WalkingStateMachine(LeafSystem):
         super().__init__()
         params.validate()
         self._params, self._sole, self._reach = params, sole, reach
+        self._patient = replace(
+            params, lift_off=replace(params.lift_off, patience=math.inf)
+        )
         self._period = control_period
         poses = FootPoses(FootPose(), FootPose())
         self._foot_poses = declare_input(self, "foot_poses", poses)
@@ -94,32 +106,32 @@ class WalkingStateMachine(LeafSystem):
 
     def _advance(self, context, state):
         measured = Measurement(
-            eval_typed(self, context, self._foot_poses, FootPoses),
-            self._foot_forces.Eval(context),
-            self._icp.Eval(context),
+            lambda: eval_typed(self, context, self._foot_poses, FootPoses),
+            eval_finite(self, context, self._foot_forces),
+            eval_finite(self, context, self._icp),
         )
-        plan = eval_typed(self, context, self._icp_plan, IcpPlan)
+        proposal = self._proposal(context)
         now = advance(
             self._walking_state(context),
-            plan,
+            eval_typed(self, context, self._icp_plan, IcpPlan),
             measured,
             self._period,
             self._sole,
             self._reach,
-            self._params,
-            self._proposal(context),
+            self._params if proposal.adjustment else self._patient,
+            proposal,
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
 
     def _proposal(self, context) -> Proposal:
         """What is connected of the adapters; the rest stays as it is."""
-        gain, adjustment = 0.0, None
+        gain = 0.0
         if self._time.HasValue(context):
-            gain = float(self._time.Eval(context)[0])
-        if self._adjustment.HasValue(context):
-            adjustment = eval_typed(self, context, self._adjustment, Adjustment)
-        return Proposal(gain, adjustment)
+            gain = float(eval_finite(self, context, self._time)[0])
+        return Proposal(
+            gain, eval_optional(self, context, self._adjustment, Adjustment)
+        )
 
     def _calc_signal(self, context, output):
         output.SetFromVector(walking_signal(self._walking_state(context)))

@@ -467,3 +467,14 @@ def test_what_is_drawn_is_what_was_decided():
     for polygon in (*drawn.regions, drawn.reach):
         assert not polygon.flags.writeable
     assert CaptureRegions().regions == ()
+
+
+def test_a_region_that_is_gone_is_drawn_as_the_base_region():
+    """Oracle: what the regions have; cross-over was just switched off."""
+    state = state_at(0.3)
+    before = Adjustment(IN_PLACE.footsteps[0], NOMINAL, FORWARD)
+    base_only = replace(GEOMETRY, regions={BASE: GEOMETRY.regions[BASE]})
+    drawn = capture_regions(
+        state, np.array(OUT), 0.0, before, base_only, PARAMS, OMEGA
+    )
+    assert drawn.reach is GEOMETRY.regions[BASE]

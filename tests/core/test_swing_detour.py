@@ -9,7 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import LineString, box
 
-from nadia_balance.core.swing_detour import SwingDetourParams, way_round
+from nadia_balance.core.swing_detour import (
+    SwingDetourParams,
+    shortest_time,
+    way_round,
+)
 from nadia_balance.core.walking import FootPose, Side
 
 PARAMS = SwingDetourParams()
@@ -98,3 +102,47 @@ def test_refuses_bad_parameters(field, value):
     """Oracle: the message names the field and the value."""
     with pytest.raises(ValueError, match=f"{field} = {value}: must be in"):
         SwingDetourParams(**{field: value}).validate()
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0, 3.0])
+def test_shortest_time_is_that_of_full_thrust_forth_and_back(speed):
+    """Oracle: by bisection, when to brake so as to stop at the end."""
+    way = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, 0.4]])
+    a, low, high = PARAMS.max_acceleration, 0.0, 1.0
+    for _ in range(60):
+        thrust = 0.5 * (low + high)
+        top = speed + a * thrust
+        stop = 0.5 * (speed + top) * thrust + 0.5 * top * top / a
+        low, high = (thrust, high) if stop < 0.7 else (low, thrust)
+    velocity = np.array([speed, 7.0])  # across the way: does not count
+    found = shortest_time(way, PARAMS, velocity)
+    assert found == pytest.approx(thrust + top / a, abs=1e-9)
+
+
+def test_speed_away_from_the_goal_does_not_count():
+    """Oracle: the time from rest, by hand."""
+    way = np.array([[0.0, 0.0], [0.35, 0.0]])
+    found = shortest_time(way, PARAMS, np.array([-2.0, 0.0]))
+    assert found == pytest.approx(2.0 * math.sqrt(0.35 / 35.0), abs=1e-12)
+
+
+@given(st.floats(0.05, 1.0), st.floats(0.15, 0.9), st.floats(0.0, 1.0))
+def test_a_quintic_that_is_slow_enough_is_not_asked_for_more_time(d, T, s):
+    """Oracle: the quintic from rest to rest, seen from anywhere on its way.
+
+    It starts more softly than full thrust: behind by up to 4 % of its time.
+    """
+    T = max(T, 2.0 * math.sqrt(d / PARAMS.max_acceleration))
+    gone = s**3 * (10.0 - s * (15.0 - 6.0 * s))
+    v = 30.0 * (s * (1.0 - s)) ** 2 * d / T
+    way = np.array([[d * gone, 0.0], [d, 0.0]])
+    found = shortest_time(way, PARAMS, np.array([v, 0.0]))
+    assert found <= (1.0 - s + 0.04) * T
+
+
+@pytest.mark.parametrize("value", [0.0, math.inf, math.nan])
+def test_refuses_a_bad_acceleration(value):
+    """Oracle: the message names the field and the value."""
+    params = SwingDetourParams(max_acceleration=value)
+    with pytest.raises(ValueError, match=f"max_acceleration = {value}: must"):
+        params.validate()

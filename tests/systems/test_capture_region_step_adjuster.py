@@ -106,6 +106,72 @@ def test_proposes_what_the_core_proposes(adjuster, time_adjustment):
     assert found.pose is not IN_PLACE.footsteps[0].pose
 
 
+def switch(adjuster, context, *, step=1, cross_over=1):
+    port = adjuster.GetInputPort("mechanisms")
+    port.FixValue(context, [step, 0, 0, cross_over])
+
+
+ACROSS = np.array([0.1, 0.35])  # an ICP that no uncrossed step captures
+
+
+@pytest.mark.parametrize("built_with", [False, True])
+def test_the_switch_of_cross_over_does_what_the_parameter_would(built_with):
+    """Oracle: adjusters that were made with or without it, on, off, on."""
+    reach = ReachabilityParams(cross_over=built_with)
+    params = replace(PARAMS, reachability=reach)
+    adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA)
+    context = adjuster.CreateDefaultContext()
+    fix(adjuster, context, IN_AIR, ACROSS)
+    regions = []
+    for on in True, False, True:
+        reach = ReachabilityParams(cross_over=on)
+        other = CaptureRegionStepAdjuster(
+            replace(PARAMS, reachability=reach), SOLE, OMEGA
+        )
+        made = other.CreateDefaultContext()
+        fix(other, made, IN_AIR, ACROSS)
+        switch(adjuster, context, cross_over=on)
+        found = adjustment(adjuster, context)
+        assert_same(found, adjustment(other, made))
+        np.testing.assert_array_equal(
+            drawn(adjuster, context).reach, drawn(other, made).reach
+        )
+        regions.append(found.region)
+    assert regions == ["forward", "base", "forward"]
+
+
+def test_switched_off_it_proposes_nothing():
+    """Oracle: None, by the parameter or the switch; the switch comes first."""
+    for enabled in False, True:
+        params = replace(PARAMS, enabled=enabled)
+        adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA)
+        context = adjuster.CreateDefaultContext()
+        fix(adjuster, context, IN_AIR)
+        assert (adjustment(adjuster, context) is not None) is enabled
+        for on in True, False, True:
+            switch(adjuster, context, step=on)
+            found = adjustment(adjuster, context)
+            assert (found is not None) is on
+        assert_same(found, expected(IN_AIR))
+
+
+def test_switched_off_it_draws_what_there_is(adjuster):
+    """Oracle: the foothold that stays; its region is gone with cross-over."""
+    context = adjuster.CreateDefaultContext()
+    near = FootPose([0.03, -0.15, 0.0])
+    before = Adjustment(IN_PLACE.footsteps[0], near, "forward")
+    fix(adjuster, context, replace(IN_AIR, adjustment=before))
+    on = drawn(adjuster, context)
+    switch(adjuster, context, step=0, cross_over=0)
+    off = drawn(adjuster, context)
+    assert (off.adjusted, off.nominal) == (near, IN_PLACE.footsteps[0].pose)
+    assert len(off.regions) == len(on.regions) == 3
+    fix(adjuster, context, IN_AIR)
+    never = drawn(adjuster, context)
+    assert never.adjusted is never.nominal is IN_PLACE.footsteps[0].pose
+    np.testing.assert_array_equal(off.reach, never.reach)
+
+
 def test_reads_its_memory_back_from_the_walking_state(adjuster):
     """Oracle: the count of covered ticks goes on where the state has it."""
     context = adjuster.CreateDefaultContext()

@@ -1,20 +1,24 @@
 """Clicks as a browser sends them, put into a real Meshcat."""
 
 import math
+from dataclasses import fields
 
 import pytest
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.systems.live_controls import (
     DIRECTION,
-    MECHANISMS,
+    LABELS,
     PUSH,
     SIZE,
     LiveControls,
 )
+from tests.tab import click
 
 PERIOD = 0.02
+ALL = Mechanisms(True, True, True, True)
 
 
 @pytest.fixture
@@ -22,25 +26,14 @@ def meshcat() -> Meshcat:
     return Meshcat()
 
 
-def click(meshcat, button):
-    """What the tab sends over its websocket: {type: button, name: ...}."""
-
-    def packed(text):  # as MessagePack
-        size = len(text)
-        return bytes([0xA0 | size] if size < 32 else [0xD9, size]) + (
-            text.encode()
-        )
-
-    parts = ("type", "button", "name", button)
-    meshcat._InjectWebsocketMessage(b"\x82" + b"".join(map(packed, parts)))
-
-
 class Tab:
     """A tab, and what comes out of the controls at each poll."""
 
-    def __init__(self, meshcat, **options):
+    def __init__(self, meshcat, mechanisms=ALL, **options):
         self.meshcat = meshcat
-        self.controls = LiveControls(meshcat, period=PERIOD, **options)
+        self.controls = LiveControls(
+            meshcat, mechanisms, period=PERIOD, **options
+        )
         self.simulator = Simulator(self.controls)
         self.simulator.Initialize()
 
@@ -57,7 +50,7 @@ def test_begins_as_told(meshcat):
     """Oracle: the arguments; a negative direction is the same plus 360."""
     tab = Tab(
         meshcat,
-        mechanisms=(True, False, True, False),
+        mechanisms=Mechanisms(step=True, transfer=True),
         delta_v=0.45,
         direction_deg=-90.0,
     )
@@ -73,6 +66,11 @@ def test_begins_as_told(meshcat):
         ]
     )
     assert sorted(meshcat.GetSliderNames()) == sorted([SIZE, DIRECTION])
+
+
+def test_there_is_a_label_for_each_mechanism():
+    """Oracle: the fields, in their order."""
+    assert list(LABELS) == [field.name for field in fields(Mechanisms)]
 
 
 def test_counts_the_clicks_on_push(meshcat):
@@ -101,7 +99,7 @@ def test_follows_the_sliders(meshcat):
 def test_a_click_on_a_toggle_switches_its_mechanism(meshcat, index):
     """Oracle: off, and on again; the label says so, the others stay."""
     tab = Tab(meshcat)
-    label = list(MECHANISMS.values())[index]
+    label = list(LABELS.values())[index]
     for now, then, value in ("on", "off", 0.0), ("off", "on", 1.0):
         click(meshcat, f"{label}: {now}")
         tab.poll()
@@ -147,7 +145,7 @@ def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
 def test_another_run_in_the_same_tab_takes_over_its_controls(meshcat):
     """Oracle: one button and one slider each, set as the new run says."""
     Tab(meshcat, delta_v=0.2)
-    tab = Tab(meshcat, mechanisms=(False,) * 4, delta_v=0.6)
+    tab = Tab(meshcat, Mechanisms(), delta_v=0.6)
     assert tab.output("live_push") == pytest.approx([0.0, 0.6, 90.0])
     assert len(meshcat.GetButtonNames()) == 5
     assert not any(b.endswith(": on") for b in meshcat.GetButtonNames())
@@ -173,4 +171,4 @@ def test_the_outputs_depend_on_the_state_only(meshcat):
 def test_refuses_what_is_not_finite(meshcat, option, message):
     """Oracle: the message names the slider."""
     with pytest.raises(ValueError, match=message):
-        LiveControls(meshcat, **{option: math.nan})
+        LiveControls(meshcat, ALL, **{option: math.nan})

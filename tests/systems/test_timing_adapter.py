@@ -6,6 +6,7 @@ from pydrake.common.value import Value
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.time_adjustment import (
     TimingAdapterParams,
     time_adjustment,
@@ -15,22 +16,28 @@ from nadia_balance.systems.timing_adapter import TimingAdapter
 from tests.example_walks import OMEGA, SOLE, successor, walk
 
 PARAMS = TimingAdapterParams()
+DETOUR = SwingDetourParams()
+OFF = TimingAdapterParams(swing=False, transfer=False)
 PORTS = ("icp", "icp_plan", "walking_state", "foot_poses")
 
 
-def inputs(ahead=0.5):
-    """The values of all ports, in the first swing; the ICP is ahead [s]."""
-    first = walk(length=0.0)
-    plan = plan_icp(first, SOLE, IcpPlanParams(), OMEGA)
-    schedule = successor(first, plan)
+def inputs(ahead=0.5, transfer=False):
+    """The values of all ports, in the first swing; the ICP is ahead [s].
+
+    Or in the first `transfer`.
+    """
+    schedule = walk(length=0.0)
     plan = plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
+    if not transfer:
+        schedule = successor(schedule, plan)
+        plan = plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
     icp = plan.at(0.1 + ahead).icp
     return icp, plan, WalkingState(schedule, 0.1, 0.1), schedule.feet
 
 
 def adapter_with(values, params=PARAMS):
     """A context in which the ports have `values`, and its output."""
-    adapter = TimingAdapter(params, SOLE)
+    adapter = TimingAdapter(params, SOLE, DETOUR)
     context = adapter.CreateDefaultContext()
     for name, value in zip(PORTS, values, strict=True):
         if value is not None:
@@ -39,14 +46,48 @@ def adapter_with(values, params=PARAMS):
     return adapter.GetOutputPort("time_adjustment"), context
 
 
+def switch(output, context, *, swing=0, transfer=0):
+    port = output.get_system().GetInputPort("mechanisms")
+    port.FixValue(context, [0, swing, transfer, 0])
+
+
 @pytest.mark.parametrize("ahead", [0.0, 0.4, 0.5])
 def test_proposes_what_the_core_says(ahead):
     """Oracle: the core function, to the last bit."""
     values = icp, plan, state, feet = inputs(ahead)
     output, context = adapter_with(values)
-    expected = time_adjustment(icp, plan, state, feet, SOLE, PARAMS)
+    expected = time_adjustment(
+        icp, plan, state, lambda: feet, SOLE, DETOUR, PARAMS
+    )
     assert output.Eval(context) == np.array([expected])
     assert (expected > 0.0) is (ahead > 0.0)
+
+
+@pytest.mark.parametrize("transfer", [False, True])
+@pytest.mark.parametrize("params", [PARAMS, OFF], ids=["on", "off"])
+def test_switches_do_what_the_parameters_would(transfer, params):
+    """Oracle: an adapter with those parameters; the other switch does not."""
+    values = inputs(0.15 if transfer else 0.5, transfer)
+    output, context = adapter_with(values, params)
+    always, other = adapter_with(values)
+    expected = always.Eval(other).copy()
+    assert expected > 0.0
+    phases = ("swing", "transfer")
+    for name in (*phases, *phases):
+        switch(output, context, **{name: 1})
+        mine = (name == "transfer") is transfer
+        assert output.Eval(context) == (expected if mine else 0.0)
+
+
+@pytest.mark.parametrize("params", [PARAMS, OFF], ids=["on", "off"])
+def test_asks_where_the_feet_are_only_if_it_is_on(params):
+    """Oracle: the error of a port that has no value."""
+    output, context = adapter_with([*inputs()[:3], None], params)
+    if params is OFF:
+        assert output.Eval(context) == [0.0]
+    else:
+        with pytest.raises(RuntimeError, match="foot_poses"):
+            output.Eval(context)
 
 
 def test_has_no_memory():
@@ -81,7 +122,7 @@ def test_a_wrong_type_raises(index):
 def test_refuses_bad_params():
     """Oracle: the validation of the params."""
     with pytest.raises(ValueError, match=r"max_speed_up = 0\.5: must be >= 1"):
-        TimingAdapter(TimingAdapterParams(max_speed_up=0.5), SOLE)
+        TimingAdapter(TimingAdapterParams(max_speed_up=0.5), SOLE, DETOUR)
 
 
 def test_params_survive_yaml():

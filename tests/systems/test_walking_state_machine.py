@@ -1,10 +1,13 @@
 """Oracle: core.walking_state_machine, called with the same values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.foothold_adjustment import unadjusted
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import Phase, WalkingState
@@ -30,15 +33,22 @@ def machine_in(state):
     machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
     simulator = Simulator(machine)
     context = simulator.get_mutable_context()
+    plan = fix_inputs(machine, context, state)
+    return machine, simulator, context, plan
+
+
+def fix_inputs(machine, context, state, feet=FEET):
+    """Fixes all inputs that there must be; returns the plan."""
     plan = plan_icp(state.schedule, SOLE, IcpPlanParams(), OMEGA)
     for name, value in {
-        "foot_poses": Value(FEET),
+        "foot_poses": feet and Value(feet),
         "foot_forces": FORCES,
         "icp": ICP,
         "icp_plan": Value(plan),
     }.items():
-        machine.GetInputPort(name).FixValue(context, value)
-    return machine, simulator, context, plan
+        if value is not None:
+            machine.GetInputPort(name).FixValue(context, value)
+    return plan
 
 
 @pytest.mark.parametrize("time", [0.1, 0.3 - PERIOD])
@@ -52,7 +62,7 @@ def test_advances_once_a_period(time):
     expected = advance(
         state,
         plan,
-        Measurement(FEET, FORCES, ICP),
+        Measurement(lambda: FEET, FORCES, ICP),
         PERIOD,
         SOLE,
         REACH,
@@ -97,10 +107,44 @@ def test_a_clone_goes_its_own_way():
     assert port.Eval(context).time_in_phase > 0.1
 
 
+@pytest.mark.parametrize("adjuster", ["missing", "switched off", "on"])
+def test_its_patience_ends_only_if_the_feet_may_go_elsewhere(adjuster):
+    """Oracle: the parameter; who is switched off proposes None."""
+    state = WalkingState(walk(), 0.3, 0.3)
+    machine, simulator, context, _ = machine_in(state)
+    machine.GetInputPort("icp").FixValue(context, [0.06, 0.02])
+    if adjuster != "missing":
+        proposed = unadjusted(state.schedule) if adjuster == "on" else None
+        machine.GetInputPort("adjustment").FixValue(context, Value(proposed))
+    port = machine.GetOutputPort("walking_state")
+    simulator.AdvanceTo(5.0 * PERIOD)
+    assert port.Eval(context).waiting
+    simulator.AdvanceTo(PARAMS.lift_off.patience + 2.0 * PERIOD)
+    phase = port.Eval(context).schedule.phase
+    assert phase is (Phase.SWING if adjuster == "on" else Phase.TRANSFER)
+    simulator.AdvanceTo(10.0 * PARAMS.lift_off.patience)
+    assert port.Eval(context).waiting is (adjuster != "on")
+
+
+@pytest.mark.parametrize("time", [0.1, 0.3 - PERIOD])
+def test_asks_where_the_feet_are_only_when_the_contacts_change(time):
+    """Oracle: the error of a port that has no value; the last transfer."""
+    state = WalkingState(replace(walk(), footsteps=()), time)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
+    simulator = Simulator(machine)
+    fix_inputs(machine, simulator.get_mutable_context(), state, feet=None)
+    if time < 0.2:
+        simulator.AdvanceTo(0.5 * PERIOD)
+    else:
+        with pytest.raises(RuntimeError, match="foot_poses"):
+            simulator.AdvanceTo(0.5 * PERIOD)
+
+
 @pytest.mark.parametrize("name", ["foot_poses", "icp_plan"])
 def test_refuses_another_type(name):
     """Oracle: the message names the port."""
-    machine, simulator, context, _ = machine_in(WalkingState(walk()))
+    at_the_end = WalkingState(replace(walk(), footsteps=()), 0.3 - PERIOD)
+    machine, simulator, context, _ = machine_in(at_the_end)
     machine.GetInputPort(name).FixValue(context, Value(object()))
     with pytest.raises(TypeError, match=name):
         simulator.AdvanceTo(0.5 * PERIOD)
@@ -110,6 +154,10 @@ def test_needs_the_plan():
     """Oracle: Drake names the port that is not connected."""
     state = WalkingState(walk())
     machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
-    with pytest.raises(RuntimeError, match="foot_poses"):
-        Simulator(machine).AdvanceTo(PERIOD)
+    simulator = Simulator(machine)
+    context = simulator.get_mutable_context()
+    for name, value in ("foot_forces", FORCES), ("icp", ICP):
+        machine.GetInputPort(name).FixValue(context, value)
+    with pytest.raises(RuntimeError, match="icp_plan"):
+        simulator.AdvanceTo(PERIOD)
     assert state.schedule.phase is Phase.TRANSFER

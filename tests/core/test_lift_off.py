@@ -1,0 +1,118 @@
+"""Oracles: the ellipse by hand, and Eq. 3 integrated with the best eCMP."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.lift_off import LiftOffParams, may_lift
+from nadia_balance.core.lipm import icp_after
+from nadia_balance.core.support_polygon import support_polygon
+from tests.example_walks import OMEGA, SOLE, standing, successor, walk
+
+PARAMS = LiftOffParams()
+PERIOD = 1e-3
+
+
+def transfer():
+    """A transfer to the left foot, its plan, and where the ICP should end."""
+    first = walk(length=0.0)
+    plan = plan_icp(first, SOLE, IcpPlanParams(), OMEGA)
+    schedule = successor(first, plan)
+    plan = plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
+    schedule = successor(schedule, plan)
+    plan = plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
+    return schedule, plan, plan.at(schedule.duration).icp
+
+
+def lifts(offset, waited=0.0, params=PARAMS):
+    schedule, plan, end = transfer()
+    icp = end + np.array(offset)
+    return may_lift(schedule, plan, icp, SOLE, waited, params)
+
+
+def test_lifts_within_the_ellipse():
+    """Oracle: by hand; it is narrower on the outside of the foot."""
+    schedule, _, _ = transfer()
+    out = schedule.support_side.sign
+    assert lifts((0.034, 0.0))
+    assert lifts((-0.034, 0.0))
+    assert not lifts((0.036, 0.0))
+    assert lifts((0.0, -out * 0.0145))
+    assert not lifts((0.0, -out * 0.0155))
+    assert lifts((0.0, out * 0.0115))
+    assert not lifts((0.0, out * 0.0125))
+    assert lifts((0.0, 0.0))
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * math.pi, 13)[:-1])
+@pytest.mark.parametrize("patience", [0.1, 0.3])
+def test_waits_only_as_long_as_the_icp_can_return(angle, patience):
+    """Oracle: roll out Eq. 3 with the eCMP as far beyond the ICP as can be.
+
+    Along the error, that is; the least error for which there is no return
+    within the patience is found by bisection, both ways.
+    """
+    schedule, plan, end = transfer()
+    params = LiftOffParams(patience=patience)
+    away = np.array([math.cos(angle), math.sin(angle)])
+    support = support_polygon(schedule, SOLE)
+    farthest = end + away * (np.max((support - end) @ away) + 0.03)
+
+    def returns(length):
+        icp = end + length * away
+        for _ in range(round(patience / PERIOD)):
+            icp = icp_after(icp, farthest, OMEGA, PERIOD)
+            # Within the ellipse, as seen with endless patience gone.
+            if may_lift(
+                schedule, plan, icp, SOLE, 0.0, replace(params, patience=9e9)
+            ):
+                return True
+        return False
+
+    def hopeless(length):
+        return lifts(length * away, params=params)
+
+    edge = 0.04
+    low, high = edge, 0.5
+    assert hopeless(high)
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if hopeless(middle) else (middle, high)
+    assert not returns(high + 2e-3)
+    if high > edge + 2e-3:
+        assert returns(low - 2e-3)
+
+
+def test_what_is_left_of_the_patience_counts():
+    """Oracle: a wait that is worth while at first, and is not in the end."""
+    assert not lifts((0.05, 0.0), waited=0.0)
+    assert lifts((0.05, 0.0), waited=PARAMS.patience)
+    endless = LiftOffParams(patience=math.inf)
+    assert not lifts((0.05, 0.0), waited=1e9, params=endless)
+    assert lifts((1.0, 0.0), waited=0.0, params=endless)
+
+
+def test_does_not_wait_when_no_foot_is_to_be_lifted():
+    """Oracle: there is nothing to wait for, wherever the ICP is."""
+    _, plan, end = transfer()
+    last = replace(standing(), footsteps=())
+    assert may_lift(last, plan, end + 9.0, SOLE, 0.0, PARAMS)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("icp_error_forward", 0.0),
+        ("icp_error_inward", math.nan),
+        ("icp_error_outward", math.inf),
+        ("ecmp_outside", -0.1),
+        ("patience", math.nan),
+    ],
+)
+def test_refuses_bad_parameters(field, value):
+    """Oracle: the message names the field and the value."""
+    with pytest.raises(ValueError, match=f"{field} = {value}: must be"):
+        LiftOffParams(**{field: value}).validate()
