@@ -77,6 +77,7 @@ def command(
     return WholeBodyCommand(
         momentum_rate=np.array(momentum_rate, dtype=float),
         heading=(0.0, 0.0, 0.0),
+        turn=(0.0, 0.0, 0.0),
         contacts=contacts,
         max_normal_forces=max_normal_forces,
         swing=swing,

@@ -1,12 +1,12 @@
-"""CoM trajectories of Eq. 4 of the Nadia paper, from one linear system.
+"""CoM trajectories of Eq. 4 of the Nadia paper, from two recursions.
 
 Within a segment of duration T, with the local time t in [0, T],
 
     x(t) = c0 e^(w (t - T)) + c1 e^(-w t) + c2 t^3 + c3 t^2 + c4 t + c5.
 
 Counting the growing exponential from the end of the segment (Eq. 4: e^(w t))
-keeps the system well conditioned however long the segment is.  The eCMP
-x - xddot / w^2 is free of both exponentials, the ICP x + xdot / w of c1.
+keeps the numbers small however long the segment is.  The eCMP x - xddot / w^2
+is free of both exponentials, the ICP x + xdot / w of c1.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ def solve_segments(
 ) -> Array:
     """Returns the coefficients (N, 6, k) of N segments with a linear eCMP.
 
-    The 6N x 6N system of the Nadia paper, below Eq. 4: the eCMP and its
-    velocity at both ends of each segment, the CoM and its velocity continuous
-    between segments, the CoM at the start, and the ICP on the eCMP at the end.
-    All k axes share one factorisation.
+    They meet the 6N conditions below Eq. 4 of the Nadia paper: the eCMP and
+    its velocity at both ends of each segment, the CoM and its velocity
+    continuous between segments, the CoM at the start, and the ICP on the eCMP
+    at the end.  The paper's 6N x 6N system need not be solved, though: c2 and
+    c3 vanish, c4 and c5 are the eCMP's line, the ICP gives c0 from the last
+    segment to the first, and then the CoM gives c1 from the first to the last.
 
     Args:
         durations: (N,) [s], positive.
@@ -48,53 +50,31 @@ def solve_segments(
         com_start: (k,) [m].
         omega: natural frequency [rad/s].
     """
-    n, k = len(durations), ecmp.shape[1]
-    slope = (ecmp[1:] - ecmp[:-1]) / durations[:, None]
-    values = np.zeros((n, 6, k))
-    values[:, 0], values[:, 1] = ecmp[:-1], slope
-    values[:, 2], values[:, 3] = ecmp[1:], slope
-    values[-1, 4], values[-1, 5] = ecmp[-1], com_start
-    system = segment_system(durations, omega).reshape(6 * n, 6 * n)
-    solution = np.linalg.solve(system, values.reshape(6 * n, k))
-    return np.asarray(solution.reshape(n, 6, k), dtype=float)
+    start, end, T = ecmp[:-1], ecmp[1:], durations[:, None]
+    slope, decay = (end - start) / T, np.exp(-omega * T)
+    lead, zero = slope / omega, np.zeros_like(slope)
+    icp = _chain(
+        ecmp[-1],
+        (start + lead - decay * (end + lead))[::-1],
+        decay[::-1],
+    )[-2::-1]
+    c0 = 0.5 * (icp - end - lead)
+    com = _chain(com_start, end - decay * start + c0 * (1.0 - decay**2), decay)
+    c1 = com[:-1] - start - decay * c0
+    return np.stack([c0, c1, zero, zero, slope, start], axis=1)
 
 
-def segment_system(durations: Array, omega: float) -> Array:
-    """Returns the matrix of solve_segments, (N, 6, N, 6).
+def _chain(first: Array, offsets: Array, factors: Array) -> Array:
+    """Returns y (n + 1, k) with y_0 = first, y_i+1 = offset_i + factor_i y_i.
 
-    The axes are the segment and number of the condition, and the segment and
-    number of the coefficient.
+    In plain floats, since numpy takes longer for so few columns.
     """
-    n = len(durations)
-    com_0, velocity_0, ecmp_0, slope_0 = _rows(
-        0.0 * durations, durations, omega
-    )
-    com_T, velocity_T, ecmp_T, slope_T = _rows(durations, durations, omega)
-    system = np.zeros((n, 6, n, 6))
-    i, j = np.arange(n), np.arange(n - 1)
-    system[i, 0, i], system[i, 1, i] = ecmp_0, slope_0
-    system[i, 2, i], system[i, 3, i] = ecmp_T, slope_T
-    system[j, 4, j], system[j, 4, j + 1] = com_T[:-1], -com_0[1:]
-    system[j, 5, j], system[j, 5, j + 1] = velocity_T[:-1], -velocity_0[1:]
-    system[-1, 4, -1] = com_T[-1] + velocity_T[-1] / omega
-    system[-1, 5, 0] = com_0[0]
-    return system
-
-
-def _rows(t: Array, durations: Array, omega: float) -> Array:
-    """Returns rows for CoM, its velocity, eCMP and its velocity: (4, n, 6).
-
-    For n segments, each at its own local time t (n,) [s].
-    """
-    rows = np.zeros((4, len(t), 6))
-    com, velocity, ecmp, slope = rows
-    com[:, 0], com[:, 1] = np.exp(omega * (t - durations)), np.exp(-omega * t)
-    velocity[:, 0], velocity[:, 1] = omega * com[:, 0], -omega * com[:, 1]
-    com[:, 5] = velocity[:, 4] = 1.0
-    com[:, 4], com[:, 3], com[:, 2] = t, t * t, t * t * t
-    velocity[:, 3], velocity[:, 2] = 2.0 * t, 3.0 * t * t
-    ecmp[:, 2:], slope[:, 2:] = com[:, 2:], velocity[:, 2:]
-    ecmp[:, 2] -= 6.0 * t / omega**2
-    ecmp[:, 3] -= 2.0 / omega**2
-    slope[:, 2] -= 6.0 / omega**2
-    return rows
+    rates = factors[:, 0].tolist()
+    columns = []
+    for y, column in zip(first.tolist(), offsets.T.tolist(), strict=True):
+        values = [y]
+        for offset, rate in zip(column, rates, strict=True):
+            y = offset + rate * y
+            values.append(y)
+        columns.append(values)
+    return np.array(columns).T

@@ -13,7 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nadia_balance.core.quintic import end_beyond, quintic_at, time_to_pass
-from nadia_balance.core.swing_detour import SwingDetourParams, way_round
+from nadia_balance.core.swing_detour import (
+    SwingDetourParams,
+    shortest_time,
+    way_round,
+)
 from nadia_balance.core.walking import (
     Array,
     FootPose,
@@ -24,6 +28,7 @@ from nadia_balance.core.walking import (
 XY, Z, YAW = slice(2), slice(2, 3), 3
 
 _SOON = 0.02  # what is so near in time is not aimed at any more [s]
+_THERE = 0.01  # so near to its foothold, a foot may come down [m]
 _FALL = 0.175  # with less time left, a foot is not lifted so high [s]
 
 
@@ -83,27 +88,39 @@ def swing_foot_motion(
 
     `previous` is the reference of the last tick, `state` the walking state of
     this one.  Outside of a swing, the foot that will swing next rests where
-    it stands.  When the swing's clock has run out, the foot goes on downward
-    with the touchdown velocity until the ground stops it.
+    it stands.  A foot that cannot be in place in time comes later.  When it is
+    there, and the swing's clock has run out, it goes on downward with the
+    touchdown velocity until the ground stops it.
     """
     schedule = state.schedule
     side = schedule.support_side.other
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return FootMotion.at_rest(schedule.feet[side])
-    if state.waiting:
-        return _descend(previous, period, params)
-    goal = schedule.footsteps[0].pose
-    start, end = previous.pva, np.zeros((3, 4))
-    left = state.remaining_time + period
+    goal, start = schedule.footsteps[0].pose, previous.pva
+    way = way_round(
+        start[0, XY],
+        goal.p_WF[:2],
+        schedule.feet[side.other],
+        side,
+        params.detour,
+    )
+    needed = shortest_time(way, params.detour, start[1, XY])
+    left = state.remaining_time + (_SOON if state.waiting else period)
+    left = max(left, needed)
+    end = np.zeros((3, 4))
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
     for axes, via in (
-        (XY, _corner(start[0, XY], end[0, XY], state, params)),
+        (XY, way[1] if len(way) > 2 else None),
         (Z, _apex(start[:2, 2], float(end[0, 2]), left, state, params)),
     ):
         if via is not None:
             end[:, axes] = _aim(start[:, axes], end[:, axes], left, via)
-    return FootMotion(quintic_at(start, end, np.full(4, left), period))
+    pva = quintic_at(start, end, np.full(4, left), period)
+    if state.waiting and math.dist(start[0, XY], goal.p_WF[:2]) < _THERE:
+        z = float(start[0, 2]) - params.touchdown_velocity * period
+        pva[:, 2] = z, -params.touchdown_velocity, 0.0
+    return FootMotion(pva)
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
@@ -114,16 +131,6 @@ def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
     if min(t, left - t) < _SOON:
         return end
     return end_beyond(start, end, left, via, t)
-
-
-def _corner(
-    start: Array, goal: Array, state: WalkingState, params: SwingFootParams
-) -> Array | None:
-    """Returns the corner (2,) of the stance foot that is in the way."""
-    support = state.schedule.support_side
-    stance = state.schedule.feet[support]
-    way = way_round(start, goal, stance, support.other, params.detour)
-    return way[1] if len(way) > 2 else None
 
 
 def _apex(
@@ -139,16 +146,6 @@ def _apex(
     height = params.height * min(1.0, (left / _FALL) ** 2)
     apex = max(lift_off, ground) + height
     return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
-
-
-def _descend(
-    previous: FootMotion, period: float, params: SwingFootParams
-) -> FootMotion:
-    pva = np.zeros((3, 4))
-    pva[0] = previous.pva[0]
-    pva[0, Z] -= params.touchdown_velocity * period
-    pva[1, Z] = -params.touchdown_velocity
-    return FootMotion(pva)
 
 
 def _nearest_turn(yaw: float, reference: float) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,11 +66,13 @@ class FootPose:
     def __deepcopy__(self, memo: object) -> FootPose:
         return self
 
-    @property
+    @cached_property
     def rotation(self) -> Array:
         """R_WF restricted to the plane, shape (2, 2)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.array([[c, -s], [s, c]])
+        matrix = np.array([[c, -s], [s, c]])
+        matrix.flags.writeable = False
+        return matrix
 
     def to_world(self, points_F: Array) -> Array:
         """Points (n, 2) [m] of the sole frame, expressed in W."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.crossing_turn import crossing_turn
 from nadia_balance.core.walking import Phase, Side, WalkingState
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_terms import WholeBodyCommand
@@ -31,6 +32,7 @@ def whole_body_command(
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
+        turn=crossing_turn(state, swing, params.crossing_turn),
         contacts=(left, right),
         max_normal_forces=(
             max_normal_force(params, state, Side.LEFT, weight),

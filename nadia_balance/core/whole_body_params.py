@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field, fields
 
+from nadia_balance.core.crossing_turn import CrossingTurnParams
 from nadia_balance.core.qp_solver import SOLVERS
 
 
@@ -17,20 +18,20 @@ class WholeBodyQpParams:
     """
 
     # Soft tasks
-    momentum_weight: float = 100.0  # horizontal linear momentum / mass
-    height_weight: float = 10.0  # vertical linear momentum / mass
-    angular_momentum_weight: float = 1.0  # about the CoM / mass
+    momentum_weight: float = 1e3  # horizontal linear momentum / mass
+    height_weight: float = 30.0  # vertical linear momentum / mass
+    angular_momentum_weight: float = 0.1  # about the CoM / mass
     angular_momentum_damping: float = 5.0  # [1/s]
-    pelvis_weight: float = 5.0  # orientation
-    torso_weight: float = 5.0  # orientation
+    pelvis_weight: float = 0.5  # orientation
+    torso_weight: float = 0.5  # orientation
     orientation_gain: float = 80.0  # of both, kp [1/s^2]
-    swing_position_weight: float = 300.0
+    swing_position_weight: float = 100.0
     swing_position_gain: float = 150.0  # kp [1/s^2]
-    swing_orientation_weight: float = 30.0
+    swing_orientation_weight: float = 10.0
     swing_orientation_gain: float = 200.0  # kp [1/s^2]
-    posture_weight: float = 0.3
+    posture_weight: float = 0.03
     # The legs go where pelvis and feet go: this one only breaks ties.
-    leg_posture_weight: float = 1e-3
+    leg_posture_weight: float = 1e-4
     posture_gain: float = 80.0  # kp [1/s^2]
     damping_ratio: float = 1.0  # of all these tasks: kd = 2 ratio sqrt(kp)
     # Regularisation: it shares the load so that sole moments are small
@@ -48,9 +49,12 @@ class WholeBodyQpParams:
     unloaded_force: float = 50.0  # allowed at its end [N]
     # Joints
     joint_lower_limits: dict[str, float] = field(default_factory=dict)  # [rad]
-    joint_limit_horizon: float = 0.05  # looks ahead so far [s]
+    joint_limit_horizon: float = 0.1  # looks ahead so far [s]
     max_joint_acceleration: float = 500.0  # to keep the limits [rad/s^2]
     max_effort_ratio: float = 1.0  # of the actuators' limits [-]
+    crossing_turn: CrossingTurnParams = field(
+        default_factory=CrossingTurnParams
+    )
     solver: str = "active_set"  # see nadia_balance.core.qp_solver
 
     def validate(self) -> None:
@@ -78,6 +82,7 @@ class WholeBodyQpParams:
                 raise ValueError(
                     f"joint_lower_limits[{joint}] = {limit}: must be finite"
                 )
+        self.crossing_turn.validate()
         if self.solver not in SOLVERS:
             raise ValueError(
                 f"solver = {self.solver}: must be one of {', '.join(SOLVERS)}"

@@ -87,23 +87,25 @@ class WholeBodyTasks:
         x, y, z = command.momentum_rate.tolist()
         m = self._mass
         yaw, rate, acceleration = command.heading
+        turn, turn_rate, turn_acceleration = command.turn
         error = [
             *_NOTHING,
             *rotation_error(yaw, terms.rotations[2]),
-            *rotation_error(yaw, terms.rotations[3]),
+            *rotation_error(yaw + turn, terms.rotations[3]),
         ]
-        velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate]
+        velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate + turn_rate]
         # The force holds the weight, too: that is no rate of momentum.
         wanted = [x / m, y / m, z / m + GRAVITY, 0.0, 0.0, 0.0]
-        wanted += 0.0, 0.0, acceleration, 0.0, 0.0, acceleration
+        wanted += 0.0, 0.0, acceleration
+        wanted += 0.0, 0.0, acceleration + turn_acceleration
         if not all(command.contacts):
             side = command.contacts.index(False)
-            p, v, a, turn = command.swing.reshape(4, 3).tolist()
+            p, v, a, foot_yaw = command.swing.reshape(4, 3).tolist()
             px, py, pz = terms.sole_positions[side].tolist()
-            error += rotation_error(turn[0], terms.rotations[side])
+            error += rotation_error(foot_yaw[0], terms.rotations[side])
             error += p[0] - px, p[1] - py, p[2] - pz
-            velocity += 0.0, 0.0, turn[1], *v
-            wanted += 0.0, 0.0, turn[2], *a
+            velocity += 0.0, 0.0, foot_yaw[1], *v
+            wanted += 0.0, 0.0, foot_yaw[2], *a
         return np.array((error, velocity, wanted))
 
 

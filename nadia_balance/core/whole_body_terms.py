@@ -74,13 +74,15 @@ class WholeBodyCommand(NamedTuple):
     """What the robot is to do.
 
     `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
-    yawdot, yawddot) of pelvis and torso; `contacts`: does the (left, right)
-    sole carry; `max_normal_forces` [N] of the soles; `swing` is the reference
-    (12,) [p, v, a, yaw, yawdot, yawddot] of the sole that does not carry.
+    yawdot, yawddot) of the torso, and `turn` that of the pelvis on top of it;
+    `contacts`: does the (left, right) sole carry; `max_normal_forces` [N] of
+    the soles; `swing` is the reference (12,) [p, v, a, yaw, yawdot, yawddot]
+    of the sole that does not carry.
     """
 
     momentum_rate: Array
     heading: tuple[float, float, float]
+    turn: tuple[float, float, float]
     contacts: tuple[bool, bool]
     max_normal_forces: tuple[float, float]
     swing: Array

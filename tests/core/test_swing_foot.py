@@ -268,3 +268,27 @@ def test_refuses_bad_parameters(field, value):
     """Oracle: the message names the field and the value."""
     with pytest.raises(ValueError, match=f"{field} = {value}"):
         SwingFootParams(**{field: value}).validate()
+
+
+def test_a_foot_that_is_sent_away_too_late_comes_later():
+    """Oracle: the time that full thrust takes; the last centimetre is slow.
+
+    Half a metre with 0.1 s left: it does not land on the way, and the clock
+    does not hurry it.
+    """
+    goal = (-0.1, -0.4, 0.0)
+    clock = np.minimum(np.arange(0.0, 1.0, PERIOD), 0.7)
+    path = follow(
+        [swing_state(t, goal) if t >= 0.6 else swing_state(t) for t in clock]
+    )
+    late = path[clock >= 0.7]
+    there = np.hypot(*(late[:, 0, :2] - goal[:2]).T) < 0.01
+    arrival = np.flatnonzero(there)[0]
+    way = math.dist(goal[:2], (0.4, -0.15))
+    least = 2.0 * math.sqrt(way / PARAMS.detour.max_acceleration)
+    assert 0.1 + arrival * PERIOD == pytest.approx(least, abs=0.04)
+    assert late[:arrival, 0, 2].min() > 0.0
+    assert late[-1, 0, 2] < 0.0
+    # Twice full thrust: a quintic peaks at 1.44 times it, and it turns round.
+    most = 2.0 * PARAMS.detour.max_acceleration
+    assert np.hypot(*path[:, 2, :2].T).max() < most

@@ -63,7 +63,7 @@ def test_joints_brake_before_their_limits():
     state, horizon = standing_state(), params.joint_limit_horizon
     knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
     state[30 + knee] = -3.0  # straightens, and fast
-    lowest = state[knee + 1] - 0.02
+    lowest = state[knee + 1] - 0.005
     qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest))
     terms = terms_at(state)
     found = qp.solve(terms, command(terms, (False, True)))

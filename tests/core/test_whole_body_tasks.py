@@ -50,14 +50,15 @@ def test_tasks_are_met_where_nothing_is_in_the_way():
     swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
     swing[9:] = [0.15, 0.4, 0.5]
     wish = command(terms, (True, False))._replace(
-        swing=swing, heading=(0.2, 0.3, 0.4)
+        swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
     )
     found = WholeBodyQp(params, model()).solve(terms, wish)
     acceleration = terms.rows @ np.append(found.vdot, 1.0)
     kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
     upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
-    assert found.vdot[:3] == pytest.approx(upright, abs=2e-3)
     assert acceleration[-6:-3] == pytest.approx(upright, abs=2e-3)
+    turned = [0.0, 0.0, kp * math.sin(0.15) + kd * 0.4 + 0.6]
+    assert found.vdot[:3] == pytest.approx(turned, abs=2e-3)
     kp, kd = 200.0, 2.0 * math.sqrt(200.0)
     turn = [0.0, 0.0, kp * math.sin(0.05) + kd * 0.4 + 0.5]
     assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
