@@ -1,16 +1,21 @@
-"""The brain on a point mass: some hundred times faster than the robot."""
+"""The brain on a point mass, which is faster than the robot."""
 
 import math
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    System,
+)
 
-from diagrams.logs import SignalLog
+from diagrams.control_period import at_control_period
+from diagrams.logs import SignalLog, region_logs
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
 from nadia_balance.balance_controller import point_mass_of
 from nadia_balance.capture_point_controller import CapturePointController
-from nadia_balance.core.walking import Side
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
@@ -34,51 +39,66 @@ class LipmDiagram(Diagram):
         """Builds everything from the `scenario`."""
         super().__init__()
         self.scenario = scenario
-        params = scenario.controller_params()
-        period = params.control_period
         self.robot = load_robot(scenario.robot)
-        model = point_mass_of(self.robot)
+        model, period = point_mass_of(self.robot), scenario.lipm_period
+        params = at_control_period(scenario.controller_params(), period)
         initial = initial_walking_state(scenario)
         builder = DiagramBuilder()
-        brain = builder.AddNamedSystem(
+        self.brain = builder.AddNamedSystem(
             "capture_point_controller",
             CapturePointController(params, model, initial),
         )
-        swing = builder.AddNamedSystem(
+        self.swing = builder.AddNamedSystem(
             "swing_foot_planner",
             SwingFootPlanner(params.swing_foot, initial, period),
         )
-        self.plant = plant = builder.AddNamedSystem(
+        self.plant = builder.AddNamedSystem(
             "plant",
             PointMassPlant(
                 model.mass, model.omega, model.com_height, initial, period
             ),
         )
-        push = builder.AddNamedSystem(
+        self.push = builder.AddNamedSystem(
             "push_source", PushSource(scenario.pushes, model.mass, period)
         )
-        connect(builder, brain, swing, "walking_state")
-        connect(builder, brain, push, "walking_state")
+        self._watched = [
+            self.plant.GetOutputPort(name)
+            for name in ("com_state", "foot_poses")
+        ]
+        self._close_loop(builder)
+        self._log(builder, period)
+        builder.BuildInto(self)
+
+    def _close_loop(self, builder: DiagramBuilder) -> None:
+        brain, plant = self.brain, self.plant
+        connect(builder, brain, self.swing, "walking_state")
+        connect(builder, brain, self.push, "walking_state")
         connect(builder, brain, plant, "walking_state", "ecmp_command")
-        connect(builder, swing, plant, "swing_foot_reference")
-        connect(builder, push, plant, "push_force")
-        connect(builder, plant, brain, "com_state", "icp")
+        connect(builder, self.swing, plant, "swing_foot_reference")
+        connect(builder, self.push, plant, "push_force")
         connect(builder, plant, brain, "foot_poses", "foot_forces")
+        connect(builder, self._sensed(builder), brain, "com_state", "icp")
+
+    def _sensed(self, builder: DiagramBuilder) -> System:
+        """The system whose com_state and icp the brain gets: the truth."""
+        return self.plant
+
+    def _log(self, builder: DiagramBuilder, period: float) -> None:
+        logged = (
+            (self.plant, ("com_state", "icp", "foot_forces")),
+            (self.swing, ("swing_foot_reference",)),
+            (self.push, ("push_force",)),
+            (self.brain, BRAIN_LOGS),
+        )
         self._signal_log = SignalLog(
             builder,
             period,
             {
                 name: system.GetOutputPort(name)
-                for system, names in (
-                    (plant, ("com_state", "icp", "foot_forces")),
-                    (swing, ("swing_foot_reference",)),
-                    (push, ("push_force",)),
-                    (brain, BRAIN_LOGS),
-                )
+                for system, names in logged
                 for name in names
             },
         )
-        builder.BuildInto(self)
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass as the scenario's seed says."""
@@ -86,20 +106,19 @@ class LipmDiagram(Diagram):
             rng = np.random.default_rng(self.scenario.seed)
             state = self.plant.GetMyMutableContextFromRoot(
                 context
-            ).get_mutable_discrete_state_vector()
+            ).get_mutable_discrete_state(0)
             start = state.value().copy()
             start[:2] += rng.uniform(-1e-5, 1e-5, 2)
             state.set_value(start)
 
     def fall_reason(self, context: Context) -> str:
         """Why the point mass counts as fallen; empty while it does not."""
-        com = self.plant.GetOutputPort("com_state").Eval(
-            self.plant.GetMyContextFromRoot(context)
+        plant = self.plant.GetMyContextFromRoot(context)
+        com, feet = (port.Eval(plant) for port in self._watched)
+        nearest = min(
+            math.dist(com[:2], foot.p_WF[:2])
+            for foot in (feet.left, feet.right)
         )
-        feet = self.plant.GetOutputPort("foot_poses").Eval(
-            self.plant.GetMyContextFromRoot(context)
-        )
-        nearest = min(math.dist(com[:2], feet[side].p_WF[:2]) for side in Side)
         if nearest > FALLEN_DISTANCE:
             return "CoM out of reach of both feet"
         return ""
@@ -112,4 +131,5 @@ class LipmDiagram(Diagram):
         """All that was logged (see diagrams.logs)."""
         logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
-        return logs
+        adjuster = self.scenario.controller.step_adjuster
+        return logs | region_logs(adjuster.reachability)

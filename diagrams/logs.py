@@ -1,5 +1,7 @@
 """A log that costs next to nothing: every signal is sampled once a tick."""
 
+from dataclasses import replace
+
 import numpy as np
 from pydrake.systems.framework import (
     Context,
@@ -11,6 +13,8 @@ from pydrake.systems.primitives import (
     Multiplexer,
     ZeroOrderHold,
 )
+
+from nadia_balance.core.reachability import ReachabilityParams, step_regions
 
 
 class SignalLog:
@@ -56,3 +60,13 @@ class SignalLog:
             "t": log.sample_times()[:-1].copy(),
             **dict(zip(self._sizes, columns, strict=True)),
         }
+
+
+def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:
+    """Returns all regions (n, 2) [m] that a step can be put into.
+
+    Those for crossed legs too, whether or not that is allowed: it may be
+    switched on meanwhile.
+    """
+    crossing = replace(reach, cross_over=True)
+    return {f"region_{k}": v for k, v in step_regions(crossing).items()}

@@ -5,6 +5,7 @@ Everything is measured in one run, so that the ratios hold on any machine.
 Examples:
     python scripts/benchmark.py
     python scripts/benchmark.py --json --seconds 10
+    python scripts/benchmark.py --mechanisms all_with_cross_over
 """
 
 import json
@@ -29,6 +30,7 @@ def main(argv: list[str] | None = None) -> int:
         prog="benchmark.py", description=__doc__.partition("\n")[0]
     )
     parser.add_argument("--scenario_name", default="walk_in_place")
+    parser.add_argument("--mechanisms", help="to recover by, see push.py")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument(
         "--seconds", type=finite, default=5.0, help="to simulate, > 0 [s]"
@@ -36,6 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     try:
         scenario = load_scenario(args.scenario_name)
+        scenario.mechanisms = args.mechanisms or scenario.mechanisms
+        scenario.validate()
         if not args.seconds > 0.0:
             raise ValueError(f"seconds = {args.seconds}: must be > 0")
     except ValueError as error:

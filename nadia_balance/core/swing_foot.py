@@ -12,7 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nadia_balance.core.quintic import end_beyond, quintic_at, time_to_pass
+from nadia_balance.core.quintic import (
+    end_beyond,
+    quintic,
+    quintic_at,
+    time_to_pass,
+)
 from nadia_balance.core.swing_detour import (
     SwingDetourParams,
     shortest_time,
@@ -26,6 +31,11 @@ from nadia_balance.core.walking import (
 )
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
+
+# The time that the foot needs is stretched in such steps, and so often at the
+# most, until its acceleration is no more than so many times the largest [-].
+_STRETCH, _STRETCHES, _PEAK = 1.1, 8, 2.0
+_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the time to go
 
 _SOON = 0.02  # what is so near in time is not aimed at any more [s]
 _THERE = 0.01  # so near to its foothold, a foot may come down [m]
@@ -104,23 +114,47 @@ def swing_foot_motion(
         side,
         params.detour,
     )
-    needed = shortest_time(way, params.detour, start[1, XY])
-    left = state.remaining_time + (_SOON if state.waiting else period)
-    left = max(left, needed)
     end = np.zeros((3, 4))
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
-    for axes, via in (
-        (XY, way[1] if len(way) > 2 else None),
-        (Z, _apex(start[:2, 2], float(end[0, 2]), left, state, params)),
-    ):
-        if via is not None:
-            end[:, axes] = _aim(start[:, axes], end[:, axes], left, via)
+    left = state.remaining_time + (_SOON if state.waiting else period)
+    end[:, XY], left = _within_limits(start[:, XY], way, left, params.detour)
+    apex = _apex(start[:2, 2], float(end[0, 2]), left, state, params)
+    if apex is not None:
+        end[:, Z] = _aim(start[:, Z], end[:, Z], left, apex)
     pva = quintic_at(start, end, np.full(4, left), period)
     if state.waiting and math.dist(start[0, XY], goal.p_WF[:2]) < _THERE:
         z = float(start[0, 2]) - params.touchdown_velocity * period
         pva[:, 2] = z, -params.touchdown_velocity, 0.0
     return FootMotion(pva)
+
+
+def _within_limits(
+    start: Array, way: Array, left: float, detour: SwingDetourParams
+) -> tuple[Array, float]:
+    """Returns where to aim at (3, 2), and in which time >= `left` [s].
+
+    Along `way` (n, 2), round its first corner, and if it can be with no more
+    than twice the acceleration: a quintic has 1.44 times that of full thrust
+    forth and back, but also has to make good for speed across the way.
+    """
+    end = np.zeros((3, 2))
+    end[0] = way[-1]
+    needed = shortest_time(way, detour, start[1])
+    left = max(left, needed)
+    corner = len(way) > 2
+    times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
+    most = _PEAK * detour.max_acceleration
+    aim = end
+    for _ in range(_STRETCHES):
+        aim = _aim(start, end, left, way[1]) if corner else end
+        if left > _STRETCH**_STRETCHES * needed:
+            break
+        a = quintic(start, aim, np.full(2, left), left * times)[2]
+        if np.max(np.hypot(*a.T)) <= most:
+            break
+        left *= _STRETCH
+    return aim, left
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:

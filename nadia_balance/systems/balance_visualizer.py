@@ -21,6 +21,7 @@ from nadia_balance.systems.ports import eval_typed
 
 ROOT = "/overlay"
 MIDDLE = f"{ROOT}/middle"  # no object: where a camera may look
+REGIONS_PERIOD = 1.0 / 16.0  # they have many edges: not in every frame [s]
 STEPS_PER_SIDE = 2  # of the footsteps still to land, so many are drawn
 
 
@@ -49,7 +50,7 @@ class BalanceVisualizer(LeafSystem):
         meshcat: Meshcat,
         sole: np.ndarray,
         publish_period: float = 1.0 / 32.0,
-        regions_period: float = 1.0 / 16.0,
+        regions_period: float = REGIONS_PERIOD,
     ):
         """`sole` (n, 2) [m] are the corners of either sole in its frame.
 

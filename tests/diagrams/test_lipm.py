@@ -142,6 +142,28 @@ def test_the_mirrored_push_gives_the_mirrored_path():
         assert right[name] == pytest.approx(left[name] * mirror, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("mechanisms", "built"),
+    [
+        ("mechanisms: icp_only", set()),
+        ("mechanisms: step", {"step_adjuster"}),
+        ("mechanisms: step_swing", {"step_adjuster", "timing_adapter"}),
+        (
+            "mechanisms: custom, controller: {step_adjuster: {enabled: false}}",
+            {"timing_adapter"},
+        ),
+    ],
+)
+def test_has_only_what_its_mechanisms_use(mechanisms, built):
+    """Oracle: by hand; the regions come from who adjusts the step."""
+    diagram = diagram_of(f"{{{mechanisms}}}", "lipm")
+    brain = diagram.GetSubsystemByName("capture_point_controller")
+    adapters = {"step_adjuster", "timing_adapter"}
+    assert built == {n for n in adapters if brain.HasSubsystemNamed(n)}
+    assert brain.HasOutputPort("capture_regions") is ("step_adjuster" in built)
+    assert not brain.HasInputPort("mechanisms")
+
+
 def test_the_seed_shifts_the_start():
     """Oracle: none is exact; others differ, by 10 um at most."""
     starts = [

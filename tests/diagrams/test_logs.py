@@ -11,6 +11,7 @@ from diagrams.simulation import start
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002
+REGIONS = ("base", "forward", "backward")
 
 
 class Counter(LeafSystem):
@@ -108,12 +109,25 @@ def test_equals_the_ports_at_that_instant(plant):
     assert logs["t"][k] == pytest.approx(PERIOD * k)
     assert np.linalg.norm(logs["push_force"][k]) > 0.0
     ports = ports_of(diagram)
-    signals = [name for name, log in logs.items() if len(log.shape) == 2]
-    signals = set(signals) - {"sole", "foot_poses"}
+    rows = len(logs["t"])
+    signals = [n for n, a in logs.items() if a.ndim == 2 and len(a) == rows]
+    signals = set(signals) - {"foot_poses"}
     assert len(signals) >= 10
     for name in signals:
         context = ports[name].get_system().GetMyContextFromRoot(by_hand)
         assert np.array_equal(ports[name].Eval(context), logs[name][k]), name
+
+
+@pytest.mark.parametrize("plant", ["lipm", "humanoid"])
+def test_knows_where_a_foot_could_have_gone(plant):
+    """Oracle: Figs. 5 and 8, at the width of a scenario; crossing is off."""
+    width = "{reachability: {width_max: 0.6, width_forward: 0.2}}"
+    text = f"{{controller: {{step_adjuster: {width}}}}}"
+    diagram = diagram_of(text, plant)
+    logs = diagram.read_logs(start(diagram).get_context())
+    tips = [np.min(logs[f"region_{n}"][:, 1]) for n in REGIONS]
+    assert tips == pytest.approx([0.125, -0.2, 0.05])
+    assert np.max(logs["region_base"][:, 1]) == pytest.approx(0.6)
 
 
 def copy_new_states(diagram, source, target):

@@ -2,12 +2,22 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from shapely import Polygon
 
 from diagrams.plots import effort, footsteps, icp, timeline
 from diagrams.run_log import pushes
 from diagrams.summary import RunInfo, summarize
+from nadia_balance.core.reachability import ReachabilityParams, step_regions
 from nadia_balance.core.walking import Side
-from tests.diagrams.made_up_run import JOINTS, Recipe, make_log
+from nadia_balance.systems import palette
+from tests.diagrams.made_up_run import (
+    HALF_WIDTH,
+    JOINTS,
+    Recipe,
+    T,
+    make_log,
+)
 
 
 def summary_of(log):
@@ -55,16 +65,77 @@ def test_measured_contacts_are_those_of_the_forces(log):
     assert (start, duration) == pytest.approx((0.0, log["t"][-1]))
 
 
-def test_footsteps_are_drawn_from_the_push_until_after_the_recovery(log):
+def labelled(figure, start):
+    """The artist whose label begins like this."""
+    (ax,) = figure.axes
+    artists = [*ax.patches, *ax.lines]
+    (found,) = [a for a in artists if str(a.get_label()).startswith(start)]
+    return found
+
+
+def test_footsteps_are_drawn_from_the_push_until_both_feet_are_back(log):
     """Oracle: pushed in step 2 from 1.8 s on; steps 2 and 3 are adjusted.
 
-    One more step lands before the window ends with the phase after it.
+    Steps 4 and 5 bring the feet back, each in its second.
     """
     first, last = footsteps.window(log, pushes(log))
     assert log["t"][first] == pytest.approx(1.8)
+    assert log["t"][last] == pytest.approx(1.8 + 0.43 + 0.54 + 2.0)
+    written = texts(footsteps.draw(log, summary_of(log)))
+    assert [text for text in written if text] == [*"2345", *"2345"]
+
+
+def test_footsteps_say_how_long_each_step_took(log):
+    """Oracle: the recipe, and the colours of the feet."""
     figure = footsteps.draw(log, summary_of(log))
-    assert texts(figure)[:3] == ["2", "3", "4"]
-    assert log["t"][last] > 2.77
+    for label, side in (
+        ("2 left: 0.30 s transfer, 0.43 s swing", Side.LEFT),
+        ("3 right: 0.04 s transfer, 0.50 s swing", Side.RIGHT),
+        ("4 left: 0.30 s transfer, 0.70 s swing", Side.LEFT),
+    ):
+        color = to_hex(labelled(figure, label).get_edgecolor())
+        assert color == palette.foot_color(side)
+
+
+def test_footsteps_show_where_the_icp_was_at_each_touchdown(log):
+    """Oracle: the log, when the swings of the recipe are over."""
+    figure = footsteps.draw(log, summary_of(log))
+    dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    for dot, time in zip(dots, (2.23, 2.77, 3.77, 4.77), strict=True):
+        row = round(time / T)
+        found = [*dot.get_xdata(), *dot.get_ydata()]
+        assert found == pytest.approx(log["icp"][row])
+
+
+@pytest.mark.parametrize(
+    ("move", "word", "region"),
+    [
+        ((0.34, 0.34), "crossing in front", "forward"),
+        ((-0.45, 0.18), "crossing behind", "backward"),
+        ((0.3, -0.1), "feet side by side", "base"),
+    ],
+)
+def test_footsteps_show_what_the_step_that_moved_most_could_reach(
+    move, word, region
+):
+    """Oracle: Fig. 8's polygon about the left foot, mirrored by hand."""
+    changed = {3: (np.array(move), 0.5, 0.3)}
+    log = make_log(Recipe(pushed_step=3, changed=changed, miss=0.0))
+    patch = labelled(footsteps.draw(log, summary_of(log)), "reach of step 3")
+    assert patch.get_label().endswith(word)
+    reach = ReachabilityParams(cross_over=True)
+    polygon = step_regions(reach)[region] * [1.0, -1.0]
+    polygon[:, 1] += HALF_WIDTH
+    drawn, expected = Polygon(patch.get_xy()), Polygon(polygon)
+    assert drawn.symmetric_difference(expected).area < 1e-12
+
+
+def test_footsteps_that_went_as_planned_show_no_reach():
+    log = make_log(Recipe(changed={}))
+    assert not any(
+        str(patch.get_label()).startswith("reach")
+        for patch in footsteps.draw(log, summary_of(log)).axes[0].patches
+    )
 
 
 def test_footsteps_of_a_walk_are_all_drawn():

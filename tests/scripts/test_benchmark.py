@@ -13,10 +13,15 @@ BLOCKS = {
     "centroidal_estimator",
     "walking_state_machine",
     "icp_planner",
+    "timing_adapter",
+    "step_adjuster",
     "momentum_qp",
     "swing_foot_planner",
     "whole_body_inverse_dynamics",
 }
+
+
+ARGV = ["--mechanisms", "all_with_cross_over"]
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +30,7 @@ def figures():
     lines = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("builtins.print", lines.append)
-        assert benchmark.main(["--json", "--seconds", "0.2"]) == 0
+        assert benchmark.main([*ARGV, "--json", "--seconds", "0.2"]) == 0
     return json.loads("\n".join(lines))
 
 
@@ -71,6 +76,7 @@ def test_the_table_has_every_block(figures):
         (["--seconds", "nan"], "argument --seconds: 'nan': must be a finite"),
         (["--seconds", "x"], "argument --seconds: 'x': must be a finite"),
         (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
+        (["--mechanisms", "x"], "mechanisms = 'x': must be one of icp_only,"),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
     ],
 )

@@ -1,0 +1,233 @@
+"""The point mass recovers, with all mechanisms and with fewer of them.
+
+Of the protocol of the Nadia paper's Fig. 10: a push of 0.1 s at 25 % of the
+first right swing, while stepping in place.
+"""
+
+import copy
+import functools
+import itertools
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import EventStatus
+
+from diagrams.lipm import LipmDiagram
+from diagrams.mechanisms import MECHANISMS
+from diagrams.run_log import (
+    STEPS_TAKEN,
+    TARGET,
+    TIME_IN_PHASE,
+    WAITING,
+    Log,
+    pushes,
+    steps,
+)
+from diagrams.scenario import Scenario, load_scenario
+from diagrams.simulation import Run, simulate, start
+from diagrams.start import initial_walking_state
+from diagrams.summary import RunInfo, summarize
+from tests.diagrams.noisy_lipm import NoisyLipmDiagram
+
+ALL = "all_with_cross_over"
+# The largest push [m/s] that any controller could recover from by these means,
+# by direction [deg]: exhaustive reachability on the linear inverted pendulum,
+# up to 4 steps, foot 0.24 m x 0.12 m, CoM height 1.0 m, swing 0.7 s (0.4 s at
+# least), transfer 0.3 s (0.05 s at least), no angular momentum.  Column
+# all_with_cross_over of lipm_limit.csv, with which the project began.
+LIMIT = {
+    **{0: 1.86, 30: 1.58, 60: 0.95, 90: 0.82, 120: 0.71, 150: 1.15},
+    **{180: 1.86, 210: 2.00, 240: 1.75, 270: 1.56, 300: 1.79, 330: 2.00},
+}
+# The march: where it begins, ends at the latest, and its steps [m/s].  Faster
+# pushes than TOP tell the mechanisms apart no better, but take long.
+FIRST, TOP, STEP = 0.2, 1.5, 0.1
+# How unsharp the edge between recovered and not recovered is [m/s].
+RAGGED = 0.03
+
+
+@functools.cache
+def stepping(num_steps: int) -> Scenario:
+    """Steps in place, and is about to be pushed in the first right swing."""
+    text = "{gait: {num_steps: %d}, duration: %d, pushes: [%s]}"
+    push = "{delta_v: 0.0, phase: swing, side: right, fraction: 0.25}"
+    return load_scenario("push", text=text % (num_steps, 2 + num_steps, push))
+
+
+def pushed(
+    mechanisms: str, direction: float, delta_v: float, num_steps: int = 8
+) -> Scenario:
+    """The push in this direction [deg], so hard [m/s]."""
+    scenario = copy.deepcopy(stepping(num_steps))
+    scenario.mechanisms = mechanisms
+    (push,) = scenario.pushes
+    push.direction_deg, push.delta_v = direction, delta_v
+    return scenario
+
+
+def mirrored(scenario: Scenario) -> Scenario:
+    """The same, as seen in a mirror."""
+    scenario = copy.deepcopy(scenario)
+    scenario.gait.first_swing = "left"
+    (push,) = scenario.pushes
+    push.side, push.direction_deg = "left", -push.direction_deg
+    return scenario
+
+
+def run_of(scenario: Scenario) -> Run:
+    scenario.validate()
+    return simulate(LipmDiagram(scenario), scenario.duration)
+
+
+@functools.cache
+def moderate(direction: int) -> Run:
+    """All mechanisms, a push of 0.6 of the limit; do not change it."""
+    return run_of(pushed(ALL, direction, 0.6 * LIMIT[direction]))
+
+
+def summary_of(scenario: Scenario, run: Run) -> dict:
+    """All the steps of the gait, and the one in the air, are required."""
+    info = RunInfo(
+        robot=scenario.robot,
+        mechanisms=scenario.mechanisms,
+        fell_at=run.fell_at,
+        fall_reason=run.fall_reason,
+        error=run.error,
+        missed_pushes=run.missed_pushes,
+        required_steps=scenario.gait.num_steps,
+    )
+    return summarize(run.logs, info)
+
+
+def recovers(mechanisms: str, direction: float, delta_v: float) -> bool:
+    """Whether 4 more steps end with the ICP error below 5 cm."""
+    scenario = pushed(mechanisms, direction, delta_v, num_steps=4)
+    return summary_of(scenario, run_of(scenario))["recovered"]
+
+
+def march(mechanisms: str, direction: float, delta_v: float) -> float:
+    """Returns the largest push [m/s] recovered from, to half a STEP.
+
+    It goes on from `delta_v`, that is recovered from.
+    """
+    while delta_v < TOP and recovers(mechanisms, direction, delta_v + STEP):
+        delta_v += STEP
+    half = delta_v + 0.5 * STEP
+    if delta_v < TOP and recovers(mechanisms, direction, half):
+        return half
+    return delta_v
+
+
+@pytest.mark.parametrize("direction", LIMIT)
+def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
+    """Oracle: 0.85 of the physical limit, and 8 more steps."""
+    scenario = pushed(ALL, direction, 0.85 * LIMIT[direction])
+    summary = summary_of(scenario, run_of(scenario))
+    assert (summary["recovered"], summary["reason"]) == (True, "")
+    assert summary["steps_after_push"] == 8
+
+
+@pytest.mark.parametrize("direction", range(0, 360, 45))
+def test_more_mechanisms_never_recover_less(direction):
+    """Oracle: the mechanisms before, which are a part of these."""
+    largest = {name: 0.0 for name in MECHANISMS}
+    delta_v = FIRST
+    for name in MECHANISMS:
+        assert recovers(name, direction, delta_v), (name, delta_v, largest)
+        largest[name] = march(name, direction, delta_v)
+        delta_v = largest[name] - RAGGED
+    assert largest[ALL] >= largest["icp_only"] + 3 * STEP
+
+
+@pytest.mark.parametrize("direction", LIMIT)
+def test_goes_back_to_the_commanded_footholds(direction):
+    """Oracle: the gait as it was commanded; 3 cm, from the 6th step on."""
+    log = moderate(direction).logs
+    commanded = initial_walking_state(stepping(8)).schedule.footsteps
+    push = pushes(log)[0]
+    after = [step for step in steps(log) if step.swing.end > push.start]
+    away = [
+        np.linalg.norm(
+            step.achieved.p_WF - commanded[step.number - 1].pose.p_WF
+        )
+        for step in after
+    ]
+    assert len(away) == 8
+    assert away[0] > 0.1  # it did step elsewhere
+    assert max(away[5:]) < 0.03
+
+
+@pytest.mark.parametrize("direction", [30, 120, 210, 300])
+def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction):
+    """Oracle: the mirror; rounding alone tells left from right."""
+    scenario = pushed(ALL, direction, 0.6 * LIMIT[direction])
+    log = moderate(direction).logs
+    other = run_of(mirrored(scenario)).logs
+    for name in ("icp", "icp_reference", "ecmp_command", "com_state"):
+        signs = np.ones(log[name].shape[1])
+        signs[1 :: 3 if name == "com_state" else 2] = -1.0
+        assert log[name] == pytest.approx(other[name] * signs, abs=1e-9)
+
+
+def rules_used(diagram: LipmDiagram) -> tuple[list[tuple[int, str]], Log]:
+    """[(steps taken, reachability region), ...] as they change; the log."""
+    machine = diagram.brain.GetSubsystemByName("walking_state_machine")
+    port, used = machine.GetOutputPort("walking_state"), []
+
+    def look(context):
+        state = port.Eval(machine.GetMyContextFromRoot(context))
+        if state.adjustment:
+            used.append((state.steps_taken, state.adjustment.region))
+        return EventStatus.DidNothing()
+
+    simulator = start(diagram)
+    simulator.set_monitor(look)
+    simulator.AdvanceTo(diagram.scenario.duration)
+    log = diagram.read_logs(simulator.get_context())
+    return [key for key, _ in itertools.groupby(used)], log
+
+
+def stepping_in_noise(deviation: float, num_steps: int):
+    """Rules and log at the robot's control period; `deviation` [m/s]."""
+    scenario = pushed(ALL, 0.0, 0.0, num_steps)
+    scenario.pushes, scenario.lipm_period = [], 0.002
+    return rules_used(NoisyLipmDiagram(scenario, deviation))
+
+
+def test_noise_moves_no_foothold_and_hurries_no_clock():
+    """Oracle: the gait, to the last bit; 1 mm/s, white, in every tick."""
+    used, log = stepping_in_noise(0.001, num_steps=5)
+    assert used == [(step, "base") for step in range(5)]
+    signal = log["walking_signal"]
+    taken = signal[:, STEPS_TAKEN].astype(int)
+    steps_to_come = taken < 5
+    commanded = np.array(
+        [
+            [*step.pose.p_WF[:2], step.pose.yaw]
+            for step in initial_walking_state(stepping(5)).schedule.footsteps
+        ]
+    )
+    targets = signal[steps_to_come][:, TARGET]
+    assert np.array_equal(targets, commanded[taken[steps_to_come]])
+    ticks = np.diff(signal[:, TIME_IN_PHASE])
+    ticking = (ticks > 0.0) & (signal[1:, WAITING] == 0.0)
+    assert np.sum(ticking) > 2000
+    assert ticks[ticking] == pytest.approx(0.002, abs=1e-12)
+
+
+def test_a_hundred_times_the_noise_does():
+    """Oracle: the test above, which therefore can fail."""
+    _, log = stepping_in_noise(0.1, num_steps=2)
+    signal = log["walking_signal"]
+    assert len(np.unique(signal[:, TARGET], axis=0)) > 10
+    assert np.max(np.diff(signal[:, TIME_IN_PHASE])) > 0.01
+
+
+@pytest.mark.parametrize("direction", [60, 120, 240, 300])
+def test_noise_makes_no_rule_flicker_after_a_push(direction):
+    """Oracle: the same push without noise: the same rules in every swing."""
+    scenario = pushed(ALL, direction, 0.8 * LIMIT[direction], num_steps=3)
+    quiet, _ = rules_used(NoisyLipmDiagram(scenario, 0.0))
+    noisy, _ = rules_used(NoisyLipmDiagram(scenario, 0.001))
+    assert noisy == quiet
+    assert {region for _, region in quiet} > {"base"}  # she crosses her legs

@@ -1,0 +1,193 @@
+"""The Nadia paper's stories, told by the robot: Figs. 12, 13 and 14."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from shapely import Point, Polygon
+
+from diagrams.humanoid import HumanoidDiagram
+from diagrams.required_steps import required_steps
+from diagrams.run_log import (
+    Log,
+    PushSpan,
+    Step,
+    phase_spans,
+    pushes,
+    sole_pose,
+    steps,
+)
+from diagrams.scenario import load_scenario
+from diagrams.simulation import simulate
+from diagrams.summary import RunInfo, summarize
+from nadia_balance.core.reachability import (
+    FORWARD,
+    ReachabilityParams,
+    cross_over_region,
+)
+from nadia_balance.core.walking import FootPose, Phase, Side
+
+CROSSING = ReachabilityParams(cross_over=True)
+HALF_WIDTH, BACK = 0.125, 0.03  # of a stance; back at its foothold [m]
+
+
+@dataclass(frozen=True)
+class Story:
+    """A run, from its push on."""
+
+    log: Log
+    summary: dict
+
+    @property
+    def push(self) -> PushSpan:
+        (push,) = pushes(self.log)
+        return push
+
+    @property
+    def steps(self) -> list[Step]:
+        """Those that landed after the push had begun."""
+        return [s for s in steps(self.log) if s.swing.end > self.push.start]
+
+    def seen_from_stance(self, step: Step) -> np.ndarray:
+        """Where a step landed: forward, and toward its own side [m]."""
+        stance = sole_pose(self.log, step.swing.last, step.side.other)
+        p_F = stance.to_sole(step.achieved.p_WF[None, :2])[0]
+        return p_F * [1.0, step.side.sign]
+
+
+def tell(name: str, duration: float) -> Story:
+    """Simulates a scenario, no longer than it takes to see it out."""
+    scenario = load_scenario(name, text=f"{{duration: {duration}}}")
+    run = simulate(HumanoidDiagram(scenario), duration)
+    info = RunInfo(
+        robot=scenario.robot,
+        mechanisms=scenario.mechanisms,
+        fell_at=run.fell_at,
+        fall_reason=run.fall_reason,
+        error=run.error,
+        missed_pushes=run.missed_pushes,
+        improper_contacts=run.improper_contacts,
+        required_steps=required_steps(scenario, run.logs)[0],
+    )
+    return Story(run.logs, summarize(run.logs, info))
+
+
+@pytest.fixture(scope="module")
+def backward_shove() -> Story:
+    return tell("backward_shove", 6.0)
+
+
+@pytest.fixture(scope="module")
+def cross_over() -> Story:
+    return tell("cross_over", 7.0)
+
+
+def pushed_in(story: Story) -> tuple[Side, float]:
+    """The foot in the air when the push began, and how far its swing was."""
+    start = story.push.start
+    span = next(s for s in phase_spans(story.log) if start <= s.end)
+    assert span.phase is Phase.SWING
+    return span.swing_side, (start - span.start) / span.planned
+
+
+def distance(step: Step, x: float) -> float:
+    """How far it landed from the foothold x [m] ahead of the start."""
+    foothold = FootPose(np.array([x, step.side.sign * HALF_WIDTH, 0.0]))
+    return float(np.linalg.norm(step.achieved.p_WF - foothold.p_WF))
+
+
+@pytest.mark.parametrize("name", ["backward_shove", "cross_over"])
+def test_she_recovers_by_her_feet_alone(name, request):
+    """Oracle: the summary: upright, the ICP back, no contact but the soles'."""
+    summary = request.getfixturevalue(name).summary
+    assert summary["reason"] == ""
+    assert summary["recovered"]
+    assert summary["required_steps"] >= 2
+
+
+def test_she_is_shoved_backward_at_the_very_end_of_a_right_swing(
+    backward_shove,
+):
+    """Oracle: the paper, Sec. VII: swing 0.6 s, transfer 0.2 s, forward."""
+    side, part = pushed_in(backward_shove)
+    assert side is Side.RIGHT
+    assert 0.95 <= part <= 1.0
+    force = backward_shove.push.force
+    assert force[0] < 0.0
+    assert force[1] == pytest.approx(0.0, abs=1e-3 * abs(force[0]))
+    before = steps(backward_shove.log)[1]
+    assert before.swing.duration == pytest.approx(0.6, abs=0.02)
+    assert before.transfer.duration == pytest.approx(0.2, abs=0.02)
+    assert backward_shove.seen_from_stance(before)[0] > 0.05
+
+
+def test_after_a_backward_shove_the_next_transfer_shrinks(backward_shove):
+    """Oracle: Fig. 12: 0.03 s in place of 0.2 s; the swing 0.4 s, not 0.6 s.
+
+    She stepped back by about 0.3 m from where she was to step.
+    """
+    hurried = backward_shove.steps[1]
+    assert hurried.side is Side.LEFT
+    assert hurried.transfer.duration < 0.1
+    assert hurried.swing.duration < 0.5
+    assert hurried.adjustment[0] < -0.2
+    assert backward_shove.seen_from_stance(hurried)[0] < -0.1
+
+
+def test_after_a_backward_shove_she_walks_on(backward_shove):
+    """Oracle: the n-th of the gait's footholds is n times 0.1 m ahead.
+
+    The bar of the project: back within 3 cm, at most 6 steps after the push.
+    """
+    last = backward_shove.steps[2:6]
+    assert {step.side for step in last} == set(Side)
+    for step in last:
+        assert distance(step, 0.1 * step.number) < BACK
+
+
+def test_she_is_shoved_inward_while_stepping_in_place(cross_over):
+    """Oracle: the paper, Sec. VII: 25 % of a right swing, 0.7 s and 0.3 s."""
+    side, part = pushed_in(cross_over)
+    assert side is Side.RIGHT
+    assert part == pytest.approx(0.25, abs=0.01)
+    force = cross_over.push.force
+    assert force[1] > 0.0, "toward the left foot, on which she stands"
+    assert force[0] == pytest.approx(0.0, abs=1e-3 * force[1])
+    before = steps(cross_over.log)[1]
+    assert before.swing.duration == pytest.approx(0.7, abs=0.02)
+    assert before.transfer.duration == pytest.approx(0.3, abs=0.02)
+    assert distance(before, 0.0) < 0.02
+
+
+def test_her_right_foot_crosses_in_front_within_reach(cross_over):
+    """Oracle: R_fwd of Fig. 8; the stance foot's centre line is its x axis.
+
+    A sole may land 1 cm beside where it was to.
+    """
+    crossing = cross_over.steps[0]
+    assert crossing.side is Side.RIGHT
+    forward, out = cross_over.seen_from_stance(crossing)
+    assert out < 0.0, "beyond the centre line"
+    assert forward > 0.25, "in front: the soles, 0.25 m long, do not meet"
+    region = Polygon(cross_over_region(CROSSING, FORWARD))
+    assert region.distance(Point(forward, out)) < 0.01
+    planned = crossing.commanded.p_WF[1]
+    assert planned == pytest.approx(-HALF_WIDTH, abs=0.01)
+
+
+def test_the_next_step_uncrosses_her_legs(cross_over):
+    """Oracle: the base region: no nearer to the other foot than w_min."""
+    uncrossing = cross_over.steps[1]
+    assert uncrossing.side is Side.LEFT
+    forward, out = cross_over.seen_from_stance(uncrossing)
+    assert out > CROSSING.width_min - 0.01
+    assert np.hypot(forward, out) > 0.2, "the soles, 0.12 m wide, are apart"
+    assert uncrossing.achieved.p_WF[1] > HALF_WIDTH + 0.1, "she steps out"
+
+
+def test_after_crossing_her_feet_go_back_to_their_footholds(cross_over):
+    """Oracle: the bar of the project: 3 cm, in at most 6 steps."""
+    last = cross_over.steps[2:6]
+    assert {step.side for step in last} == set(Side)
+    for step in last:
+        assert distance(step, 0.0) < BACK
