@@ -301,15 +301,15 @@ def test_recovers_and_leaves_all_behind(tmp_path, capsys):
     argv = [*QUICK, "--duration", 7, "--direction", "inward", "--out", tmp_path]
     outcome = run_script(push, argv, capsys)
     assert (outcome.code, outcome.err) == (0, [])
-    assert "push 0.30 m/s inward, right swing 26 %" in outcome.out[0]
+    assert "push 0.45 m/s inward, right swing 26 %" in outcome.out[0]
     assert "RECOVERED" in outcome.out[-2]
     assert outcome.out[-1].startswith(f"wrote {tmp_path}/")
     summary = summary_of(tmp_path)
     assert summary["recovered"]
     short = "the run is too short for 8 more steps, 2 were required"
     assert summary["reason"] == short
-    assert f"RECOVERED without a step ({short})" in outcome.out[-2]
-    assert (summary["direction_deg"], summary["delta_v"]) == (90.0, 0.3)
+    assert f"RECOVERED in 1 step ({short})" in outcome.out[-2]
+    assert (summary["direction_deg"], summary["delta_v"]) == (90.0, 0.45)
     assert (summary["robot"], summary["plant"]) == ("nadia", "lipm")
     assert summary["fell_at"] is None
     names = {path.name for path in tmp_path.iterdir()}
