@@ -19,12 +19,12 @@ from diagrams.lipm import LipmDiagram
 from diagrams.mechanisms import MECHANISMS
 from diagrams.meshcat_scene import set_scene, start_meshcat
 from diagrams.replay import start_recording
-from diagrams.required_steps import required_steps
 from diagrams.run_folder import prepare_folder, write_run
+from diagrams.run_info import run_info
 from diagrams.scenario import Scenario, load_scenario
-from diagrams.simulation import Run, advance, start
+from diagrams.simulation import advance, start
 from diagrams.story import telling_lines
-from diagrams.summary import RunInfo, summarize
+from diagrams.summary import summarize
 
 RECOVERED, FELL, BAD_INPUT = 0, 1, 2
 
@@ -173,7 +173,9 @@ def _run(
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
     run = advance(simulator, scenario.duration, args.realtime_rate)
-    summary = summarize(run.logs, run_info(args, scenario, run))
+    summary = summarize(
+        run.logs, run_info(scenario, run, args.plant, args.scenario_name)
+    )
     for line in telling_lines(run.logs, summary):
         print(line)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
@@ -182,30 +184,6 @@ def _run(
     if args.hold and meshcat is not None:
         _hold(meshcat)
     return RECOVERED if summary["recovered"] else FELL
-
-
-def run_info(args: argparse.Namespace, scenario: Scenario, run: Run) -> RunInfo:
-    """What summary.json says beside the log."""
-    push = scenario.pushes[0] if scenario.pushes else None
-    required, wanted = required_steps(scenario, run.logs)
-    return RunInfo(
-        robot=scenario.robot,
-        mechanisms=scenario.mechanisms,
-        scenario=args.scenario_name,
-        plant=args.plant,
-        seed=scenario.seed,
-        direction_deg=push.direction_deg if push else None,
-        delta_v=push.delta_v if push else None,
-        fell_at=run.fell_at,
-        fall_reason=run.fall_reason,
-        error=run.error,
-        interrupted=run.interrupted,
-        missed_pushes=run.missed_pushes,
-        improper_contacts=run.improper_contacts,
-        cpu_time=run.cpu_time,
-        required_steps=required,
-        wanted_steps=wanted,
-    )
 
 
 def _hold(meshcat: Meshcat) -> None:

@@ -9,7 +9,13 @@ import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from playwright.sync_api import Browser, Error, Page, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    Error,
+    Page,
+    Playwright,
+    sync_playwright,
+)
 
 from nadia_balance.systems import palette
 from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
@@ -92,6 +98,22 @@ class View:
                 )
 
 
+def launch_chromium(playwright: Playwright) -> Browser:
+    """Returns a headless Chromium: the system's, else playwright's own.
+
+    Raises:
+        ValueError: there is none, or it does not start.
+    """
+    found = shutil.which("chromium") or shutil.which("google-chrome")
+    try:
+        return playwright.chromium.launch(executable_path=found, args=_FLAGS)
+    except Error as error:
+        raise ValueError(
+            "Chromium is missing or does not start: apt-get install "
+            "chromium, or playwright install chromium"
+        ) from error
+
+
 def write_strip(
     replay: Path, times: list[float], captions: list[str], view: View, out: Path
 ) -> None:
@@ -101,17 +123,8 @@ def write_strip(
         ValueError: a time is not within the replay, or there is no Chromium.
     """
     view.validate()
-    found = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
-        try:
-            browser = playwright.chromium.launch(
-                executable_path=found, args=_FLAGS
-            )
-        except Error as error:
-            raise ValueError(
-                "Chromium is missing or does not start: apt-get install "
-                "chromium, or playwright install chromium"
-            ) from error
+        browser = launch_chromium(playwright)
         pictures = _pictures(browser, replay, times, view)
         page = browser.new_page(device_scale_factor=1)
         page.set_viewport_size(

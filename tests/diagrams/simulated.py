@@ -4,9 +4,10 @@ import functools
 
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
+from diagrams.run_info import run_info
 from diagrams.scenario import Scenario, load_scenario
 from diagrams.simulation import Run, simulate
-from diagrams.summary import RunInfo, summarize
+from diagrams.summary import summarize
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 
@@ -39,13 +40,4 @@ def _simulated(text: str, plant: str) -> Run:
 def figures(text: str = "{}", plant: str = "humanoid") -> dict:
     """The summary of that scenario."""
     run = simulated(text, plant)
-    info = RunInfo(
-        robot="nadia",
-        mechanisms="icp_only",
-        fell_at=run.fell_at,
-        fall_reason=run.fall_reason,
-        error=run.error,
-        missed_pushes=run.missed_pushes,
-        cpu_time=run.cpu_time,
-    )
-    return summarize(run.logs, info)
+    return summarize(run.logs, run_info(scenario_of(text), run, plant))

@@ -7,6 +7,7 @@ first right swing, while stepping in place.
 import copy
 import functools
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from pydrake.systems.framework import EventStatus
 
 from diagrams.lipm import LipmDiagram
 from diagrams.mechanisms import MECHANISMS
+from diagrams.run_info import run_info
 from diagrams.run_log import (
     STEPS_TAKEN,
     TARGET,
@@ -26,7 +28,7 @@ from diagrams.run_log import (
 from diagrams.scenario import Scenario, load_scenario
 from diagrams.simulation import Run, simulate, start
 from diagrams.start import initial_walking_state
-from diagrams.summary import RunInfo, summarize
+from diagrams.summary import summarize
 from tests.diagrams.noisy_lipm import NoisyLipmDiagram
 
 ALL = "all_with_cross_over"
@@ -87,13 +89,8 @@ def moderate(direction: int) -> Run:
 
 def summary_of(scenario: Scenario, run: Run) -> dict:
     """All the steps of the gait, and the one in the air, are required."""
-    info = RunInfo(
-        robot=scenario.robot,
-        mechanisms=scenario.mechanisms,
-        fell_at=run.fell_at,
-        fall_reason=run.fall_reason,
-        error=run.error,
-        missed_pushes=run.missed_pushes,
+    info = replace(
+        run_info(scenario, run, "lipm"),
         required_steps=scenario.gait.num_steps,
     )
     return summarize(run.logs, info)
