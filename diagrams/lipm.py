@@ -1,6 +1,7 @@
 """The brain on a point mass, which is faster than the robot."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import (
@@ -10,7 +11,6 @@ from pydrake.systems.framework import (
     System,
 )
 
-from diagrams.control_period import at_control_period
 from diagrams.logs import SignalLog, region_logs
 from diagrams.scenario import Scenario
 from diagrams.start import initial_walking_state
@@ -41,7 +41,7 @@ class LipmDiagram(Diagram):
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
         model, period = point_mass_of(self.robot), scenario.lipm_period
-        params = at_control_period(scenario.controller_params(), period)
+        params = replace(scenario.controller_params(), control_period=period)
         initial = initial_walking_state(scenario)
         builder = DiagramBuilder()
         self.brain = builder.AddNamedSystem(

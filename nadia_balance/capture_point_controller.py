@@ -181,7 +181,10 @@ def _add_timing(
     timing = builder.AddNamedSystem(
         "timing_adapter",
         TimingAdapter(
-            params.timing_adapter, model.sole, params.swing_foot.detour
+            params.timing_adapter,
+            model.sole,
+            params.swing_foot.detour,
+            params.control_period,
         ),
     )
     connect(builder, machine, timing, "walking_state")
@@ -201,7 +204,10 @@ def _add_adjuster(
     adjuster = builder.AddNamedSystem(
         "step_adjuster",
         CaptureRegionStepAdjuster(
-            params.step_adjuster, model.sole, model.omega
+            params.step_adjuster,
+            model.sole,
+            model.omega,
+            params.control_period,
         ),
     )
     connect(builder, machine, adjuster, "walking_state")

@@ -148,7 +148,10 @@ def write_imitation(path: Path) -> None:
     visualizer = builder.AddSystem(BalanceVisualizer(meshcat, SOLE))
     adjuster = builder.AddSystem(
         CaptureRegionStepAdjuster(
-            CaptureRegionStepAdjusterParams(), SOLE, omega=3.3
+            CaptureRegionStepAdjusterParams(),
+            SOLE,
+            omega=3.3,
+            control_period=0.002,
         )
     )
     connect(builder, adjuster, visualizer, "capture_regions")

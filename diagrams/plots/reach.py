@@ -15,6 +15,7 @@ from diagrams.plots.plan_view import (
     share_legend,
 )
 from diagrams.plots.regions import CROSSING, NOMINAL, OMEGA, STANCE, SWING
+from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.foothold_adjustment import adjust_foothold, unadjusted
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
@@ -83,7 +84,11 @@ def draw_rules() -> Figure:
         one_step = geometry.one_step_region(np.array(icp), OMEGA, TOUCHDOWN)
         captures = geometry.capture_region(one_step)
         found = adjust_foothold(
-            unadjusted(_schedule()), captures, geometry, params
+            unadjusted(_schedule()),
+            captures,
+            geometry,
+            params,
+            ControllerParams().control_period,
         )
         for name, region in geometry.regions.items():
             if name != found.region:

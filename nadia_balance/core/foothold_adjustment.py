@@ -18,6 +18,7 @@ from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.reach_rules import Choice, choose_region
 from nadia_balance.core.reachability import BASE
 from nadia_balance.core.swing_geometry import SwingGeometry
+from nadia_balance.core.ticks import number_of_ticks
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -73,12 +74,14 @@ def propose_adjustment(
     geometry: SwingGeometry,
     params: CaptureRegionStepAdjusterParams,
     omega: float,
+    period: float,
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick.
 
     `icp` (2,) [m] in W; `time_adjustment` [s] >= 0 is about to be added to
-    the clock.  It stays as it is too early and too late in a swing; early,
-    because the ICP jumps when the contacts change.
+    the clock; a tick lasts `period` [s].  The foothold stays as it is too
+    early and too late in a swing; early, because the ICP jumps when the
+    contacts change.
     """
     current = state.adjustment or unadjusted(state.schedule)
     touchdown = touchdown_interval(state, time_adjustment, params)
@@ -91,7 +94,7 @@ def propose_adjustment(
         return current
     one_step = geometry.one_step_region(icp, omega, touchdown)
     return adjust_foothold(
-        current, geometry.capture_region(one_step), geometry, params
+        current, geometry.capture_region(one_step), geometry, params, period
     )
 
 
@@ -121,17 +124,19 @@ def adjust_foothold(
     capture_region: Array,
     geometry: SwingGeometry,
     params: CaptureRegionStepAdjusterParams,
+    period: float,
 ) -> Adjustment:
     """Returns the adjustment that puts the foot into `capture_region` (n, 2).
 
     The nominal foothold, not the last one, is projected on what the capture
     region shares with the region that the rules choose, so that the foothold
-    comes back with the ICP.  The result keeps the pose object of `current`,
-    or that of the nominal foothold, unless the foothold moves.
+    comes back with the ICP; a tick lasts `period` [s].  The result keeps the
+    pose object of `current`, or that of the nominal foothold, unless the
+    foothold moves.
     """
     nominal = current.nominal.pose
     if _covered(nominal.p_WF[:2], capture_region, geometry, params):
-        return _return_to_nominal(current, capture_region, params)
+        return _return_to_nominal(current, capture_region, params, period)
     adjusted = current.pose is not nominal
     choice = choose_region(
         geometry.regions,
@@ -168,13 +173,14 @@ def _return_to_nominal(
     current: Adjustment,
     capture_region: Array,
     params: CaptureRegionStepAdjusterParams,
+    period: float,
 ) -> Adjustment:
-    """Waits for `return_ticks`, if the present foothold is good as well."""
+    """Waits for `return_time`, if the present foothold is good as well."""
     nominal = current.nominal
     ticks = current.covered_ticks + 1
     if (
         current.pose is nominal.pose
-        or ticks >= params.return_ticks
+        or ticks >= number_of_ticks(params.return_time, period)
         or not contains(current.pose.p_WF[:2], capture_region)
     ):
         return Adjustment(nominal, nominal.pose)

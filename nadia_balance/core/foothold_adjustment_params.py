@@ -18,6 +18,7 @@ NOT_NEGATIVE = (
     "sole_clearance",
     "freeze_time",
     "settling_time",
+    "return_time",
 )
 
 
@@ -53,8 +54,8 @@ class CaptureRegionStepAdjusterParams:
     freeze_time: float = 0.05  # no change so shortly before touchdown [s]
     settling_time: float = 0.01  # nor so early in a swing [s]
     # Back to the foothold that was to be, when the region has covered it for
-    # so many ticks in a row.
-    return_ticks: int = 25  # [-]
+    # so long without a break [s].
+    return_time: float = 0.05
 
     def validate(self) -> None:
         """Raises ValueError if a field, here or below, is out of range."""
@@ -74,8 +75,6 @@ class CaptureRegionStepAdjusterParams:
             value = getattr(self, name)
             if not value > 0.0:
                 raise ValueError(f"{name} = {value}: must be > 0 s")
-        if not self.return_ticks >= 1:
-            raise ValueError(f"return_ticks = {self.return_ticks}: must be > 0")
         self.reachability.validate()
         self.rules.validate()
 

@@ -15,6 +15,7 @@ from nadia_balance.core.swing_detour import (
     shortest_time,
     way_round,
 )
+from nadia_balance.core.ticks import share_of_tick
 from nadia_balance.core.walking import (
     Array,
     FootPose,
@@ -42,10 +43,13 @@ class TimingAdapterParams:
 
     swing: bool = True  # shorten the swing
     transfer: bool = True  # shorten the transfer
-    # Of each tick.  0.8 overshoots by up to 0.1 s where the eCMP moves, and
-    # the clock cannot be turned back; 0.4 does not.
-    swing_discount: float = 0.1  # gamma of a swing [-]
-    transfer_discount: float = 0.4  # gamma of a transfer [-]
+    # The clock makes up for the time by which the ICP is ahead of the plan
+    # within about this; 0: all at once.  The paper's gamma is the share of a
+    # tick of T, 1 - e^(-T / time constant): in 2 ms, 0.1 of a swing and 0.4
+    # of a transfer.  A share of 0.8 overshoots by up to 0.1 s where the eCMP
+    # moves, and the clock cannot be turned back; 0.4 does not.
+    swing_time_constant: float = 0.01898  # [s]
+    transfer_time_constant: float = 0.003915  # [s]
     icp_error_threshold: float = 0.03  # smaller errors change no clock [m]
     min_swing_duration: float = 0.4  # [s]
     min_transfer_duration: float = 0.05  # [s]
@@ -56,9 +60,9 @@ class TimingAdapterParams:
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
-        for name in ("swing_discount", "transfer_discount"):
-            self._check(name, 0.0 < getattr(self, name) <= 1.0, "in (0, 1]")
         for name, least in (
+            ("swing_time_constant", 0.0),
+            ("transfer_time_constant", 0.0),
             ("icp_error_threshold", 0.0),
             ("min_swing_duration", 0.35),
             ("min_transfer_duration", 0.03),
@@ -66,20 +70,21 @@ class TimingAdapterParams:
             ("support_margin", 0.0),
             ("max_speed_up", 1.0),
         ):
-            valid = least <= getattr(self, name) < math.inf
-            self._check(name, valid, f">= {least}, finite")
+            if not least <= (value := getattr(self, name)) < math.inf:
+                raise ValueError(
+                    f"{name} = {value}: must be >= {least}, finite"
+                )
 
-    def discount(self, phase: Phase) -> float:
-        """Gamma of `phase`; 0 where the clock is left alone."""
+    def discount(self, phase: Phase, period: float) -> float:
+        """Gamma of `phase`, for ticks of `period` [s].
+
+        0 where the clock is left alone.
+        """
         if phase is Phase.SWING and self.swing:
-            return self.swing_discount
+            return share_of_tick(self.swing_time_constant, period)
         if phase is Phase.TRANSFER and self.transfer:
-            return self.transfer_discount
+            return share_of_tick(self.transfer_time_constant, period)
         return 0.0
-
-    def _check(self, name: str, valid: bool, rule: str) -> None:
-        if not valid:
-            raise ValueError(f"{name} = {getattr(self, name)}: must be {rule}")
 
 
 def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
@@ -190,6 +195,7 @@ def time_adjustment(
     sole: Array,
     detour: SwingDetourParams,
     params: TimingAdapterParams,
+    period: float,
 ) -> float:
     """Returns by how much [s] to advance the clock now; negative: to hold it.
 
@@ -198,10 +204,10 @@ def time_adjustment(
     the ICP leave the support, all that there is: the next step must come at
     once.  Limited by what the phase, and in a swing the foot, need.  `feet`
     is asked only then for the measured soles.  `sole` (n, 2) [m] are the
-    corners of either sole in its own frame.
+    corners of either sole in its own frame; a tick lasts `period` [s].
     """
     phase = state.schedule.phase
-    discount = params.discount(phase)
+    discount = params.discount(phase, period)
     if discount == 0.0 or state.waiting or not state.schedule.footsteps:
         return 0.0
     reference = plan.at(state.time_in_phase)

@@ -12,6 +12,7 @@ from nadia_balance.core.footstep_plan import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.lift_off import LiftOffParams, may_lift
 from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.ticks import number_of_ticks
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -30,7 +31,7 @@ class WalkingStateMachineParams:
     standing_duration: float = 0.5  # before the first step [s]
     earliest_touchdown: float = 0.5  # fraction of the swing [-]
     contact_force: float = 30.0  # the foot has landed above this [N]
-    contact_ticks: int = 2  # for so many ticks in a row [-]
+    contact_time: float = 0.004  # for so long without a break [s]
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
 
     def validate(self) -> None:
@@ -39,6 +40,7 @@ class WalkingStateMachineParams:
             "standing_duration",
             "earliest_touchdown",
             "contact_force",
+            "contact_time",
         ):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
@@ -46,10 +48,6 @@ class WalkingStateMachineParams:
         if not self.earliest_touchdown < 1.0:
             raise ValueError(
                 f"earliest_touchdown = {self.earliest_touchdown}: must be < 1"
-            )
-        if not self.contact_ticks > 0:
-            raise ValueError(
-                f"contact_ticks = {self.contact_ticks}: must be > 0"
             )
         self.lift_off.validate()
 
@@ -105,7 +103,9 @@ def advance(
             icp, waited = measured.icp, state.waited
             if may_lift(schedule, plan, icp, sole, waited, params.lift_off):
                 return _end_transfer(state, plan, measured)
-        case Phase.SWING if state.contact_ticks >= params.contact_ticks:
+        case Phase.SWING if state.contact_ticks >= number_of_ticks(
+            params.contact_time, period
+        ):
             landed = replace(
                 state,
                 commanded=state.commanded[1:],

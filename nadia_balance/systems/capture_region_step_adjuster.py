@@ -52,12 +52,17 @@ class CaptureRegionStepAdjuster(LeafSystem):
         params: CaptureRegionStepAdjusterParams,
         sole: np.ndarray,
         omega: float,
+        control_period: float,
     ):
-        """For soles with the corners `sole` (n, 2) [m]; omega [rad/s]."""
+        """For soles with the corners `sole` (n, 2) [m]; omega [rad/s].
+
+        The proposal is taken once per `control_period` [s].
+        """
         super().__init__()
         params.validate()
         params.usable_foot(sole)  # raises if nothing is left of it
         self._sole, self._omega = sole, omega
+        self._period = control_period
         self._icp = self.DeclareVectorInputPort("icp", 2)
         self._walking_state = self.DeclareAbstractInputPort(
             "walking_state", Value(object())
@@ -125,6 +130,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
                 self._swing_geometry(context),
                 params,
                 self._omega,
+                self._period,
             )
         )
 

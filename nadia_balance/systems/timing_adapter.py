@@ -35,15 +35,18 @@ class TimingAdapter(LeafSystem):
         params: TimingAdapterParams,
         sole: np.ndarray,
         detour: SwingDetourParams,
+        control_period: float,
     ):
         """For a foot that swings as `detour` says.
 
-        `sole` (n, 2) [m] are the corners of either sole in its frame.
+        `sole` (n, 2) [m] are the corners of either sole in its frame; the
+        clock is advanced once per `control_period` [s].
         """
         super().__init__()
         params.validate()
         detour.validate()
         self._sole, self._detour = sole, detour
+        self._period = control_period
         self._icp = self.DeclareVectorInputPort("icp", 2)
         self._plan, self._state, self._feet = (
             self.DeclareAbstractInputPort(name, Value(object()))
@@ -61,4 +64,5 @@ class TimingAdapter(LeafSystem):
             self._sole,
             self._detour,
             self._params(context),
+            self._period,
         )

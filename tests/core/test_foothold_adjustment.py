@@ -90,6 +90,7 @@ def propose(state, icp, params=PARAMS, time_adjustment=0.0):
         geometry(state.schedule, params),
         params,
         OMEGA,
+        TICK,
     )
 
 
@@ -318,11 +319,11 @@ def test_within_the_dead_band_nothing_moves():
         x = off - PARAMS.margin
         region = convex_hull(rectangle(2.0, 2.0) + [1.0 + x, -0.125])
         current = unadjusted(IN_PLACE)
-        found = adjust_foothold(current, region, GEOMETRY, PARAMS)
+        found = adjust_foothold(current, region, GEOMETRY, PARAMS, TICK)
         assert is_adjusted(found) == moves
         if moves:
             assert found.pose.p_WF[0] == pytest.approx(off)
-        again = adjust_foothold(found, region, GEOMETRY, PARAMS)
+        again = adjust_foothold(found, region, GEOMETRY, PARAMS, TICK)
         assert again.pose is found.pose
 
 
@@ -336,29 +337,36 @@ def test_the_foot_follows_the_region_and_is_no_ratchet():
     """Oracle: by hand: 10, 20 and 5 cm ahead, to within the dead-band."""
     current = unadjusted(IN_PLACE)
     for x in 0.1, 0.2, 0.05:
-        current = adjust_foothold(current, shifted_region(x), GEOMETRY, PARAMS)
+        current = adjust_foothold(
+            current, shifted_region(x), GEOMETRY, PARAMS, TICK
+        )
         assert current.pose.p_WF[0] == pytest.approx(x)
         assert current.nominal is IN_PLACE.footsteps[0]
 
 
-def test_the_foot_returns_when_the_region_has_covered_the_nominal_for_50_ms():
-    """Oracle: the count of 25 ticks, from the start after a gap."""
-    out = adjust_foothold(
-        unadjusted(IN_PLACE), shifted_region(0.1), GEOMETRY, PARAMS
-    )
+@pytest.mark.parametrize(
+    ("period", "count"), [(0.001, 50), (0.002, 25), (0.01, 5), (0.05, 1)]
+)
+def test_the_foot_returns_when_it_could_for_50_ms(period, count):
+    """Oracle: the count of the ticks, from the start after a gap."""
+
+    def after_a_tick(current, region):
+        return adjust_foothold(current, region, GEOMETRY, PARAMS, period)
+
+    out = after_a_tick(unadjusted(IN_PLACE), shifted_region(0.1))
     covered = shifted_region(-0.01)
     current = out
-    for ticks in range(1, 21):
-        current = adjust_foothold(current, covered, GEOMETRY, PARAMS)
+    for ticks in range(1, count):
+        current = after_a_tick(current, covered)
         assert current.pose is out.pose
         assert (current.covered_ticks, current.region) == (ticks, out.region)
-    gap = adjust_foothold(current, shifted_region(0.1), GEOMETRY, PARAMS)
+    gap = after_a_tick(current, shifted_region(0.1))
     assert (gap.pose, gap.covered_ticks) == (out.pose, 0)
     current = gap
-    for _ in range(24):
-        current = adjust_foothold(current, covered, GEOMETRY, PARAMS)
+    for _ in range(count - 1):
+        current = after_a_tick(current, covered)
     assert current.pose is out.pose
-    current = adjust_foothold(current, covered, GEOMETRY, PARAMS)
+    current = after_a_tick(current, covered)
     assert current == unadjusted(IN_PLACE)
     assert current.pose is NOMINAL
 
@@ -368,7 +376,7 @@ def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
     pose = FootPose([0.5, -0.125, 0.0])
     current = Adjustment(IN_PLACE.footsteps[0], pose, FORWARD)
     region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
-    found = adjust_foothold(current, region, GEOMETRY, PARAMS)
+    found = adjust_foothold(current, region, GEOMETRY, PARAMS, TICK)
     assert found.pose is NOMINAL
 
 
@@ -410,7 +418,7 @@ def test_a_walk_as_planned_is_left_alone(gait):
                 icp = plan.at(float(t)).icp + off + noise
                 state = state_at(float(t), schedule, adjustment)
                 adjustment = propose_adjustment(
-                    state, icp, 0.0, found, PARAMS, OMEGA
+                    state, icp, 0.0, found, PARAMS, OMEGA, TICK
                 )
                 assert adjustment.pose is schedule.footsteps[0].pose
                 assert adjustment.region == BASE
@@ -433,7 +441,9 @@ def test_noise_neither_flips_the_region_nor_shakes_the_foothold(push):
             icp = icp_after(start, cop, OMEGA, float(t) - 0.3)
             icp = icp + rng.normal(0.0, noise, 2)
             state = state_at(float(t), adjustment=adjustment)
-            found = propose_adjustment(state, icp, 0.0, GEOMETRY, PARAMS, OMEGA)
+            found = propose_adjustment(
+                state, icp, 0.0, GEOMETRY, PARAMS, OMEGA, TICK
+            )
             if adjustment is not None:
                 moves += found.pose is not adjustment.pose
                 flips += found.region != adjustment.region

@@ -35,7 +35,7 @@ def test_the_defaults_are_valid_and_survive_yaml():
         {"waiting_time": 0.0},
         {"shortest_swing": 0.0},
         {"shortest_transfer": math.nan},
-        {"return_ticks": 0},
+        {"return_time": -0.01},
     ],
 )
 def test_refuses_bad_parameters(bad):

@@ -17,7 +17,7 @@ from nadia_balance.core.mechanisms import (
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 
-TIMING = TimingAdapterParams(swing_discount=0.2)
+TIMING = TimingAdapterParams(swing_time_constant=0.02)
 ADJUSTER = CaptureRegionStepAdjusterParams(
     margin=0.02, reachability=ReachabilityParams(width_max=0.7)
 )
@@ -39,7 +39,7 @@ def test_a_switch_is_the_field_of_its_name_and_no_other(on):
     """Oracle: by hand, field by field; the originals stay as they are."""
     before = repr((TIMING, ADJUSTER))
     assert switched_timing(TIMING, on) == TimingAdapterParams(
-        swing_discount=0.2, swing=on.swing, transfer=on.transfer
+        swing_time_constant=0.02, swing=on.swing, transfer=on.transfer
     )
     assert switched_adjuster(ADJUSTER, on) == replace(
         ADJUSTER,

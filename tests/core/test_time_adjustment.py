@@ -76,7 +76,7 @@ def swing(**kwargs):
 def adjustment(icp, plan, state, params=PARAMS, feet=None, detour=DETOUR):
     feet = feet or state.schedule.feet
     return time_adjustment(
-        np.array(icp), plan, state, lambda: feet, SOLE, detour, params
+        np.array(icp), plan, state, lambda: feet, SOLE, detour, params, PERIOD
     )
 
 
@@ -257,10 +257,23 @@ def test_asks_where_the_feet_are_only_in_a_swing_that_is_hurried():
         icp = plan.at(0.1).icp if icp is None else np.array(icp)
         before = len(asked)
         time_adjustment(
-            icp, plan, state, lambda s=state: ask(s), SOLE, DETOUR, PARAMS
+            icp,
+            plan,
+            state,
+            lambda s=state: ask(s),
+            SOLE,
+            DETOUR,
+            PARAMS,
+            PERIOD,
         )
         hurried = phase is swing and (gained > 0.0 or icp[0] == 9.0)
         assert len(asked) - before == hurried
+
+
+def with_gamma(gamma):
+    """FREE with this gamma at PERIOD: the time constant by hand."""
+    time = -PERIOD / math.log(1.0 - gamma)
+    return replace(FREE, swing_time_constant=time, transfer_time_constant=time)
 
 
 def run_ahead(schedule, plan, lead, params, ticks):
@@ -287,7 +300,7 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
     for that (Nadia paper, Sec. VI).  The clock only goes forward.
     """
     schedule, plan = phase(swing=1.0, transfer=0.4)
-    params = replace(FREE, swing_discount=gamma, transfer_discount=gamma)
+    params = with_gamma(gamma)
     ticks = 100 if phase is swing else 60
     clock = run_ahead(schedule, plan, lead, params, ticks)
     assert np.diff(clock).min() >= PERIOD - 1e-12
@@ -300,10 +313,36 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
 def test_a_large_gamma_overshoots(phase):
     """Oracle: the plan itself; this is why gamma is not 0.8, or 1."""
     schedule, plan = phase(swing=1.0, transfer=0.4)
-    params = replace(FREE, swing_discount=0.8, transfer_discount=0.8)
-    clock = run_ahead(schedule, plan, 0.1, params, 10)
+    clock = run_ahead(schedule, plan, 0.1, with_gamma(0.8), 10)
     assert clock[-1] > 0.1 + 9 * PERIOD + 0.05
-    assert max(PARAMS.swing_discount, PARAMS.transfer_discount) <= 0.4
+    for kind in Phase.SWING, Phase.TRANSFER:
+        assert PARAMS.discount(kind, PERIOD) < 0.401
+
+
+def test_the_time_constants_are_the_gammas_that_were_tuned_at_2_ms():
+    """Oracle: 0.1 and 0.4; by hand for 10 ms: 1 - 0.9^5 and 1 - 0.6^5."""
+    for period, in_swing, in_transfer in (
+        (0.002, 0.1, 0.4),
+        (0.010, 0.40951, 0.92224),
+    ):
+        swing, transfer = (
+            PARAMS.discount(phase, period)
+            for phase in (Phase.SWING, Phase.TRANSFER)
+        )
+        assert swing == pytest.approx(in_swing, rel=2e-4)
+        assert transfer == pytest.approx(in_transfer, rel=2e-4)
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_without_a_time_constant_all_is_made_up_at_once(phase):
+    """Oracle: with time constants, the share of a tick of that."""
+    schedule, plan = phase(swing=1.0, transfer=0.4)
+    state, icp = WalkingState(schedule), plan.at(0.1).icp
+    at_once = replace(FREE, swing_time_constant=0.0, transfer_time_constant=0.0)
+    gain = adjustment(icp, plan, state, at_once)
+    share = adjustment(icp, plan, state, with_gamma(0.25))
+    assert gain > 0.05
+    assert share == pytest.approx(0.25 * gain, rel=1e-12)
 
 
 @pytest.mark.parametrize("direction", np.arange(0.0, 360.0, 45.0))
@@ -401,8 +440,8 @@ def test_is_always_a_time_that_is_left(schedule, share, gained, icp):
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("swing_discount", 0.0),
-        ("transfer_discount", 1.1),
+        ("swing_time_constant", -0.01),
+        ("transfer_time_constant", math.inf),
         ("icp_error_threshold", -0.1),
         ("min_swing_duration", 0.3),
         ("min_transfer_duration", 0.02),

@@ -1,7 +1,7 @@
 """Oracles: the sequence of phases by hand; the plan asked at known times."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -71,12 +71,17 @@ def standing(num_steps):
 
 
 def step(
-    state, forces=(400.0, 400.0), icp=(0.0, 0.0), feet=FEET, proposal=KEEP
+    state,
+    forces=(400.0, 400.0),
+    icp=(0.0, 0.0),
+    feet=FEET,
+    proposal=KEEP,
+    period=PERIOD,
 ):
     """One period later."""
     measured = Measurement(lambda: feet, np.array(forces), np.array(icp))
     return advance(
-        state, FakePlan(), measured, PERIOD, SOLE, REACH, PARAMS, proposal
+        state, FakePlan(), measured, period, SOLE, REACH, PARAMS, proposal
     )
 
 
@@ -128,19 +133,32 @@ def test_phases_last_as_planned():
 
 
 def test_a_foot_that_touches_in_the_first_half_has_not_landed():
-    """Oracle: earliest_touchdown of the swing, then three ticks."""
+    """Oracle: earliest_touchdown of the swing, then 4 ms: two ticks."""
     state, ticks = until(swinging(), Phase.TRANSFER)
     # Touches from the first tick on.
-    assert ticks == 175 + PARAMS.contact_ticks - 1
+    assert ticks == 175 + 2 - 1
 
 
 def test_a_glitch_of_the_force_is_no_touchdown():
-    """Oracle: fewer ticks than contact_ticks."""
+    """Oracle: the force comes for no longer than contact_time."""
     state = swinging()
     for k in range(340):
         force = 400.0 if k % 3 else 0.0
         state = step(state, forces=(400.0, force))
     assert state.schedule.phase is Phase.SWING
+
+
+@pytest.mark.parametrize(
+    ("period", "ticks"), [(0.0005, 8), (0.001, 4), (0.002, 2), (0.01, 1)]
+)
+def test_a_foot_has_landed_when_it_has_touched_for_4_ms(period, ticks):
+    """Oracle: 4 ms over the period, but one tick at least."""
+    state = step(swinging(), forces=(800.0, 0.0))
+    state = replace(state, time_in_phase=0.6, elapsed=0.6)
+    for _ in range(ticks):
+        assert state.schedule.phase is Phase.SWING
+        state = step(state, period=period)
+    assert state.schedule.phase is Phase.TRANSFER
 
 
 def test_a_late_foot_stops_the_clock():
@@ -197,7 +215,7 @@ def test_a_foot_lifts_when_the_icp_is_near_or_leaving(icp, lifts):
         ("contact_force", -1.0),
         ("earliest_touchdown", 1.0),
         ("standing_duration", math.nan),
-        ("contact_ticks", 0),
+        ("contact_time", -0.001),
     ],
 )
 def test_refuses_bad_parameters(field, value):

@@ -31,6 +31,7 @@ from tests.example_walks import OMEGA, SOLE, standing, walk
 PARAMS = CaptureRegionStepAdjusterParams(
     reachability=ReachabilityParams(cross_over=True)
 )
+PERIOD = 0.002  # [s]
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 
 
@@ -46,7 +47,7 @@ IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 
 @pytest.fixture
 def adjuster():
-    return CaptureRegionStepAdjuster(PARAMS, SOLE, OMEGA)
+    return CaptureRegionStepAdjuster(PARAMS, SOLE, OMEGA, PERIOD)
 
 
 @pytest.fixture
@@ -83,7 +84,7 @@ def drawn(adjuster, context):
 def expected(state, icp=OUT, time_adjustment=0.0):
     geometry = swing_geometry(state.schedule, SOLE, PARAMS, OMEGA)
     return propose_adjustment(
-        state, icp, time_adjustment, geometry, PARAMS, OMEGA
+        state, icp, time_adjustment, geometry, PARAMS, OMEGA, PERIOD
     )
 
 
@@ -119,14 +120,14 @@ def test_the_switch_of_cross_over_does_what_the_parameter_would(built_with):
     """Oracle: adjusters that were made with or without it, on, off, on."""
     reach = ReachabilityParams(cross_over=built_with)
     params = replace(PARAMS, reachability=reach)
-    adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA)
+    adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA, PERIOD)
     context = adjuster.CreateDefaultContext()
     fix(adjuster, context, IN_AIR, ACROSS)
     regions = []
     for on in True, False, True:
         reach = ReachabilityParams(cross_over=on)
         other = CaptureRegionStepAdjuster(
-            replace(PARAMS, reachability=reach), SOLE, OMEGA
+            replace(PARAMS, reachability=reach), SOLE, OMEGA, PERIOD
         )
         made = other.CreateDefaultContext()
         fix(other, made, IN_AIR, ACROSS)
@@ -144,7 +145,7 @@ def test_switched_off_it_proposes_nothing():
     """Oracle: None, by the parameter or the switch; the switch comes first."""
     for enabled in False, True:
         params = replace(PARAMS, enabled=enabled)
-        adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA)
+        adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA, PERIOD)
         context = adjuster.CreateDefaultContext()
         fix(adjuster, context, IN_AIR)
         assert (adjustment(adjuster, context) is not None) is enabled
@@ -293,7 +294,7 @@ def test_a_wrong_type_raises(adjuster, port):
 def test_bad_parameters_are_refused_at_once(bad, message):
     """Oracle: the message names the field."""
     with pytest.raises(ValueError, match=message):
-        CaptureRegionStepAdjuster(replace(PARAMS, **bad), SOLE, OMEGA)
+        CaptureRegionStepAdjuster(replace(PARAMS, **bad), SOLE, OMEGA, PERIOD)
 
 
 def test_the_ports_have_examples_of_their_types(adjuster):

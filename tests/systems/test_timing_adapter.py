@@ -15,6 +15,7 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from tests.example_walks import OMEGA, SOLE, successor, walk
 
+PERIOD = 0.002  # [s]
 PARAMS = TimingAdapterParams()
 DETOUR = SwingDetourParams()
 OFF = TimingAdapterParams(swing=False, transfer=False)
@@ -35,9 +36,9 @@ def inputs(ahead=0.5, transfer=False):
     return icp, plan, WalkingState(schedule, 0.1, 0.1), schedule.feet
 
 
-def adapter_with(values, params=PARAMS):
+def adapter_with(values, params=PARAMS, period=PERIOD):
     """A context in which the ports have `values`, and its output."""
-    adapter = TimingAdapter(params, SOLE, DETOUR)
+    adapter = TimingAdapter(params, SOLE, DETOUR, period)
     context = adapter.CreateDefaultContext()
     for name, value in zip(PORTS, values, strict=True):
         if value is not None:
@@ -51,13 +52,14 @@ def switch(output, context, *, swing=0, transfer=0):
     port.FixValue(context, [0, swing, transfer, 0])
 
 
+@pytest.mark.parametrize("period", [PERIOD, 0.01])
 @pytest.mark.parametrize("ahead", [0.0, 0.4, 0.5])
-def test_proposes_what_the_core_says(ahead):
+def test_proposes_what_the_core_says(ahead, period):
     """Oracle: the core function, to the last bit."""
     values = icp, plan, state, feet = inputs(ahead)
-    output, context = adapter_with(values)
+    output, context = adapter_with(values, period=period)
     expected = time_adjustment(
-        icp, plan, state, lambda: feet, SOLE, DETOUR, PARAMS
+        icp, plan, state, lambda: feet, SOLE, DETOUR, PARAMS, period
     )
     assert output.Eval(context) == np.array([expected])
     assert (expected > 0.0) is (ahead > 0.0)
@@ -122,7 +124,7 @@ def test_a_wrong_type_raises(index):
 def test_refuses_bad_params():
     """Oracle: the validation of the params."""
     with pytest.raises(ValueError, match=r"max_speed_up = 0\.5: must be >= 1"):
-        TimingAdapter(TimingAdapterParams(max_speed_up=0.5), SOLE, DETOUR)
+        adapter_with(inputs(), TimingAdapterParams(max_speed_up=0.5))
 
 
 def test_params_survive_yaml():
