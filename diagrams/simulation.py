@@ -37,23 +37,40 @@ def start(diagram) -> Simulator:
     return simulator
 
 
-def simulate(diagram, duration: float, realtime_rate: float = 0.0) -> Run:
+def simulate(
+    diagram,
+    duration: float,
+    realtime_rate: float = 0.0,
+    *,
+    stop_at_improper_contact: bool = False,
+) -> Run:
     """Simulates `diagram` from its start for `duration` [s]; see advance."""
-    return advance(start(diagram), duration, realtime_rate)
+    return advance(
+        start(diagram),
+        duration,
+        realtime_rate,
+        stop_at_improper_contact=stop_at_improper_contact,
+    )
 
 
 def advance(
-    simulator: Simulator, duration: float, realtime_rate: float = 0.0
+    simulator: Simulator,
+    duration: float,
+    realtime_rate: float = 0.0,
+    *,
+    stop_at_improper_contact: bool = False,
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
-    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
+    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.  The
+    first improper contact decides that she has not recovered: who only wants
+    to know that stops there.
     Ctrl-C, or an error while running, ends the run early; what was logged
     until then is returned.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     simulator.set_target_realtime_rate(realtime_rate)
-    watch = _Watch(diagram)
+    watch = _Watch(diagram, stop_at_improper_contact)
     simulator.set_monitor(watch.look)
     simulator.Initialize()
     interrupted, message = False, ""
@@ -81,24 +98,27 @@ def advance(
 class _Watch:
     """Looks at a running simulation now and then, from outside of it."""
 
-    def __init__(self, diagram):
+    def __init__(self, diagram, stop_at_improper_contact: bool):
         self._diagram, self._next_look = diagram, 0.0
+        self._stop_at_improper_contact = stop_at_improper_contact
         self.fell_at: float | None = None
         self.reason = ""
         self.improper_contacts: set[str] = set()
 
     def look(self, context: Context) -> EventStatus:
-        """Ends the simulation if the robot has fallen."""
+        """Ends the simulation once it is decided."""
         now = context.get_time()
         if now < self._next_look:
             return EventStatus.DidNothing()
         self._next_look = now + WATCH_PERIOD
         self.improper_contacts |= self._diagram.improper_contacts(context)
         self.reason = self._diagram.fall_reason(context)
-        if not self.reason:
-            return EventStatus.DidNothing()
-        self.fell_at = now
-        return EventStatus.ReachedTermination(self._diagram, self.reason)
+        if self.reason:
+            self.fell_at = now
+            return EventStatus.ReachedTermination(self._diagram, self.reason)
+        if self._stop_at_improper_contact and self.improper_contacts:
+            return EventStatus.ReachedTermination(self._diagram, "contact")
+        return EventStatus.DidNothing()
 
 
 def _missed_pushes(diagram, context: Context) -> int:

@@ -7,7 +7,6 @@ Examples:
 """
 
 import argparse
-import re
 import sys
 
 from diagrams.command_line import (
@@ -18,6 +17,7 @@ from diagrams.command_line import (
     scenario_flags,
     scenario_from,
 )
+from diagrams.envelope.moment import Moment
 from diagrams.scenario import Scenario
 from nadia_balance.core.push import Push
 
@@ -100,13 +100,9 @@ def _read_at(args: argparse.Namespace) -> None:
     for name in ("side", "phase", "fraction"):
         if (value := getattr(args, name)) is not None:
             raise ValueError(f"{name} = {value}: must not come with --at")
-    match = re.fullmatch(
-        r"(left|right) (swing|transfer) (\d+(?:\.\d*)?) ?%", args.at.strip()
-    )
-    if not match:
-        raise ValueError(f'at = {args.at!r}: must be like "right swing 25 %"')
-    args.side, args.phase = match[1], match[2]
-    args.fraction = float(match[3]) / 100.0
+    moment = Moment.parse(args.at)
+    args.side, args.phase = moment.side, moment.phase
+    args.fraction = moment.fraction
 
 
 def _degrees(direction: str, push: Push) -> float:

@@ -134,10 +134,11 @@ def names(requirements: list[str]) -> set[str]:
 def test_declares_what_it_imports():
     """Oracle: the imports in the syntax trees of all files."""
     needed = names(PROJECT["dependencies"])
-    docs = names(PROJECT["optional-dependencies"]["docs"])
-    extra = names(PROJECT["optional-dependencies"]["test"])
-    assert third_party_imports(*FOLDERS) == needed | docs
-    assert docs <= extra, "whoever tests can run all that is tested"
+    extras = PROJECT["optional-dependencies"]
+    more = names(extras["docs"]) | names(extras["cluster"])
+    extra = names(extras["test"])
+    assert third_party_imports(*FOLDERS) == needed | more
+    assert more <= extra, "whoever tests can run all that is tested"
     assert third_party_imports("tests") <= needed | extra
 
 

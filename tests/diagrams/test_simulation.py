@@ -30,6 +30,25 @@ def test_ends_with_a_fall():
     assert run.logs["t"][-1] == pytest.approx(run.fell_at, abs=1.01 * PERIOD)
 
 
+@pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.61)])
+def test_ends_with_an_improper_contact_if_it_is_told_to(stops, end):
+    """Oracle: the diagram, asked by hand; without being told, the fall."""
+    diagram = diagram_of(plant="lipm")
+    diagram.improper_contacts = touches_at(0.305)
+    diagram.fall_reason = falls_at(0.605)
+    run = simulate(diagram, 1.0, stop_at_improper_contact=stops)
+    assert run.improper_contacts == ("hand - ground",)
+    assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
+    assert run.fell_at == (None if stops else run.simulated_time)
+    assert (run.error, run.interrupted) == ("", False)
+
+
+def touches_at(begin):
+    return lambda context: (
+        {"hand - ground"} if context.get_time() >= begin else set()
+    )
+
+
 def falls_at(end):
     return lambda context: "made up" if context.get_time() >= end else ""
 

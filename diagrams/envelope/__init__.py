@@ -1,0 +1,1 @@
+"""The push-recovery envelope of a robot: the largest push from any side."""

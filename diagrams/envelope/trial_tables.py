@@ -1,0 +1,108 @@
+"""How the trials of an envelope ended, and what was predicted of them."""
+
+from collections import Counter
+
+from diagrams.envelope.confusion import ALL, Rates, confusion
+from diagrams.envelope.envelope_data import TOLERANCE, Envelope, losses
+from diagrams.envelope.limit_tables import direction_words
+from diagrams.envelope.markdown import NOTHING, table
+
+OUTCOMES = {
+    "recovered": "recovered",
+    "fell": "fell, or went down past saving",
+    "failed": "stayed upright, but did not recover as defined above",
+    "error": "the simulation stopped with an error",
+    "crashed": "the process died",
+    "hung": "the process was stopped because it took too long",
+}
+_BROKEN = ("error", "crashed", "hung")
+_MOST_REASONS = 10
+
+
+def losses_section(envelope: Envelope) -> str:
+    """Where more mechanisms recover less than fewer, beyond the tolerance."""
+    if len(envelope.mechanisms) == 1:
+        return "Only one set of mechanisms was tried.\n"
+    found = losses(envelope)
+    if not found:
+        return f"No: nowhere by more than {TOLERANCE:g} m/s.\n"
+    rows = [
+        [
+            f"{direction_words(loss.direction_deg)}, {loss.moment}",
+            f"`{loss.more}` {envelope.words(loss.by_more)}",
+            f"`{loss.fewer}` {envelope.words(loss.by_fewer)}",
+            envelope.words(loss.by_more - loss.by_fewer),
+            "yes" if loss.final else "no",
+        ]
+        for loss in found
+    ]
+    head = ["where", "more [m/s]", "fewer [m/s]", "difference", "complete"]
+    number = "Once" if len(found) == 1 else f"{len(found)} times"
+    return f"{number}, by more than {TOLERANCE:g} m/s:\n\n{table(head, rows)}"
+
+
+def outcomes_section(envelope: Envelope) -> str:
+    """How many trials ended in which way, by mechanisms."""
+    rows = envelope.rows
+    counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
+    outcomes = list(OUTCOMES)
+    outcomes += sorted({row["outcome"] for row in rows} - set(OUTCOMES))
+    lines = []
+    for outcome in outcomes:
+        cells = [counts[outcome, name] for name in envelope.mechanisms]
+        meaning = OUTCOMES.get(outcome, outcome)
+        lines.append([meaning, *map(str, [*cells, sum(cells)])])
+    lines = [line for line in lines if line[-1] != "0"]
+    head = ["outcome", *(f"`{name}`" for name in envelope.mechanisms), "all"]
+    return table(head, lines) + _broken(envelope)
+
+
+def capturability_section(envelope: Envelope) -> str:
+    """How often the capture regions were wrong."""
+    head = [
+        "mechanisms",
+        "push: capturable",
+        "did not recover",
+        "push: lost",
+        "recovered",
+        "touchdown: capturable",
+        "did not recover",
+        "touchdown: lost",
+        "recovered",
+    ]
+    lines = []
+    for found in confusion(envelope.rows):
+        name = found.mechanisms
+        cells = [*_rates(found.at_push), *_rates(found.at_touchdowns)]
+        lines.append([name if name == ALL else f"`{name}`", *cells])
+    return table(head, lines)
+
+
+def _rates(rates: Rates) -> list[str]:
+    return [
+        str(rates.capturable),
+        _share(rates.false_capturable, rates.false_capturable_rate),
+        str(rates.lost),
+        _share(rates.false_lost, rates.false_lost_rate),
+    ]
+
+
+def _share(count: int, rate: float | None) -> str:
+    return NOTHING if rate is None else f"{count} ({100.0 * rate:.1f} %)"
+
+
+def _broken(envelope: Envelope) -> str:
+    """Why trials gave no answer; empty if all did."""
+    reasons = Counter(
+        f"{row['outcome']}: {row['reason']}"
+        for row in envelope.rows
+        if row["outcome"] in _BROKEN
+    )
+    if not reasons:
+        return ""
+    lines = [f"* {n} x {r}" for r, n in reasons.most_common(_MOST_REASONS)]
+    if (more := len(reasons) - _MOST_REASONS) > 0:
+        lines.append(f"* and {more} other reasons")
+    return "\nTrials without an answer count as not recovered:\n\n" + "".join(
+        f"{line}\n" for line in lines
+    )

@@ -1,0 +1,219 @@
+"""Finds the largest pushes that the robot recovers from, all around her.
+
+Each direction, moment and set of mechanisms is searched for its limit, as for
+the Nadia paper's Fig. 10.  A trial that is done stays done: after Ctrl-C, or a
+power cut, the same flags and --out with the folder go on.  More directions,
+moments and mechanisms can be added to a folder in that way, too.
+
+Examples:
+    python scripts/envelope.py --quick
+    python scripts/envelope.py --quick --plant lipm --directions 24
+    python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
+    python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
+    python scripts/envelope.py --plot-only envelopes/mine
+"""
+
+import argparse
+import contextlib
+import os
+import shlex
+import sys
+from concurrent.futures import Executor
+from datetime import datetime
+from pathlib import Path
+
+from pydrake.common.yaml import yaml_dump_typed
+
+from diagrams.command_line import (
+    BAD_INPUT,
+    CommandLine,
+    finite,
+    scenario_flags,
+)
+from diagrams.envelope.agenda import Progress
+from diagrams.envelope.ctrl_c import until_ctrl_c
+from diagrams.envelope.envelope_data import envelope_of
+from diagrams.envelope.executors import open_executor
+from diagrams.envelope.folder_lock import alone_in
+from diagrams.envelope.progress_bar import progress_bar
+from diagrams.envelope.recovered_table import table_lines
+from diagrams.envelope.report import write_report
+from diagrams.envelope.run_sweep import agenda_of, run_sweep
+from diagrams.envelope.sweep_flags import SCENARIO, sweep_flags, sweep_from
+from diagrams.envelope.sweep_plan import Sweep
+from diagrams.envelope.trial import DIAGRAMS, trial_scenario
+from diagrams.envelope.trials_file import TrialsFile, read_trials
+from diagrams.run_folder import prepare_folder
+
+DONE, FAILED, INTERRUPTED = 0, 1, 130
+TRIALS = "trials.csv"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`.
+
+    Returns 0 done, 1 the workers or the disk failed, 2 bad input, 130 Ctrl-C.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    args = _parser().parse_args(argv)
+    args.command = shlex.join(["envelope.py", *argv])
+    try:
+        with contextlib.ExitStack() as stack:
+            return _main(args, stack)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
+    try:
+        if args.plot_only is not None:
+            return _plot_only(args.plot_only)
+        job = _prepare(args, stack)
+    except (ValueError, OSError) as error:
+        return _complain(error, BAD_INPUT)
+    try:
+        return _run(*job)
+    except OSError as error:
+        return _complain(error, FAILED)
+
+
+def _complain(error: Exception, code: int) -> int:
+    message = " ".join(str(error).split())
+    print(f"envelope.py: {message}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = CommandLine(
+        prog="envelope.py",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Exit code: 0 done, 1 the workers or the disk failed, "
+        "2 bad input, 130 Ctrl-C.",
+    )
+    sweep_flags(parser)
+    scenario_flags(parser, name=SCENARIO)
+    group = parser.add_argument_group("running")
+    cores = len(os.sched_getaffinity(0))
+    group.add_argument(
+        "--workers",
+        type=int,
+        default=cores,
+        help=f"trials at a time on this machine (default: {cores}, its cores)",
+    )
+    group.add_argument(
+        "--scheduler", help="of a Dask cluster to run on, tcp://host:port"
+    )
+    group.add_argument(
+        "--timeout",
+        type=finite,
+        default=Sweep.timeout,
+        help="after which a trial counts as hung (default: %(default)g) [s]",
+    )
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--out",
+        type=Path,
+        help="folder for the results (default: envelopes/<date>_<scenario>); "
+        "one with a trials.csv goes on",
+    )
+    group.add_argument(
+        "--plot-only",
+        type=Path,
+        metavar="FOLDER",
+        help="only write what follows from FOLDER/trials.csv",
+    )
+    return parser
+
+
+def _prepare(
+    args: argparse.Namespace, stack: contextlib.ExitStack
+) -> tuple[Sweep, TrialsFile, Executor, int]:
+    """Opens all that a run needs; nothing is written before all is checked.
+
+    Raises:
+        ValueError: a flag has no meaning, or a trials.csv does not fit.
+        OSError: a file is missing, or cannot be written.
+    """
+    sweep = sweep_from(args)
+    identity = sweep.identity()
+    trial = trial_scenario(sweep.scenario, sweep.cells()[0], 0.0, 0, 0.0)
+    DIAGRAMS[sweep.plant](trial)  # the robot, too, has something to check
+    executor, slots = stack.enter_context(
+        open_executor(args.workers, args.scheduler)
+    )
+    out = args.out
+    if out is None:
+        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+        out = Path("envelopes") / f"{now}_{args.scenario_name}"
+    folder = prepare_folder(out)
+    stack.enter_context(alone_in(folder))
+    trials_file = TrialsFile(folder / TRIALS, identity)
+    text = yaml_dump_typed(sweep.scenario, child_name=args.scenario_name)
+    (folder / "scenario.yaml").write_text(text, encoding="utf-8")
+    with open(folder / "command.txt", "a", encoding="utf-8") as file:
+        file.write(f"{args.command}\n")
+    return sweep, trials_file, executor, slots
+
+
+def _run(
+    sweep: Sweep, trials_file: TrialsFile, executor: Executor, slots: int
+) -> int:
+    """Runs the sweep, and writes what comes of it, however it ends."""
+    folder, code = trials_file.path.parent, DONE
+    progress = agenda_of(sweep, trials_file).progress()
+    print(*_plan_lines(sweep, progress, slots, folder), sep="\n", flush=True)
+    with until_ctrl_c() as stopped:
+        try:
+            with progress_bar(progress) as show:
+                if not run_sweep(
+                    sweep, trials_file, executor, slots, show, stopped
+                ):
+                    code = INTERRUPTED
+        except RuntimeError as error:
+            code = _complain(error, FAILED)
+        trials_file.finish()
+        if trials_file.rows():
+            written = [TRIALS, "costs.csv", "scenario.yaml", "command.txt"]
+            _report(folder, written)
+        if code:
+            print(f"the same flags and --out {folder} go on from here")
+    return code
+
+
+def _plan_lines(
+    sweep: Sweep, progress: Progress, slots: int, folder: Path
+) -> list[str]:
+    """What is going to be done."""
+    limits = "limit" if progress.cells == 1 else "limits"
+    numbers = (
+        f"{name} {len(getattr(sweep, name))}"
+        for name in ("mechanisms", "moments", "directions")
+    )
+    return [
+        f"{progress.cells} {limits} to find ({' x '.join(numbers)})",
+        f"about {progress.total - progress.done} trials to run, {slots} at a "
+        f"time; {progress.done} are there already",
+        f"into {folder}",
+    ]
+
+
+def _plot_only(folder: Path) -> int:
+    if not (folder / TRIALS).is_file():
+        raise ValueError(
+            f"plot_only = {str(folder)!r}: must be a folder with a {TRIALS}"
+        )
+    _report(prepare_folder(folder), [])
+    return DONE
+
+
+def _report(folder: Path, written: list[str]) -> None:
+    """Writes the report; prints the table, and the names of all files."""
+    envelope = envelope_of(*read_trials(folder / TRIALS))
+    written = [*write_report(folder), *written]
+    print("\n".join(table_lines(envelope)))
+    print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""Oracle: trials counted by hand."""
+
+from diagrams.envelope.envelope_data import envelope_of
+from diagrams.envelope.limit_search import SearchParams
+from diagrams.envelope.references import MOMENT
+from diagrams.envelope.trial_tables import (
+    capturability_section,
+    losses_section,
+    outcomes_section,
+)
+from tests.diagrams.envelope.made_up_trials import (
+    identity_of,
+    made_up_rows,
+    read_table,
+)
+
+SEARCH = SearchParams(resolution=0.1, stride=1, replicas=1)
+# One trial of each: 0.1 to 0.3 m/s recover, 0.4 m/s does not, and so on.
+CELLS = {("icp_only", MOMENT, 0.0): 0.3, ("step", MOMENT, 0.0): 0.1}
+RECOVERED, FELL = "recovered", "fell, or went down past saving"
+
+
+def envelope_from(changed):
+    """The envelope of the made-up rows; `changed`: row number -> values."""
+    rows = made_up_rows(CELLS, SEARCH)
+    for number, values in changed.items():
+        rows[number] = rows[number] | values
+    return envelope_of(identity_of(SEARCH), rows)
+
+
+def test_counts_how_the_trials_ended():
+    rows = read_table(outcomes_section(envelope_from({})))
+    assert rows == [
+        {"outcome": RECOVERED, "`icp_only`": "3", "`step`": "1", "all": "4"},
+        {"outcome": FELL, "`icp_only`": "1", "`step`": "1", "all": "2"},
+    ]
+
+
+def test_says_why_trials_have_no_answer():
+    crash = {"outcome": "crashed", "reason": "SIGSEGV | x"}
+    text = outcomes_section(envelope_from({3: crash, 5: crash}))
+    table, rest = text.split("\n\n", 1)
+    died = read_table(table)[-1]
+    assert died["outcome"] == "the process died"
+    assert (died["`icp_only`"], died["all"]) == ("1", "2")
+    assert "count as not recovered" in rest
+    assert rest.endswith("\n* 2 x crashed: SIGSEGV | x\n")
+
+
+def test_a_flood_of_reasons_is_cut():
+    rows = made_up_rows(
+        {("step", MOMENT, float(i)): 0.0 for i in range(13)}, SEARCH
+    )
+    rows = [
+        row | {"outcome": "error", "reason": f"reason {i}"}
+        for i, row in enumerate(rows)
+    ]
+    text = outcomes_section(envelope_of(identity_of(SEARCH), rows))
+    assert text.count("x error: reason") == 10
+    assert text.endswith("* and 3 other reasons\n")
+
+
+def test_an_outcome_that_nobody_knows_is_not_lost():
+    rows = read_table(outcomes_section(envelope_from({3: {"outcome": "hm"}})))
+    assert [row["outcome"] for row in rows] == [RECOVERED, FELL, "hm"]
+
+
+def test_lists_where_more_mechanisms_recover_less():
+    text = losses_section(envelope_from({}))
+    first, table = text.split("\n\n")
+    assert first == "Once, by more than 0.03 m/s:"
+    assert read_table(table) == [
+        {
+            "where": "0° forward, right swing 25 %",
+            "more [m/s]": "`step` 0.10",
+            "fewer [m/s]": "`icp_only` 0.30",
+            "difference": "-0.20",
+            "complete": "yes",
+        }
+    ]
+
+
+def test_says_that_more_mechanisms_never_recover_less():
+    cells = {("icp_only", MOMENT, 0.0): 0.3, ("step", MOMENT, 0.0): 0.3}
+    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    assert losses_section(envelope) == "No: nowhere by more than 0.03 m/s.\n"
+
+
+def test_one_set_of_mechanisms_is_not_compared():
+    cells = {("step", MOMENT, 0.0): 0.3}
+    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    assert losses_section(envelope) == "Only one set of mechanisms was tried.\n"
+
+
+def test_counts_false_predictions():
+    """Of four predicted capturable one fell; of two lost none recovered.
+
+    At touchdowns four of sixteen are of the trial that fell.
+    """
+    fell = {"outcome": "fell"}
+    text = capturability_section(envelope_from({2: fell}))
+    lines = [line.split("|")[1:-1] for line in text.splitlines()]
+    everything = [cell.strip() for cell in lines[-1]]
+    assert everything == [
+        *("all", "4", "1 (25.0 %)", "2", "0 (0.0 %)"),
+        *("16", "4 (25.0 %)", "4", "0 (0.0 %)"),
+    ]
+
+
+def test_a_rate_of_nothing_is_none():
+    cells = {("step", MOMENT, 0.0): 0.0}
+    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    cells = capturability_section(envelope).splitlines()[-1].split("|")
+    assert [cell.strip() for cell in cells[2:6]] == ["0", "–", "1", "0 (0.0 %)"]

@@ -1,0 +1,348 @@
+"""The benchmark of a robot: what it takes, refuses, survives and leaves."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from diagrams.envelope.trials_file import read_trials
+from diagrams.scenario import load_scenario
+from scripts import envelope
+from tests.scripts.running import (
+    as_program,
+    assert_refused,
+    environment,
+    run_script,
+)
+
+# Some twenty trials of less than a second of processor time each.
+SHORT = [
+    *("--plant", "lipm", "--mechanisms", "icp_only", "--duration", "6"),
+    *("--scenario_text", "required_steps: 1", "--resolution", "0.1"),
+    *("--stride", "2", "--replicas", "2"),
+]
+SWEEP = [*SHORT, "--directions", "0,90"]
+FILES = {"trials.csv", "costs.csv", "scenario.yaml", "command.txt"}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a sweep that nobody disturbed, and what it said."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    done = as_program("envelope", *SWEEP, "--out", folder, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout.splitlines()
+
+
+def started(*argv, cwd):
+    """The program, running."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "scripts.envelope", *map(str, argv)],
+        cwd=cwd,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def wait_for_rows(process, folder, number):
+    """Waits until a sweep has done so many trials, or has ended."""
+    while process.poll() is None:
+        with contextlib.suppress(FileNotFoundError):
+            if len(read_trials(folder / "trials.csv")[1]) >= number:
+                return
+        time.sleep(0.05)
+
+
+def test_says_what_it_does_and_what_came_of_it(undisturbed):
+    """Oracle: the files themselves."""
+    folder, said = undisturbed
+    _, rows = read_trials(folder / "trials.csv")
+    assert said[0] == (
+        "2 limits to find (mechanisms 1 x moments 1 x directions 2)"
+    )
+    assert said[1].startswith("about ")
+    assert said[1].endswith(" at a time; 0 are there already")
+    assert said[2] == f"into {folder}"
+    (title,) = (i for i, line in enumerate(said) if line.startswith("largest"))
+    assert said[title + 1].split() == ["direction", "icp_only"]
+    for line, direction in zip(said[title + 2 :], (0.0, 90.0), strict=False):
+        good = [
+            row["delta_v"]
+            for row in rows
+            if row["direction_deg"] == direction
+            and row["outcome"] == "recovered"
+        ]
+        assert [float(word) for word in line.split()] == [direction, max(good)]
+    names = said[-1].removeprefix(f"wrote {folder}/{{").removesuffix("}")
+    assert set(names.split(", ")) == {path.name for path in folder.iterdir()}
+    assert FILES | {"envelope.png", "tables.md"} <= set(names.split(", "))
+
+
+def test_leaves_behind_what_is_needed_to_do_it_again(undisturbed):
+    folder, _ = undisturbed
+    scenario = load_scenario("push", folder / "scenario.yaml")
+    assert (scenario.duration, scenario.required_steps) == (6.0, 1)
+    (command,) = (folder / "command.txt").read_text().splitlines()
+    assert command.startswith("envelope.py --plant lipm --mechanisms icp_only ")
+    assert "--scenario_text 'required_steps: 1'" in command
+
+
+def test_every_trial_ran_to_its_end(undisturbed):
+    folder, _ = undisturbed
+    _, rows = read_trials(folder / "trials.csv")
+    outcomes = {row["outcome"] for row in rows}
+    assert outcomes <= {"recovered", "fell", "failed"}
+    assert {"recovered"} < outcomes
+
+
+def test_killed_at_any_time_it_goes_on_where_it_was(undisturbed, tmp_path):
+    """Oracle: the file of the sweep that nobody disturbed, byte by byte.
+
+    It is killed as soon as it has done some more trials, or a bit later.
+    """
+    whole = undisturbed[0] / "trials.csv"
+    total = len(read_trials(whole)[1])
+    file = tmp_path / "trials.csv"
+    for more, later in ((1, 0.0), (2, 0.3), (1, 0.6)):
+        rows = read_trials(file)[1] if file.exists() else []
+        process = started(*SWEEP, "--out", tmp_path, cwd=tmp_path)
+        wait_for_rows(process, tmp_path, len(rows) + more)
+        time.sleep(later)
+        process.kill()
+        process.communicate()
+        after = read_trials(file)[1]
+        assert after[: len(rows)] == rows
+        assert len(rows) < len(after) < total
+    with open(file, "r+b") as torn:  # and the power fails, too
+        torn.truncate(file.stat().st_size - 7)
+    last = started(*SWEEP, "--out", tmp_path, cwd=tmp_path)
+    said, _ = last.communicate()
+    assert last.returncode == 0, said
+    assert f"; {len(after) - 1} are there already" in said
+    assert file.read_bytes() == whole.read_bytes()
+
+
+def test_ctrl_c_ends_it_with_plots_of_what_is_there(undisturbed, tmp_path):
+    """Oracle: the exit code of the shell; the sweep that goes on from it."""
+    process = started(*SWEEP, "--out", tmp_path, cwd=tmp_path)
+    wait_for_rows(process, tmp_path, 2)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate()
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert f"the same flags and --out {tmp_path} go on from here" in said
+    whole = undisturbed[0] / "trials.csv"
+    rows = read_trials(tmp_path / "trials.csv")[1]
+    assert 2 <= len(rows) < len(read_trials(whole)[1])
+    assert {*FILES, "envelope.png", "tables.md"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
+    again = as_program("envelope", *SWEEP, "--out", tmp_path, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert (tmp_path / "trials.csv").read_bytes() == whole.read_bytes()
+
+
+def test_no_child_outlives_ctrl_c(tmp_path):
+    """Oracle: the table of processes of the system."""
+    process = started(*SWEEP, "--out", tmp_path, cwd=tmp_path)
+    wait_for_rows(process, tmp_path, 1)
+    children = children_of(process.pid)
+    assert children
+    process.send_signal(signal.SIGINT)
+    process.communicate()
+    for child in children:
+        while is_alive(child):
+            time.sleep(0.05)
+
+
+def children_of(parent):
+    tasks = Path(f"/proc/{parent}/task").iterdir()
+    texts = [(task / "children").read_text() for task in tasks]
+    return [int(pid) for text in texts for pid in text.split()]
+
+
+def is_alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_directions_are_added_to_a_finished_folder(undisturbed, tmp_path):
+    """Oracle: the sweep that had both from the beginning."""
+    known = 0
+    for directions in ("0,", "0,90"):
+        argv = [*SHORT, "--directions", directions, "--out", tmp_path]
+        done = as_program("envelope", *argv, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"; {known} are there already" in done.stdout
+        known = len(read_trials(tmp_path / "trials.csv")[1])
+    whole = undisturbed[0] / "trials.csv"
+    assert (tmp_path / "trials.csv").read_bytes() == whole.read_bytes()
+    assert len((tmp_path / "command.txt").read_text().splitlines()) == 2
+
+
+def test_a_finished_sweep_needs_no_trial(undisturbed, capsys):
+    folder, said = undisturbed
+    before = (folder / "trials.csv").read_bytes()
+    outcome = run_script(envelope, [*SWEEP, "--out", folder], capsys)
+    assert outcome.code == 0
+    assert outcome.out[1].startswith("about 0 trials to run")
+    assert outcome.out[3:] == said[3:]
+    assert (folder / "trials.csv").read_bytes() == before
+
+
+def test_plots_need_nothing_but_the_trials(undisturbed, tmp_path, capsys):
+    """Oracle: the bytes of what the sweep itself has written."""
+    folder, said = undisturbed
+    trials = (folder / "trials.csv").read_bytes()
+    (tmp_path / "trials.csv").write_bytes(trials)
+    outcome = run_script(envelope, ["--plot-only", tmp_path], capsys)
+    assert outcome.code == 0
+    assert outcome.err == []
+    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert made == {
+        path.name: path.read_bytes()
+        for path in folder.iterdir()
+        if path.name not in FILES - {"trials.csv"}
+    }
+    assert outcome.out[:-1] == said[3:-1]
+
+
+def test_the_default_folder_has_date_and_name(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    argv = [*SHORT, "--directions", "0,", "--largest", "0.1", "--workers", "1"]
+    outcome = run_script(envelope, argv, capsys)
+    assert outcome.code == 0
+    (folder,) = (tmp_path / "envelopes").iterdir()
+    assert folder.name.endswith("_push")
+    assert FILES <= {path.name for path in folder.iterdir()}
+
+
+TEXT = "--scenario_text"
+PUSH = "{delta_v: 0.1, time: 1.0}"
+REFUSED = [
+    (["--mechanisms", "luck"], "mechanisms = 'luck': must be one of icp_only,"),
+    (["--mechanisms", "step,step"], "mechanisms = step: must be given only on"),
+    (["--directions", "0,up"], "directions = 'up': must be degrees, such as"),
+    (["--directions", "100"], "directions = '100': as a count must be in [1,"),
+    (["--directions", "0,360"], "directions = 0.0: must be given only once"),
+    (
+        ["--phases", "noon"],
+        "phases = 'noon': must be like \"right swing 25 %\"",
+    ),
+    (["--resolution", "0"], "resolution = 0.0: must be > 0 m/s"),
+    (["--resolution", "-1"], "resolution = -1.0: must be > 0 m/s"),
+    (["--resolution", "x"], "argument --resolution: 'x': must be a finite num"),
+    (["--stride", "0"], "stride = 0: must be >= 1"),
+    (["--replicas", "0"], "replicas = 0: must be >= 1"),
+    (["--replicas", "1.5"], "argument --replicas: invalid int value: '1.5'"),
+    (["--largest", "0.01"], "largest = 0.01: must be finite and >= resolution"),
+    (["--workers", "0"], "workers = 0: must be >= 1"),
+    (["--timeout", "0"], "timeout = 0.0: must be finite and > 0 s"),
+    (["--robot", "fred"], "robot = 'fred': must be one of nadia"),
+    (["--seed", "-1"], "seed = -1: must be >= 0"),
+    (["--plant", "paper"], "argument --plant: invalid choice: 'paper'"),
+    (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
+    (
+        ["--scenario_name", "stand"],
+        "scenario_name = 'stand': must have exactly one push, has 0",
+    ),
+    (
+        [TEXT, f"pushes: [{PUSH}, {PUSH}]"],
+        "scenario_name = 'push': must have exactly one push, has 2",
+    ),
+    (
+        [TEXT, f"{{pushes: [{PUSH}], gait: {{num_steps: 0}}}}"],
+        "phase = 'swing': must come with steps in the gait",
+    ),
+    (
+        [TEXT, "pushes: [{delta_v: 1, time: 1, duration: 0.001}]"],
+        "duration = 0.001: must be a multiple of 0.01 s",
+    ),
+    (
+        ["--scheduler", "tcp://127.0.0.1:1"],
+        "scheduler = 'tcp://127.0.0.1:1': must be",
+    ),
+    (
+        ["--out", "/dev/null/x"],
+        "out = '/dev/null/x': must be a folder to write",
+    ),
+    (
+        ["--plot-only", "nowhere"],
+        "plot_only = 'nowhere': must be a folder with",
+    ),
+    (["--nonsense"], "unrecognized arguments: --nonsense"),
+]
+
+
+@pytest.mark.parametrize(("argv", "message"), REFUSED)
+def test_refuses_what_has_no_meaning(
+    argv, message, tmp_path, capsys, monkeypatch
+):
+    """On one line, before anything runs, and with nothing left behind."""
+    monkeypatch.chdir(tmp_path)
+    outcome = run_script(envelope, [*SWEEP, *argv], capsys)
+    assert_refused(outcome, message)
+    assert outcome.out == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_refuses_a_robot_file_that_is_missing(tmp_path, capsys):
+    path = tmp_path / "robot.yaml"
+    outcome = run_script(envelope, [*SWEEP, "--robot", path], capsys)
+    assert_refused(outcome, f"robot = {path}: no such file")
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["--resolution", "0.2"], "resolution = 0.2: must be 0.1 as in "),
+        (["--replicas", "3"], "replicas = 3: must be 2 as in "),
+        (["--plant", "humanoid"], "plant = humanoid: must be lipm as in "),
+        (["--seed", "1"], "seed = 1: must be 0 as in "),
+        (["--duration", "7"], "parameters = "),
+    ],
+)
+def test_refuses_a_folder_of_another_sweep(undisturbed, argv, message, capsys):
+    folder, _ = undisturbed
+    before = (folder / "trials.csv").read_bytes()
+    argv = [*SWEEP, *argv, "--out", folder]
+    outcome = run_script(envelope, argv, capsys)
+    assert_refused(outcome, message)
+    assert str(folder / "trials.csv") in outcome.err[0]
+    assert (folder / "trials.csv").read_bytes() == before
+
+
+def test_refuses_a_file_that_holds_no_trials(tmp_path, capsys):
+    path = tmp_path / "trials.csv"
+    path.write_text("name,score\nAda,10\n")
+    for argv in ([*SWEEP, "--out", tmp_path], ["--plot-only", tmp_path]):
+        outcome = run_script(envelope, argv, capsys)
+        assert_refused(
+            outcome, f"trials = {path}: must be a trials.csv of this program"
+        )
+    assert path.read_text() == "name,score\nAda,10\n"
+
+
+def test_refuses_a_folder_that_another_sweep_is_writing_to(tmp_path, capsys):
+    """Oracle: a real one."""
+    process = started(*SWEEP, "--out", tmp_path, cwd=tmp_path)
+    wait_for_rows(process, tmp_path, 1)
+    try:
+        argv = [*SWEEP, "--out", tmp_path]
+        assert_refused(
+            run_script(envelope, argv, capsys),
+            f"out = {str(tmp_path)!r}: must not be in use by another sweep",
+        )
+    finally:
+        process.kill()
+        process.communicate()
