@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -132,6 +133,41 @@ def _factor(
     return transfer_factor(omega, params.transfer_duration(steps[n + 1]))
 
 
+def step_contractions(
+    steps: tuple[Footstep, ...],
+    params: CaptureRegionStepAdjusterParams,
+    omega: float,
+) -> list[float]:
+    """Returns E_2, ..., E_N [-] of `later_steps`, transfers included.
+
+    N counts no more steps than are queued; omega [rad/s].
+    """
+    contractions = []
+    for n, step in enumerate(steps[1 : params.num_steps]):
+        decay = math.exp(-omega * params.duration(step))
+        before, after = (_factor(steps, k, params, omega) for k in (n, n + 1))
+        contractions.append(decay * before / after)
+    return contractions
+
+
+def counted_feet(
+    steps: tuple[Footstep, ...],
+    sole: Array,
+    params: CaptureRegionStepAdjusterParams,
+) -> list[Array]:
+    """Returns G_1, ..., G_N (n, 2) [m] of `later_steps`; none if not wanted.
+
+    `sole` (k, 2) [m]: the corners of either sole in its own frame.
+    """
+    if not params.finite_foot:
+        return []
+    foot = params.usable_foot(sole)
+    return [
+        in_world(foot, FootPose(yaw=step.pose.yaw), step.side.other)
+        for step in steps[: params.num_steps]
+    ]
+
+
 def _offsets(
     steps: tuple[Footstep, ...],
     sole: Array,
@@ -139,21 +175,14 @@ def _offsets(
     omega: float,
 ) -> tuple[Array, ...]:
     """Returns D_1, ..., D_N in W; N counts no more steps than are queued."""
-    total, foot = total_region(params.reachability), params.usable_foot(sole)
-    reaches, contractions, feet = [], [], []
-    for n, step in enumerate(steps[: params.num_steps]):
-        # About the foothold of `step`, the next swing foot is the other one.
-        about = FootPose(yaw=step.pose.yaw)
-        feet.append(in_world(foot, about, step.side.other))
-        if n + 1 < min(params.num_steps, len(steps)):
-            following = steps[n + 1]
-            reaches.append(in_world(total, about, following.side))
-            decay = math.exp(-omega * params.duration(following))
-            factors = [_factor(steps, k, params, omega) for k in (n, n + 1)]
-            contractions.append(decay * factors[0] / factors[1])
-    return tuple(
-        later_steps(reaches, contractions, feet if params.finite_foot else ())
-    )
+    total = total_region(params.reachability)
+    reaches = [  # about a foothold, the next swing foot is the other one
+        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
+        for step, following in itertools.pairwise(steps[: params.num_steps])
+    ]
+    contractions = step_contractions(steps, params, omega)
+    feet = counted_feet(steps, sole, params)
+    return tuple(later_steps(reaches, contractions, feet))
 
 
 def _stance_foot(
