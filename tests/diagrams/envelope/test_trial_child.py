@@ -97,6 +97,7 @@ def test_tells_the_exit_code_and_the_last_words_of_a_child(child):
 
 def test_computes_with_one_thread_and_the_modules_of_its_parent(child):
     """Oracle: the child's environment, as the system has it."""
+    child.ask(request(trial()), PATIENCE)  # it may still be on its way to exec
     environ = Path(f"/proc/{child.process.pid}/environ").read_text()
     variables = dict(v.split("=", 1) for v in environ.split("\0") if v)
     assert variables["OMP_NUM_THREADS"] == "1"
