@@ -16,6 +16,8 @@ CHANGED = 0.03  # a duration that differs more from its plan shows both [s]
 _WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 _PLAN, _MEASURED = (0.02, 0.42), (-0.42, -0.02)  # lanes of a foot
+_LABEL_Y, _LINE = (1.36, 0.82), 0.27  # lanes of the durations, their lines
+_LETTER = RC["font.size"] / 72.0 * 0.6  # the width of one [in]
 
 
 def draw(log: Log, summary: dict) -> Figure:
@@ -55,9 +57,10 @@ def _draw_row(
         if "foot_forces" in log:
             _bars(ax, measured(log, side), _FOOT_Y[side], _MEASURED, side, 1.0)
     inches = _WIDTH * 0.9 / (end - begin)
+    free = [-math.inf] * len(_LABEL_Y)  # when a lane's last label ends [s]
     for span in spans:
         if begin <= 0.5 * (span.start + span.end) < end:
-            _write_duration(ax, span, inches)
+            _write_duration(ax, span, inches, free)
 
 
 def _bars(ax: Axes, bars, y: float, lane, side: Side, alpha: float) -> None:
@@ -83,32 +86,37 @@ def measured(log: Log, side: Side) -> list[tuple[float, float]]:
     ]
 
 
-def _write_duration(ax: Axes, span: PhaseSpan, inches: float) -> None:
+def _write_duration(
+    ax: Axes, span: PhaseSpan, inches: float, free: list[float]
+) -> None:
     """Writes between the feet how long a phase took, if there is room.
 
-    `inches` is the width of a second on paper.
+    `inches` is the width of a second on paper.  Labels that would run into
+    each other take turns in the lanes; `free` is updated.
     """
     if span.phase is Phase.STANDING or not span.complete:
         return
     changed = abs(span.duration - span.planned) > CHANGED
-    text = f"{span.duration:.2f}"
-    letter = RC["font.size"] / 72.0 * 0.6
-    if not changed and span.duration * inches < len(text) * letter:
-        return
-    swing = span.phase is Phase.SWING
-    color = palette.foot_color(span.swing_side) if swing else TEXT
-    middle = 0.5 * (span.start + span.end)
-    weight = "bold" if changed else "normal"
-    ax.text(
-        middle, 1.08, text, ha="center", va="center", color=color, weight=weight
-    )
+    lines = [f"{span.duration:.2f}"]
     if changed and math.isfinite(span.planned):
-        ax.text(
-            middle,
-            0.72,
-            f"({span.planned:.2f})",
-            ha="center",
-            va="center",
-            color=FAINT,
-            fontsize=7.5,
-        )
+        lines.append(f"({span.planned:.2f})")
+    width = max(map(len, lines)) * _LETTER / inches
+    if not changed and span.duration < width:
+        return
+    middle = 0.5 * (span.start + span.end)
+    begins = middle - 0.5 * width
+    lane = next((i for i, t in enumerate(free) if t <= begins), None)
+    if lane is None:
+        lane = free.index(min(free))
+    free[lane] = middle + 0.5 * width
+    swing = span.phase is Phase.SWING
+    styles = (
+        {
+            "color": palette.foot_color(span.swing_side) if swing else TEXT,
+            "weight": "bold" if changed else "normal",
+        },
+        {"color": FAINT, "fontsize": 7.5},
+    )
+    for row, (text, style) in enumerate(zip(lines, styles, strict=False)):
+        y = _LABEL_Y[lane] - row * _LINE
+        ax.text(middle, y, text, ha="center", va="center", **style)

@@ -1,5 +1,7 @@
 """What the plots show, read from the drawing itself."""
 
+import itertools
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -41,6 +43,19 @@ def test_the_timeline_says_how_long_each_phase_took(log):
     assert written.count("(0.70)") == 2
     assert written.count("(0.30)") == 1
     assert "push 545 N" in written
+
+
+def test_durations_of_short_phases_do_not_run_into_each_other():
+    """Oracle: the boxes of the texts as drawn, two by two."""
+    hurried = {n: (np.zeros(2), 0.4, 0.05) for n in range(2, 7)}
+    log = make_log(Recipe(changed=hurried))
+    figure = timeline.draw(log, summary_of(log))
+    figure.draw_without_rendering()
+    (ax,) = figure.axes
+    boxes = [t.get_window_extent() for t in ax.texts]
+    assert len(boxes) > 20
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
 
 
 def test_a_long_timeline_has_several_rows():
