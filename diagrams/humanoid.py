@@ -4,7 +4,12 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    OutputPort,
+)
 from pydrake.systems.primitives import ZeroOrderHold
 
 from diagrams.logs import SignalLog, region_logs
@@ -89,10 +94,11 @@ class HumanoidDiagram(Diagram):
             "foot_force_sensor", FootForceSensor(self.plant, self.robot, period)
         )
         self._close_loop(builder, period)
-        self._log(builder, period)
+        live = {}
         if meshcat is not None:
             self._draw(builder, meshcat)
-            self._add_controls(builder, meshcat, params)
+            live = self._add_controls(builder, meshcat, params)
+        self._log(builder, period, live)
         builder.BuildInto(self)
 
     def _close_loop(self, builder: DiagramBuilder, period: float) -> None:
@@ -135,15 +141,22 @@ class HumanoidDiagram(Diagram):
         builder: DiagramBuilder,
         meshcat: Meshcat,
         params: ControllerParams,
-    ) -> None:
+    ) -> dict[str, OutputPort]:
+        """Returns what is to be logged of them."""
         on = mechanisms_of(params.timing_adapter, params.step_adjuster)
         controls = builder.AddNamedSystem(
             "live_controls", LiveControls(meshcat, on)
         )
         connect(builder, controls, self.push, "live_push")
         connect(builder, controls, self.controller, "mechanisms")
+        return {"mechanisms": controls.GetOutputPort("mechanisms")}
 
-    def _log(self, builder: DiagramBuilder, period: float) -> None:
+    def _log(
+        self,
+        builder: DiagramBuilder,
+        period: float,
+        live: dict[str, OutputPort],
+    ) -> None:
         signals = {
             name: self.controller.GetOutputPort(name)
             for name in CONTROLLER_LOGS
@@ -151,7 +164,7 @@ class HumanoidDiagram(Diagram):
         signals["push_force"] = self.push.GetOutputPort("push_force")
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
         signals["state"] = self.plant.get_state_output_port()
-        self._signal_log = SignalLog(builder, period, signals)
+        self._signal_log = SignalLog(builder, period, signals | live)
 
     def set_initial_state(self, context: Context) -> None:
         """Puts the robot on its feet, with the torques that hold it."""

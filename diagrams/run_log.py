@@ -8,6 +8,8 @@ are the measured sole centres [left, right].  Without a row for each tick are
 and `region_backward` (n, 2) [m], the regions that a step can be put into (see
 nadia_balance.core.reachability): what else it takes to judge the run, and to
 draw all plots, from the log alone.
+A run in a tab has `mechanisms` (n, 4), 1 or 0 as in Mechanisms: they may be
+switched there.
 A point mass has no `state`, `actuation`, `foot_wrenches` nor
 `whole_body_qp_status`; whoever reads a log copes without them.
 """
@@ -17,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.walking import FootPose, Phase, Side
 
 Log = Mapping[str, np.ndarray]
@@ -168,4 +171,16 @@ def pushes(log: Log) -> list[PushSpan]:
     return [
         PushSpan(int(a), float(t[a]), float(t[b - 1] + period), force[a])
         for a, b in edges.reshape(-1, 2)
+    ]
+
+
+def switches(log: Log) -> list[tuple[float, Mechanisms]]:
+    """Returns when [s] mechanisms were switched in the tab, and what was on."""
+    if "mechanisms" not in log:
+        return []
+    signal = log["mechanisms"] > 0.5
+    rows = np.flatnonzero(np.any(signal[1:] != signal[:-1], axis=1)) + 1
+    return [
+        (float(log["t"][row]), Mechanisms(*signal[row].tolist()))
+        for row in rows
     ]

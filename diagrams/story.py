@@ -1,6 +1,7 @@
 """The story of a run, a line for each thing worth telling."""
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from diagrams.run_log import (
     pushes,
     sole_pose,
     steps,
+    switches,
 )
 from diagrams.summary import ICP_BACK
+from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.walking import Phase
 
 # Smaller changes of a foothold [m] and of a duration [s] are not told.
@@ -31,6 +34,7 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
         (push.start, _tell_push(log, push, summary)) for push in pushes(log)
     ]
     told += _tell_steps(log)
+    told += [(time, _tell_switch(on)) for time, on in switches(log)]
     told.sort(key=lambda entry: entry[0])
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:
@@ -100,6 +104,11 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
                 (step.swing.end, f"{name} step ({step.side.value}) {text}")
             )
     return told
+
+
+def _tell_switch(on: Mechanisms) -> str:
+    names = [name for name, is_on in asdict(on).items() if is_on]
+    return f"switched in the tab, now on: {', '.join(names) or 'nothing'}"
 
 
 def _tell_move(step: Step) -> str:

@@ -2,7 +2,7 @@
 
 import math
 import platform
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -18,6 +18,7 @@ from diagrams.run_log import (
     phase_spans,
     pushes,
     steps,
+    switches,
 )
 from nadia_balance.core.walking import Phase, Side
 
@@ -64,6 +65,7 @@ def summarize(log: Log, info: RunInfo) -> dict:
         "robot": info.robot,
         "plant": info.plant,
         "mechanisms": info.mechanisms,
+        "switched_mechanisms": switched_mechanisms(log),
         "seed": info.seed,
         "direction_deg": info.direction_deg,
         "delta_v": info.delta_v,
@@ -140,6 +142,14 @@ def durations(log: Log, phase: Phase) -> list[float]:
         round(span.duration, 6)
         for span in phase_spans(log)
         if span.phase is phase and span.complete
+    ]
+
+
+def switched_mechanisms(log: Log) -> list[dict]:
+    """What was on from which time [s] on, once it was switched in the tab."""
+    return [
+        {"time_s": time, "on": [name for name, on in asdict(m).items() if on]}
+        for time, m in switches(log)
     ]
 
 

@@ -37,6 +37,16 @@ def test_tells_a_recovery_from_the_push_to_the_end():
     ]
 
 
+def test_tells_what_was_switched_in_the_tab():
+    """Oracle: the rows in which the made-up signal changes."""
+    log = make_log(Recipe())
+    on = np.zeros((len(log["t"]), 4))
+    on[500:900, [0, 3]] = 1.0
+    lines = story({**log, "mechanisms": on})
+    assert lines[0] == "t=1.00 s  switched in the tab, now on: step, cross_over"
+    assert lines[1] == "t=1.80 s  switched in the tab, now on: nothing"
+
+
 def test_tells_a_fall_at_its_time():
     lines = story(cut(make_log(), 1000), fell_at=1.998, fall_reason="too low")
     assert lines[-1].startswith("t=2.00 s  FELL: too low   max ICP error")

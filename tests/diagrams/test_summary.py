@@ -31,7 +31,7 @@ max_icp_error_m rms_icp_error_m footstep_error_m swing_durations_s
 transfer_durations_s steps_taken max_torque_ratio max_joint_speed qp_solves
 qp_failures qp_fallbacks max_qp_violation real_time_factor stance_slip_m
 non_foot_contact improper_contacts versions max_joint_speed_limit
-required_steps missed_pushes""".split()
+required_steps missed_pushes switched_mechanisms""".split()
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +54,17 @@ def test_repeats_what_it_was_told(log):
     told = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
     summary = summary_of(log, **told)
     assert {name: summary[name] for name in told} == told
+
+
+def test_says_what_was_switched_in_the_tab(log):
+    """Oracle: the rows in which the made-up signal changes."""
+    assert summary_of(log)["switched_mechanisms"] == []
+    on = np.zeros((len(log["t"]), 4))
+    on[500:, [0, 1]] = 1.0
+    on[900:, 1] = 0.0
+    found = summary_of({**log, "mechanisms": on})["switched_mechanisms"]
+    assert [entry["on"] for entry in found] == [["step", "swing"], ["step"]]
+    assert [entry["time_s"] for entry in found] == pytest.approx([1.0, 1.8])
 
 
 def test_durations_are_those_of_the_recipe(log):
