@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from diagrams.envelope import references
 from diagrams.envelope.limit_search import (
     Limit,
     SearchParams,
     limit,
 )
 from diagrams.envelope.moment import Moment
+from diagrams.envelope.references import MOMENT, References, references
 from diagrams.mechanisms import MECHANISMS
 from nadia_balance.robot import load_robot
 
@@ -43,7 +43,7 @@ class Envelope:
     def moments(self) -> tuple[Moment, ...]:
         """Those that were tried; the one of the references comes first."""
         found = {moment for _, moment, _ in self.limits}
-        return tuple(sorted(found, key=lambda m: (m != references.MOMENT, m)))
+        return tuple(sorted(found, key=lambda m: (m != MOMENT, m)))
 
     @property
     def directions(self) -> tuple[float, ...]:
@@ -61,6 +61,10 @@ class Envelope:
             if (found := self.limits.get((name, moment, direction))) is None
             or not found.complete
         ]
+
+    def known(self, moment: Moment) -> References:
+        """What the limits at this moment can be compared with."""
+        return references(self.robot, self.scenario, moment)
 
     def words(self, velocity: float) -> str:
         """A velocity [m/s] with as many decimals as tell two limits apart."""

@@ -8,7 +8,6 @@ from diagrams.envelope.envelope_data import Envelope
 from diagrams.envelope.limit_search import Limit
 from diagrams.envelope.markdown import NOTHING, table
 from diagrams.envelope.moment import Moment
-from diagrams.envelope.references import references
 
 Words = Callable[[float], str]  # how a value is written
 
@@ -91,7 +90,7 @@ class LimitTables:
     def _columns(self, moment: Moment) -> dict[str, Words]:
         """Their names, and how their values are written."""
         columns: dict[str, Words] = {"recovered [m/s]": self.envelope.words}
-        if references(self.envelope.robot, moment):
+        if self.envelope.known(moment):
             for name in ("paper [m/s]", "/ paper", "limit [m/s]", "/ limit"):
                 columns[name] = "{:.2f}".format
         if self.speed:
@@ -102,7 +101,7 @@ class LimitTables:
         self, mechanisms: str, moment: Moment, direction: float, limit: Limit
     ) -> list[float | None]:
         """What the columns hold; None where it is not known."""
-        known = references(self.envelope.robot, moment)
+        known = self.envelope.known(moment)
         values: list[float | None] = [limit.recovered]
         if known:
             for curves in (known.paper, known.limit):

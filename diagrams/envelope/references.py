@@ -1,6 +1,7 @@
 """What others recover from: the paper's robot, and the best that there can be.
 
-Both are of one robot at one moment.  Beside anything else they would mislead.
+Both are of one robot, stepping in place, at one moment.  Beside anything else
+they would mislead.
 """
 
 import csv
@@ -12,6 +13,7 @@ from nadia_balance.robot import MODELS
 Curve = dict[float, float]  # direction [deg] in [0, 360) -> velocity [m/s]
 
 ROBOT = "nadia"
+SCENARIO = "push"
 MOMENT = Moment(phase="swing", side="right", fraction=0.25)
 
 
@@ -27,9 +29,9 @@ class References:
         return bool(self.paper or self.limit)
 
 
-def references(robot: str, moment: Moment) -> References:
+def references(robot: str, scenario: str, moment: Moment) -> References:
     """Returns what a robot's pushes at a moment can be compared with."""
-    if robot != ROBOT or moment != MOMENT:
+    if (robot, scenario, moment) != (ROBOT, SCENARIO, MOMENT):
         return References()
     return References(
         paper=_read("nadia_fig10.csv"), limit=_read("lipm_limit.csv")

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from diagrams.envelope.envelope_data import ORDER, Envelope
 from diagrams.envelope.limit_tables import LimitTables, direction_words
-from diagrams.envelope.references import MOMENT, ROBOT, references
+from diagrams.envelope.references import MOMENT, ROBOT, SCENARIO
 from diagrams.envelope.trial_tables import (
     capturability_section,
     losses_section,
@@ -55,8 +55,8 @@ _REFERENCES = """\
   and other measures, so it may go a little beyond."""
 
 _NO_REFERENCES = f"""\
-* There is a *paper* and a *limit* to compare with for the robot {ROBOT} pushed
-  at {MOMENT} only."""
+* There is a *paper* and a *limit* to compare with for the robot {ROBOT} in
+  scenario `{SCENARIO}`, pushed at {MOMENT} only."""
 
 _SPEED = """\
 * *sqrt(g z)* = {speed:.3f} m/s, where z is the height of the robot's centre of
@@ -168,7 +168,7 @@ def _limits(envelope: Envelope, limits: LimitTables) -> Iterator[str]:
 
 def _columns(envelope: Envelope, speed: float | None) -> str:
     """What the columns of the tables mean."""
-    known = [m for m in envelope.moments if references(envelope.robot, m)]
+    known = [m for m in envelope.moments if envelope.known(m)]
     parts = [_RECOVERED]
     if known:
         parts.append(_REFERENCES)

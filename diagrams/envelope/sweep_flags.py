@@ -10,11 +10,11 @@ from pydrake.common.yaml import yaml_load_data
 from diagrams.command_line import finite, scenario_from
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.moment import Moment
+from diagrams.envelope.references import SCENARIO
 from diagrams.envelope.sweep_plan import Sweep
 from diagrams.mechanisms import MECHANISMS
 from diagrams.scenario import Scenario
 
-SCENARIO = "push"
 DURATION = 12.6  # of that scenario: just enough for its eight steps [s]
 PHASE = "right swing 25 %"
 MOST_DIRECTIONS = 72  # that a count may ask for

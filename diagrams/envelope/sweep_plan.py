@@ -1,6 +1,5 @@
 """What a sweep tries: the cells of the envelope, and how it is pushed there."""
 
-import math
 from dataclasses import dataclass, field
 
 from diagrams.envelope.fingerprints import code_hash, parameters_hash
@@ -12,6 +11,7 @@ from diagrams.summary import versions
 
 PROTOCOL = 1  # how limits are searched and trials judged
 PLANTS = ("humanoid", "lipm")
+LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 
 
 @dataclass(frozen=True, order=True)
@@ -58,9 +58,9 @@ class Sweep:
             raise ValueError(
                 f"plant = {self.plant!r}: must be one of {', '.join(PLANTS)}"
             )
-        if not 0.0 < self.timeout < math.inf:
+        if not 0.0 < self.timeout <= LONGEST:
             raise ValueError(
-                f"timeout = {self.timeout}: must be finite and > 0 s"
+                f"timeout = {self.timeout}: must be in (0, {LONGEST:g}] s"
             )
         for name in self.mechanisms:
             if name not in MECHANISMS:

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 
 from diagrams.envelope.envelope_data import Envelope, Limits
 from diagrams.envelope.moment import Moment
-from diagrams.envelope.references import Curve, references
+from diagrams.envelope.references import Curve
 from diagrams.plots.envelope_key import draw_key, draw_soles
 from diagrams.plots.envelope_style import (
     BEYOND,
@@ -69,7 +69,7 @@ def _window(envelope: Envelope) -> Array:
         for mechanisms in envelope.mechanisms:
             limits = envelope.curve(mechanisms, moment)
             measured.append({a: v.recovered for a, v in limits.items()})
-        known = references(envelope.robot, moment)
+        known = envelope.known(moment)
         for table in (known.paper, known.limit):
             others.append(table.get(envelope.mechanisms[-1], {}))
     least = 2.0 * envelope.search.resolution
@@ -95,7 +95,7 @@ def _extent(curves: list[Curve], margin: float, least: float) -> Array:
 
 
 def _draw_panel(ax: Axes, envelope: Envelope, moment: Moment) -> None:
-    known = references(envelope.robot, moment)
+    known = envelope.known(moment)
     most = envelope.mechanisms[-1]
     if most in known.limit:
         ax.set_facecolor(BEYOND)

@@ -7,7 +7,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from diagrams.envelope.envelope_data import Envelope
-from diagrams.envelope.references import Curve, References, references
+from diagrams.envelope.references import Curve, References
 from diagrams.plots.envelope_style import (
     BEYOND,
     COLORS,
@@ -31,7 +31,7 @@ _MOST_NUMBERS = 16  # directions with the limit written above their bars
 def draw(envelope: Envelope) -> Figure:
     """Draws a row for each mechanisms, at the first moment of the envelope."""
     moment = envelope.moments[0]
-    known = references(envelope.robot, moment)
+    known = envelope.known(moment)
     tops = [_top(envelope, known, name) for name in envelope.mechanisms]
     scale = _SCALE * max(1.0, 2.0 / max(tops))
     height = scale * sum(tops) + _TITLE * len(tops) + 1.0

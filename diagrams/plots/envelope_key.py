@@ -7,7 +7,7 @@ from matplotlib.patches import Patch
 
 from diagrams.envelope.envelope_data import Envelope
 from diagrams.envelope.moment import Moment
-from diagrams.envelope.references import MOMENT, ROBOT, references
+from diagrams.envelope.references import MOMENT, ROBOT, SCENARIO
 from diagrams.plots.envelope_style import (
     BEYOND,
     COLORS,
@@ -47,7 +47,7 @@ def draw_key(fig: Figure, envelope: Envelope) -> None:
 
 def reference_handles(envelope: Envelope) -> list[Line2D | Patch]:
     """What the references look like, or why there are none."""
-    known = [m for m in envelope.moments if references(envelope.robot, m)]
+    known = [m for m in envelope.moments if envelope.known(m)]
     handles: list[Line2D | Patch] = []
     if known:
         handles += [
@@ -55,7 +55,7 @@ def reference_handles(envelope: Envelope) -> list[Line2D | Patch]:
             Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),
         ]
     if len(known) < len(envelope.moments):
-        text = f"references: only for\n{ROBOT}, {MOMENT}"
+        text = f"references: only for\n{ROBOT}, {SCENARIO}, {MOMENT}"
         handles.append(Line2D([], [], ls="none", label=text))
     return handles
 

@@ -115,7 +115,7 @@ def test_another_robot_has_no_references():
     assert not dashed(figure.axes[0])
     words = legend_of(figure)
     assert PAPER_LABEL not in words
-    assert words[-1].endswith("nadia, right swing 25 %")
+    assert words[-1].endswith("nadia, push, right swing 25 %")
     assert PAPER_LABEL not in legend_of(
         bars.draw(envelope_from(CELLS, robot="a"))
     )

@@ -247,7 +247,7 @@ REFUSED = [
     (["--replicas", "1.5"], "argument --replicas: invalid int value: '1.5'"),
     (["--largest", "0.01"], "largest = 0.01: must be finite and >= resolution"),
     (["--workers", "0"], "workers = 0: must be >= 1"),
-    (["--timeout", "0"], "timeout = 0.0: must be finite and > 0 s"),
+    (["--timeout", "0"], "timeout = 0.0: must be in (0, 1e+06] s"),
     (["--robot", "fred"], "robot = 'fred': must be one of nadia"),
     (["--seed", "-1"], "seed = -1: must be >= 0"),
     (["--plant", "paper"], "argument --plant: invalid choice: 'paper'"),

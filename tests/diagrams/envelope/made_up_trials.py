@@ -11,7 +11,7 @@ from pathlib import Path
 
 from diagrams.envelope.limit_search import SearchParams, next_batch
 from diagrams.envelope.moment import Moment
-from diagrams.envelope.references import MOMENT, references
+from diagrams.envelope.references import MOMENT, SCENARIO, references
 
 SEARCH = SearchParams()
 Cell = tuple[str, Moment, float]  # mechanisms, moment, direction [deg]
@@ -26,9 +26,10 @@ VERSIONS = {
 
 def paper_times(factor: float, moment: Moment = MOMENT) -> dict:
     """The limits of the paper's robot at the reference moment, scaled."""
+    paper = references("nadia", SCENARIO, MOMENT).paper
     return {
         (mechanisms, moment, direction): factor * value
-        for mechanisms, curve in references("nadia", MOMENT).paper.items()
+        for mechanisms, curve in paper.items()
         for direction, value in curve.items()
     }
 

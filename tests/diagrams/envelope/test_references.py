@@ -6,7 +6,7 @@ from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT, references
 from diagrams.mechanisms import MECHANISMS
 
-KNOWN = references("nadia", MOMENT)
+KNOWN = references("nadia", "push", MOMENT)
 
 
 @pytest.mark.parametrize(
@@ -39,16 +39,17 @@ def test_nobody_is_better_than_the_best_there_can_be():
 
 
 @pytest.mark.parametrize(
-    ("robot", "moment"),
+    ("robot", "scenario", "moment"),
     [
-        ("atlas", "right swing 25 %"),
-        ("/somewhere/nadia/robot.yaml", "right swing 25 %"),
-        ("nadia", "left swing 25 %"),
-        ("nadia", "right transfer 25 %"),
-        ("nadia", "right swing 26 %"),
+        ("atlas", "push", "right swing 25 %"),
+        ("/somewhere/nadia/robot.yaml", "push", "right swing 25 %"),
+        ("nadia", "backward_shove", "right swing 25 %"),
+        ("nadia", "push", "left swing 25 %"),
+        ("nadia", "push", "right transfer 25 %"),
+        ("nadia", "push", "right swing 26 %"),
     ],
 )
-def test_others_are_compared_with_nothing(robot, moment):
-    known = references(robot, Moment.parse(moment))
+def test_others_are_compared_with_nothing(robot, scenario, moment):
+    known = references(robot, scenario, Moment.parse(moment))
     assert not known
     assert known.paper == known.limit == {}
