@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from diagrams.envelope.envelope_data import ORDER, Envelope
 from diagrams.envelope.limit_tables import LimitTables, direction_words
+from diagrams.envelope.mirror_section import mirror_section
 from diagrams.envelope.references import MOMENT, ROBOT, SCENARIO
 from diagrams.envelope.trial_tables import (
     capturability_section,
@@ -57,6 +58,10 @@ _REFERENCES = """\
 _NO_REFERENCES = f"""\
 * There is a *paper* and a *limit* to compare with for the robot {ROBOT} in
   scenario `{SCENARIO}`, pushed at {MOMENT} only."""
+
+_MIRROR = """\
+A push in a left step, and the same push mirrored in a right one: the pair whose
+limits differ most, as a share of the larger one, a row for each mechanisms."""
 
 _SPEED = """\
 * *sqrt(g z)* = {speed:.3f} m/s, where z is the height of the robot's centre of
@@ -164,6 +169,10 @@ def _limits(envelope: Envelope, limits: LimitTables) -> Iterator[str]:
         for name in envelope.mechanisms:
             yield f"`{name}`, {moment}:"
             yield limits.details(name, moment)
+    if mirror := mirror_section(envelope):
+        yield "## Is the left as good as the right?"
+        yield _MIRROR
+        yield mirror
 
 
 def _columns(envelope: Envelope, speed: float | None) -> str:
