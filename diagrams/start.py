@@ -15,12 +15,16 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
+from nadia_balance.robot import load_robot_params
 
 
 def initial_walking_state(scenario: Scenario) -> WalkingState:
     """Stands with the feet side by side about the origin, then walks."""
     gait = scenario.gait
-    y = 0.5 * gait.step_width
+    width = gait.step_width
+    if width is None:
+        width = load_robot_params(scenario.robot).step_width
+    y = 0.5 * width
     feet = FootPoses(
         FootPose(np.array([0.0, y, 0.0])), FootPose(np.array([0.0, -y, 0.0]))
     )

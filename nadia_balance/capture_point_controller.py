@@ -64,7 +64,7 @@ class ControllerParams:
                 part.validate()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointMassModel:
     """All that the brain knows of its robot."""
 

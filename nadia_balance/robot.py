@@ -206,6 +206,28 @@ def load_robot(name: str) -> RobotModel:
             of range; one line that names it.
         FileNotFoundError: there is no such file.
     """
+    params = load_robot_params(name)
+    urdf = _robot_yaml(name).parent / params.urdf
+    if not urdf.is_file():
+        raise FileNotFoundError(f"urdf = {urdf}: no such file")
+    return RobotModel(params, urdf)
+
+
+def load_robot_params(name: str) -> RobotParams:
+    """Returns what its robot.yaml says of the robot `name`.
+
+    Raises as `load_robot`, but for what is wrong with the URDF.
+    """
+    path = _robot_yaml(name)
+    params = load_typed(RobotParams, f"robot = {name}", filename=str(path))
+    for field in ("name", "urdf"):
+        if not getattr(params, field):
+            raise ValueError(f"robot = {name}: {field} = '': must not be empty")
+    params.validate()
+    return params
+
+
+def _robot_yaml(name: str) -> Path:
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
     elif name.endswith((".yaml", ".yml")):
@@ -217,14 +239,7 @@ def load_robot(name: str) -> RobotModel:
         )
     if not path.is_file():
         raise FileNotFoundError(f"robot = {name}: no such file")
-    params = load_typed(RobotParams, f"robot = {name}", filename=str(path))
-    for field in ("name", "urdf"):
-        if not getattr(params, field):
-            raise ValueError(f"robot = {name}: {field} = '': must not be empty")
-    urdf = path.parent / params.urdf
-    if not urdf.is_file():
-        raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    return RobotModel(params, urdf)
+    return path
 
 
 def terrain_file() -> Path:

@@ -99,7 +99,7 @@ class StandingRun(LiveRun):
 
     def _start(self, meshcat):
         builder = DiagramBuilder()
-        controls = builder.AddSystem(LiveControls(meshcat, ALL, delta_v=0.3))
+        controls = builder.AddSystem(LiveControls(meshcat, ALL))
         state = builder.AddSystem(ConstantValueSource(Value(STANDING)))
         self._source = builder.AddSystem(PushSource([], MASS, PERIOD))
         connect(builder, controls, self._source, "live_push")

@@ -7,7 +7,12 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.core.walking import Side
-from nadia_balance.robot import MODELS, load_robot, robot_names
+from nadia_balance.robot import (
+    MODELS,
+    load_robot,
+    load_robot_params,
+    robot_names,
+)
 
 ROBOT = load_robot("nadia")
 
@@ -163,6 +168,12 @@ def test_loads_a_robot_of_ones_own(copy):
     assert own.mass == ROBOT.mass
 
 
+def test_the_params_need_no_urdf(copy):
+    """Oracle: those of the robot."""
+    (copy / "nadia.urdf").unlink()
+    assert load_robot_params(str(copy / "robot.yaml")) == ROBOT.params
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [
@@ -176,6 +187,7 @@ def test_loads_a_robot_of_ones_own(copy):
         ("name: nadia", "", "robot.yaml: name = '': must not be empty"),
         ("urdf: nadia.urdf", "", "robot.yaml: urdf = '': must not be empty"),
         ("sole: {", "sole: 3  # {", "robot.yaml: sole = 3: must be a mapping"),
+        ("legs: {", "# {", "legs.length = 0.0: must be > 0 m"),
         ("TORSO_LINK", "TRUNK", "torso_body = 'TRUNK': must be a link"),
         (
             "pelvis_body: PELVIS",

@@ -41,18 +41,20 @@ class ComHeightParams:
 class LegGeometry:
     """What the legs allow, a property of the robot; all in [m]."""
 
-    length: float = 0.782  # hip pitch axis to ankle, the knee straight
-    ankle_height: float = 0.098  # of the ankle above the sole
-    com_above_hip: float = 0.12  # vertical, in the nominal posture
-    hip_width: float = 0.26  # lateral, between the hip pitch axes
+    length: float = 0.0  # hip pitch axis to ankle, the knee straight
+    ankle_height: float = 0.0  # of the ankle above the sole
+    com_above_hip: float = 0.0  # vertical, in the nominal posture
+    hip_width: float = 0.0  # lateral, between the hip pitch axes
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
         for name, value in vars(self).items():
             if not math.isfinite(value):
-                raise ValueError(f"{name} = {value}: must be finite")
-        if not self.length > 0.0:
-            raise ValueError(f"length = {self.length}: must be > 0 m")
+                raise ValueError(f"legs.{name} = {value}: must be finite")
+        for name in ("length", "ankle_height", "hip_width"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise ValueError(f"legs.{name} = {value}: must be > 0 m")
 
 
 def height_limit(

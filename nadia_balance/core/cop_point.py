@@ -53,7 +53,13 @@ class Sole:
         Raises:
             ValueError: the margin leaves nothing of the sole.
         """
-        return cls(corners, shrink(corners, margin), centroid(corners))
+        try:
+            inner = shrink(corners, margin)
+        except ValueError:
+            raise ValueError(
+                f"cop.margin = {margin}: must leave some of the sole"
+            ) from None
+        return cls(corners, inner, centroid(corners))
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Returns how far [m] `other` is in front of `foot`, toe to toe."""

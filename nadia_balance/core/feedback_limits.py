@@ -11,7 +11,7 @@ from nadia_balance.core.polygon import halfspaces, project, shrink
 from nadia_balance.core.walking import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FeedbackLimits:
     """The constraints of the Nadia paper's Eq. 8, the same while contacts are.
 

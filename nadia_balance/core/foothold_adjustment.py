@@ -30,7 +30,7 @@ from nadia_balance.core.walking import (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CaptureRegions:
     """What there is to draw: polygons (n, 2) [m] in W, and two footholds."""
 
@@ -78,10 +78,10 @@ def propose_adjustment(
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick.
 
-    `icp` (2,) [m] in W; `time_adjustment` [s] >= 0 is about to be added to
-    the clock; a tick lasts `period` [s].  The foothold stays as it is too
-    early and too late in a swing; early, because the ICP jumps when the
-    contacts change.
+    `icp` (2,) [m] in W; `time_adjustment` [s] is about to be added to the
+    clock, negative while the clock is held; a tick lasts `period` [s].  The
+    foothold stays as it is too early and too late in a swing; early, because
+    the ICP jumps when the contacts change.
     """
     current = state.adjustment or unadjusted(state.schedule)
     touchdown = touchdown_interval(state, time_adjustment, params)

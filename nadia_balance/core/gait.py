@@ -1,5 +1,6 @@
 """Footsteps from what a user commands: a step vector, or a list of steps."""
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,6 +24,10 @@ class StepVector:
     sideways: float = 0.0  # to the left [m]
     yaw_deg: float = 0.0  # turn to the left [deg]
 
+    def validate(self) -> None:
+        """Raises ValueError if a field is not finite."""
+        _check_finite(self, "length", "sideways", "yaw_deg")
+
 
 @dataclass(kw_only=True)
 class Foothold:
@@ -33,20 +38,26 @@ class Foothold:
     y: float = 0.0  # sole centre, to the left [m]
     yaw_deg: float = 0.0  # [deg]
 
+    def validate(self) -> None:
+        """Raises ValueError if a field is out of range."""
+        _check_side(self, "side")
+        _check_finite(self, "x", "y", "yaw_deg")
+
 
 @dataclass(kw_only=True)
 class Gait:
     """A walking command.
 
     Either `num_steps` times the same `step`, or the list `steps`, or the list
-    `footholds`; only one of the three.
+    `footholds`, in which the feet take turns; only one of the three.
     """
 
     num_steps: int = 0  # times `step` [-]
     step: StepVector = field(default_factory=StepVector)
     steps: list[StepVector] = field(default_factory=list)
     footholds: list[Foothold] = field(default_factory=list)
-    step_width: float = 0.25  # between the sole centres [m]
+    # Between the sole centres; None: as the robot stands. [m]
+    step_width: float | None = None
     first_swing: str = "right"  # the foot that moves first: left or right
     swing_duration: float = 0.7  # [s]
     transfer_duration: float = 0.3  # [s]
@@ -71,13 +82,38 @@ class Gait:
             value = getattr(self, name)
             if not 0.02 <= value <= 10.0:
                 raise ValueError(f"{name} = {value}: must be in [0.02, 10] s")
-        if not 0.0 < self.step_width < 1.0:
-            raise ValueError(
-                f"step_width = {self.step_width}: must be in (0, 1) m"
-            )
-        for side in (self.first_swing, *(f.side for f in self.footholds)):
-            if side not in ("left", "right"):
-                raise ValueError(f"side = {side!r}: must be left or right")
+        width = self.step_width
+        if width is not None and not 0.0 < width < 1.0:
+            raise ValueError(f"step_width = {width}: must be in (0, 1) m")
+        _check_side(self, "first_swing")
+        self._validate_steps()
+
+    def _validate_steps(self) -> None:
+        parts: list[tuple[str, StepVector | Foothold]] = [("step", self.step)]
+        parts += [(f"steps[{i}]", v) for i, v in enumerate(self.steps)]
+        parts += [(f"footholds[{i}]", f) for i, f in enumerate(self.footholds)]
+        for name, part in parts:
+            try:
+                part.validate()
+            except ValueError as error:
+                raise ValueError(f"{name}.{error}") from None
+        for i, (last, hold) in enumerate(itertools.pairwise(self.footholds), 1):
+            if hold.side == last.side:
+                raise ValueError(
+                    f"footholds[{i}].side = {hold.side!r}: must be "
+                    f"{Side(hold.side).other.value}, as the feet take turns"
+                )
+
+
+def _check_finite(part: object, *names: str) -> None:
+    for name in names:
+        if not math.isfinite(value := getattr(part, name)):
+            raise ValueError(f"{name} = {value}: must be finite")
+
+
+def _check_side(part: object, name: str) -> None:
+    if (side := getattr(part, name)) not in ("left", "right"):
+        raise ValueError(f"{name} = {side!r}: must be left or right")
 
 
 def make_footsteps(
@@ -86,13 +122,12 @@ def make_footsteps(
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
     Raises:
-        ValueError: a footstep is not within `reach` of the stance foot.
+        ValueError: a field of `gait` is out of range, or a footstep is not
+            within `reach` of the stance foot.
     """
     gait.validate()
     steps: list[Footstep] = []
     for side, pose in _poses(gait, feet):
-        if not (np.all(np.isfinite(pose.p_WF)) and math.isfinite(pose.yaw)):
-            raise ValueError(f"step {len(steps) + 1}: must be finite numbers")
         transfer = (
             gait.transfer_duration if steps else gait.initial_transfer_duration
         )
@@ -118,11 +153,14 @@ def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
     vectors = list(gait.steps) or [gait.step] * gait.num_steps
     if vectors and vectors[-1] != StepVector():
         vectors.append(StepVector())  # the last step brings the feet together
+    width = gait.step_width
+    if width is None:
+        width = math.dist(feet.left.p_WF[:2], feet.right.p_WF[:2])
     side = Side(gait.first_swing)
     for v in vectors:
         yaw = math.radians(v.yaw_deg)
         frame = _offset(frame, v.length, v.sideways, yaw)
-        yield side, _offset(frame, 0.0, side.sign * 0.5 * gait.step_width, 0.0)
+        yield side, _offset(frame, 0.0, side.sign * 0.5 * width, 0.0)
         side = side.other
 
 
@@ -134,7 +172,7 @@ def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
 def _check(
     steps: list[Footstep], feet: FootPoses, reach: ReachabilityParams
 ) -> None:
-    """Raises ValueError if a step is out of reach or moves the wrong foot."""
+    """Raises ValueError if a step is out of reach of the other foot."""
     for number, step in enumerate(steps, start=1):
         stance = feet[step.side.other]
         p_F = stance.to_sole(step.pose.p_WF[None, :2])[0]

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -91,16 +91,6 @@ class IcpPlan:
         com, icp, ecmp = rows_at(t, duration, w) @ self.coefficients[i]
         return IcpReference(
             icp, w * (icp - ecmp), com, w * (icp - com), ecmp, ecmp
-        )
-
-    def sample(self, times: Array) -> IcpReference:
-        """Returns the references at `times` (n,) [s], stacked: (n, 2)."""
-        references = [self.at(float(t)) for t in times]
-        return IcpReference(
-            *(
-                np.array([getattr(r, item.name) for r in references])
-                for item in fields(IcpReference)
-            )
         )
 
 

@@ -68,25 +68,16 @@ class MomentumQpParams:
 class IcpFeedback(NamedTuple):
     """The feedback increments, and the points they lead to in W [m].
 
-    `increments` (4,) are delta and kappa, `cop` (2,) is r_cop,d, `ecmp` (2,)
-    is r_ecmp,d.  `result.active` tells the active limits, a guess for the
-    next tick; `result.x` is not to be used if it is not solved.
+    `increments` (4,) are delta, of the CoP, and kappa, of the eCMP with respect
+    to the CoP; `cop` (2,) is r_cop,d, `ecmp` (2,) is r_ecmp,d.
+    `result.active` tells the active limits, a guess for the next tick;
+    `result.x` is not to be used if it is not solved.
     """
 
     increments: Array
     cop: Array
     ecmp: Array
     result: QpResult
-
-    @property
-    def delta(self) -> Array:
-        """The increment of the CoP (2,) [m]."""
-        return self.increments[:2]
-
-    @property
-    def kappa(self) -> Array:
-        """The increment of the eCMP with respect to the CoP (2,) [m]."""
-        return self.increments[2:]
 
 
 class IcpFeedbackQp:

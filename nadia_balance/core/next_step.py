@@ -27,7 +27,7 @@ from nadia_balance.core.walking import (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NextStep:
     """What the next step may be; points (2,) and polygons (n, 2) [m] in W.
 
@@ -108,7 +108,7 @@ def lift_off_times(
     phase, planned = state.schedule.phase, state.remaining_time
     if phase is Phase.SWING:
         return (0.0,)
-    least = max(timing.min_transfer_duration - state.elapsed, 0.0)
+    least = max(timing.least_rest_of_transfer(state.elapsed), 0.0)
     if phase is Phase.STANDING:  # the transfer is still to come
         transfer = state.schedule.footsteps[0].transfer_duration
         least = planned + min(timing.min_transfer_duration, transfer)
@@ -134,12 +134,7 @@ def swing_times(
     latest = planned + waiting_time
     if not timing.swing:
         return planned, latest
-    least = max(
-        timing.min_swing_duration - elapsed,
-        timing.min_remaining_swing,
-        (duration - elapsed) / timing.max_speed_up,
-    )
-    return min(least, planned), latest
+    return min(timing.least_rest_of_swing(duration, elapsed), planned), latest
 
 
 def _footholds(

@@ -40,7 +40,7 @@ class ReachRulesParams:
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Choice:
     """The region that a step has to respect, and where in it to step.
 

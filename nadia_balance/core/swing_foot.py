@@ -62,7 +62,7 @@ class SwingFootParams:
         self.detour.validate()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FootMotion:
     """Rows p, v, a of [x, y, z, yaw] of the sole in W, shape (3, 4)."""
 

@@ -38,7 +38,7 @@ from nadia_balance.core.walking import (
 _INWARD = -0.5  # y of a normal that points away from the swing side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SwingGeometry:
     """All polygons of one swing, (n, 2) [m] in W; the same in all its ticks."""
 

@@ -86,6 +86,23 @@ class TimingAdapterParams:
             return share_of_tick(self.transfer_time_constant, period)
         return 0.0
 
+    def least_rest_of_transfer(self, elapsed: float) -> float:
+        """How long [s] a transfer still lasts after `elapsed` [s]; or < 0."""
+        return self.min_transfer_duration - elapsed
+
+    def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
+        """How long [s] a swing of `duration` [s] still lasts at least.
+
+        `elapsed` [s] of it are over.  The rest of the foot's motion is sped up
+        by no more than sigma (Atlas paper, Eq. 13).
+        Erratum: as printed, sigma has no upper bound.
+        """
+        return max(
+            self.min_swing_duration - elapsed,
+            self.min_remaining_swing,
+            (duration - elapsed) / self.max_speed_up,
+        )
+
 
 def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
     """Returns how far along icp_r -> icp_end the ICP is, in [0, 1].
@@ -138,18 +155,14 @@ def least_remaining_time(
 ) -> float:
     """Returns the time [s] that must be left in the swing, by the clock.
 
-    The rest of the foot's motion is sped up by no more than sigma (Atlas
-    paper, Eq. 13), and the foot, now at its measured pose `foot`, needs time
-    to get to its foothold, and to where the ICP `error` (2,) [m] will have
-    taken it: within the time t, the error grows to e^wt times what it is.  If
-    the foot can at no time catch up with it, it makes do with the former.
-    Erratum: as printed, sigma has no upper bound.
+    What any swing needs, and what the foot, now at its measured pose `foot`,
+    needs to get to its foothold, and to where the ICP `error` (2,) [m] will
+    have taken it: within the time t, the error grows to e^wt times what it is.
+    If the foot can at no time catch up with it, it makes do with the former.
     """
     step = state.schedule.footsteps[0]
     least = max(
-        params.min_swing_duration - state.elapsed,
-        params.min_remaining_swing,
-        (state.schedule.duration - state.elapsed) / params.max_speed_up,
+        params.least_rest_of_swing(state.schedule.duration, state.elapsed),
         _time_to_foothold(state, foot, detour),
     )
     nominal = (state.adjustment.nominal if state.adjustment else step).pose
@@ -214,7 +227,7 @@ def time_adjustment(
     error = icp - reference.icp
     hurried = math.hypot(*error) >= params.icp_error_threshold
     if phase is Phase.TRANSFER:
-        least = params.min_transfer_duration - state.elapsed
+        least = params.least_rest_of_transfer(state.elapsed)
     elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
         foot = feet()[state.schedule.support_side.other]
         if (late := time_to_return(state, foot, detour)) > 0.0:

@@ -2,7 +2,8 @@
 
 All values are frozen and their arrays read-only, because Drake hands the very
 same object to every reader of an abstract port, and because clones of a
-Context may then share them.
+Context may then share them.  Those that hold arrays are equal to themselves
+only: arrays have no one answer to whether they are equal.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def read_only(values: object, size: int) -> Array:
     return array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FootPose:
     """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
 
@@ -118,7 +119,7 @@ class Footstep:
         return self
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReferencePoint:
     """A sample of the reference motion, each (2,) in W: [m], [m/s]."""
 

@@ -52,7 +52,7 @@ class WalkingStateMachineParams:
         self.lift_off.validate()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measurement:
     """What is measured of the robot: sole poses, forces [N], ICP [m], in W."""
 

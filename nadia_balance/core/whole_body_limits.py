@@ -32,18 +32,24 @@ class WholeBodyLimits:
     """
 
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """The limits of `model`, as tightened by `params`."""
+        """The limits of `model`, as tightened by `params`.
+
+        Raises:
+            ValueError: the margin leaves nothing of the sole.
+        """
         self._params, self._mass = params, model.mass
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._joints = np.eye(n)
         margin = 2.0 * params.sole_margin
+        sides = model.sole_length - margin, model.sole_width - margin
+        if min(sides) <= 0.0:
+            raise ValueError(
+                f"sole_margin = {params.sole_margin}: must leave some of the "
+                "sole"
+            )
         cone = np.zeros((_FOOT_ROWS, 6))
-        cone[:NUM_CONE_ROWS] = contact_wrench_cone(
-            model.sole_length - margin,
-            model.sole_width - margin,
-            params.friction,
-        )
+        cone[:NUM_CONE_ROWS] = contact_wrench_cone(*sides, params.friction)
         cone[-1, 5] = 1.0
         self._cone = cone.reshape(-1, 3)  # tau and f in turn, to rotate both
         # The first axis of all bounds is lower, upper.

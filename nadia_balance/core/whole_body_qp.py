@@ -29,7 +29,6 @@ _CARRYING = {
     (True, True): slice(0, 12),
     (True, False): LEFT_SOLE,
     (False, True): RIGHT_SOLE,
-    (False, False): slice(0, 0),
 }
 
 
@@ -71,12 +70,12 @@ class WholeBodyQp:
         self._tasks = WholeBodyTasks(params, model)
         self._limits = WholeBodyLimits(params, model)
         nv = 6 + model.num_joints
-        self._qps = [
-            DenseQp(
+        self._qps = {
+            n: DenseQp(
                 nv + 6 * n, 6 + 6 * n, self._limits.num_rows(n), params.solver
             )
-            for n in range(3)  # soles that carry
-        ]
+            for n in (1, 2)  # soles that carry
+        }
         self._rows_of = {c: self._limits.rows_of(c) for c in _CARRYING}
         # The posture's PD law, and the costs that are always the same: those
         # of [vdot, 1], and those of the wrenches.

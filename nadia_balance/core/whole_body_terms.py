@@ -19,7 +19,7 @@ PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WholeBodyModel:
     """Constants of a robot with nj joints, in the plant's order.
 
@@ -75,9 +75,9 @@ class WholeBodyCommand(NamedTuple):
 
     `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
     yawdot, yawddot) of the torso, and `turn` that of the pelvis on top of it;
-    `contacts`: does the (left, right) sole carry; `max_normal_forces` [N] of
-    the soles; `swing` is the reference (12,) [p, v, a, yaw, yawdot, yawddot]
-    of the sole that does not carry.
+    `contacts`: does the (left, right) sole carry, one at least does;
+    `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
+    a, yaw, yawdot, yawddot] of the sole that does not carry.
     """
 
     momentum_rate: Array

@@ -1,6 +1,5 @@
 """What the user may do in the Meshcat tab while the robot walks."""
 
-import math
 from dataclasses import astuple
 
 from pydrake.geometry import Meshcat
@@ -11,7 +10,8 @@ from nadia_balance.core.mechanisms import Mechanisms
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"
 DIRECTION = "direction [deg]"
-LARGEST = 1.5  # of the sizes that the slider offers [m/s]
+# The sliders, each with its largest value, its steps, and how it begins.
+SLIDERS = {SIZE: (1.5, 0.01, 0.3), DIRECTION: (355.0, 5.0, 90.0)}
 # The fields of Mechanisms, with their names in the tab.
 LABELS = {
     "step": "step adjustment",
@@ -37,23 +37,16 @@ class LiveControls(LeafSystem):
     """
 
     def __init__(
-        self,
-        meshcat: Meshcat,
-        mechanisms: Mechanisms,
-        delta_v: float = 0.3,
-        direction_deg: float = 90.0,
-        period: float = 0.02,
+        self, meshcat: Meshcat, mechanisms: Mechanisms, period: float = 0.02
     ):
-        """Looks at the tab every `period` [s]; the rest is how it begins.
-
-        Raises:
-            ValueError: `delta_v` [m/s] or `direction_deg` is not finite.
-        """
+        """Looks at the tab every `period` [s]; begins with `mechanisms`."""
         super().__init__()
         self._meshcat = meshcat
         meshcat.AddButton(PUSH, PUSH_KEY)
-        self._add_slider(SIZE, LARGEST, 0.01, delta_v)
-        self._add_slider(DIRECTION, 355.0, 5.0, direction_deg % 360.0)
+        for name, (largest, step, value) in SLIDERS.items():
+            if name not in meshcat.GetSliderNames():
+                meshcat.AddSlider(name, 0.0, largest, step, value)
+            meshcat.SetSliderValue(name, value)
         on = astuple(mechanisms)
         self._show_mechanisms(on)
         self._state = self.DeclareDiscreteState([0.0, *self._sliders(), *on])
@@ -61,15 +54,6 @@ class LiveControls(LeafSystem):
         self._declare_output("mechanisms", slice(3, 7))
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
-
-    def _add_slider(
-        self, name: str, highest: float, step: float, value: float
-    ) -> None:
-        if not math.isfinite(value):
-            raise ValueError(f"{name} = {value}: must be finite")
-        if name not in self._meshcat.GetSliderNames():
-            self._meshcat.AddSlider(name, 0.0, highest, step, value)
-        self._meshcat.SetSliderValue(name, value)
 
     def _declare_output(self, name: str, columns: slice) -> None:
         """Declares an output that is these `columns` of the state."""
@@ -86,7 +70,7 @@ class LiveControls(LeafSystem):
         )
 
     def _sliders(self) -> list[float]:
-        return [self._meshcat.GetSliderValue(s) for s in (SIZE, DIRECTION)]
+        return [self._meshcat.GetSliderValue(s) for s in SLIDERS]
 
     def _show_mechanisms(self, on) -> None:
         """Shows all toggles, none of them clicked."""

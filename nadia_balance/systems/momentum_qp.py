@@ -45,7 +45,8 @@ class MomentumQp(LeafSystem):
     The discrete state is what came of the last tick: the outputs, [delta,
     kappa], and the active limits.
 
-    Evaluating any output raises RuntimeError if an input is not finite.
+    Evaluating an output raises RuntimeError if an input that it depends on is
+    not finite.
 
     .. pydrake_system::
 
@@ -77,7 +78,7 @@ class MomentumQp(LeafSystem):
         super().__init__()
         params.validate()
         height_params.validate()
-        shrink(sole, params.cop_safe_distance)  # raises if nothing is left
+        _check_safe_distance(params.cop_safe_distance, sole)
         self._params, self._height_params = params, height_params
         self._mass, self._omega = mass, omega
         self._nominal, self._legs, self._sole = com_height, legs, sole
@@ -205,3 +206,13 @@ class MomentumQp(LeafSystem):
         output.set_value(
             momentum_rate(self._mass, self._omega, com[:2], ecmp, acceleration)
         )
+
+
+def _check_safe_distance(distance: float, sole: np.ndarray) -> None:
+    """Raises ValueError if the CoP has no place in the `sole` (n, 2) [m]."""
+    try:
+        shrink(sole, distance)
+    except ValueError:
+        raise ValueError(
+            f"cop_safe_distance = {distance}: must leave some of the sole"
+        ) from None

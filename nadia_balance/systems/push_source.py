@@ -12,6 +12,7 @@ from pydrake.multibody.plant import (
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.push import Push
+from nadia_balance.core.ticks import number_of_ticks
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.ports import declare_input, eval_typed
 
@@ -127,7 +128,7 @@ class PushSource(LeafSystem):
             walking = eval_typed(
                 self, context, self._walking_state, WalkingState
             )
-            ticks = max(round(push.duration / self._period), 1)
+            ticks = number_of_ticks(push.duration, self._period)
             push_row[:] = ticks, _angle(push, walking)
             live_row[0] = push.newtons(self._mass)
         elif push_row[0] == 0.0:

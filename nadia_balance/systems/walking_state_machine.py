@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import (
     Adjustment,
@@ -22,7 +23,6 @@ from nadia_balance.core.walking_state_machine import (
     WalkingStateMachineParams,
     advance,
 )
-from nadia_balance.systems.icp_planner import IcpPlan
 from nadia_balance.systems.ports import (
     declare_input,
     eval_finite,

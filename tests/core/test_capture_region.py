@@ -317,11 +317,17 @@ def test_regions_nest(crossing):
 
 
 def test_without_the_stance_foot_the_paper_s_regions_do_not_nest():
-    """Oracle: w_min times E is lost on the inner side (Errata 5)."""
-    reach = in_world(base_region(CROSSING), FootPose(), Side.RIGHT)
-    inner = -np.max(-0.05 * reach[:, 1])
-    assert inner == pytest.approx(-0.05 * 0.8)
-    assert np.min(-0.05 * reach[:, 1]) == pytest.approx(0.05 * 0.125)
+    """Oracles: w_min times E is lost on the inner side (Errata 5); shapely."""
+    reach = convex_hull(in_world(base_region(CROSSING), FootPose(), Side.RIGHT))
+    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
+    printed = capture_region(one_step, 0.2 * reach)
+    ours = capture_region(one_step, later_steps([reach], [0.2])[1])
+    lost = printed[:, 1].min() - one_step[:, 1].min()
+    assert lost == pytest.approx(0.2 * 0.125)
+    within = shapely.Polygon(printed).covers
+    assert not all(within(shapely.Point(vertex)) for vertex in one_step)
+    within = shapely.Polygon(ours).buffer(1e-12).covers
+    assert all(within(shapely.Point(vertex)) for vertex in one_step)
 
 
 # The numbers of algorithms.md, section 5, in the stance frame with y toward

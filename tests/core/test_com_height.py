@@ -25,7 +25,10 @@ from nadia_balance.core.walking import (
     Side,
 )
 
-PARAMS, LEGS = ComHeightParams(), LegGeometry()
+PARAMS = ComHeightParams()
+LEGS = LegGeometry(
+    length=0.782, ankle_height=0.098, com_above_hip=0.12, hip_width=0.26
+)
 NOMINAL = 0.94
 GROUND = 0.3
 REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
@@ -178,9 +181,16 @@ def test_refuses_bad_parameters(field, value):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("length", 0.0), ("com_above_hip", math.nan)]
+    ("field", "value"),
+    [
+        ("length", 0.0),
+        ("ankle_height", 0.0),
+        ("hip_width", -0.26),
+        ("com_above_hip", math.nan),
+    ],
 )
 def test_refuses_bad_legs(field, value):
     """Oracle: the message names field and value."""
-    with pytest.raises(ValueError, match=f"{field} = {value}: must be"):
-        LegGeometry(**{field: value}).validate()
+    LEGS.validate()
+    with pytest.raises(ValueError, match=f"legs.{field} = {value}: must be"):
+        replace(LEGS, **{field: value}).validate()

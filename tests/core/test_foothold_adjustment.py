@@ -281,6 +281,8 @@ OUT = [0.2, 0.0]  # an ICP that needs a step forward
         (0.600, 0.651, 0.0, False),  # less than 0.05 s is left
         (0.400, 0.640, 0.0091, True),
         (0.400, 0.640, 0.0111, False),  # ... or will be, after this tick
+        (0.600, 0.660, -0.0111, True),  # more is left if the clock is held
+        (0.600, 0.660, -0.0091, False),
         (0.700, 0.700, 0.0, False),  # late
     ],
 )

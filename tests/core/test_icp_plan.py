@@ -226,7 +226,7 @@ def test_a_short_transfer_is_not_bent_within_it():
     bends = []
     for min_bend_time in 0.0, 0.1:
         plan = plan_of(schedule, replace(PARAMS, min_bend_time=min_bend_time))
-        cop = plan.sample(plan.knots).cop
+        cop = np.array([plan.at(t).cop for t in plan.knots])
         bends.append(np.abs(cop - plan.cop_waypoints).max(axis=1))
     late, early = bends[1], bends[0]
     np.testing.assert_allclose(late[:3], 0.0, atol=1e-12)
@@ -368,19 +368,8 @@ def test_a_phase_of_no_time_is_harmless(duration):
     schedule = replace(walk(), duration=duration)
     plan = plan_of(schedule)
     np.testing.assert_allclose(plan.at(0.0).icp, 0.0, atol=1e-8)
-    samples = plan.sample(np.linspace(0.0, 4.0, 200))
-    assert np.abs(samples.icp_velocity).max() < 3.0
-
-
-def test_samples_are_what_at_returns():
-    """Oracle: at(), time by time."""
-    plan, times = plan_of(walk()), np.array([-1.0, 0.0, 0.4, 1.0, 99.0])
-    samples = plan.sample(times)
-    for i, t in enumerate(times):
-        now = plan.at(t)
-        for item in fields(IcpReference):
-            stacked = getattr(samples, item.name)
-            np.testing.assert_array_equal(stacked[i], getattr(now, item.name))
+    for t in np.linspace(0.0, 4.0, 200):
+        assert np.abs(plan.at(t).icp_velocity).max() < 3.0
 
 
 def test_holds_its_start_before_it_starts():

@@ -69,7 +69,7 @@ def cost_rows(error, previous, params):
 
 def angle_to(error, found) -> float:
     """Angle [rad] between the feedback and the error."""
-    total = found.delta + found.kappa
+    total = found.increments[:2] + found.increments[2:]
     cross = error[0] * total[1] - error[1] * total[0]
     return abs(math.atan2(cross, total @ np.array(error)))
 
@@ -192,10 +192,11 @@ def test_the_ankles_act_before_the_hips():
     """Oracle: delta carries R_kappa / R_delta as much as kappa."""
     found = feedback((0.01, 0.0))
     ratio = DEFAULTS.ecmp_weight / DEFAULTS.cop_weight
-    assert found.delta[0] / found.kappa[0] == pytest.approx(ratio)
+    delta_x, _, kappa_x, _ = found.increments
+    assert delta_x / kappa_x == pytest.approx(ratio)
     beyond = feedback((0.06, 0.0))
     assert beyond.cop[0] == pytest.approx(0.125 - DEFAULTS.cop_safe_distance)
-    assert beyond.kappa[0] > 0.01
+    assert beyond.increments[2] > 0.01
 
 
 @given(
@@ -264,7 +265,7 @@ def test_the_rate_weight_holds_on_to_the_previous_feedback():
             MomentumQpParams(rate_weight=weight),
             previous=previous,
         )
-        totals.append(found.delta[0] + found.kappa[0])
+        totals.append(found.increments[0] + found.increments[2])
     assert totals == sorted(totals)
     assert totals[0] == pytest.approx(DEFAULTS.effective_gain * 0.005)
     assert totals[-1] == pytest.approx(0.03, rel=2e-3)

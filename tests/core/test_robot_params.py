@@ -4,13 +4,16 @@ import math
 
 import pytest
 
+from nadia_balance.core.com_height import LegGeometry
 from nadia_balance.core.robot_params import RobotParams, SoleParams
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 
 
 def valid(**changes) -> RobotParams:
     sole = SoleParams(x_min=-0.1, x_max=0.1, half_width=0.05, z=-0.1)
-    fields = {"com_height": 0.9, "step_width": 0.25, "sole": sole}
+    legs = LegGeometry(length=0.8, ankle_height=0.1, hip_width=0.2)
+    fields = {"com_height": 0.9, "step_width": 0.25}
+    fields |= {"sole": sole, "legs": legs}
     return RobotParams(**(fields | changes))
 
 
@@ -33,6 +36,7 @@ def test_accepts_what_is_in_range():
         ({"sole": sole(z=math.nan)}, "sole.z = nan: must be"),
         ({"sole": sole(half_width=-0.05)}, "sole.half_width = -0.05: must be"),
         ({"sole": sole(x_min=0.2)}, "sole.x_max = 0.1: must be > sole.x_min"),
+        ({"legs": LegGeometry()}, "legs.length = 0.0: must be > 0 m"),
         ({"whole_body": WholeBodyQpParams(friction=0.0)}, "friction = 0.0"),
     ],
 )

@@ -44,6 +44,14 @@ def test_wrenches_are_possible(contacts):
             assert f[2] > params.min_normal_force - ROUNDING
 
 
+def test_refuses_a_margin_that_leaves_nothing_of_the_sole():
+    """Oracle: half of Nadia's sole is 0.06 m wide."""
+    WholeBodyLimits(WholeBodyQpParams(sole_margin=0.059), model())
+    message = "^sole_margin = 0.061: must leave some of the sole$"
+    with pytest.raises(ValueError, match=message):
+        WholeBodyLimits(WholeBodyQpParams(sole_margin=0.061), model())
+
+
 def test_keeps_to_the_torque_limits():
     """Oracle: the limits; without them the knees would take more."""
     wish = {"momentum_rate": (0.0, 0.0, 500.0)}

@@ -155,7 +155,10 @@ BAD_TEXTS = {
     "gait: {num_steps: -1}": "num_steps = -1: must be >= 0",
     "gait: {step_width: .nan}": "step_width = nan: must be in",
     "gait: {swing_duration: -0.7}": "swing_duration = -0.7: must be in",
-    "gait: {first_swing: middle}": "side = 'middle': must be left or right",
+    "gait: {first_swing: middle}": (
+        "first_swing = 'middle': must be left or right"
+    ),
+    "gait: {step: {yaw_deg: .inf}}": "step.yaw_deg = inf: must be finite",
     "pushes: [{time: 1.0}]": "delta_v = None, force = None: must give exactly",
     "pushes: [{force: 1.0}]": "time = None, phase = None: must give exactly",
     "pushes: [{delta_v: -0.1, time: 1.0}]": "delta_v = -0.1: must be finite",

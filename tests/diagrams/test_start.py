@@ -8,6 +8,7 @@ import pytest
 from diagrams.simulation import simulate
 from diagrams.start import initial_walking_state
 from nadia_balance.core.walking import Phase, Side
+from nadia_balance.robot import MODELS
 from tests.diagrams.simulated import diagram_of, scenario_of
 
 
@@ -22,6 +23,17 @@ def test_stands_with_the_feet_side_by_side_about_the_origin():
     assert schedule.feet[Side.LEFT].p_WF == pytest.approx([0.0, 0.15, 0.0])
     assert schedule.feet[Side.RIGHT].p_WF == pytest.approx([0.0, -0.15, 0.0])
     assert [schedule.feet[side].yaw for side in Side] == [0.0, 0.0]
+
+
+def test_stands_and_steps_as_wide_as_the_robot(tmp_path):
+    """Oracle: step_width / 2 of robot.yaml, by hand."""
+    text = (MODELS / "nadia" / "robot.yaml").read_text()
+    assert "step_width: 0.25" in text
+    path = tmp_path / "robot.yaml"
+    path.write_text(text.replace("step_width: 0.25", "step_width: 0.3"))
+    schedule = state_of(f"{{robot: {path}, gait: {{num_steps: 1}}}}").schedule
+    for pose in schedule.feet.right, schedule.footsteps[0].pose:
+        assert pose.p_WF == pytest.approx([0.0, -0.15, 0.0])
 
 
 def test_rests_between_the_feet():

@@ -56,7 +56,9 @@ def make(**changes) -> MomentumQp:
         "omega": OMEGA,
         "com_height": HEIGHT,
         "sole": SOLE,
-        "legs": LegGeometry(com_above_hip=0.04),
+        "legs": LegGeometry(
+            length=0.782, ankle_height=0.098, com_above_hip=0.04, hip_width=0.26
+        ),
         "control_period": 0.002,
     } | changes
     params = arguments.pop("params", PARAMS)
@@ -261,5 +263,6 @@ def test_refuses_bad_parameters_before_anything_runs():
     """Oracle: the message names the field."""
     with pytest.raises(ValueError, match="feedback_gain = 0.9: must be > 1"):
         make(params=replace(PARAMS, feedback_gain=0.9))
-    with pytest.raises(ValueError, match="nothing is left"):
+    message = "cop_safe_distance = 0.06: must leave some of the sole"
+    with pytest.raises(ValueError, match=message):
         make(params=replace(PARAMS, cop_safe_distance=0.06))
