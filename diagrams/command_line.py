@@ -16,7 +16,7 @@ from pydrake.systems.framework import Diagram
 
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
-from diagrams.mechanisms import MECHANISMS
+from diagrams.mechanisms import AS_IN_PARAMETERS, MECHANISMS
 from diagrams.meshcat_scene import set_scene, start_meshcat
 from diagrams.replay import start_recording
 from diagrams.run_folder import prepare_folder, write_run
@@ -26,7 +26,14 @@ from diagrams.simulation import advance, start
 from diagrams.story import telling_lines
 from diagrams.summary import summarize
 
-RECOVERED, FELL, BAD_INPUT = 0, 1, 2
+RECOVERED, NOT_RECOVERED, BAD_INPUT = 0, 1, 2
+
+# Help of --mechanisms, for a sweep and for a single run.
+SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
+ONE_OF = (
+    f"{SEVERAL}, or {AS_IN_PARAMETERS}, what the scenario's parameters say "
+    "(default: as in the scenario)"
+)
 
 
 def finite(text: str) -> float:
@@ -45,8 +52,16 @@ class CommandLine(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message}\n")
 
 
-def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
-    """Adds the flags that choose and change the scenario."""
+def scenario_flags(
+    parser: argparse.ArgumentParser,
+    name: str | None,
+    mechanisms: str = SEVERAL,
+) -> None:
+    """Adds the flags that choose and change the scenario.
+
+    `name` is the default scenario; None: one must be named.  `mechanisms` is
+    the help of that flag.
+    """
     group = parser.add_argument_group("scenario")
     group.add_argument(
         "--scenario_file", type=Path, help="YAML with named scenarios"
@@ -55,15 +70,14 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
         "--scenario_name",
         default=name,
         required=name is None,
-        help="one of the package, or of --scenario_file",
+        help="one of the package, or of --scenario_file"
+        + (f" (default: {name})" if name else ""),
     )
     group.add_argument(
         "--scenario_text", help="YAML that overrides single fields"
     )
     group.add_argument("--robot", help="a model's name, or a robot.yaml")
-    group.add_argument(
-        "--mechanisms", help=f"to recover by: {', '.join(MECHANISMS)}"
-    )
+    group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
     group.add_argument(
@@ -77,7 +91,11 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
 def output_flags(parser: argparse.ArgumentParser) -> None:
     """Adds the flags that choose what is shown and written."""
     group = parser.add_argument_group("output")
-    group.add_argument("--out", type=Path, help="folder for the results")
+    group.add_argument(
+        "--out",
+        type=Path,
+        help="folder for the results (default: runs/<date>_<time>_<scenario>)",
+    )
     group.add_argument(
         "--no-meshcat", action="store_true", help="no tab and no replay.html"
     )
@@ -118,10 +136,7 @@ def main_job(
     """Parses, checks, simulates, tells and writes; returns the exit code."""
     args = parser.parse_args(argv)
     try:
-        if args.realtime_rate < 0.0:
-            raise ValueError(
-                f"realtime_rate = {args.realtime_rate}: must be >= 0"
-            )
+        _check_output(args)
         scenario = make_scenario(args)
         meshcat = _meshcat(args)
         diagram = (
@@ -140,6 +155,24 @@ def main_job(
     return _run(args, scenario, folder, simulator, meshcat)
 
 
+def _check_output(args: argparse.Namespace) -> None:
+    """Raises ValueError for an output flag that can have no effect."""
+    if args.realtime_rate < 0.0:
+        raise ValueError(f"realtime_rate = {args.realtime_rate}: must be >= 0")
+    for name in ("open", "hold"):
+        if getattr(args, name) and (reason := _no_tab(args)):
+            raise ValueError(
+                f"{name} = True: must not come with {reason}, there is no tab"
+            )
+
+
+def _no_tab(args: argparse.Namespace) -> str:
+    """The flag that leaves no tab to look at; empty if there is one."""
+    if args.no_meshcat:
+        return "--no-meshcat"
+    return "--plant lipm" if args.plant == "lipm" else ""
+
+
 def _write_graph(diagram: Diagram, path: Path) -> None:
     try:
         path.write_text(diagram.GetGraphvizString(max_depth=2))
@@ -151,7 +184,7 @@ def _write_graph(diagram: Diagram, path: Path) -> None:
 
 def _meshcat(args: argparse.Namespace) -> Meshcat | None:
     """The tab, unless it is not wanted or there is no robot to see."""
-    if args.no_meshcat or args.plant == "lipm":
+    if _no_tab(args):
         return None
     meshcat, message = start_meshcat(args.port)
     if message:
@@ -183,7 +216,7 @@ def _run(
     print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
     if args.hold and meshcat is not None:
         _hold(meshcat)
-    return RECOVERED if summary["recovered"] else FELL
+    return RECOVERED if summary["recovered"] else NOT_RECOVERED
 
 
 def _hold(meshcat: Meshcat) -> None:

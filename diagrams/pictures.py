@@ -120,7 +120,8 @@ def write_strip(
     """Writes to `out` (PNG) what `replay` shows at `times` [s], side by side.
 
     Raises:
-        ValueError: a time is not within the replay, or there is no Chromium.
+        ValueError: `replay` is cut off, or no replay at all; a time is not
+            within it; or there is no Chromium.
     """
     view.validate()
     with sync_playwright() as playwright:
@@ -144,9 +145,7 @@ def _pictures(
         device_scale_factor=_SHARPNESS,
         offline=True,
     )
-    page.goto(replay.resolve().as_uri())
-    page.wait_for_function("viewer.animator.duration > 0")
-    duration = page.evaluate("viewer.animator.duration")
+    duration = _open(page, replay)
     for time in times:
         if not 0.0 <= time <= duration:
             raise ValueError(
@@ -154,6 +153,19 @@ def _pictures(
                 f"[0, {duration:.2f}] s"
             )
     return [_picture(page, _frame(time), view) for time in times]
+
+
+def _open(page: Page, replay: Path) -> float:
+    """Loads `replay` into the `page`; returns how long it lasts [s]."""
+    try:
+        page.goto(replay.resolve().as_uri())
+        page.wait_for_function("viewer.animator.duration > 0")
+        return page.evaluate("viewer.animator.duration")
+    except Error as error:  # a TimeoutError, too
+        raise ValueError(
+            f"run = {str(replay.parent)!r}: must have a whole {replay.name} "
+            f"({error.message.splitlines()[0]})"
+        ) from error
 
 
 def _frame(time: float) -> float:

@@ -18,7 +18,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(scenario.plant_config, builder)
     robot = load_robot(scenario.robot)
-    robot.add_to(plant)
+    instance = robot.add_to(plant)
     Parser(plant).AddModels(str(terrain_file()))
     for i in plant.GetJointActuatorIndices():
         plant.get_joint_actuator(i).set_controller_gains(
@@ -33,7 +33,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
         plant.get_joint_actuator(i).joint().position_start()
         for i in plant.GetJointActuatorIndices()
     ]
-    plant.get_desired_state_input_port(
-        plant.GetModelInstanceByName(robot.name)
-    ).FixValue(context, np.concatenate([q[joints], np.zeros(len(joints))]))
+    plant.get_desired_state_input_port(instance).FixValue(
+        context, np.concatenate([q[joints], np.zeros(len(joints))])
+    )
     return simulator

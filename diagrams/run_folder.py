@@ -86,6 +86,10 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
 
 def read_run(folder: Path) -> tuple[dict[str, np.ndarray], dict]:
     """Returns the log and the summary of a run."""
-    with np.load(folder / "log.npz", allow_pickle=False) as data:
+    # Opened here: numpy would leave open what is no whole archive.
+    with (
+        open(folder / "log.npz", "rb") as file,
+        np.load(file, allow_pickle=False) as data,
+    ):
         log = dict(data)
     return log, json.loads((folder / "summary.json").read_text("utf-8"))

@@ -73,14 +73,12 @@ def direction(log: Log, push: PushSpan) -> str:
 
 
 def _moment(log: Log, row: int) -> str:
-    """The point of the gait, such as `right swing 25 %`."""
+    """The point of the gait as push.py's --at has it: `right swing 25 %`."""
     span = _span_at(log, row)
     if span.phase is Phase.STANDING:
         return "standing"
     part = log["walking_signal"][row, TIME_IN_PHASE] / span.planned
-    if span.phase is Phase.SWING:
-        return f"{span.swing_side.value} swing {100 * part:.0f} %"
-    return f"transfer to the {span.support.value} foot {100 * part:.0f} %"
+    return f"{span.swing_side.value} {span.phase.value} {100 * part:.0f} %"
 
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:

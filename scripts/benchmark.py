@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from diagrams.block_times import block_times
-from diagrams.command_line import CommandLine, finite
+from diagrams.command_line import BAD_INPUT, ONE_OF, CommandLine, finite
 from diagrams.humanoid import HumanoidDiagram
 from diagrams.plant_alone import plant_alone
 from diagrams.scenario import Scenario, load_scenario
@@ -27,13 +27,22 @@ START = 1.0  # when the measurement begins: she steps [s]
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; 0 done, 2 bad input."""
     parser = CommandLine(
-        prog="benchmark.py", description=__doc__.partition("\n")[0]
+        prog="benchmark.py",
+        description=__doc__.partition("\n")[0],
+        epilog="Exit code: 0 done, 2 bad input.",
     )
-    parser.add_argument("--scenario_name", default="walk_in_place")
-    parser.add_argument("--mechanisms", help="to recover by, see push.py")
+    parser.add_argument(
+        "--scenario_name",
+        default="walk_in_place",
+        help="one of the package (default: %(default)s)",
+    )
+    parser.add_argument("--mechanisms", help=ONE_OF)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument(
-        "--seconds", type=finite, default=5.0, help="to simulate, > 0 [s]"
+        "--seconds",
+        type=finite,
+        default=5.0,
+        help="to simulate, > 0 (default: %(default)g) [s]",
     )
     args = parser.parse_args(argv)
     try:
@@ -44,7 +53,7 @@ def main(argv: list[str] | None = None) -> int:
             raise ValueError(f"seconds = {args.seconds}: must be > 0")
     except ValueError as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 2
+        return BAD_INPUT
     figures = measure(scenario, args.seconds)
     print(json.dumps(figures, indent=2) if args.json else as_text(figures))
     return 0

@@ -45,7 +45,12 @@ def main(argv: list[str] | None = None) -> int:
         default=list(FIGURES),
         help="number in the paper; by default all of them",
     )
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="folder for the pictures "
+        "(default: runs/<date>_<time>_capture_regions)",
+    )
     args = parser.parse_args(argv)
     try:
         folder = prepare_folder(args.out, "capture_regions")

@@ -10,6 +10,7 @@ Examples:
 import argparse
 import sys
 from pathlib import Path
+from zipfile import BadZipFile
 
 from diagrams.command_line import BAD_INPUT, CommandLine, finite
 from diagrams.run_folder import read_run
@@ -17,6 +18,7 @@ from diagrams.run_log import Log, pushes, steps
 
 _NUM_STEPS = 2  # after the push
 _BEFORE = 0.03  # a step lands [s]
+_SIGNALS = ("t", "walking_signal", "push_force")
 _MISSING = "playwright is missing: pip install 'nadia_balance[docs]'"
 
 
@@ -79,7 +81,7 @@ def _write(args: argparse.Namespace) -> None:
         raise ValueError(
             f"run = {str(args.run)!r}: must be a folder with a replay.html"
         )
-    times = args.times or moments(read_run(args.run)[0])
+    times = args.times or moments(_log_of(args.run))
     captions = args.captions or [f"{time:.2f} s" for time in times]
     if len(captions) != len(times):
         raise ValueError(
@@ -91,6 +93,23 @@ def _write(args: argparse.Namespace) -> None:
         raise ValueError(f"out = {str(out)!r}: must end in .png")
     write_strip(replay, times, captions, view, out)
     print(f"wrote {out}")
+
+
+def _log_of(run: Path) -> Log:
+    """Reads what `moments` needs of the log of a `run`.
+
+    Raises:
+        ValueError: the log is not whole.
+        OSError: there is none.
+    """
+    try:
+        log, _ = read_run(run)
+        return {name: log[name] for name in _SIGNALS}
+    except (BadZipFile, EOFError, KeyError, ValueError) as error:
+        raise ValueError(
+            f"run = {str(run)!r}: must have a whole log.npz and summary.json, "
+            f"as --times are not given ({error!r})"
+        ) from error
 
 
 def moments(log: Log) -> list[float]:

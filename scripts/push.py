@@ -10,6 +10,7 @@ import argparse
 import sys
 
 from diagrams.command_line import (
+    ONE_OF,
     CommandLine,
     finite,
     main_job,
@@ -19,6 +20,7 @@ from diagrams.command_line import (
 )
 from diagrams.envelope.moment import Moment
 from diagrams.scenario import Scenario
+from nadia_balance.core.gait import Gait
 from nadia_balance.core.push import Push
 
 # Relative to a left stance foot, that is, to a right swing.
@@ -26,20 +28,26 @@ WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; 0 recovered, 1 fell, 2 bad input."""
+    """Runs the command line `argv`.
+
+    Returns 0 recovered, 1 did not recover, 2 bad input.
+    """
     parser = CommandLine(
         prog="push.py",
         description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 recovered, 1 fell, 2 bad input.",
+        epilog="Exit code: 0 recovered, 1 did not recover (summary.json says "
+        "why), 2 bad input.",
     )
     _push_flags(parser)
-    scenario_flags(parser, name="push")
+    scenario_flags(parser, name="push", mechanisms=ONE_OF)
     output_flags(parser)
     return main_job(parser, argv, _pushed_scenario)
 
 
 def _push_flags(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("push")
+    group = parser.add_argument_group(
+        "push", "Of the scenario's first push.  Default: as in the scenario."
+    )
     group.add_argument(
         "--direction",
         help="degrees (0 forward, 90 left), or forward, backward, inward, "
@@ -56,10 +64,12 @@ def _push_flags(parser: argparse.ArgumentParser) -> None:
         help="when the push begins",
     )
     group.add_argument(
-        "--side", choices=("left", "right"), help="the swinging foot"
+        "--side",
+        choices=("left", "right"),
+        help="the foot that swings, or will after the transfer",
     )
     group.add_argument(
-        "--fraction", type=finite, help="of the phase that has passed"
+        "--fraction", type=finite, help="of the phase that has passed, 0 to 1"
     )
     group.add_argument("--at", help='in short, such as "right swing 25 %%"')
 
@@ -80,19 +90,28 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         _read_at(args)
     if args.delta_v is not None:
         push.delta_v, push.force = args.delta_v, None
-    if args.phase == "standing":
-        push.phase, push.time = None, 1.0
-        gait = scenario.gait
-        gait.num_steps, gait.steps, gait.footholds = 0, [], []
-    elif args.phase is not None:
-        push.phase, push.time = args.phase, None
-    for name in ("side", "fraction"):
-        if getattr(args, name) is not None:
-            setattr(push, name, getattr(args, name))
+    _set_moment(args, push, scenario.gait)
     if args.direction is not None:
         push.direction_deg = _degrees(args.direction, push)
     scenario.validate()
     return scenario
+
+
+def _set_moment(args: argparse.Namespace, push: Push, gait: Gait) -> None:
+    """Sets when `push` begins; who stands then takes no steps at all."""
+    if args.phase == "standing":
+        push.phase, push.time = None, 1.0
+        gait.num_steps, gait.steps, gait.footholds = 0, [], []
+    elif args.phase is not None:
+        push.phase, push.time = args.phase, None
+    for name in ("side", "fraction"):
+        if (value := getattr(args, name)) is None:
+            continue
+        if push.phase is None:
+            raise ValueError(
+                f"{name} = {value}: must come with --phase swing or transfer"
+            )
+        setattr(push, name, value)
 
 
 def _read_at(args: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ Examples:
 import sys
 
 from diagrams.command_line import (
+    ONE_OF,
     CommandLine,
     main_job,
     output_flags,
@@ -18,15 +19,19 @@ from diagrams.scenario import scenario_names
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; 0 stands, 1 fell, 2 bad input."""
+    """Runs the command line `argv`.
+
+    Returns 0 stood, walked or recovered, 1 did not, 2 bad input.
+    """
     names = ", ".join(scenario_names())
     parser = CommandLine(
         prog="simulate.py",
         description=__doc__.partition("\n")[0],
         epilog=f"scenarios: {names}. "
-        "Exit code: 0 still up, 1 fell, 2 bad input.",
+        "Exit code: 0 stood, walked or recovered, 1 did not (summary.json "
+        "says why), 2 bad input.",
     )
-    scenario_flags(parser, name=None)
+    scenario_flags(parser, name=None, mechanisms=ONE_OF)
     output_flags(parser)
     return main_job(parser, argv, scenario_from)
 

@@ -69,7 +69,7 @@ def test_imports_only_its_own_layer_and_those_below(path):
 @pytest.mark.parametrize("path", CORE, ids=str)
 def test_core_is_pure_mathematics(path):
     """Only the QP files know Drake, and of Drake only its solvers."""
-    allowed = ("nadia_balance.core.", "numpy.", "shapely.")
+    allowed = ("nadia_balance.core.", "numpy.")
     if "qp" in path.stem.split("_"):
         allowed += ("pydrake.solvers.",)
     assert not {

@@ -126,6 +126,15 @@ def test_a_robot_that_is_none_leaves_no_folder(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().err.startswith("job: robot = 'fred': must be ")
 
 
+@pytest.mark.parametrize("flag", ["open", "hold"])
+def test_a_point_mass_has_no_tab_to_look_at(flag, capsys):
+    assert run(f"--{flag}") == 2
+    assert capsys.readouterr().err == (
+        f"job: {flag} = True: must not come with --plant lipm, there is no "
+        "tab\n"
+    )
+
+
 def test_draws_the_diagram(tmp_path):
     """Oracle: Graphviz dot, with a node for each block."""
     graph = tmp_path / "diagram.dot"

@@ -1,11 +1,14 @@
 """Oracles: the closed loop's own plant, and gravity."""
 
+import shutil
+
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 from diagrams.plant_alone import plant_alone
+from nadia_balance.robot import MODELS
 from tests.diagrams.simulated import diagram_of, scenario_of
 
 
@@ -32,6 +35,21 @@ def test_is_the_plant_of_the_closed_loop():
     ):
         assert number(alone) == number(loop.plant)
     assert alone.time_step() == 0.002
+
+
+def test_a_robot_may_have_another_name_than_its_urdf(tmp_path):
+    """Oracle: the positions at the start, to which the joints are held."""
+    shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
+    file = tmp_path / "nadia" / "robot.yaml"
+    file.write_text(file.read_text().replace("name: nadia", "name: fred"))
+    simulator = plant_alone(scenario_of(f"{{robot: {file}}}"))
+    plant = plant_of(simulator)
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    port = plant.get_desired_state_input_port(
+        plant.GetModelInstanceByName("nadia")
+    )
+    held = port.Eval(context)[: plant.num_actuators()]
+    assert sorted(held) == sorted(plant.GetPositions(context)[7:])
 
 
 def test_stands_where_it_was_put():

@@ -86,7 +86,7 @@ def test_tells_when_a_push_was_decided_on():
     swing = round((0.5 + 0.3 + 0.7 + 0.3) / T)
     force[swing : swing + 50, 1] = 100.0
     line = story({**log, "push_force": force})[0]
-    assert "push left, transfer to the right foot 99 %" in line
+    assert "push left, left transfer 99 %" in line
 
 
 def test_tells_a_walk_without_a_push():

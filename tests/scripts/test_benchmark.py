@@ -68,6 +68,14 @@ def test_the_table_has_every_block(figures):
         assert sum(line.split()[0] == name for line in lines) == 1
 
 
+def test_help_tells_the_exit_codes_and_the_defaults(capsys):
+    outcome = run_script(benchmark, ["--help"], capsys)
+    text = " ".join(" ".join(outcome.out).split())
+    assert text.endswith("Exit code: 0 done, 2 bad input.")
+    for default in ("walk_in_place", "as in the scenario", "5"):
+        assert f"(default: {default})" in text
+
+
 @pytest.mark.parametrize(
     ("argv", "message"),
     [

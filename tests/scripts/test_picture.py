@@ -121,6 +121,36 @@ def test_knows_no_moments_of_a_run_without_a_push():
         picture.moments(log)
 
 
+@pytest.mark.parametrize("fault", ["cut off", "empty", "other", "key"])
+def test_refuses_a_log_that_is_not_whole(fault, tmp_path, capsys):
+    """Oracle: a log that it does read, and what was done to it."""
+    log, file = make_log(Recipe()), tmp_path / "log.npz"
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / "replay.html").touch()
+    if fault == "key":
+        del log["walking_signal"]
+    np.savez(file, **log)
+    if fault == "cut off":
+        file.write_bytes(file.read_bytes()[:-100])
+    elif fault != "key":
+        file.write_bytes(b"" if fault == "empty" else b"no log")
+    outcome = run_script(picture, ["--run", tmp_path], capsys)
+    message = f"run = {str(tmp_path)!r}: must have a whole log.npz"
+    assert_refused(outcome, message)
+
+
+def test_refuses_a_replay_that_is_cut_off(folder, tmp_path):
+    """Oracle: half of a replay that it does read."""
+    half = (folder / "replay.html").read_text()
+    (tmp_path / "replay.html").write_text(half[: len(half) // 2])
+    argv = ("--run", tmp_path, "--times", 1)
+    done = as_program("picture", *argv, cwd=tmp_path)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    told = f"picture.py: run = {str(tmp_path)!r}: must have a whole replay.html"
+    assert line.startswith(told)
+
+
 def test_refuses_a_time_after_the_end(folder, tmp_path):
     """Oracle: the replay takes ten seconds."""
     argv = ("--run", folder, "--times", 1, 11.5)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagrams import command_line
+from diagrams.mechanisms import AS_IN_PARAMETERS, MECHANISMS
 from nadia_balance.robot import MODELS
 from scripts import push
 from tests.scripts.running import (
@@ -179,6 +180,16 @@ REFUSED = [
         ["--at", "left swing 25 %", "--side", "right"],
         "side = right: must not come with",
     ),
+    (
+        ["--phase", "standing", "--side", "left"],
+        "side = left: must come with --phase swing or transfer",
+    ),
+    (
+        ["--scenario_name", "push_standing", "--fraction", "0.5"],
+        "fraction = 0.5: must come with --phase swing or transfer",
+    ),
+    (["--hold"], "hold = True: must not come with --no-meshcat"),
+    (["--open"], "open = True: must not come with --no-meshcat"),
     (["--phase", "flight"], "argument --phase: invalid choice: 'flight'"),
     (["--side", "middle"], "argument --side: invalid choice: 'middle'"),
     (["--plant", "moon"], "argument --plant: invalid choice: 'moon'"),
@@ -203,6 +214,18 @@ REFUSED = [
         "time = 1.0: must be < duration = 1.0 s",
     ),
 ]
+
+
+def test_help_tells_what_can_be_named_and_what_is_taken_if_not(capsys):
+    """Oracle: the names that a scenario may have; the exit codes."""
+    outcome = run_script(push, ["--help"], capsys)
+    assert outcome.code == 0
+    text = " ".join(" ".join(outcome.out).split())
+    names = f"{', '.join(MECHANISMS)}, or {AS_IN_PARAMETERS}, what the"
+    assert f"to recover by: {names}" in text
+    assert "--scenario_file (default: push)" in text
+    assert text.count("efault: as in the scenario") == 2
+    assert "1 did not recover (summary.json says why), 2 bad input." in text
 
 
 @pytest.fixture
@@ -329,7 +352,7 @@ def test_recovered_is_who_takes_eight_more_steps(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("at", "moment"),
     [
-        ("right transfer 100 %", "transfer to the left foot 99 %"),
+        ("right transfer 100 %", "right transfer 99 %"),
         ("left swing 100 %", "left swing 100 %"),
     ],
 )
