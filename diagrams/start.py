@@ -36,10 +36,11 @@ def initial_walking_state(scenario: Scenario) -> WalkingState:
         scenario.controller.walking_state_machine.standing_duration,
         scenario.controller.control_period,
     )
+    first = footsteps[0].side if footsteps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
     schedule = ContactSchedule(
         phase=Phase.STANDING,
-        support_side=Side(gait.first_swing).other,
+        support_side=first.other,
         duration=wait if footsteps else math.inf,
         feet=feet,
         footsteps=footsteps,

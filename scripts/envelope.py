@@ -2,8 +2,9 @@
 
 Each direction, moment and set of mechanisms is searched for its limit, as for
 the Nadia paper's Fig. 10.  A trial that is done stays done: after Ctrl-C, or a
-power cut, the same flags and --out with the folder go on.  More directions,
-moments and mechanisms can be added to a folder in that way, too.
+power cut, the same flags and --out with the folder go on.  More directions and
+mechanisms can be added to a folder in that way, too, and moments, if --duration
+is the same.
 
 Examples:
     python scripts/envelope.py --quick
@@ -94,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     sweep_flags(parser)
     scenario_flags(parser, name=SCENARIO)
     group = parser.add_argument_group("running")
-    cores = len(os.sched_getaffinity(0))
+    cores = _cores()
     group.add_argument(
         "--workers",
         type=int,
@@ -108,7 +109,8 @@ def _parser() -> argparse.ArgumentParser:
         "--timeout",
         type=finite,
         default=Sweep.timeout,
-        help="after which a trial counts as hung (default: %(default)g) [s]",
+        help="wall time after which a trial counts as hung "
+        "(default: %(default)g) [s]",
     )
     group = parser.add_argument_group("output")
     group.add_argument(
@@ -124,6 +126,12 @@ def _parser() -> argparse.ArgumentParser:
         help="only write what follows from FOLDER/trials.csv",
     )
     return parser
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):  # macOS has none
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _prepare(
@@ -210,7 +218,7 @@ def _plot_only(folder: Path) -> int:
 def _report(folder: Path, written: list[str]) -> None:
     """Writes the report; prints the table, and the names of all files."""
     envelope = envelope_of(*read_trials(folder / TRIALS))
-    written = [*write_report(folder), *written]
+    written = [*write_report(folder, envelope), *written]
     print("\n".join(table_lines(envelope)))
     print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
 

@@ -2,14 +2,16 @@
 
 import asyncio
 import contextlib
+import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 
-from diagrams.envelope.fingerprints import code_hash
+from diagrams.envelope.fingerprints import this_code
 from diagrams.envelope.trial_process import TrialProcess, give_to_this_thread
-from diagrams.summary import versions
 
 CONNECT_TIMEOUT = 5.0  # [s]
+NO_WORKERS = 300.0  # so long a cluster may be without any [s]
+LOOK = 1.0  # between two looks whether it has some [s]
 
 
 @contextlib.contextmanager
@@ -20,7 +22,7 @@ def open_executor(
 
     Those are `workers` on this machine, or as many as the Dask cluster with
     this `scheduler` has threads.  Trials that have not ended when this is left
-    are given up.
+    are given up, as are those of a cluster that has lost all its workers.
 
     Raises:
         ValueError: no worker, no such scheduler, or workers that cannot run
@@ -60,10 +62,31 @@ def _cluster(scheduler: str) -> Iterator[tuple[Executor, int]]:
     with _client(scheduler) as client:
         _check_workers(scheduler, client.run(this_code, on_error="return"))
         executor = client.get_executor(pure=False)
+        left = threading.Event()
+        threading.Thread(
+            target=_watch, args=(client, executor, left), daemon=True
+        ).start()
         try:
             yield executor, sum(client.nthreads().values())
         finally:
-            executor.shutdown(wait=False)
+            left.set()
+            _give_up(executor)
+
+
+def _watch(client, executor: Executor, left: threading.Event) -> None:
+    """Gives the trials up without workers: they would wait for ever."""
+    while not left.wait(LOOK):
+        try:
+            client.wait_for_workers(1, timeout=NO_WORKERS)
+        except TimeoutError:
+            return _give_up(executor)
+        except Exception:  # noqa: BLE001
+            continue  # without a scheduler all trials are given up, anyway
+
+
+def _give_up(executor: Executor) -> None:
+    with contextlib.suppress(Exception):  # such as: the scheduler is gone
+        executor.shutdown(wait=False)
 
 
 def _client(scheduler: str):
@@ -92,11 +115,6 @@ async def _kind(scheduler: str) -> str:
     keys = Security().get_connection_args("client")
     async with rpc(scheduler, connection_args=keys) as remote:
         return (await remote.identity())["type"]
-
-
-def this_code() -> dict[str, str]:
-    """Returns what a row depends on, apart from the scenario."""
-    return {**versions(), "code": code_hash()}
 
 
 def _check_workers(scheduler: str, codes: dict[str, object]) -> None:

@@ -9,11 +9,15 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.mechanisms import AS_IN_PARAMETERS
 from diagrams.scenario import Scenario
+from diagrams.summary import versions
 from nadia_balance.core.push import Push
-from nadia_balance.robot import MODELS, load_robot
+from nadia_balance.robot import MODELS, RobotModel, load_robot
 
 # Of this package, what a row depends on; reports and plots are free to change.
-TRIAL_FILES = ("capturability.py", "limit_search.py", "moment.py", "trial.py")
+TRIAL_FILES = (
+    *("capturability.py", "limit_search.py", "moment.py", "sweep_plan.py"),
+    "trial.py",
+)
 
 
 def parameters_hash(scenario: Scenario) -> str:
@@ -34,12 +38,22 @@ def parameters_hash(scenario: Scenario) -> str:
         push.delta_v, push.force, push.direction_deg = 0.0, None, 0.0
         push.time, push.phase = 0.0, None
         push.side, push.fraction = Push.side, Push.fraction
-    texts = (
-        yaml_dump_typed(common),
-        yaml_dump_typed(robot.params),
-        robot.urdf.read_text(encoding="utf-8"),
-    )
-    return _digest(text.encode() for text in texts)
+    return _digest([yaml_dump_typed(common).encode(), *_files(robot)])
+
+
+def robot_hash(name: str) -> str:
+    """Returns 16 hex digits for the files of a robot, wherever they are.
+
+    Raises:
+        ValueError: the robot is unknown or makes no sense.
+        FileNotFoundError: a file of the robot is missing.
+    """
+    return _digest(_files(load_robot(name)))
+
+
+def this_code() -> dict[str, str]:
+    """Returns what a row depends on, apart from its scenario and its robot."""
+    return {**versions(), "code": code_hash()}
 
 
 def code_hash(root: Path = MODELS.parent) -> str:
@@ -61,6 +75,11 @@ def code_hash(root: Path = MODELS.parent) -> str:
         for name, path in sorted(files.items())
         for part in (name.encode(), path.read_bytes())
     )
+
+
+def _files(robot: RobotModel) -> tuple[bytes, bytes]:
+    params, urdf = yaml_dump_typed(robot.params), robot.urdf
+    return params.encode(), urdf.read_text(encoding="utf-8").encode()
 
 
 def _digest(parts: Iterable[bytes]) -> str:

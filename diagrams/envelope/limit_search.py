@@ -10,6 +10,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+FINEST = 1e-4  # resolution [m/s]
+LARGEST = 100.0  # push, far above any recovery [m/s]
+
 Results = Mapping[tuple[int, int], bool]  # (level, replica) -> recovered
 
 
@@ -24,17 +27,18 @@ class SearchParams:
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
-        if not 0.0 < self.resolution < math.inf:
+        if not FINEST <= self.resolution < math.inf:
             raise ValueError(
-                f"resolution = {self.resolution}: must be > 0 m/s, finite"
+                f"resolution = {self.resolution}: must be finite and >= "
+                f"{FINEST:g} m/s"
             )
         for name in ("stride", "replicas"):
             if not (value := getattr(self, name)) >= 1:
                 raise ValueError(f"{name} = {value}: must be >= 1")
-        if not self.resolution <= self.largest < math.inf:
+        if not self.resolution <= self.largest <= LARGEST:
             raise ValueError(
-                f"largest = {self.largest}: must be finite and >= "
-                f"resolution = {self.resolution} m/s"
+                f"largest = {self.largest}: must be in [resolution = "
+                f"{self.resolution}, {LARGEST:g}] m/s"
             )
 
     @property

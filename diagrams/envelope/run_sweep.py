@@ -34,12 +34,12 @@ def run_sweep(
     """Runs all trials that the file lacks; returns whether none is left.
 
     The rows depend neither on `slots`, how many trials run at a time, nor on
-    which of them ends first.  A trial whose future raises is one with the
-    outcome "crashed".  `progress` is called at first, and after every trial.
-    Once `stopped` says so, no trial is begun, nor is one waited for.
+    which of them ends first.  `progress` is called at first, and after every
+    trial.  Once `stopped` says so, no trial is begun, nor is one waited for.
 
     Raises:
-        RuntimeError: the executor takes no more trials.
+        RuntimeError: the executor takes no more trials, or a trial's future
+            raises: the fault of a worker, for those of a trial are in its row.
         OSError: the file cannot be written.
     """
     agenda = agenda_of(sweep, trials_file)
@@ -49,7 +49,8 @@ def run_sweep(
         while not stopped():
             # One more than can run: nobody waits for the next one.
             while len(running) <= slots and (trial := agenda.pop()):
-                running[_submit(executor, sweep, trial)] = trial
+                future = _submit(executor, sweep, trial, trials_file.identity)
+                running[future] = trial
             if not running:
                 return True
             for future in wait(running, LOOK, FIRST_COMPLETED).done:
@@ -69,10 +70,10 @@ def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
     return Agenda(sweep.cells(), sweep.search, _known(trials_file, sweep))
 
 
-def timed(text: str, plant: str, timeout: float) -> dict:
+def timed(text: str, plant: str, timeout: float, identity: dict) -> dict:
     """Runs a trial where the executor says; adds its wall time [s]."""
     began = time.perf_counter()
-    result = run_in_process(text, plant, timeout)
+    result = run_in_process(text, plant, timeout, identity)
     return {**result, "wall_s": time.perf_counter() - began}
 
 
@@ -88,7 +89,9 @@ def _known(
         yield trial, row["outcome"] == "recovered"
 
 
-def _submit(executor: Executor, sweep: Sweep, trial: Trial) -> Future:
+def _submit(
+    executor: Executor, sweep: Sweep, trial: Trial, identity: dict
+) -> Future:
     scenario = trial_scenario(
         sweep.scenario,
         trial.cell,
@@ -97,7 +100,7 @@ def _submit(executor: Executor, sweep: Sweep, trial: Trial) -> Future:
         sweep.period,
     )
     text = yaml_dump_typed(scenario)
-    return executor.submit(timed, text, sweep.plant, sweep.timeout)
+    return executor.submit(timed, text, sweep.plant, sweep.timeout, identity)
 
 
 def _labels(sweep: Sweep, trial: Trial) -> dict:
@@ -117,6 +120,6 @@ def _result(future: Future) -> dict:
         return future.result()
     except (CancelledError, BrokenExecutor) as error:
         raise RuntimeError("the workers are gone") from error
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        return {"outcome": "crashed", "reason": reason}
+        raise RuntimeError(f"a worker failed: {reason}") from error

@@ -15,8 +15,10 @@ from diagrams.envelope.sweep_plan import Sweep
 from diagrams.mechanisms import MECHANISMS
 from diagrams.scenario import Scenario
 
-DURATION = 12.6  # of that scenario: just enough for its eight steps [s]
 PHASE = "right swing 25 %"
+# Of that scenario, if all pushes are then: just enough for its eight steps.
+# Its own duration leaves time for them after any moment of a step. [s]
+DURATION = 12.6
 MOST_DIRECTIONS = 72  # that a count may ask for
 QUICK = {
     "directions": "8",
@@ -44,7 +46,8 @@ def sweep_flags(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--phases",
         default=PHASE,
-        help="when the push begins, with commas (default: right swing 25 %%)",
+        help="when the push begins, with commas (default: right swing 25 %%, "
+        f"for which {DURATION} s of the scenario {SCENARIO} are enough)",
     )
     group.add_argument(
         "--resolution",
@@ -151,7 +154,8 @@ def _scenario(args: argparse.Namespace) -> Scenario:
     )
     text = yaml_load_data(args.scenario_text or "{}")
     ours = args.scenario_file is None and args.scenario_name == SCENARIO
-    if ours and args.duration is None and "duration" not in text:
+    timed = args.duration is not None or "duration" in text
+    if ours and not timed and moments(args.phases) == moments(PHASE):
         scenario.duration = DURATION
     if scenario.robot.endswith((".yaml", ".yml")):
         # Trials may run elsewhere.

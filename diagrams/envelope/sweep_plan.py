@@ -2,19 +2,22 @@
 
 from dataclasses import dataclass, field
 
-from diagrams.envelope.fingerprints import code_hash, parameters_hash
+from diagrams.envelope.fingerprints import (
+    parameters_hash,
+    robot_hash,
+    this_code,
+)
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.moment import Moment
 from diagrams.mechanisms import MECHANISMS
 from diagrams.scenario import Scenario
-from diagrams.summary import versions
 
 PROTOCOL = 1  # how limits are searched and trials judged
 PLANTS = ("humanoid", "lipm")
 LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Cell:
     """One limit to find."""
 
@@ -113,8 +116,8 @@ class Sweep:
             "largest": search.largest,
             "seed": self.scenario.seed,
             "parameters": parameters_hash(self.scenario),
-            "code": code_hash(),
-            **versions(),
+            **this_code(),
+            "robot_files": robot_hash(self.scenario.robot),
         }
 
 

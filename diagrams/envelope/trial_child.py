@@ -1,7 +1,8 @@
 """A process that runs trials, and the two sides of the talk with it.
 
-It reads a JSON line for each trial from its stdin, and answers with one on a
-pipe that nobody else knows of: whatever is printed cannot get in between.  It
+It reads a JSON line for each trial from its stdin, and answers on a pipe that
+nobody else knows of: whatever is printed cannot get in between.  First it says
+that it begins, and then the row; or only why it must not make that row.  It
 ends with its stdin, and so with its parent, however that ends.
 """
 
@@ -12,12 +13,16 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Iterator
 from multiprocessing.connection import wait
 
-from diagrams.envelope.trial import row_without_run, run_trial
+from diagrams.envelope.fingerprints import robot_hash, this_code
+from diagrams.envelope.trial import run_trial
 from diagrams.scenario import Scenario
 from nadia_balance.typed_yaml import load_typed
 
+BEGUN = "begun"
 ORPHAN_GRACE = 10.0  # so long after its time is up a child ends itself [s]
 LAST_WORDS = 300  # so many bytes at most are told of its stderr
 
@@ -31,7 +36,8 @@ class TrialChild:
         self.trials = 0
         self._stderr = tempfile.TemporaryFile(buffering=0)
         replies, their_end = os.pipe()
-        self._replies = open(replies, encoding="utf-8")
+        # Unbuffered: two lines may come at once, and wait sees only the pipe.
+        self._replies = open(replies, "rb", buffering=0)
         module = "diagrams.envelope.trial_child"
         try:
             self.process = subprocess.Popen(
@@ -53,21 +59,24 @@ class TrialChild:
         return self.process.poll() is None
 
     def ask(self, request: dict, timeout: float) -> str:
-        """Returns the reply, empty if the child died.
+        """Returns the row as JSON, empty if the child died in the trial.
 
         Raises:
             TimeoutError: there was none for `timeout` [s].
+            RuntimeError: it does not begin with the trial; why.
         """
+        end = time.monotonic() + timeout
+        if self.trials:
+            # The child writes at the same offset: its last words are of this
+            # trial, or of its start.
+            self._stderr.seek(0)
+            self._stderr.truncate()
         self.trials += 1
-        # The child writes at the same offset: its last words are of this trial.
-        self._stderr.seek(0)
-        self._stderr.truncate()
         with contextlib.suppress(BrokenPipeError):  # dead: no reply, either
             self.process.stdin.write(f"{json.dumps(request)}\n".encode())
-        if not wait([self._replies], timeout):
-            raise TimeoutError
-        reply = self._replies.readline()
-        return reply if reply.endswith("\n") else ""
+        if (answer := self._line(end)) != BEGUN:
+            raise RuntimeError(answer or self.death())
+        return self._line(end)
 
     def death(self) -> str:
         """How it died, once there is no reply: SIGSEGV: its last words."""
@@ -85,6 +94,13 @@ class TrialChild:
         for file in (self.process.stdin, self._replies, self._stderr):
             file.close()
 
+    def _line(self, end: float) -> str:
+        """The next one, empty if the child died; `end`: time.monotonic()."""
+        if not wait([self._replies], end - time.monotonic()):
+            raise TimeoutError
+        line = self._replies.readline().decode()
+        return line.strip() if line.endswith("\n") else ""
+
 
 def _environment() -> dict[str, str]:
     """One thread for each trial; and the modules of this very process."""
@@ -96,25 +112,42 @@ def _environment() -> dict[str, str]:
 
 
 def serve(descriptor: int) -> None:
-    """Runs the trials that stdin asks for; writes rows to `descriptor`."""
-    # Without its parent, nobody reads.
-    with contextlib.suppress(BrokenPipeError), open(descriptor, "w") as replies:
+    """Runs the trials that stdin asks for; answers on `descriptor`."""
+    code = this_code()  # that was imported; later there may be another
+    with (
+        contextlib.suppress(BrokenPipeError),  # without parent, nobody reads
+        open(descriptor, "w", encoding="utf-8", errors="replace") as replies,
+    ):
         for line in sys.stdin:
             request = json.loads(line)
             # The parent ends it much sooner, if it is still there.
             limit = request["timeout"] + ORPHAN_GRACE
             signal.setitimer(signal.ITIMER_REAL, limit)
-            row = _row(request["scenario"], request["plant"])
+            for answer in _answers(request, code):
+                print(answer, file=replies, flush=True)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-            print(json.dumps(row, allow_nan=False), file=replies, flush=True)
 
 
-def _row(scenario_yaml: str, plant: str) -> dict:
+def _answers(request: dict, code: dict[str, str]) -> Iterator[str]:
     try:
-        scenario = load_typed(Scenario, "scenario", data=scenario_yaml)
-    except ValueError as error:
-        return row_without_run("error", str(error))
-    return run_trial(scenario, plant)
+        scenario = load_typed(Scenario, "scenario", data=request["scenario"])
+        ours = {**code, "robot_files": robot_hash(scenario.robot)}
+        _compare(ours, request["identity"])
+    except (ValueError, OSError) as error:
+        yield " ".join(str(error).split())
+        return
+    yield BEGUN
+    yield json.dumps(run_trial(scenario, request["plant"]), allow_nan=False)
+
+
+def _compare(ours: dict[str, str], asked: dict) -> None:
+    """Raises ValueError naming what is not as in the sweep."""
+    for name, value in ours.items():
+        if asked.get(name, value) != value:
+            raise ValueError(
+                f"{name} = {value}: must be {asked[name]}, as when the sweep "
+                "began"
+            )
 
 
 if __name__ == "__main__":

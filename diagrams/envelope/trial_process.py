@@ -14,12 +14,14 @@ TRIALS_PER_CHILD = 50
 _this_thread = threading.local()
 
 
-def run_in_process(scenario_yaml: str, plant: str, timeout: float) -> dict:
+def run_in_process(
+    scenario_yaml: str, plant: str, timeout: float, identity: dict
+) -> dict:
     """TrialProcess.run, of the one that belongs to the calling thread."""
     if not hasattr(_this_thread, "process"):
         give_to_this_thread(process := TrialProcess())
         atexit.register(process.close)
-    return _this_thread.process.run(scenario_yaml, plant, timeout)
+    return _this_thread.process.run(scenario_yaml, plant, timeout, identity)
 
 
 def give_to_this_thread(process: "TrialProcess") -> None:
@@ -35,7 +37,9 @@ class TrialProcess:
         self._closed = False
         self._starting = threading.Lock()
 
-    def run(self, scenario_yaml: str, plant: str, timeout: float) -> dict:
+    def run(
+        self, scenario_yaml: str, plant: str, timeout: float, identity: dict
+    ) -> dict:
         """Returns the row of a trial (see run_trial), whatever happens to it.
 
         If the child dies, `outcome` is crashed, and `reason` tells how and the
@@ -45,14 +49,22 @@ class TrialProcess:
             scenario_yaml: a whole Scenario; a robot.yaml by its absolute path
             plant: humanoid or lipm
             timeout: on the clock on the wall, a start of the child included [s]
+            identity: of the sweep (Sweep.identity), for the child to compare
 
         Raises:
-            RuntimeError: it was closed.
+            RuntimeError: it was closed, or the child does not begin with the
+                trial: it dies before, has other code or another robot.
+            OSError: no child can be started.
         """
         child = self._ready_child()
-        request = {"scenario": scenario_yaml, "plant": plant}
+        request = {
+            "scenario": scenario_yaml,
+            "plant": plant,
+            "timeout": timeout,
+            "identity": identity,
+        }
         try:
-            reply = child.ask(request | {"timeout": timeout}, timeout)
+            reply = child.ask(request, timeout)
         except TimeoutError:
             child.close()
             return row_without_run("hung", f"no result after {timeout:g} s")

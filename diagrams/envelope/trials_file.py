@@ -1,10 +1,16 @@
 """trials.csv: a row for every finished trial, safe against a sudden end."""
 
+import contextlib
 import csv
 import json
+import math
 import os
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
+from diagrams.envelope.limit_search import SearchParams
+from diagrams.envelope.moment import Moment
 from diagrams.envelope.trial_rows import (
     COLUMNS,
     COST_COLUMNS,
@@ -15,6 +21,7 @@ from diagrams.envelope.trial_rows import (
     parse_cells,
     sort_key,
 )
+from diagrams.mechanisms import MECHANISMS
 
 _HINTS = {
     "parameters": " (the scenario, its duration or its robot differs)",
@@ -99,18 +106,63 @@ def read_trials(path: Path) -> tuple[dict, list[dict]]:
         raise ValueError(
             f"trials = {path}: must be a trials.csv of this program"
         ) from None
+    with _naming_the_line(path, 1):
+        search = _search_of(identity)
     rows: dict[Key, dict] = {}
     for number, cells in enumerate(table, start=3):
-        try:
+        with _naming_the_line(path, number):
             row = parse_cells(cells)
+            _check_key(row, search)
             if key_of(row) in rows:
                 raise ValueError("must not repeat a trial")
-        except ValueError as error:
-            raise ValueError(
-                f"trials = {path}: line {number}: {error}"
-            ) from None
         rows[key_of(row)] = row
     return identity, list(rows.values())
+
+
+@contextlib.contextmanager
+def _naming_the_line(path: Path, number: int) -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"trials = {path}: line {number}: {error}") from None
+
+
+def _search_of(identity: dict) -> SearchParams:
+    """Raises ValueError naming a field that is missing or makes no sense."""
+    found = {}
+    for field in fields(SearchParams):
+        kind, value = type(field.default), identity.get(field.name)
+        if not isinstance(value, int | kind):
+            raise ValueError(
+                f"{field.name} = {value!r}: must be of type {kind.__name__}"
+            )
+        found[field.name] = value
+    search = SearchParams(**found)
+    search.validate()
+    return search
+
+
+def _check_key(row: dict, search: SearchParams) -> None:
+    """Raises ValueError naming a cell that no trial of a search has."""
+    if (name := row["mechanisms"]) not in MECHANISMS:
+        raise ValueError(
+            f"mechanisms = {name!r}: must be one of {', '.join(MECHANISMS)}"
+        )
+    try:
+        Moment.parse(text := row["phase"])
+    except ValueError:
+        raise ValueError(
+            f'phase = {text!r}: must be like "right swing 25 %"'
+        ) from None
+    for name, least, most in (
+        ("direction_deg", 0.0, 360.0),
+        ("delta_v", 0.0, search.largest + 1e-9),
+        ("replica", 0, math.inf),
+    ):
+        if (value := row[name]) is None or not least <= value <= most:
+            raise ValueError(
+                f"{name} = {value}: must be in [{least:g}, {most:g}]"
+            )
 
 
 def _head(identity: dict) -> str:

@@ -63,6 +63,13 @@ def test_shifts_to_the_foot_that_does_not_swing_first(side):
     assert state.schedule.support_side is side.other
 
 
+def test_footholds_say_themselves_which_foot_swings_first():
+    """Though `first_swing` is right by default."""
+    schedule = state_of("{gait: {footholds: [{side: left, y: 0.2}]}}").schedule
+    assert schedule.footsteps[0].side is Side.LEFT
+    assert schedule.support_side is Side.RIGHT
+
+
 def test_walks_at_once_if_told_so():
     """A phase of no length would divide by zero.
 

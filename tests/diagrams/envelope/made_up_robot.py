@@ -58,7 +58,9 @@ class MadeUpRobot(Executor):
         self._spoil, self._random = spoil, random.Random(workers)
         self.tried: list[tuple[str, float, float, int]] = []
 
-    def submit(self, function, text: str, plant: str, timeout: float) -> Future:
+    def submit(
+        self, function, text: str, plant: str, timeout: float, identity: dict
+    ) -> Future:
         """Looks at the scenario instead of simulating it."""
         scenario = load_typed(Scenario, "scenario", data=text)
         (push,) = scenario.pushes

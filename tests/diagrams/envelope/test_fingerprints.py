@@ -2,19 +2,31 @@
 
 import re
 import shutil
+import subprocess
+import sys
 
 import pytest
 
 from diagrams.envelope import fingerprints
 from diagrams.scenario import load_scenario
+from diagrams.summary import versions
 from nadia_balance.robot import MODELS
 from tests.source_files import ROOT
 
 
-def test_every_file_that_it_names_is_there():
-    folder = ROOT / "diagrams" / "envelope"
-    for name in fingerprints.TRIAL_FILES:
-        assert (folder / name).is_file()
+def test_names_every_file_of_a_trial():
+    """Oracle: what Python imports for one, here, without the fingerprints."""
+    code = "import sys, diagrams.envelope.trial; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    package = "diagrams.envelope."
+    names = {
+        f"{module.removeprefix(package)}.py"
+        for module in done.stdout.split()
+        if module.startswith(package)
+    }
+    assert names - {"fingerprints.py"} == set(fingerprints.TRIAL_FILES)
 
 
 def test_is_sixteen_digits_each_time():
@@ -70,10 +82,13 @@ def test_a_robot_is_what_its_files_say_not_where_they_are(tmp_path):
     shutil.copytree(MODELS / "nadia", robot)
     scenario.robot = str(robot / "robot.yaml")
     assert fingerprints.parameters_hash(scenario) == before
+    files = fingerprints.robot_hash(scenario.robot)
+    assert files == fingerprints.robot_hash("nadia")
     urdf = robot / "nadia.urdf"
     text = urdf.read_text()
     urdf.write_text(f"{text}\n<!-- changed -->\n")
     assert fingerprints.parameters_hash(scenario) != before
+    assert fingerprints.robot_hash(scenario.robot) != files
 
 
 def test_says_that_the_robot_is_missing():
@@ -81,6 +96,14 @@ def test_says_that_the_robot_is_missing():
     scenario.robot = "nowhere.yaml"
     with pytest.raises(FileNotFoundError, match="robot = nowhere.yaml: no suc"):
         fingerprints.parameters_hash(scenario)
+    with pytest.raises(FileNotFoundError, match="robot = nowhere.yaml: no suc"):
+        fingerprints.robot_hash("nowhere.yaml")
+
+
+def test_this_code_is_told_by_versions_and_a_hash():
+    """Oracle: the versions in every summary."""
+    asked = {**versions(), "code": fingerprints.code_hash()}
+    assert fingerprints.this_code() == asked
 
 
 def test_sees_a_change_of_the_code_but_not_of_a_plot(tmp_path):
@@ -95,7 +118,7 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot(tmp_path):
         assert fingerprints.code_hash(tmp_path) == before
     for name in (
         "diagrams/summary.py",
-        "diagrams/envelope/trial.py",
+        *(f"diagrams/envelope/{name}" for name in fingerprints.TRIAL_FILES),
         "nadia_balance/core/lipm.py",
         "models/nadia/robot.yaml",
     ):

@@ -227,14 +227,16 @@ def test_the_largest_push_is_tried_and_nothing_above():
 @pytest.mark.parametrize(
     ("field", "value", "rule"),
     [
-        ("resolution", 0.0, "must be > 0 m/s, finite"),
-        ("resolution", math.nan, "must be > 0 m/s, finite"),
-        ("resolution", math.inf, "must be > 0 m/s, finite"),
+        ("resolution", 0.0, "must be finite and >= 0.0001 m/s"),
+        ("resolution", 1e-309, "must be finite and >= 0.0001 m/s"),
+        ("resolution", math.nan, "must be finite and >= 0.0001 m/s"),
+        ("resolution", math.inf, "must be finite and >= 0.0001 m/s"),
         ("stride", 0, "must be >= 1"),
         ("replicas", 0, "must be >= 1"),
-        ("largest", 0.01, "must be finite and >= resolution = 0.02 m/s"),
-        ("largest", math.nan, "must be finite and >= resolution = 0.02 m/s"),
-        ("largest", math.inf, "must be finite and >= resolution = 0.02 m/s"),
+        ("largest", 0.01, "must be in [resolution = 0.02, 100] m/s"),
+        ("largest", 1e308, "must be in [resolution = 0.02, 100] m/s"),
+        ("largest", math.nan, "must be in [resolution = 0.02, 100] m/s"),
+        ("largest", math.inf, "must be in [resolution = 0.02, 100] m/s"),
     ],
 )
 def test_refuses_bad_parameters(field, value, rule):

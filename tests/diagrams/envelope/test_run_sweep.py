@@ -1,15 +1,17 @@
 """A sweep makes each of its trials once, whatever happens meanwhile."""
 
+import shutil
 import threading
 from concurrent.futures import BrokenExecutor, CancelledError
 
 import pytest
 
 from diagrams.envelope.executors import open_executor
-from diagrams.envelope.limit_search import SearchParams, limit, next_batch
+from diagrams.envelope.limit_search import SearchParams, limit
 from diagrams.envelope.run_sweep import agenda_of, run_sweep
 from diagrams.envelope.trial_rows import key_of
 from diagrams.envelope.trials_file import TrialsFile
+from nadia_balance.robot import MODELS
 from tests.diagrams.envelope.made_up_robot import (
     WEAKER,
     MadeUpRobot,
@@ -131,37 +133,25 @@ def test_directions_can_be_added_to_a_finished_sweep(open_file):
     assert file.path.read_bytes() == at_once.path.read_bytes()
 
 
-def test_a_trial_whose_future_raises_is_a_row_and_the_sweep_goes_on(open_file):
-    """Oracle: the search that takes each of these trials for a failure."""
-
-    def spoil(scenario):
-        (push,) = scenario.pushes
-        if push.direction_deg == 90.0 and push.delta_v == 0.3:
-            raise MemoryError("out of\nmemory")
-
-    sweep = made_up_sweep()
-    file = open_file(sweep)
-    _, done = run(sweep, file, spoil=spoil)
-    assert done
-    crashed = [row for row in file.rows() if row["outcome"] == "crashed"]
-    assert {row["reason"] for row in crashed} == {"MemoryError: out of memory"}
-    assert {row["direction_deg"] for row in crashed} == {90.0}
-    for cell in sweep.cells():
-        told = results(file.rows(), cell, sweep.search)
-        assert next_batch(told, sweep.search) == []
-
-
-@pytest.mark.parametrize("gone", [CancelledError, BrokenExecutor])
-def test_ends_when_the_workers_are_gone(open_file, gone):
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (CancelledError(), "the workers are gone"),
+        (BrokenExecutor(), "the workers are gone"),
+        (OSError("full"), "a worker failed: OSError: full"),
+        (ImportError("no x"), "a worker failed: ImportError: no x"),
+    ],
+)
+def test_ends_when_the_workers_are_gone_or_fail(open_file, error, told):
     """No row is made up for what was not tried: it can go on later."""
 
     def spoil(scenario):
         if scenario.mechanisms == "step":
-            raise gone
+            raise error
 
     sweep = made_up_sweep()
     file = open_file(sweep)
-    with pytest.raises(RuntimeError, match="the workers are gone"):
+    with pytest.raises(RuntimeError, match=told):
         run(sweep, file, spoil=spoil)
     assert {row["mechanisms"] for row in file.rows()} <= {"icp_only"}
     _, done = run(sweep, open_file(sweep))
@@ -178,13 +168,14 @@ def test_no_more_trials_wait_than_one(open_file, slots):
             with lock:
                 busy[0] += 1
                 most[0] = max(most[0], busy[0])
-            future = super().submit(*args)
-            future.add_done_callback(self.count_down)
-            return future
+            return super().submit(*args)
 
-        def count_down(self, _):
-            with lock:
-                busy[0] -= 1
+        def _run(self, *args):
+            try:
+                return super()._run(*args)
+            finally:  # before anybody hears of it
+                with lock:
+                    busy[0] -= 1
 
     sweep = made_up_sweep()
     with Counting(slots) as robot:
@@ -201,6 +192,22 @@ def test_tells_its_progress_after_every_trial(open_file):
     assert told[-1].total == told[-1].done
     assert told[-1].complete == told[-1].cells == 6
     assert agenda_of(sweep, file).progress() == told[-1]
+
+
+def test_ends_when_the_robot_becomes_another_one(open_file, tmp_path):
+    """A real child; the file is changed after its hash was taken."""
+    shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
+    sweep = made_up_sweep()
+    sweep.scenario.robot = str(tmp_path / "nadia" / "robot.yaml")
+    file = open_file(sweep)
+    with (tmp_path / "nadia" / "nadia.urdf").open("a") as urdf:
+        urdf.write("<!-- changed -->")
+    asked = file.identity["robot_files"]
+    told = rf"robot_files = \w+: must be {asked}, as when the sweep began"
+    with open_executor(1) as (executor, slots):
+        with pytest.raises(RuntimeError, match=told):
+            run_sweep(sweep, file, executor, slots)
+    assert file.rows() == []
 
 
 def test_a_trial_that_hangs_is_a_row_and_the_sweep_goes_on(open_file):

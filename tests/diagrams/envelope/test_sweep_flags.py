@@ -21,6 +21,7 @@ from diagrams.mechanisms import MECHANISMS
 from diagrams.required_steps import required_steps
 from diagrams.simulation import simulate
 from nadia_balance.robot import MODELS
+from tests.diagrams.test_required_steps import log_of
 
 
 def sweep_of(*argv):
@@ -131,16 +132,39 @@ def test_the_duration_is_just_long_enough():
 
 
 @pytest.mark.parametrize(
+    ("begin", "taken", "steps"),
+    [
+        *[(3.3, 2, 8), (4.0, 2, 8), (4.3, 3, 8), (5.0, 3, 8)],
+        *[(5.02, 3, 8), (5.2, 3, 7)],
+    ],
+)
+def test_other_moments_have_time_for_eight_steps(begin, taken, steps):
+    """Oracle: by hand, the end of each phase, when a push begins at the latest.
+
+    The whole robot lands 6 ms late, so that her left swing ends at 5.014 s; a
+    push decided on in one tick is felt in the next, and the odd replicas come
+    a tick later.  At 5.2 s it would be a later step.
+    """
+    scenario = sweep_of("--phases", "left swing 100 %").scenario
+    assert required_steps(scenario, log_of((begin, taken))) == (steps, 8)
+
+
+@pytest.mark.parametrize(
     ("flags", "duration"),
     [
         ([], DURATION),
         (["--scenario_text", "gait: {swing_duration: 0.65}"], DURATION),
         (["--scenario_text", "duration: 14.0"], 14.0),
         (["--duration", "9"], 9.0),
+        (["--phases", "right swing 25.0%"], DURATION),
+        (["--phases", "right swing 25 %, left transfer 50 %"], 14.1),
+        (["--phases", "right swing 26 %"], 14.1),
         (["--scenario_name", "cross_over"], 13.5),
     ],
 )
-def test_only_the_default_scenario_is_made_shorter(flags, duration):
+def test_only_the_default_moment_of_its_scenario_takes_less_time(
+    flags, duration
+):
     assert sweep_of(*flags).scenario.duration == duration
 
 

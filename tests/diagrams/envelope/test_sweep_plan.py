@@ -2,7 +2,6 @@
 
 import json
 import math
-import random
 
 import pytest
 
@@ -21,12 +20,6 @@ def test_has_a_cell_for_each_of_every_kind():
     cells = sweep.cells()
     assert len(cells) == len(set(cells)) == 2 * 2 * 3
     assert Cell("step", moments[1], 210.0) in cells
-
-
-def test_cells_can_be_sorted():
-    cells = made_up_sweep().cells()
-    random.Random(1).shuffle(cells)
-    assert sorted(cells) == sorted(made_up_sweep().cells())
 
 
 def test_tries_all_mechanisms_unless_told():
@@ -100,7 +93,7 @@ REFUSED = [
     ({"moments": ()}, "moments = '': must name at least one"),
     (
         {"search": SearchParams(resolution=0.0)},
-        "resolution = 0.0: must be > 0 m/s",
+        "resolution = 0.0: must be finite and >= 0.0001 m/s",
     ),
     ({"search": SearchParams(replicas=0)}, "replicas = 0: must be >= 1"),
     ({"timeout": 0.0}, "timeout = 0.0: must be in (0, 1e+06] s"),

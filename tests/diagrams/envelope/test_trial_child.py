@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from diagrams.envelope.fingerprints import this_code
 from diagrams.envelope.trial import run_trial
 from diagrams.envelope.trial_child import TrialChild
+from tests.diagrams.envelope.made_up_robot import made_up_sweep
 from tests.diagrams.envelope.quick_trials import (
     ENDLESS,
     facts,
@@ -38,7 +40,8 @@ PARENT = """
     from diagrams.envelope.trial_child import TrialChild
     from tests.diagrams.envelope.quick_trials import *
     children = [TrialChild(), TrialChild()]
-    request = {"scenario": text_of(trial()), "plant": "lipm", "timeout": 99.0}
+    request = {"scenario": text_of(trial()), "plant": "lipm"}
+    request |= {"timeout": 99.0, "identity": {}}
     for child in children:
         child.ask(request, 99.0)
     print(*(child.process.pid for child in children), flush=True)
@@ -53,9 +56,13 @@ def child():
     child.close()
 
 
-def request(scenario, timeout=PATIENCE, plant="lipm"):
-    text = text_of(scenario)
-    return {"scenario": text, "plant": plant, "timeout": timeout}
+def request(scenario, timeout=PATIENCE, identity=None):
+    return {
+        "scenario": text_of(scenario),
+        "plant": "lipm",
+        "timeout": timeout,
+        "identity": identity or {},
+    }
 
 
 def test_gives_the_row_of_this_very_process(child):
@@ -78,21 +85,48 @@ def test_what_is_printed_does_not_get_into_the_reply(tmp_path, monkeypatch):
     noisy.close()
 
 
-def test_a_scenario_that_is_none_is_an_error_and_the_child_lives_on(child):
-    """Oracle: the message of load_typed."""
-    bad = {"scenario": "{gait: 3}", "plant": "lipm", "timeout": PATIENCE}
-    row = json.loads(child.ask(bad, PATIENCE))
-    assert row["outcome"] == "error"
-    assert row["reason"].startswith("scenario: gait = 3: must be a mapping")
-    assert json.loads(child.ask(request(trial()), PATIENCE))["outcome"]
+def test_makes_no_row_of_what_is_not_as_in_the_sweep(child):
+    """Oracle: this process; each hash is changed, and each file missed."""
+    ours = made_up_sweep().identity()
+    good = request(trial(), identity=ours)
+    row = child.ask(good, PATIENCE)
+    assert facts(json.loads(row)) == facts(run_trial(trial(), "lipm"))
+    for name in (*this_code(), "robot_files"):
+        told = f"{name} = {ours[name]}: must be x, as when the sweep began"
+        bad = good | {"identity": ours | {name: "x"}}
+        assert refusal(child, bad) == told
+    gone = good | {"scenario": "{robot: gone.yaml}"}
+    assert refusal(child, gone) == "robot = gone.yaml: no such file"
+    bad = good | {"scenario": "{gait: 3}"}
+    told = "scenario: gait = 3: must be a mapping"
+    assert refusal(child, bad).startswith(told)
+    assert child.is_alive
 
 
-def test_tells_the_exit_code_and_the_last_words_of_a_child(child):
+def refusal(child, asked):
+    """Why it does not begin."""
+    with pytest.raises(RuntimeError) as refused:
+        child.ask(asked, PATIENCE)
+    return str(refused.value)
+
+
+def test_tells_how_a_child_died_that_did_not_begin(child):
     """Oracle: a request that is none is the end of a Python program."""
-    assert child.ask({"plant": "lipm"}, PATIENCE) == ""
-    assert child.death() == "exit code 1: KeyError: 'timeout'"
+    told = "exit code 1: KeyError: 'timeout'"
+    assert refusal(child, {"plant": "lipm"}) == told
     assert not child.is_alive
-    assert child.ask(request(trial()), PATIENCE) == ""  # nobody listens
+    assert refusal(child, request(trial())) == "exit code 1"  # nobody listens
+
+
+def test_a_child_that_cannot_start_makes_no_row(tmp_path, monkeypatch):
+    """Oracle: the words of Python, which finds other code in our place."""
+    (tmp_path / "diagrams").mkdir()
+    (tmp_path / "diagrams" / "__init__.py").write_text("1 / 0")
+    monkeypatch.syspath_prepend(tmp_path)
+    broken = TrialChild()
+    told = "exit code 1: ZeroDivisionError: division by zero"
+    assert refusal(broken, request(trial())) == told
+    broken.close()
 
 
 def test_computes_with_one_thread_and_the_modules_of_its_parent(child):

@@ -39,9 +39,9 @@ def expected():
 
 def run_long(process, then):
     """Runs a trial without end, and does `then` in its midst."""
-    process.run(QUICK, "lipm", PATIENCE)  # the child has started
+    process.run(QUICK, "lipm", PATIENCE, {})  # the child has started
     with ThreadPoolExecutor(1) as thread:
-        future = thread.submit(process.run, LONG, "lipm", PATIENCE)
+        future = thread.submit(process.run, LONG, "lipm", PATIENCE, {})
         time.sleep(0.3)
         assert not future.done()
         then()
@@ -56,37 +56,46 @@ def test_a_child_that_a_signal_kills_is_a_row_and_the_next_one_works(
     row = run_long(process, lambda: os.kill(process.pid, number))
     assert (row["outcome"], row["reason"]) == ("crashed", number.name)
     assert set(expected) < set(row)
-    assert facts(process.run(QUICK, "lipm", PATIENCE)) == expected
+    assert facts(process.run(QUICK, "lipm", PATIENCE, {})) == expected
 
 
 def test_one_that_dies_between_two_trials_costs_no_row(process, expected):
-    process.run(QUICK, "lipm", PATIENCE)
+    process.run(QUICK, "lipm", PATIENCE, {})
     dead = process.pid
     os.kill(dead, signal.SIGKILL)
     os.waitid(os.P_PID, dead, os.WEXITED | os.WNOWAIT)
-    assert facts(process.run(QUICK, "lipm", PATIENCE)) == expected
+    assert facts(process.run(QUICK, "lipm", PATIENCE, {})) == expected
     assert process.pid != dead
+
+
+def test_a_trial_of_another_sweep_is_no_row(process, expected):
+    """Oracle: the child is as good as ever."""
+    with pytest.raises(RuntimeError, match=r"^code = \w+: must be x, as when"):
+        process.run(QUICK, "lipm", PATIENCE, {"code": "x"})
+    first = process.pid
+    assert facts(process.run(QUICK, "lipm", PATIENCE, {})) == expected
+    assert process.pid == first
 
 
 def test_a_trial_that_takes_too_long_is_hung_and_its_child_gone(
     process, expected
 ):
     """Oracle: the system knows no such process any more."""
-    process.run(QUICK, "lipm", PATIENCE)
+    process.run(QUICK, "lipm", PATIENCE, {})
     late = process.pid
-    row = process.run(LONG, "lipm", 0.2)
+    row = process.run(LONG, "lipm", 0.2, {})
     told = ("hung", "no result after 0.2 s")
     assert (row["outcome"], row["reason"]) == told
     with pytest.raises(ProcessLookupError):
         os.kill(late, 0)
-    assert facts(process.run(QUICK, "lipm", PATIENCE)) == expected
+    assert facts(process.run(QUICK, "lipm", PATIENCE, {})) == expected
 
 
 def test_one_that_stands_still_is_hung_too(process):
     """Oracle: a process that is stopped does nothing, not even end."""
-    process.run(QUICK, "lipm", PATIENCE)
+    process.run(QUICK, "lipm", PATIENCE, {})
     os.kill(process.pid, signal.SIGSTOP)
-    assert process.run(QUICK, "lipm", 0.2)["outcome"] == "hung"
+    assert process.run(QUICK, "lipm", 0.2, {})["outcome"] == "hung"
 
 
 def test_keeps_its_child_but_not_forever(process, monkeypatch):
@@ -95,7 +104,7 @@ def test_keeps_its_child_but_not_forever(process, monkeypatch):
     assert process.pid is None
     pids = []
     for _ in range(5):
-        process.run(QUICK, "lipm", PATIENCE)
+        process.run(QUICK, "lipm", PATIENCE, {})
         pids.append(process.pid)
     assert pids[0] == pids[1] != pids[2] == pids[3] != pids[4]
 
@@ -105,7 +114,7 @@ def test_can_be_killed_by_another_thread_and_then_runs_no_more(process):
     row = run_long(process, process.kill)
     assert (row["outcome"], row["reason"]) == ("crashed", "SIGKILL")
     with pytest.raises(RuntimeError, match="has been closed"):
-        process.run(QUICK, "lipm", PATIENCE)
+        process.run(QUICK, "lipm", PATIENCE, {})
 
 
 def test_every_thread_has_a_child_of_its_own(expected, monkeypatch):
@@ -118,7 +127,7 @@ def test_every_thread_has_a_child_of_its_own(expected, monkeypatch):
         rows = []
         for _ in range(2):
             both.wait()
-            rows.append(facts(run_in_process(QUICK, "lipm", PATIENCE)))
+            rows.append(facts(run_in_process(QUICK, "lipm", PATIENCE, {})))
         assert rows == [expected] * 2
         return trial_process._this_thread.process
 

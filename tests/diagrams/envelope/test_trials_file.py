@@ -175,6 +175,54 @@ def test_names_the_line_that_is_not_right(full, path):
         assert str(refused.value).startswith(f"trials = {path}: {told}")
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("resolution", None, "resolution = None: must be of type float"),
+        ("stride", 2.5, "stride = 2.5: must be of type int"),
+        ("replicas", "2", "replicas = '2': must be of type int"),
+        ("largest", 1e308, "largest = 1e+308: must be in [resolution = 0.1, "),
+    ],
+)
+def test_names_what_is_wrong_in_the_first_line(path, name, value, told):
+    """Oracle: one field of a good line, changed; or not there at all."""
+    good = {key: IDENTITY[key] for key in IDENTITY if key != name}
+    for bad in (good | {name: value}, *([good] if value is None else [])):
+        path.unlink(missing_ok=True)
+        TrialsFile(path, bad)
+        with pytest.raises(ValueError) as refused:
+            read_trials(path)
+        assert str(refused.value).startswith(f"trials = {path}: line 1: {told}")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        (
+            "mechanisms",
+            "luck",
+            "mechanisms = 'luck': must be one of icp_only, ",
+        ),
+        ("mechanisms", None, "mechanisms = '': must be one of icp_only, "),
+        ("phase", "noon", "phase = 'noon': must be like \"right swing 25 %\""),
+        ("phase", None, "phase = '': must be like \"right swing 25 %\""),
+        ("direction_deg", None, "direction_deg = None: must be in [0, 360]"),
+        ("delta_v", None, "delta_v = None: must be in [0, 3]"),
+        ("delta_v", "inf", "delta_v = inf: must be in [0, 3]"),
+        ("delta_v", "nan", "delta_v = nan: must be in [0, 3]"),
+        ("replica", None, "replica = None: must be in [0, inf]"),
+    ],
+)
+def test_names_the_cell_that_no_trial_has(path, name, value, told):
+    """Oracle: a good row, but for this one cell."""
+    TrialsFile(path, IDENTITY)
+    with path.open("a") as file:
+        file.write(line_of({**ROWS[0], name: value}))
+    with pytest.raises(ValueError) as refused:
+        read_trials(path)
+    assert str(refused.value).startswith(f"trials = {path}: line 3: {told}")
+
+
 def test_a_full_disk_is_told_and_nothing_is_lost(path):
     """Oracle: /dev/full, the disk that is always full."""
     file = TrialsFile(path, IDENTITY)
