@@ -3,13 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from diagrams.envelope.envelope_data import NO_ANSWER
 from diagrams.mechanisms import MECHANISMS
 from nadia_balance.core.capturability import LOST
 
 ALL = "all"  # the trials of all mechanisms together
-
-RECOVERED = "recovered"
-JUDGED = (RECOVERED, "fell", "failed")  # other outcomes are no answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,11 +18,6 @@ class Rates:
     false_capturable: int  # of them, of a trial that did not recover
     lost: int  # predicted
     false_lost: int  # of them, of a trial that recovered
-
-    @property
-    def predictions(self) -> int:
-        """How many there are."""
-        return self.capturable + self.lost
 
     @property
     def false_capturable_rate(self) -> float | None:
@@ -39,13 +32,17 @@ class Rates:
 
 @dataclass(frozen=True, kw_only=True)
 class Confusion:
-    """The rates of the trials with some mechanisms."""
+    """The rates of the trials with some mechanisms.
+
+    Trials that crashed, hung or stopped are left out.  The predictions at the
+    touchdowns of one trial depend on each other, and a trial that recovered
+    has more of them than another one.
+    """
 
     mechanisms: str  # their name, or `all`
-    trials: int  # that recovered, fell or failed
-    left_out: int  # that crashed, hung or stopped: nothing is known of them
     at_push: Rates  # one prediction a trial, when the push ends
-    at_touchdowns: Rates  # one for each touchdown after it
+    at_first_touchdown: Rates  # one a trial, at the first after that
+    at_touchdowns: Rates  # one for each touchdown after the push
 
 
 def confusion(rows: Iterable[Mapping]) -> tuple[Confusion, ...]:
@@ -68,22 +65,24 @@ def confusion(rows: Iterable[Mapping]) -> tuple[Confusion, ...]:
 
 
 def _of(name: str, rows: Sequence[Mapping]) -> Confusion:
-    judged = [row for row in rows if row["outcome"] in JUDGED]
-    at_push, at_touchdowns = [], []
-    for row in judged:
-        recovered = row["outcome"] == RECOVERED
+    at_push, at_first, at_touchdowns = [], [], []
+    for row in rows:
+        if row["outcome"] in NO_ANSWER:
+            continue
+        recovered = row["outcome"] == "recovered"
         push = row["predicted_at_push"]
         if push not in (None, ""):
             at_push.append((int(push), recovered))
         landings = row["predicted_at_touchdowns"] or ()
         if isinstance(landings, str):
             landings = landings.split(";")
-        at_touchdowns += [(int(n), recovered) for n in landings]
+        predicted = [(int(n), recovered) for n in landings]
+        at_first += predicted[:1]
+        at_touchdowns += predicted
     return Confusion(
         mechanisms=name,
-        trials=len(judged),
-        left_out=len(rows) - len(judged),
         at_push=_rates(at_push),
+        at_first_touchdown=_rates(at_first),
         at_touchdowns=_rates(at_touchdowns),
     )
 

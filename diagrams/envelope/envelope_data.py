@@ -1,6 +1,6 @@
 """The envelope that the trials of a sweep trace, from their rows alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 from diagrams.envelope.limit_search import (
@@ -14,8 +14,12 @@ from diagrams.mechanisms import MECHANISMS
 from nadia_balance.robot import load_robot
 
 ORDER = tuple(MECHANISMS)  # fewer before more
-# So much less counts as no less: the edge of recovery is ragged [m/s].
-TOLERANCE = 0.03
+# Of directions [deg], relative to the heading of the stance foot.
+WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+NO_ANSWER = ("error", "crashed", "hung")  # outcomes, no fault of the robot
+# Before a figure: the search goes on; nothing larger was tried.
+UNSURE, AT_LEAST = "~", ">="
+TOLERANCE = 0.03  # what counts as no less, where limits are finer [m/s]
 _ROUNDING = 1e-9
 
 Limits = dict[float, Limit]  # direction [deg] in [0, 360) -> limit
@@ -62,6 +66,11 @@ class Envelope:
             or not found.complete
         ]
 
+    @property
+    def tolerance(self) -> float:
+        """So much less counts as no less: the edge is ragged [m/s]."""
+        return max(TOLERANCE, self.search.resolution)
+
     def known(self, moment: Moment) -> References:
         """What the limits at this moment can be compared with."""
         return references(self.robot, self.scenario, moment)
@@ -71,6 +80,10 @@ class Envelope:
         text = f"{self.search.resolution:.6f}".rstrip("0")
         decimals = max(2, len(text.partition(".")[2]))
         return f"{velocity:.{decimals}f}"
+
+    def limit_words(self, limit: Limit) -> str:
+        """The largest recovered push [m/s], and how sure it is."""
+        return f"{mark([limit])}{self.words(limit.recovered)}"
 
     def curve(self, mechanisms: str, moment: Moment) -> Limits:
         """The limits around the robot; no entry where nothing was tried."""
@@ -89,9 +102,25 @@ class Loss:
     direction_deg: float
     fewer: str
     more: str
-    by_fewer: float  # [m/s]
-    by_more: float  # [m/s]
-    final: bool  # both limits are complete
+    by_fewer: Limit
+    by_more: Limit
+
+    @property
+    def final(self) -> bool:
+        """Both limits are complete."""
+        return self.by_fewer.complete and self.by_more.complete
+
+
+def mark(limits: Iterable[Limit]) -> str:
+    """What stands before a figure of these limits, such as their mean.
+
+    That is `~` if the search for one goes on, or else `>=` if nothing larger
+    was tried of one, or else nothing.
+    """
+    limits = list(limits)
+    if not all(limit.complete for limit in limits):
+        return UNSURE
+    return AT_LEAST if any(limit.failed is None for limit in limits) else ""
 
 
 def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
@@ -122,7 +151,7 @@ def losses(envelope: Envelope) -> list[Loss]:
 
     Of several sets of fewer mechanisms, the best one is compared with.
     """
-    found = []
+    found, enough = [], envelope.tolerance + _ROUNDING
     for moment in envelope.moments:
         for direction in envelope.directions:
             tried = [
@@ -132,16 +161,15 @@ def losses(envelope: Envelope) -> list[Loss]:
             ]
             for i, (more, least) in enumerate(tried[1:], start=1):
                 fewer, best = max(tried[:i], key=lambda t: t[1].recovered)
-                if least.recovered < best.recovered - TOLERANCE - _ROUNDING:
+                if best.recovered - least.recovered > enough:
                     found.append(
                         Loss(
                             moment=moment,
                             direction_deg=direction,
                             fewer=fewer,
                             more=more,
-                            by_fewer=best.recovered,
-                            by_more=least.recovered,
-                            final=best.complete and least.complete,
+                            by_fewer=best,
+                            by_more=least,
                         )
                     )
     return found

@@ -1,17 +1,17 @@
 """The envelope in figures, beside the paper's and the physical limit."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from diagrams.envelope.envelope_data import Envelope
+from diagrams.envelope.envelope_data import WORDS, Envelope, mark
 from diagrams.envelope.limit_search import Limit
 from diagrams.envelope.markdown import NOTHING, table
 from diagrams.envelope.moment import Moment
 
 Words = Callable[[float], str]  # how a value is written
 
-WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+_RECOVERED = "recovered [m/s]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +38,15 @@ class LimitTables:
                 _worst_and_mean([line[i] for line in lines], write)
                 for i, write in enumerate(columns.values())
             ]
-            done = sum(limit.complete for limit in limits.values())
-            of_all = f"{done} of {len(self.envelope.directions)}"
-            rows.append([f"`{name}`", *cells, of_all])
-        return table(["worst / mean", *columns, "complete"], rows)
+            done = _complete(limits.values(), len(self.envelope.directions))
+            both = self._recovered(limits.values())
+            rows.append([f"`{name}`", both, *cells, done])
+        return table(["worst / mean", _RECOVERED, *columns, "complete"], rows)
 
     def details(self, mechanisms: str, moment: Moment) -> str:
         """A row for each direction."""
         columns = self._columns(moment)
-        measured, *others = columns
-        head = ["direction", measured, "fails at", *others, "complete"]
+        head = ["direction", _RECOVERED, "fails at", *columns, "complete"]
         rows = []
         limits = self.envelope.curve(mechanisms, moment)
         for direction in self.envelope.directions:
@@ -59,37 +58,46 @@ class LimitTables:
                 continue
             values = self._values(mechanisms, moment, direction, limit)
             cells = [
-                _text(value, write)
-                for value, write in zip(values, columns.values(), strict=True)
+                self.envelope.limit_words(limit),
+                _text(limit.failed, self.envelope.words),
+                *map(_text, values, columns.values()),
             ]
-            # Nothing larger was tried: the limit is here or above.
-            bound = limit.complete and limit.failed is None
-            cells[0] = f"≥ {cells[0]}" if bound else cells[0]
-            cells.insert(1, _text(limit.failed, self.envelope.words))
             rows.append([name, *cells, "yes" if limit.complete else "no"])
         return table(head, rows)
 
     def over_moments(self) -> str:
         """Worst and mean over all moments and directions."""
+        moments = self.envelope.moments
+        cells = len(moments) * len(self.envelope.directions)
         rows = []
         for name in self.envelope.mechanisms:
             found = {
-                (moment, direction): limit.recovered
-                for moment in self.envelope.moments
+                (moment, direction): limit
+                for moment in moments
                 for direction, limit in self.envelope.curve(
                     name, moment
                 ).items()
             }
-            moment, direction = min(found, key=lambda cell: found[cell])
-            cells = _worst_and_mean(found.values(), self.envelope.words)
-            where = f"{direction_words(direction)}, {moment}"
-            rows.append([f"`{name}`", cells, where])
-        head = ["worst / mean", "recovered [m/s]", "worst is"]
+            both = self._recovered(found.values())
+            moment, angle = min(found, key=lambda cell: found[cell].recovered)
+            where = f"{direction_words(angle)}, {moment}"
+            done = _complete(found.values(), cells)
+            rows.append([f"`{name}`", both, where, done])
+        head = ["worst / mean", _RECOVERED, "worst is", "complete"]
         return table(head, rows)
 
+    def _recovered(self, limits: Collection[Limit]) -> str:
+        """The worst and the mean of the limits, and how sure they are."""
+        if not limits:
+            return NOTHING
+        worst = min(limits, key=lambda limit: limit.recovered)
+        mean = math.fsum(limit.recovered for limit in limits) / len(limits)
+        mean_words = f"{mark(limits)}{self.envelope.words(mean)}"
+        return f"{self.envelope.limit_words(worst)} / {mean_words}"
+
     def _columns(self, moment: Moment) -> dict[str, Words]:
-        """Their names, and how their values are written."""
-        columns: dict[str, Words] = {"recovered [m/s]": self.envelope.words}
+        """What a limit is compared with, and how that is written."""
+        columns: dict[str, Words] = {}
         if self.envelope.known(moment):
             for name in ("paper [m/s]", "/ paper", "limit [m/s]", "/ limit"):
                 columns[name] = "{:.2f}".format
@@ -102,7 +110,7 @@ class LimitTables:
     ) -> list[float | None]:
         """What the columns hold; None where it is not known."""
         known = self.envelope.known(moment)
-        values: list[float | None] = [limit.recovered]
+        values: list[float | None] = []
         if known:
             for curves in (known.paper, known.limit):
                 other = curves.get(mechanisms, {}).get(direction)
@@ -120,7 +128,12 @@ def _text(value: float | None, write: Words) -> str:
     return NOTHING if value is None else write(value)
 
 
-def _worst_and_mean(values: Iterable[float | None], write: Words) -> str:
+def _complete(limits: Collection[Limit], cells: int) -> str:
+    """How many of the cells have a limit that is complete."""
+    return f"{sum(limit.complete for limit in limits)} of {cells}"
+
+
+def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
     """Over those that are known."""
     known = [value for value in values if value is not None]
     if not known:

@@ -4,9 +4,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from diagrams.envelope.envelope_data import Envelope
+from diagrams.envelope.limit_search import Limit
 from diagrams.envelope.limit_tables import direction_words
 from diagrams.envelope.markdown import table
 from diagrams.envelope.moment import Moment
+
+# Direction of the push in a right step [deg], its limit, and the mirrored one.
+Pair = tuple[float, Limit, Limit]
 
 _HEAD = ["worst pair", "mechanisms", "right [m/s]", "left [m/s]", "difference"]
 
@@ -15,7 +19,8 @@ def mirror_section(envelope: Envelope) -> str:
     """The limits that differ most from those of the mirrored push, if any.
 
     Mirrored is the other foot's swing or transfer, and the push that goes as
-    much to the right as this one to the left.
+    much to the right as this one to the left.  Limits that are still searched
+    for are not compared.
     """
     rows = [
         _worst(envelope, name, moment)
@@ -28,12 +33,14 @@ def mirror_section(envelope: Envelope) -> str:
 
 def _pairs(
     envelope: Envelope, mechanisms: str, moment: Moment
-) -> Iterator[tuple[float, float, float]]:
-    """Direction of the push in a right step [deg], its limit, the mirrored."""
+) -> Iterator[Pair]:
+    """Those of which both limits are complete."""
     other = envelope.curve(mechanisms, replace(moment, side="left"))
     for direction, limit in envelope.curve(mechanisms, moment).items():
-        if mirrored := other.get(-direction % 360.0):
-            yield direction, limit.recovered, mirrored.recovered
+        # Directions have six decimals.
+        mirrored = other.get(round(-direction % 360.0, 6) % 360.0)
+        if mirrored and limit.complete and mirrored.complete:
+            yield direction, limit, mirrored
 
 
 def _worst(envelope: Envelope, mechanisms: str, moment: Moment) -> list[str]:
@@ -42,14 +49,14 @@ def _worst(envelope: Envelope, mechanisms: str, moment: Moment) -> list[str]:
     return [
         f"{direction_words(direction)}, {moment}",
         f"`{mechanisms}`",
-        envelope.words(right),
-        envelope.words(left),
+        envelope.limit_words(right),
+        envelope.limit_words(left),
         f"{100.0 * _difference((direction, right, left)):.0f} %",
     ]
 
 
-def _difference(pair: tuple[float, float, float]) -> float:
+def _difference(pair: Pair) -> float:
     """Of the two limits, as a share of the larger one."""
     _, right, left = pair
-    largest = max(right, left)
-    return abs(right - left) / largest if largest else 0.0
+    small, large = sorted((right.recovered, left.recovered))
+    return (large - small) / large if large else 0.0

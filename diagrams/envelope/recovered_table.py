@@ -1,11 +1,13 @@
 """The largest pushes that a robot recovers from, as lines for a terminal."""
 
-from diagrams.envelope.envelope_data import Envelope
-from diagrams.envelope.limit_search import Limit
+from diagrams.envelope.envelope_data import (
+    AT_LEAST,
+    NO_ANSWER,
+    UNSURE,
+    Envelope,
+    mark,
+)
 from diagrams.envelope.moment import Moment
-
-UNSURE = "~"  # before a figure that the search has not confirmed yet
-ODD = ("crashed", "hung", "error")  # outcomes that are no fault of the robot
 
 
 def table_lines(envelope: Envelope) -> list[str]:
@@ -14,42 +16,33 @@ def table_lines(envelope: Envelope) -> list[str]:
     for moment in envelope.moments:
         lines += ["", f"largest recovered push [m/s], {moment}"]
         lines += _table(envelope, moment)
-    if not all(limit.complete for limit in envelope.limits.values()):
+    marks = {mark([limit]) for limit in envelope.limits.values()}
+    if UNSURE in marks:
         lines.append(f"{UNSURE} the search is not complete")
-    odd = sum(row["outcome"] in ODD for row in envelope.rows)
+    if AT_LEAST in marks:
+        lines.append(f"{AT_LEAST} nothing larger was tried")
+    odd = sum(row["outcome"] in NO_ANSWER for row in envelope.rows)
     if odd:
         lines.append(
             f"{odd} of {len(envelope.rows)} trials did not run to their end "
-            f"({', '.join(ODD)}): see `reason` in trials.csv"
+            f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv"
         )
     return [*lines, ""]
 
 
 def _table(envelope: Envelope, moment: Moment) -> list[str]:
-    curves = {
-        name: envelope.curve(name, moment) for name in envelope.mechanisms
-    }
-    digits = _digits(envelope.search.resolution)
-    lines = ["direction  " + "  ".join(curves)]
-    for direction in envelope.directions:
+    columns = [["direction", *(f"{a:g}" for a in envelope.directions)]]
+    for name in envelope.mechanisms:
+        curve = envelope.curve(name, moment)
         cells = [
-            _cell(curve.get(direction), digits).rjust(len(name))
-            for name, curve in curves.items()
+            envelope.limit_words(curve[direction])
+            if direction in curve
+            else "-"
+            for direction in envelope.directions
         ]
-        lines.append(f"{direction:9g}  " + "  ".join(cells))
-    return lines
-
-
-def _cell(limit: Limit | None, digits: int) -> str:
-    if limit is None:
-        return "-"
-    mark = "" if limit.complete else UNSURE
-    return f"{mark}{limit.recovered:.{digits}f}"
-
-
-def _digits(resolution: float) -> int:
-    """How many decimals show a resolution, from 1 to 4."""
-    return next(
-        (n for n in (1, 2, 3) if abs(round(resolution, n) - resolution) < 1e-9),
-        4,
-    )
+        columns.append([name, *cells])
+    widths = [max(map(len, column)) for column in columns]
+    return [
+        "  ".join(map(str.rjust, line, widths))
+        for line in zip(*columns, strict=True)
+    ]

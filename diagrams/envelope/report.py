@@ -4,9 +4,8 @@ from pathlib import Path
 
 import matplotlib as mpl
 
-from diagrams.envelope.envelope_data import characteristic_speed, envelope_of
+from diagrams.envelope.envelope_data import Envelope, characteristic_speed
 from diagrams.envelope.report_text import report_text
-from diagrams.envelope.trials_file import read_trials
 from diagrams.plots import envelope as envelope_plot
 from diagrams.plots import envelope_bars, envelope_phases
 from diagrams.plots.style import RC
@@ -19,20 +18,12 @@ PLOTS = {
 TABLES = "tables.md"
 
 
-def write_report(folder: str | Path) -> list[str]:
-    """Writes plots and tables of the trials.csv in `folder`.
-
-    Returns the names of the files; without any trial there are none.
+def write_report(folder: Path, envelope: Envelope) -> list[str]:
+    """Writes plots and tables into `folder`, and returns their names.
 
     Raises:
-        ValueError: it is no file of trials.
-        OSError: it cannot be read, or the folder not be written to.
+        OSError: the folder cannot be written to.
     """
-    folder = Path(folder)
-    identity, rows = read_trials(folder / "trials.csv")
-    if not rows:
-        return []
-    envelope = envelope_of(identity, rows)
     written = []
     with mpl.rc_context(RC):
         for name, draw in PLOTS.items():

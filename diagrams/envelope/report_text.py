@@ -3,7 +3,12 @@
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from diagrams.envelope.envelope_data import ORDER, Envelope
+from diagrams.envelope.envelope_data import (
+    AT_LEAST,
+    ORDER,
+    UNSURE,
+    Envelope,
+)
 from diagrams.envelope.limit_tables import LimitTables, direction_words
 from diagrams.envelope.mirror_section import mirror_section
 from diagrams.envelope.references import MOMENT, ROBOT, SCENARIO
@@ -37,15 +42,19 @@ to 10 µm, and in the time of the push, by a control period"""
 
 _DEFINITIONS = """\
 Recovered means: she took as many more steps as the scenario asks for (as a
-rule eight), the error of the capture point came back below 5 cm, torques and
-joint speeds were within their limits, and nothing but the feet touched the
-ground, nor one leg the other. Directions are relative to the heading of the
-stance foot. `right swing 25 %` is when a quarter of the right foot's swing has
-passed; left is then inward, toward the stance foot."""
+rule eight; fewer if the run was too short for them), the error of the capture
+point came back below 5 cm, torques and joint speeds were within their limits,
+and nothing but the feet touched the ground, nor one leg the other. Directions
+are relative to the heading of the stance foot. `right swing 25 %` is when a
+quarter of the right foot's swing has passed; left is then inward, toward the
+stance foot."""
 
-_RECOVERED = """\
+_RECOVERED = f"""\
 * *recovered*: the largest recovered push; *fails at*: the smallest that is not.
-  *Worst* is the smallest over the directions."""
+  *Worst* is the smallest over the directions.
+* `{UNSURE}`: the search is not complete; more trials may change the figure.
+  `{AT_LEAST}`: nothing larger was tried; it may be more, and so may what is
+  relative to it."""
 
 _REFERENCES = """\
 * *paper*: Griffin et al. 2023, Fig. 10: a push of 0.1 s at the pelvis, stepping
@@ -60,8 +69,9 @@ _NO_REFERENCES = f"""\
   scenario `{SCENARIO}`, pushed at {MOMENT} only."""
 
 _MIRROR = """\
-A push in a left step, and the same push mirrored in a right one: the pair whose
-limits differ most, as a share of the larger one, a row for each mechanisms."""
+A push in a left step, and the same push mirrored in a right one: of the pairs
+whose limits are complete the one that differs most, as a share of the larger
+limit, a row for each mechanisms."""
 
 _SPEED = """\
 * *sqrt(g z)* = {speed:.3f} m/s, where z is the height of the robot's centre of
@@ -72,10 +82,16 @@ _NO_SPEED = """\
   its centre of mass, is not known, and no result is given relative to it."""
 
 _RATES = """\
-What the controller's N-step capture regions said when the push ended, and at
-each touchdown after it, beside how the trial ended. The column after
-*capturable* is how many of those did not recover, the one after *lost* how many
-of those recovered; trials without an answer are left out."""
+What the controller's N-step capture regions said, beside how the trial ended;
+trials without an answer are left out.
+
+* *end of the push*: the moment that the push is over.
+* *first touchdown*: the first one after that, if there is one.
+* *every touchdown*: all of them after the push.
+
+Only the first two are one prediction a trial. The touchdowns of a trial are not
+independent, and there are more of them if she recovered, so that over *every
+touchdown* the share of *capturable* that was wrong comes out too small."""
 
 
 def report_text(

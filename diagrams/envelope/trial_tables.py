@@ -3,7 +3,7 @@
 from collections import Counter
 
 from diagrams.envelope.confusion import ALL, Rates, confusion
-from diagrams.envelope.envelope_data import TOLERANCE, Envelope, losses
+from diagrams.envelope.envelope_data import NO_ANSWER, Envelope, losses
 from diagrams.envelope.limit_tables import direction_words
 from diagrams.envelope.markdown import NOTHING, table
 
@@ -15,7 +15,6 @@ OUTCOMES = {
     "crashed": "the process died",
     "hung": "the process was stopped because it took too long",
 }
-_BROKEN = ("error", "crashed", "hung")
 _MOST_REASONS = 10
 
 
@@ -23,22 +22,22 @@ def losses_section(envelope: Envelope) -> str:
     """Where more mechanisms recover less than fewer, beyond the tolerance."""
     if len(envelope.mechanisms) == 1:
         return "Only one set of mechanisms was tried.\n"
-    found = losses(envelope)
+    found, enough = losses(envelope), f"{envelope.tolerance:g} m/s"
     if not found:
-        return f"No: nowhere by more than {TOLERANCE:g} m/s.\n"
+        return f"No: nowhere by more than {enough}.\n"
     rows = [
         [
             f"{direction_words(loss.direction_deg)}, {loss.moment}",
-            f"`{loss.more}` {envelope.words(loss.by_more)}",
-            f"`{loss.fewer}` {envelope.words(loss.by_fewer)}",
-            envelope.words(loss.by_more - loss.by_fewer),
+            f"`{loss.more}` {envelope.limit_words(loss.by_more)}",
+            f"`{loss.fewer}` {envelope.limit_words(loss.by_fewer)}",
+            envelope.words(loss.by_more.recovered - loss.by_fewer.recovered),
             "yes" if loss.final else "no",
         ]
         for loss in found
     ]
     head = ["where", "more [m/s]", "fewer [m/s]", "difference", "complete"]
     number = "Once" if len(found) == 1 else f"{len(found)} times"
-    return f"{number}, by more than {TOLERANCE:g} m/s:\n\n{table(head, rows)}"
+    return f"{number}, by more than {enough}:\n\n{table(head, rows)}"
 
 
 def outcomes_section(envelope: Envelope) -> str:
@@ -54,27 +53,28 @@ def outcomes_section(envelope: Envelope) -> str:
         lines.append([meaning, *map(str, [*cells, sum(cells)])])
     lines = [line for line in lines if line[-1] != "0"]
     head = ["outcome", *(f"`{name}`" for name in envelope.mechanisms), "all"]
-    return table(head, lines) + _broken(envelope)
+    return table(head, lines) + _reservations(envelope) + _broken(envelope)
 
 
 def capturability_section(envelope: Envelope) -> str:
-    """How often the capture regions were wrong."""
+    """How often the capture regions were wrong, and when."""
     head = [
         "mechanisms",
-        "push: capturable",
-        "did not recover",
-        "push: lost",
-        "recovered",
-        "touchdown: capturable",
-        "did not recover",
-        "touchdown: lost",
-        "recovered",
+        "when",
+        "predicted capturable",
+        "of them did not recover",
+        "predicted lost",
+        "of them recovered",
     ]
     lines = []
     for found in confusion(envelope.rows):
         name = found.mechanisms
-        cells = [*_rates(found.at_push), *_rates(found.at_touchdowns)]
-        lines.append([name if name == ALL else f"`{name}`", *cells])
+        name = name if name == ALL else f"`{name}`"
+        lines += [
+            [name, "end of the push", *_rates(found.at_push)],
+            [name, "first touchdown", *_rates(found.at_first_touchdown)],
+            [name, "every touchdown", *_rates(found.at_touchdowns)],
+        ]
     return table(head, lines)
 
 
@@ -91,18 +91,32 @@ def _share(count: int, rate: float | None) -> str:
     return NOTHING if rate is None else f"{count} ({100.0 * rate:.1f} %)"
 
 
+def _reservations(envelope: Envelope) -> str:
+    """Why less was asked of trials that recovered; empty if it was not."""
+    reasons = Counter(
+        row["reason"]
+        for row in envelope.rows
+        if row["outcome"] == "recovered" and row["reason"]
+    )
+    return _reasons("Recovered with a reservation:", reasons)
+
+
 def _broken(envelope: Envelope) -> str:
     """Why trials gave no answer; empty if all did."""
     reasons = Counter(
         f"{row['outcome']}: {row['reason']}"
         for row in envelope.rows
-        if row["outcome"] in _BROKEN
+        if row["outcome"] in NO_ANSWER
     )
+    title = "Trials without an answer count as not recovered:"
+    return _reasons(title, reasons)
+
+
+def _reasons(title: str, reasons: Counter[str]) -> str:
+    """The most frequent ones below a title; empty if there are none."""
     if not reasons:
         return ""
     lines = [f"* {n} x {r}" for r, n in reasons.most_common(_MOST_REASONS)]
     if (more := len(reasons) - _MOST_REASONS) > 0:
         lines.append(f"* and {more} other reasons")
-    return "\nTrials without an answer count as not recovered:\n\n" + "".join(
-        f"{line}\n" for line in lines
-    )
+    return f"\n{title}\n\n" + "".join(f"{line}\n" for line in lines)

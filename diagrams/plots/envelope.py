@@ -141,7 +141,7 @@ def _write_limits(ax: Axes, envelope: Envelope, moment: Moment) -> None:
         return
     for angle, limit in limits.items():
         ax.annotate(
-            envelope.words(limit.recovered),
+            envelope.limit_words(limit),
             at(angle, limit.recovered),
             xytext=at(angle, 13.0) * [1.25, 1.0],
             textcoords="offset points",

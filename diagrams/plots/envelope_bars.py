@@ -115,7 +115,7 @@ def _draw_limits(
         if len(places) > _MOST_NUMBERS:
             continue
         ax.annotate(
-            envelope.words(limit.recovered),
+            envelope.limit_words(limit),
             (x, limit.recovered),
             xytext=(0, 1.5),
             textcoords="offset points",

@@ -1,18 +1,27 @@
 """How the largest recovered push depends on when in a step it comes."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from diagrams.envelope.envelope_data import Envelope
-from diagrams.plots.envelope_style import COLORS, NAMES, tint, title
+from diagrams.envelope.envelope_data import WORDS, Envelope
+from diagrams.plots.envelope_style import (
+    COLORS,
+    NAMES,
+    SEARCHED_LABEL,
+    tint,
+    title,
+)
 from diagrams.plots.style import TEXT
 
 _MARKERS = "o^sDvPX*<>"
 _WIDTH, _ROW, _COLUMNS = 10.0, 2.9, 2  # [in], [in], [-]
-_WORDS = {0: "forward", 90: "left", 180: "backward", 270: "right"}
+_MARK = {"ls": "none", "ms": 4, "mec": TEXT, "mew": 0.7, "alpha": 0.75}
 
 
 def draw(envelope: Envelope) -> Figure | None:
@@ -33,11 +42,9 @@ def draw(envelope: Envelope) -> Figure | None:
     for ax in axes[len(names) :]:
         ax.remove()
     axes[0].set(xlim=(-8, 368), ylim=(0, None))
-    axes[0].set_xticks([*_WORDS, 360], [*_WORDS.values(), ""])
+    axes[0].set_xticks([*WORDS, 360], [*WORDS.values(), ""])
     fig.supylabel("velocity [m/s]", fontsize=9, color=TEXT)
-    handles, labels = axes[len(names) - 1].get_legend_handles_labels()
-    legend = {"loc": "outside lower center", "ncols": min(len(handles), 6)}
-    fig.legend(handles, labels, **legend)
+    _key(fig, axes[: len(names)], envelope)
     what = title(envelope, "Largest recovered push, by when it comes")
     fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
     return fig
@@ -78,7 +85,7 @@ def _draw_moments(ax: Axes, envelope: Envelope, mechanisms: str) -> None:
     """A mark for each limit; hollow where the search goes on."""
     for i, moment in enumerate(envelope.moments):
         limits = envelope.curve(mechanisms, moment)
-        mark = {"ls": "none", "marker": _MARKERS[i % len(_MARKERS)], "ms": 4}
+        marker = _MARKERS[i % len(_MARKERS)]
         for complete, face in ((True, TEXT), (False, "white")):
             shown = {
                 direction: limit.recovered
@@ -88,10 +95,25 @@ def _draw_moments(ax: Axes, envelope: Envelope, mechanisms: str) -> None:
             ax.plot(
                 list(shown),
                 list(shown.values()),
+                marker=marker,
                 mfc=face,
-                mec=TEXT,
-                mew=0.7,
-                alpha=0.75,
                 label=str(moment) if complete else None,
-                **mark,
+                **_MARK,
             )
+
+
+def _key(fig: Figure, axes: Sequence[Axes], envelope: Envelope) -> None:
+    """One legend for all panels: a band may not be in each of them."""
+    found: dict[str, Artist] = {}
+    for ax in axes:
+        handles, labels = ax.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    if envelope.missing:
+        found[SEARCHED_LABEL] = Line2D([], [], marker="o", mfc="white", **_MARK)
+    fig.legend(
+        list(found.values()),
+        list(found),
+        loc="outside lower center",
+        ncols=min(len(found), 6),
+        title="left and right are the robot's own, whichever foot swings",
+    )

@@ -1,6 +1,6 @@
 """What all pictures of an envelope have in common."""
 
-from diagrams.envelope.envelope_data import ORDER, Envelope
+from diagrams.envelope.envelope_data import ORDER, WORDS, Envelope
 from diagrams.envelope.moment import Moment
 from nadia_balance.systems import palette
 
@@ -56,8 +56,7 @@ def inward(moment: Moment) -> float:
 def direction_name(direction: float, moment: Moment) -> str:
     """Words for the four main directions; degrees for the others."""
     side = {inward(moment): "inward", 360.0 - inward(moment): "outward"}
-    words = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
-    if direction not in words:
+    if direction not in WORDS:
         return f"{direction:g}°"
-    word = words[direction]
+    word = WORDS[direction]
     return f"{word} ({side[direction]})" if direction in side else word

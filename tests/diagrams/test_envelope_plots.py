@@ -186,6 +186,26 @@ def test_the_band_is_from_the_worst_to_the_best_moment():
     assert best.get_xdata() == pytest.approx([0.0, 90.0, 360.0])
 
 
+def test_the_key_of_phases_has_all_that_is_in_any_panel():
+    """Oracle: by hand; only `step` has a common direction."""
+    cells = {("step", m, 0.0): 0.5 for m in (MOMENT, LEFT)}
+    last = {(ALL, MOMENT, 0.0): 0.5}
+    names = ["worst", "best", str(MOMENT), str(LEFT)]
+    assert legend_of(phases.draw(envelope_from(cells))) == names
+    # At LEFT the last one is not begun.
+    figure = phases.draw(envelope_from(cells | last))
+    assert legend_of(figure) == [*names, SEARCHED_LABEL]
+
+
+def test_a_limit_that_may_be_larger_is_marked():
+    """Oracle: nothing above 3 m/s is tried."""
+    envelope = envelope_from(CELLS | {(ALL, MOMENT, 0.0): 9.0})
+    for draw in (polar.draw, bars.draw):
+        written = [text.get_text() for text in draw(envelope).axes[0].texts]
+        assert written.count(">=3.00") == 1
+        assert written.count("0.30") == 1
+
+
 def test_one_moment_has_no_band():
     assert phases.draw(envelope_from(CELLS)) is None
 

@@ -3,11 +3,8 @@
 Each trial is recovered from if the push is no larger than the cell's limit.
 """
 
-import csv
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from pathlib import Path
 
 from diagrams.envelope.limit_search import SearchParams, next_batch
 from diagrams.envelope.moment import Moment
@@ -80,16 +77,6 @@ def made_up_rows(
                 results[level, replica] = recovered
                 rows.append(_row(cell, delta_v, replica, recovered, robot))
     return rows
-
-
-def write_trials(folder: Path, identity: dict, rows: list[dict]) -> None:
-    """Writes trials.csv as a sweep does."""
-    with open(folder / "trials.csv", "w", newline="", encoding="utf-8") as file:
-        file.write(f"# {json.dumps(identity)}\n")
-        columns = _row(None, 0.0, 0, True, "nadia")
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def _row(

@@ -8,6 +8,7 @@ from diagrams.envelope.envelope_data import (
     characteristic_speed,
     envelope_of,
     losses,
+    mark,
 )
 from diagrams.envelope.limit_search import Limit, SearchParams
 from diagrams.envelope.moment import Moment
@@ -107,11 +108,22 @@ def test_tells_where_more_mechanisms_recover_less():
     (loss,) = losses(envelope_from(cells))
     assert (loss.moment, loss.direction_deg) == (MOMENT, 0.0)
     assert (loss.fewer, loss.more) == ("icp_only", "step_swing")
-    assert loss.by_fewer == pytest.approx(0.40)
-    assert loss.by_more == pytest.approx(0.36)
+    assert loss.by_fewer.recovered == pytest.approx(0.40)
+    assert loss.by_more.recovered == pytest.approx(0.36)
     assert loss.final
     (loss,) = losses(envelope_from(cells, is_unfinished=lambda c: True))
     assert not loss.final
+
+
+def test_one_coarse_step_less_is_no_less():
+    """Oracle: by hand; limits are known to 0.1 m/s only."""
+    search = SearchParams(resolution=0.1)
+    cells = {
+        ("icp_only", MOMENT, angle): 0.5 + 0.1 * angle for angle in (0.0, 1.0)
+    }
+    cells |= {("step", MOMENT, 0.0): 0.4, ("step", MOMENT, 1.0): 0.4}
+    (loss,) = losses(envelope_from(cells, search))
+    assert loss.direction_deg == 1.0
 
 
 @pytest.mark.parametrize(
@@ -123,6 +135,19 @@ def test_writes_velocities_to_the_digit_that_tells_limits_apart(
     search = SearchParams(resolution=resolution)
     cells = {("step", MOMENT, 0.0): 0.2}
     assert envelope_from(cells, search).words(0.3) == text
+
+
+def test_marks_what_is_not_sure():
+    """Oracle: by hand; a mark of several is that of the least sure one."""
+    sure = Limit(recovered=0.5, failed=0.52, complete=True)
+    bound = Limit(recovered=3.0, failed=None, complete=True)
+    open_end = Limit(recovered=0.3, failed=None, complete=False)
+    assert mark([]) == mark([sure]) == ""
+    assert mark([sure, bound]) == ">="
+    assert mark([sure, open_end, bound]) == "~"
+    envelope = envelope_from({("step", MOMENT, 0.0): 0.2})
+    words = [envelope.limit_words(x) for x in (sure, bound, open_end)]
+    assert words == ["0.50", ">=3.00", "~0.30"]
 
 
 def test_an_envelope_needs_a_trial():

@@ -82,11 +82,15 @@ def test_cells_that_are_not_complete_say_so():
     tables = tables_of(cells, is_unfinished=lambda c: c[2] == 45.0)
     rows = read_table(tables.details(ALL, MOMENT))
     assert [row["complete"] for row in rows] == ["yes", "no", "yes"]
+    figures = [row["recovered [m/s]"] for row in rows]
+    assert figures == ["1.30", "~0.80", "0.30"]
     rows = read_table(tables.details("step", MOMENT))
     assert [r["complete"] for r in rows] == ["yes", "not begun", "not begun"]
     assert rows[1]["recovered [m/s]"] == rows[1]["fails at"] == "–"
     rows = read_table(tables.summary(MOMENT))
     assert [row["complete"] for row in rows] == ["1 of 3", "2 of 3"]
+    figures = [row["recovered [m/s]"] for row in rows]
+    assert figures == ["0.50 / 0.50", "0.30 / ~0.80"]
 
 
 def test_mechanisms_that_were_not_begun_at_a_moment_have_an_empty_row():
@@ -99,7 +103,17 @@ def test_mechanisms_that_were_not_begun_at_a_moment_have_an_empty_row():
 def test_a_limit_beyond_the_largest_push_is_only_a_bound():
     tables = tables_of({(ALL, MOMENT, 0.0): 9.0})
     (row,) = read_table(tables.details(ALL, MOMENT))
-    assert (row["recovered [m/s]"], row["fails at"]) == ("≥ 2.00", "–")
+    assert (row["recovered [m/s]"], row["fails at"]) == (">=2.00", "–")
+    for text in (tables.summary(MOMENT), tables.over_moments()):
+        (row,) = read_table(text)
+        assert row["recovered [m/s]"] == ">=2.00 / >=2.00"
+
+
+def test_a_mean_is_a_bound_if_any_limit_is_but_the_worst_is_not():
+    """By hand: (2.0 + 0.3) / 2 = 1.15, or more."""
+    tables = tables_of({(ALL, MOMENT, 0.0): 9.0, (ALL, MOMENT, 90.0): 0.3})
+    (row,) = read_table(tables.summary(MOMENT))
+    assert row["recovered [m/s]"] == "0.30 / >=1.15"
 
 
 def test_the_worst_of_all_moments_is_named():
@@ -107,6 +121,17 @@ def test_the_worst_of_all_moments_is_named():
     (row,) = read_table(tables_of(cells).over_moments())
     assert row["recovered [m/s]"] == "0.20 / 0.70"
     assert row["worst is"] == "45°, left swing 25 %"
+    assert row["complete"] == "5 of 6"
+
+
+def test_a_worst_that_is_not_complete_is_marked():
+    tables = tables_of(CELLS, is_unfinished=lambda c: c[2] == 90.0)
+    (row,) = read_table(tables.over_moments())
+    assert row["recovered [m/s]"] == "~0.30 / ~0.80"
+    assert (row["worst is"], row["complete"]) == (
+        "90° left, right swing 25 %",
+        "2 of 3",
+    )
 
 
 @pytest.mark.parametrize(

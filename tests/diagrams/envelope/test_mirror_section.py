@@ -6,6 +6,7 @@ from diagrams.envelope.mirror_section import mirror_section
 from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT
 from diagrams.envelope.report_text import report_text
+from diagrams.envelope.sweep_flags import directions
 from tests.diagrams.envelope.made_up_trials import (
     identity_of,
     made_up_rows,
@@ -17,8 +18,9 @@ LATE = Moment.parse("left swing 75 %")
 SEARCH = SearchParams(resolution=0.1, stride=4)
 
 
-def envelope_from(cells):
-    return envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+def envelope_from(cells, **options):
+    rows = made_up_rows(cells, SEARCH, **options)
+    return envelope_of(identity_of(SEARCH), rows)
 
 
 def test_compares_with_the_mirrored_push_and_shows_the_worst():
@@ -48,6 +50,41 @@ def test_compares_with_the_mirrored_push_and_shows_the_worst():
     assert second["worst pair"] == "30°, right swing 25 %"
     assert (second["right [m/s]"], second["left [m/s]"]) == ("0.80", "1.00")
     assert second["difference"] == "20 %"
+
+
+def test_limits_that_are_not_complete_are_not_compared():
+    """The worst pair of those that are: 0.5 beside 1.0, not 0.2 beside 1.0."""
+    cells = {
+        ("step", MOMENT, 0.0): 0.2,
+        ("step", LEFT, 0.0): 1.0,
+        ("step", MOMENT, 90.0): 1.0,
+        ("step", LEFT, 270.0): 0.5,
+    }
+    for unfinished in (MOMENT, LEFT):
+        hurried = ("step", unfinished, 0.0)
+        found = envelope_from(cells, is_unfinished=hurried.__eq__)
+        (row,) = read_table(mirror_section(found))
+        assert row["worst pair"] == "90° left, right swing 25 %"
+        assert row["difference"] == "50 %"
+    found = envelope_from(cells, is_unfinished=lambda c: c[1] == LEFT)
+    assert mirror_section(found) == ""
+
+
+def test_a_limit_that_may_be_larger_is_marked():
+    cells = {("step", MOMENT, 0.0): 9.0, ("step", LEFT, 0.0): 1.5}
+    (row,) = read_table(mirror_section(envelope_from(cells)))
+    assert (row["right [m/s]"], row["left [m/s]"]) == (">=3.00", "1.50")
+
+
+def test_finds_mirrored_directions_that_are_no_round_number():
+    """Oracle: the directions of the flag; all but 0 have another mirror."""
+    cells = {
+        ("step", moment, angle): 1.0 - 0.1 * i
+        for moment in (MOMENT, LEFT)
+        for i, angle in enumerate(directions("7"))
+    }
+    (row,) = read_table(mirror_section(envelope_from(cells)))
+    assert {row["right [m/s]"], row["left [m/s]"]} == {"0.90", "0.40"}
 
 
 def test_a_limit_of_nothing_on_both_sides_is_no_difference():

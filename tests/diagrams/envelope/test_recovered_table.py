@@ -30,8 +30,8 @@ def test_has_a_line_for_each_direction_and_a_column_for_each_set():
         "",
         "largest recovered push [m/s], right swing 25 %",
         "direction  icp_only  all_with_cross_over",
-        "        0       0.3                    -",
-        "       90       0.1                  1.2",
+        "        0      0.30                    -",
+        "       90      0.10                 1.20",
         "",
     ]
 
@@ -44,8 +44,20 @@ def test_marks_what_is_not_confirmed():
     assert "~ the search is not complete" in lines
 
 
+def test_marks_what_may_be_larger_and_keeps_the_columns_apart():
+    """Oracle: by hand; `step` is shorter than its figure."""
+    limits = {("step", SWING, 0.0): 9.0, ("step", SWING, 90.0): 0.5}
+    assert lines_of(limits)[2:] == [
+        "direction    step",
+        "        0  >=3.00",
+        "       90    0.50",
+        ">= nothing larger was tried",
+        "",
+    ]
+
+
 def test_says_nothing_of_what_is_complete():
-    assert not [line for line in lines_of() if "~" in line]
+    assert not [line for line in lines_of() if "~" in line or ">" in line]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
-"""Everything is written from trials.csv alone."""
+"""Everything is written from the envelope alone."""
 
 import math
 
-import pytest
 from matplotlib.image import imread
 
 from diagrams.envelope.envelope_data import envelope_of
@@ -15,7 +14,6 @@ from tests.diagrams.envelope.made_up_trials import (
     identity_of,
     made_up_rows,
     paper_times,
-    write_trials,
 )
 
 SEARCH = SearchParams(resolution=0.1, stride=4)
@@ -23,16 +21,13 @@ LEFT = Moment.parse("left swing 25 %")
 
 
 def report(folder, rows):
-    write_trials(folder, identity_of(SEARCH), rows)
-    written = write_report(folder)
-    assert sorted(written) == sorted(
-        path.name for path in folder.iterdir() if path.name != "trials.csv"
-    )
+    written = write_report(folder, envelope_of(identity_of(SEARCH), rows))
+    assert sorted(written) == sorted(path.name for path in folder.iterdir())
     return written
 
 
-def test_writes_pictures_and_tables_of_what_is_in_the_file(tmp_path):
-    """Oracle: the text for the very rows that were written."""
+def test_writes_pictures_and_tables_of_the_trials(tmp_path):
+    """Oracle: the text for the very same rows."""
     rows = made_up_rows(paper_times(1.0), SEARCH)
     written = report(tmp_path, rows)
     assert written == ["envelope.png", "bars.png", "tables.md"]
@@ -66,13 +61,3 @@ def test_a_sweep_that_has_only_begun_is_reported_too(tmp_path):
     assert len(report(tmp_path, rows)) == 3
     text = (tmp_path / "tables.md").read_text("utf-8")
     assert "in 1 of 1 cells" in text
-
-
-def test_without_a_trial_nothing_is_written(tmp_path):
-    assert report(tmp_path, []) == []
-
-
-def test_another_file_is_refused(tmp_path):
-    (tmp_path / "trials.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(ValueError, match="trials = .*must be a trials.csv"):
-        write_report(tmp_path)

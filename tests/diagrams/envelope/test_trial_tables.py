@@ -47,6 +47,16 @@ def test_says_why_trials_have_no_answer():
     assert rest.endswith("\n* 2 x crashed: SIGSEGV | x\n")
 
 
+def test_says_of_how_many_that_recovered_less_was_asked():
+    """One is marked so of four, and another one that did not recover."""
+    short = {"reason": "the run is too short for 8 more steps, 3 were required"}
+    text = outcomes_section(envelope_from({0: short, 3: short}))
+    _, rest = text.split("\n\n", 1)
+    expected = f"Recovered with a reservation:\n\n* 1 x {short['reason']}\n"
+    assert rest == expected
+    assert "reservation" not in outcomes_section(envelope_from({}))
+
+
 def test_a_flood_of_reasons_is_cut():
     rows = made_up_rows(
         {("step", MOMENT, float(i)): 0.0 for i in range(13)}, SEARCH
@@ -68,7 +78,7 @@ def test_an_outcome_that_nobody_knows_is_not_lost():
 def test_lists_where_more_mechanisms_recover_less():
     text = losses_section(envelope_from({}))
     first, table = text.split("\n\n")
-    assert first == "Once, by more than 0.03 m/s:"
+    assert first == "Once, by more than 0.1 m/s:"
     assert read_table(table) == [
         {
             "where": "0° forward, right swing 25 %",
@@ -83,7 +93,7 @@ def test_lists_where_more_mechanisms_recover_less():
 def test_says_that_more_mechanisms_never_recover_less():
     cells = {("icp_only", MOMENT, 0.0): 0.3, ("step", MOMENT, 0.0): 0.3}
     envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
-    assert losses_section(envelope) == "No: nowhere by more than 0.03 m/s.\n"
+    assert losses_section(envelope) == "No: nowhere by more than 0.1 m/s.\n"
 
 
 def test_one_set_of_mechanisms_is_not_compared():
@@ -95,20 +105,34 @@ def test_one_set_of_mechanisms_is_not_compared():
 def test_counts_false_predictions():
     """Of four predicted capturable one fell; of two lost none recovered.
 
-    At touchdowns four of sixteen are of the trial that fell.
+    At the first touchdown it is the same; of all, four of sixteen are of the
+    trial that fell.
     """
     fell = {"outcome": "fell"}
     text = capturability_section(envelope_from({2: fell}))
-    lines = [line.split("|")[1:-1] for line in text.splitlines()]
-    everything = [cell.strip() for cell in lines[-1]]
-    assert everything == [
-        *("all", "4", "1 (25.0 %)", "2", "0 (0.0 %)"),
-        *("16", "4 (25.0 %)", "4", "0 (0.0 %)"),
+    rows = [list(row.values()) for row in read_table(text)]
+    assert [row[0] for row in rows[::3]] == ["`icp_only`", "`step`", "all"]
+    assert rows[-3:] == [
+        ["all", "end of the push", "4", "1 (25.0 %)", "2", "0 (0.0 %)"],
+        ["all", "first touchdown", "4", "1 (25.0 %)", "2", "0 (0.0 %)"],
+        ["all", "every touchdown", "16", "4 (25.0 %)", "4", "0 (0.0 %)"],
     ]
+
+
+def test_the_touchdowns_of_one_trial_dilute_those_of_another():
+    """By hand: one of two trials is wrong, but one of five touchdowns."""
+    rows = made_up_rows({("step", MOMENT, 0.0): 0.2}, SEARCH)[:2]
+    rows[0] |= {"outcome": "fell", "predicted_at_touchdowns": "1"}
+    envelope = envelope_of(identity_of(SEARCH), rows)
+    wrong = [
+        row["of them did not recover"]
+        for row in read_table(capturability_section(envelope))[-3:]
+    ]
+    assert wrong == ["1 (50.0 %)", "1 (50.0 %)", "1 (20.0 %)"]
 
 
 def test_a_rate_of_nothing_is_none():
     cells = {("step", MOMENT, 0.0): 0.0}
     envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
     cells = capturability_section(envelope).splitlines()[-1].split("|")
-    assert [cell.strip() for cell in cells[2:6]] == ["0", "–", "1", "0 (0.0 %)"]
+    assert [cell.strip() for cell in cells[3:7]] == ["0", "–", "2", "0 (0.0 %)"]
