@@ -100,6 +100,7 @@ def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
                 xycoords=("data", "axes fraction"),
                 xytext=(0, 3),
                 textcoords="offset points",
+                annotation_clip=True,  # only where the axes show that time
                 ha="center",
                 color=palette.PUSH,
                 fontsize=8.5,

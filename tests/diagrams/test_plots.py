@@ -68,6 +68,23 @@ def test_a_long_timeline_has_several_rows():
     assert limits[-1][1] == pytest.approx(log["t"][-1])
 
 
+def test_a_push_is_named_only_in_the_row_of_its_time():
+    """Oracle: the layout, in which a name outside of all axes has no room."""
+    log = make_log(Recipe(num_steps=29, changed={}))
+    figure = timeline.draw(log, summary_of(log))
+    figure.draw_without_rendering()
+    width = figure.bbox.width
+    assert all(ax.get_window_extent().width > 0.8 * width for ax in figure.axes)
+    shown = [
+        (row, text.get_text())
+        for row, ax in enumerate(figure.axes)
+        for text in ax.texts
+        if text.get_text().startswith("push")
+        and text.get_tightbbox().width > 0.0
+    ]
+    assert shown == [(0, "push 545 N")]
+
+
 def test_measured_contacts_are_those_of_the_forces(log):
     """Oracle: forces set by hand; an impact does not hide the weight."""
     forces = np.tile([900.0, 0.0], (len(log["t"]), 1))
