@@ -1,11 +1,12 @@
 """What the pictures of an envelope show, read from the drawing itself."""
 
+from functools import partial
+
 import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from diagrams.envelope.envelope_data import envelope_of
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT
@@ -22,23 +23,18 @@ from diagrams.plots.envelope_style import (
 )
 from diagrams.plots.style import RC
 from tests.diagrams.envelope.made_up_trials import (
-    identity_of,
-    made_up_rows,
+    made_up_envelope,
     paper_times,
 )
 
 ALL = "all_with_cross_over"
 LEFT = Moment.parse("left swing 25 %")
 SEARCH = SearchParams(resolution=0.1, stride=4)
+envelope_from = partial(made_up_envelope, search=SEARCH)
 ROUND = {0.0: 0.8, 90.0: 0.3, 180.0: 0.6, 270.0: 0.5}
 CELLS = {(ALL, MOMENT, angle): value for angle, value in ROUND.items()}
 # Forward is up, left is left.
 CORNERS = [(0.0, 0.8), (-0.3, 0.0), (0.0, -0.6), (0.5, 0.0), (0.0, 0.8)]
-
-
-def envelope_from(cells, **options):
-    rows = made_up_rows(cells, SEARCH, **options)
-    return envelope_of(identity_of(SEARCH), rows)
 
 
 def lines_named(ax, name):

@@ -6,6 +6,7 @@ Each trial is recovered from if the push is no larger than the cell's limit.
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
+from diagrams.envelope.envelope_data import Envelope, envelope_of
 from diagrams.envelope.limit_search import SearchParams, next_batch
 from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT, SCENARIO, references
@@ -77,6 +78,14 @@ def made_up_rows(
                 results[level, replica] = recovered
                 rows.append(_row(cell, delta_v, replica, recovered, robot))
     return rows
+
+
+def made_up_envelope(
+    limits: Limits, search: SearchParams = SEARCH, **options
+) -> Envelope:
+    """The envelope of the rows that made_up_rows gives."""
+    rows = made_up_rows(limits, search, **options)
+    return envelope_of(identity_of(search), rows)
 
 
 def _row(

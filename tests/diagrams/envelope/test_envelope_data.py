@@ -16,6 +16,7 @@ from diagrams.envelope.references import MOMENT
 from tests.diagrams.envelope.made_up_trials import (
     SEARCH,
     identity_of,
+    made_up_envelope,
     made_up_rows,
     paper_times,
 )
@@ -25,18 +26,13 @@ LEFT = Moment.parse("left swing 50 %")
 LATE = Moment.parse("right swing 75 %")
 
 
-def envelope_from(limits, search=SEARCH, **options):
-    rows = made_up_rows(limits, search, **options)
-    return envelope_of(identity_of(search), rows)
-
-
 def test_finds_the_limits_again():
     """They are multiples of the resolution, so found without an error."""
     limits = {
         cell: round(value / SEARCH.resolution) * SEARCH.resolution
         for cell, value in paper_times(1.1).items()
     }
-    envelope = envelope_from(limits)
+    envelope = made_up_envelope(limits)
     assert set(envelope.limits) == set(limits)
     for cell, found in envelope.limits.items():
         assert found.recovered == pytest.approx(limits[cell], abs=1e-9)
@@ -61,7 +57,7 @@ def test_names_are_in_the_order_of_the_paper_and_its_moment_is_first():
         for moment in (LATE, LEFT, MOMENT)
         for direction in (270.0, 0.0)
     }
-    envelope = envelope_from(cells)
+    envelope = made_up_envelope(cells)
     assert envelope.mechanisms == ("icp_only", "step_swing", ALL)
     assert envelope.moments == (MOMENT, LEFT, LATE)
     assert envelope.directions == (0.0, 270.0)
@@ -71,7 +67,7 @@ def test_says_which_cells_are_not_complete_or_not_begun():
     cells = {("step", MOMENT, 0.0): 0.3, ("step", MOMENT, 90.0): 0.2}
     cells[ALL, MOMENT, 0.0] = 0.5
     hurried = ("step", MOMENT, 90.0)
-    envelope = envelope_from(cells, is_unfinished=lambda c: c == hurried)
+    envelope = made_up_envelope(cells, is_unfinished=lambda c: c == hurried)
     assert envelope.missing == [hurried, (ALL, MOMENT, 90.0)]
     assert envelope.limits[hurried] == Limit(
         recovered=pytest.approx(0.2),
@@ -105,13 +101,13 @@ def test_tells_where_more_mechanisms_recover_less():
         ("step", MOMENT, 90.0): 0.22,
         ("step_swing", MOMENT, 90.0): 0.20,
     }
-    (loss,) = losses(envelope_from(cells))
+    (loss,) = losses(made_up_envelope(cells))
     assert (loss.moment, loss.direction_deg) == (MOMENT, 0.0)
     assert (loss.fewer, loss.more) == ("icp_only", "step_swing")
     assert loss.by_fewer.recovered == pytest.approx(0.40)
     assert loss.by_more.recovered == pytest.approx(0.36)
     assert loss.final
-    (loss,) = losses(envelope_from(cells, is_unfinished=lambda c: True))
+    (loss,) = losses(made_up_envelope(cells, is_unfinished=lambda c: True))
     assert not loss.final
 
 
@@ -122,7 +118,7 @@ def test_one_coarse_step_less_is_no_less():
         ("icp_only", MOMENT, angle): 0.5 + 0.1 * angle for angle in (0.0, 1.0)
     }
     cells |= {("step", MOMENT, 0.0): 0.4, ("step", MOMENT, 1.0): 0.4}
-    (loss,) = losses(envelope_from(cells, search))
+    (loss,) = losses(made_up_envelope(cells, search))
     assert loss.direction_deg == 1.0
 
 
@@ -134,7 +130,7 @@ def test_writes_velocities_to_the_digit_that_tells_limits_apart(
 ):
     search = SearchParams(resolution=resolution)
     cells = {("step", MOMENT, 0.0): 0.2}
-    assert envelope_from(cells, search).words(0.3) == text
+    assert made_up_envelope(cells, search).words(0.3) == text
 
 
 def test_marks_what_is_not_sure():
@@ -145,7 +141,7 @@ def test_marks_what_is_not_sure():
     assert mark([]) == mark([sure]) == ""
     assert mark([sure, bound]) == ">="
     assert mark([sure, open_end, bound]) == "~"
-    envelope = envelope_from({("step", MOMENT, 0.0): 0.2})
+    envelope = made_up_envelope({("step", MOMENT, 0.0): 0.2})
     words = [envelope.limit_words(x) for x in (sure, bound, open_end)]
     assert words == ["0.50", ">=3.00", "~0.30"]
 

@@ -2,14 +2,12 @@
 
 import pytest
 
-from diagrams.envelope.envelope_data import envelope_of
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.limit_tables import LimitTables, direction_words
 from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT
 from tests.diagrams.envelope.made_up_trials import (
-    identity_of,
-    made_up_rows,
+    made_up_envelope,
     read_table,
 )
 
@@ -25,8 +23,7 @@ CELLS = {
 
 
 def tables_of(cells, speed=2.0, **options):
-    rows = made_up_rows(cells, SEARCH, **options)
-    envelope = envelope_of(identity_of(SEARCH), rows)
+    envelope = made_up_envelope(cells, SEARCH, **options)
     return LimitTables(envelope=envelope, speed=speed)
 
 

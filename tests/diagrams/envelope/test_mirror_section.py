@@ -1,6 +1,7 @@
 """Oracle: limits on both sides, chosen by hand, and the difference of each."""
 
-from diagrams.envelope.envelope_data import envelope_of
+from functools import partial
+
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.mirror_section import mirror_section
 from diagrams.envelope.moment import Moment
@@ -8,19 +9,14 @@ from diagrams.envelope.references import MOMENT
 from diagrams.envelope.report_text import report_text
 from diagrams.envelope.sweep_flags import directions
 from tests.diagrams.envelope.made_up_trials import (
-    identity_of,
-    made_up_rows,
+    made_up_envelope,
     read_table,
 )
 
 LEFT = Moment.parse("left swing 25 %")
 LATE = Moment.parse("left swing 75 %")
 SEARCH = SearchParams(resolution=0.1, stride=4)
-
-
-def envelope_from(cells, **options):
-    rows = made_up_rows(cells, SEARCH, **options)
-    return envelope_of(identity_of(SEARCH), rows)
+envelope_from = partial(made_up_envelope, search=SEARCH)
 
 
 def test_compares_with_the_mirrored_push_and_shows_the_worst():

@@ -2,15 +2,13 @@
 
 import pytest
 
-from diagrams.envelope.envelope_data import envelope_of
 from diagrams.envelope.limit_search import SearchParams
 from diagrams.envelope.limit_tables import LimitTables
 from diagrams.envelope.moment import Moment
 from diagrams.envelope.references import MOMENT
 from diagrams.envelope.report_text import report_text
 from tests.diagrams.envelope.made_up_trials import (
-    identity_of,
-    made_up_rows,
+    made_up_envelope,
     paper_times,
 )
 
@@ -20,9 +18,7 @@ BOTH = paper_times(1.0) | paper_times(0.8, LEFT)
 
 
 def text_of(cells, speed=2.951, **options):
-    envelope = envelope_of(
-        identity_of(SEARCH), made_up_rows(cells, SEARCH, **options)
-    )
+    envelope = made_up_envelope(cells, SEARCH, **options)
     return envelope, report_text(envelope, speed, ["envelope.png"])
 
 
@@ -47,8 +43,7 @@ def test_has_every_table_and_says_what_was_done():
 
 def test_one_replica_is_not_called_several():
     search = SearchParams(resolution=0.1, replicas=1)
-    rows = made_up_rows({("step", MOMENT, 0.0): 0.5}, search)
-    envelope = envelope_of(identity_of(search), rows)
+    envelope = made_up_envelope({("step", MOMENT, 0.0): 0.5}, search)
     prose = " ".join(report_text(envelope, None, []).split())
     assert "she recovered in the one trial of it; nothing above" in prose
     assert "replicas" not in prose

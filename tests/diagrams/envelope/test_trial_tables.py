@@ -10,6 +10,7 @@ from diagrams.envelope.trial_tables import (
 )
 from tests.diagrams.envelope.made_up_trials import (
     identity_of,
+    made_up_envelope,
     made_up_rows,
     read_table,
 )
@@ -92,13 +93,13 @@ def test_lists_where_more_mechanisms_recover_less():
 
 def test_says_that_more_mechanisms_never_recover_less():
     cells = {("icp_only", MOMENT, 0.0): 0.3, ("step", MOMENT, 0.0): 0.3}
-    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    envelope = made_up_envelope(cells, SEARCH)
     assert losses_section(envelope) == "No: nowhere by more than 0.1 m/s.\n"
 
 
 def test_one_set_of_mechanisms_is_not_compared():
     cells = {("step", MOMENT, 0.0): 0.3}
-    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    envelope = made_up_envelope(cells, SEARCH)
     assert losses_section(envelope) == "Only one set of mechanisms was tried.\n"
 
 
@@ -133,6 +134,6 @@ def test_the_touchdowns_of_one_trial_dilute_those_of_another():
 
 def test_a_rate_of_nothing_is_none():
     cells = {("step", MOMENT, 0.0): 0.0}
-    envelope = envelope_of(identity_of(SEARCH), made_up_rows(cells, SEARCH))
+    envelope = made_up_envelope(cells, SEARCH)
     cells = capturability_section(envelope).splitlines()[-1].split("|")
     assert [cell.strip() for cell in cells[3:7]] == ["0", "–", "2", "0 (0.0 %)"]
