@@ -1,11 +1,14 @@
 """Runs a diagram until it is done, or the robot has fallen."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
+
+from diagrams.ctrl_c import until_ctrl_c
 
 WATCH_PERIOD = 0.01  # looks for a fall so often [s]
 
@@ -70,25 +73,26 @@ def advance(
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     simulator.set_target_realtime_rate(realtime_rate)
-    watch = _Watch(diagram, stop_at_improper_contact)
-    simulator.set_monitor(watch.look)
-    simulator.Initialize()
-    interrupted, message = False, ""
-    began = time.process_time()
-    try:
-        simulator.AdvanceTo(duration)
-    except KeyboardInterrupt:
-        interrupted = True
-    except (RuntimeError, ValueError) as error:  # such as NaN at an input
-        message = " ".join(str(error).split()) or type(error).__name__
-    cpu_time = time.process_time() - began
+    message = ""
+    with until_ctrl_c() as pressed:
+        watch = _Watch(diagram, stop_at_improper_contact, pressed)
+        simulator.set_monitor(watch.look)
+        simulator.Initialize()
+        began = time.process_time()
+        try:
+            simulator.AdvanceTo(duration)
+        except KeyboardInterrupt:
+            watch.interrupted = True
+        except (RuntimeError, ValueError) as error:  # such as NaN at an input
+            message = " ".join(str(error).split()) or type(error).__name__
+        cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),
         fell_at=watch.fell_at,
         fall_reason=watch.reason,
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
-        interrupted=interrupted,
+        interrupted=watch.interrupted,
         missed_pushes=_missed_pushes(diagram, context),
         improper_contacts=tuple(sorted(watch.improper_contacts)),
         error=message,
@@ -98,15 +102,24 @@ def advance(
 class _Watch:
     """Looks at a running simulation now and then, from outside of it."""
 
-    def __init__(self, diagram, stop_at_improper_contact: bool):
-        self._diagram, self._next_look = diagram, 0.0
+    def __init__(
+        self,
+        diagram,
+        stop_at_improper_contact: bool,
+        pressed: Callable[[], bool],
+    ):
+        self._diagram, self._next_look, self._pressed = diagram, 0.0, pressed
         self._stop_at_improper_contact = stop_at_improper_contact
         self.fell_at: float | None = None
         self.reason = ""
         self.improper_contacts: set[str] = set()
+        self.interrupted = False
 
     def look(self, context: Context) -> EventStatus:
         """Ends the simulation once it is decided."""
+        if self._pressed():
+            self.interrupted = True
+            return EventStatus.ReachedTermination(self._diagram, "Ctrl-C")
         now = context.get_time()
         if now < self._next_look:
             return EventStatus.DidNothing()

@@ -31,8 +31,8 @@ from diagrams.command_line import (
     finite,
     scenario_flags,
 )
+from diagrams.ctrl_c import until_ctrl_c
 from diagrams.envelope.agenda import Progress
-from diagrams.envelope.ctrl_c import until_ctrl_c
 from diagrams.envelope.envelope_data import envelope_of
 from diagrams.envelope.executors import open_executor
 from diagrams.envelope.folder_lock import alone_in

@@ -1,5 +1,7 @@
 """How a simulation ends: in time, by a fall, an error, or the user."""
 
+import contextlib
+import signal
 import time
 
 import numpy as np
@@ -54,11 +56,15 @@ def falls_at(end):
 
 
 def test_ctrl_c_keeps_what_was_logged():
-    """Oracle: the same run without an interruption, row by row."""
+    """Oracle: the same run without an interruption, row by row.
+
+    Pressed while somebody drops exceptions, as NumPy and pybind11 do.
+    """
 
     def interrupt(context):
         if context.get_time() >= 0.3:
-            raise KeyboardInterrupt
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
         return ""
 
     diagram = diagram_of(plant="lipm")
@@ -66,7 +72,8 @@ def test_ctrl_c_keeps_what_was_logged():
     run = simulate(diagram, 1.0)
     assert run.interrupted
     assert run.fell_at is None
-    assert run.simulated_time == pytest.approx(0.3, abs=1.01 * PERIOD)
+    # Pressed in one tick, seen in the next.
+    assert run.simulated_time == pytest.approx(0.3, abs=2.01 * PERIOD)
     rows = len(run.logs["t"])
     assert rows == round(run.simulated_time / PERIOD)
     whole = simulate(diagram_of(plant="lipm"), 1.0).logs

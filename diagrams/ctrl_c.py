@@ -1,7 +1,12 @@
-"""Ctrl-C as a question to ask, rather than an exception anywhere."""
+"""Ctrl-C as a question to ask, rather than an exception anywhere.
+
+An exception can be lost: NumPy and pybind11 drop those that come while they try
+what an argument is.
+"""
 
 import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterator
 
 
@@ -9,8 +14,12 @@ from collections.abc import Callable, Iterator
 def until_ctrl_c() -> Iterator[Callable[[], bool]]:
     """Yields what tells whether Ctrl-C was pressed.
 
-    Pressed once more, it raises KeyboardInterrupt as ever.
+    Pressed once more, it raises KeyboardInterrupt as ever.  Only the main
+    thread is told of it.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
     pressed: list[bool] = []
 
     def press(*_: object) -> None:
