@@ -10,12 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from nadia_balance.core.minkowski_sum import minkowski_sum
 from nadia_balance.core.polygon import (
+    as_array,
     clip_all,
     contains,
     convex_hull,
+    hull,
     intersection,
-    minkowski_sum,
 )
 from nadia_balance.core.walking import Array
 
@@ -51,11 +53,14 @@ def one_step_region(
     Erratum: the Nadia paper, Fig. 2, lets t go to infinity and cuts with a
     circle, so that the region jumps when the ICP leaves the foot.
     """
-    away = icp - foot
+    scales = [factor * math.exp(omega * t) - 1.0 for t in touchdown]
+    (x, y), corners = icp.tolist(), foot.tolist()
     copies = [
-        icp + (factor * math.exp(omega * t) - 1.0) * away for t in touchdown
+        (x + scale * (x - qx), y + scale * (y - qy))
+        for scale in scales
+        for qx, qy in corners
     ]
-    return convex_hull(np.concatenate(copies))
+    return as_array(hull(copies))
 
 
 def one_step_region_in_disc(

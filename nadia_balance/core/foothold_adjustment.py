@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core.capture_region import capture_region
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
@@ -62,58 +62,87 @@ def touchdown_interval(
     time_adjustment: float,
     params: CaptureRegionStepAdjusterParams,
 ) -> tuple[float, float]:
-    """Between which times [s] from now the new foot takes the load."""
+    """Between which times [s] from now the new foot takes the load.
+
+    `time_adjustment` [s] is about to be added to the clock, negative while
+    the clock is held.
+    """
     earliest = max(state.remaining_time - time_adjustment, 0.0)
     return earliest, earliest + params.waiting_time
 
 
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """What one tick knows of where and when the foot in the air may land.
+
+    `icp` (2,) [m] in W; `omega` [rad/s]; `touchdown` [s] from now.  The
+    capture regions (n, 2) [m] are made when they are asked for.
+    """
+
+    geometry: SwingGeometry
+    icp: Array
+    omega: float
+    touchdown: tuple[float, float]
+
+    def __deepcopy__(self, memo: object) -> Landing:
+        return self
+
+    @cached_property
+    def one_step(self) -> Array:
+        """C_1, of a foot that is a point."""
+        return self.geometry.one_step_region(
+            self.icp, self.omega, self.touchdown
+        )
+
+    @cached_property
+    def capture_region(self) -> Array:
+        """C_N."""
+        return self.geometry.capture_region(self.one_step)
+
+    def capture_regions(self) -> tuple[Array, ...]:
+        """Returns C_1, ..., C_N."""
+        inner = (
+            self.geometry.capture_region(self.one_step, n)
+            for n in range(len(self.geometry.offsets) - 1)
+        )
+        return *inner, self.capture_region
+
+
 def propose_adjustment(
     state: WalkingState,
-    icp: Array,
-    time_adjustment: float,
-    geometry: SwingGeometry,
+    landing: Landing,
     params: CaptureRegionStepAdjusterParams,
-    omega: float,
     period: float,
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick.
 
-    `icp` (2,) [m] in W; `time_adjustment` [s] is about to be added to the
-    clock, negative while the clock is held; a tick lasts `period` [s].  The
-    foothold stays as it is too early and too late in a swing; early, because
-    the ICP jumps when the contacts change.
+    A tick lasts `period` [s].  The foothold stays as it is too early and too
+    late in a swing; early, because the ICP jumps when the contacts change.
     """
     current = state.adjustment or unadjusted(state.schedule)
-    touchdown = touchdown_interval(state, time_adjustment, params)
     if (
         not params.enabled
         or state.schedule.phase is not Phase.SWING
         or state.elapsed < params.settling_time
-        or touchdown[0] < params.freeze_time
+        or landing.touchdown[0] < params.freeze_time
     ):
         return current
-    one_step = geometry.one_step_region(icp, omega, touchdown)
     return adjust_foothold(
-        current, geometry.capture_region(one_step), geometry, params, period
+        current,
+        landing.capture_region,
+        landing.geometry,
+        params,
+        period,
     )
 
 
-def capture_regions(
-    state: WalkingState,
-    icp: Array,
-    time_adjustment: float,
-    adjustment: Adjustment,
-    geometry: SwingGeometry,
-    params: CaptureRegionStepAdjusterParams,
-    omega: float,
-) -> CaptureRegions:
-    """Returns what led to the `adjustment` that was proposed for `state`."""
-    touchdown = touchdown_interval(state, time_adjustment, params)
-    one_step = geometry.one_step_region(icp, omega, touchdown)
+def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
+    """Returns what led to the `adjustment` that was proposed."""
+    regions = landing.geometry.regions
     return CaptureRegions(
-        tuple(capture_region(one_step, d) for d in geometry.offsets),
+        landing.capture_regions(),
         # A region of before cross-over was switched off is there no more.
-        geometry.regions.get(adjustment.region, geometry.regions[BASE]),
+        regions.get(adjustment.region, regions[BASE]),
         adjustment.nominal.pose,
         adjustment.pose,
     )
@@ -163,10 +192,10 @@ def _covered(
     params: CaptureRegionStepAdjusterParams,
 ) -> bool:
     """True if the foot can be put down as planned, and then recovers."""
-    x, y = geometry.stance.to_sole(nominal)
-    return params.reachability.in_base_region(
-        float(x), geometry.swing.sign * float(y)
-    ) and contains(nominal, capture_region, -params.margin)
+    if not contains(nominal, capture_region, -params.margin):
+        return False
+    x, y = geometry.stance.to_sole(nominal).tolist()
+    return params.reachability.in_base_region(x, geometry.swing.sign * y)
 
 
 def _return_to_nominal(

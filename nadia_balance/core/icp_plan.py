@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -82,12 +83,16 @@ class IcpPlan:
     def __deepcopy__(self, memo: object) -> "IcpPlan":
         return self
 
+    @cached_property
+    def _knots(self) -> list[float]:
+        return list(self.knots.tolist())  # to go through them faster
+
     def at(self, t: float) -> IcpReference:
         """Returns the reference at `t` [s]; held before and after the plan."""
-        knots, w = self.knots, self.omega
+        knots, w = self._knots, self.omega
         i = min(max(bisect_right(knots, t), 1), len(knots) - 1) - 1
-        duration = float(knots[i + 1] - knots[i])
-        t = min(max(t - float(knots[i]), 0.0), duration)
+        duration = knots[i + 1] - knots[i]
+        t = min(max(t - knots[i], 0.0), duration)
         com, icp, ecmp = rows_at(t, duration, w) @ self.coefficients[i]
         return IcpReference(
             icp, w * (icp - ecmp), com, w * (icp - com), ecmp, ecmp

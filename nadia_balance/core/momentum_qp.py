@@ -171,5 +171,8 @@ def momentum_rate(
     vertically: the ground pushes with m (g + zddot).
     Erratum: g is a vector; it cancels the vertical part at constant height.
     """
-    x, y = mass * omega**2 * (com - ecmp)
-    return np.array([x, y, mass * vertical_acceleration])
+    (x, y), (ecmp_x, ecmp_y) = com.tolist(), ecmp.tolist()
+    k = mass * omega**2
+    return np.array(
+        [k * (x - ecmp_x), k * (y - ecmp_y), mass * vertical_acceleration]
+    )

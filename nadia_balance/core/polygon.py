@@ -14,61 +14,66 @@ import numpy as np
 
 from nadia_balance.core.walking import Array
 
-_Point = tuple[float, float]
+Point = tuple[float, float]
 
 # Far below what matters, far above rounding:
 _FLAT = 1e-12  # a triangle of half this area [m^2] is a line
-_PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
 _COINCIDENT = 1e-9  # vertices closer than this [m] are one
 
 _NOTHING = np.empty((0, 2))
 
 
+def as_array(points: list[Point]) -> Array:
+    """Returns `points` as an array (n, 2)."""
+    # Twice as fast as np.array, which looks at each pair as a sequence.
+    coordinates = itertools.chain.from_iterable(points)
+    return np.fromiter(coordinates, float, 2 * len(points)).reshape(-1, 2)
+
+
 def convex_hull(points: Array) -> Array:
     """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
 
-    Andrew's monotone chain.  One vertex if all points coincide, two if they
-    are on one line.
+    One vertex if all points coincide, two if they are on one line.
     """
-    ordered = sorted({(x, y) for x, y in points.tolist()})
+    return as_array(hull([(x, y) for x, y in points.tolist()]))
+
+
+def hull(points: Iterable[Point]) -> list[Point]:
+    """As `convex_hull`, for few points.  Andrew's monotone chain."""
+    ordered = sorted(set(points))
     if len(ordered) < 3:
-        return np.array(ordered)
+        return ordered
     lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
-    hull = lower[:-1] + upper[:-1]
-    if area(np.array(hull)) <= _FLAT:  # a line, but for rounding
-        pairs = itertools.combinations(hull, 2)
-        hull = list(max(pairs, key=lambda ends: math.dist(*ends)))
-    return np.array(hull)
+    vertices = lower[:-1] + upper[:-1]
+    if _area(vertices) <= _FLAT:  # a line, but for rounding
+        pairs = itertools.combinations(vertices, 2)
+        vertices = list(max(pairs, key=lambda ends: math.dist(*ends)))
+    return vertices
 
 
-def _half_hull(ordered: Iterable[_Point]) -> list[_Point]:
+def _half_hull(ordered: Iterable[Point]) -> list[Point]:
     """Returns the right-hand boundary met when going through `ordered`."""
-    chain: list[_Point] = []
+    chain: list[Point] = []
     for p in ordered:
-        while len(chain) > 1 and _is_needless(chain[-2], chain[-1], p):
+        x, y = p
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            ux, uy = bx - ax, by - ay
+            turn = ux * (y - ay) - uy * (x - ax)
+            if turn > _FLAT:
+                break
+            # On a line that is vertical but for rounding, b may be beyond p.
+            if turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0:
+                break
             chain.pop()
         chain.append(p)
     return chain
 
 
-def _is_needless(a: _Point, b: _Point, p: _Point) -> bool:
-    """True if `b` is on the inner side of a, p, or all but between them."""
-    turn = _turn(a, b, p)
-    if turn <= 0.0 or turn > _FLAT:
-        return turn <= 0.0
-    # On a line that is vertical but for rounding, b may be beyond a and p.
-    return (b[0] - a[0]) * (p[0] - b[0]) + (b[1] - a[1]) * (p[1] - b[1]) >= 0.0
-
-
-def _turn(a: _Point, b: _Point, p: _Point) -> float:
-    """Returns twice the signed area of a, b, p: positive if p is left of ab."""
-    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-
-
-def _edges(polygon: Array) -> list[tuple[_Point, _Point]]:
+def _edges(polygon: Array) -> Iterable[tuple[Point, Point]]:
     """Returns the (start, end) pairs of all edges, in order."""
-    vertices = [(x, y) for x, y in polygon.tolist()]
-    return list(zip(vertices, vertices[1:] + vertices[:1], strict=True))
+    vertices: list[Point] = polygon.tolist()
+    return zip(vertices, vertices[1:] + vertices[:1], strict=True)
 
 
 def halfspaces(polygon: Array) -> tuple[Array, Array]:
@@ -88,7 +93,7 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
         nx, ny = (y1 - y0) / length, (x0 - x1) / length
         normals.append((nx, ny))
         offsets.append(nx * x0 + ny * y0)
-    return np.array(normals), np.array(offsets)
+    return as_array(normals), np.array(offsets)
 
 
 def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
@@ -97,11 +102,13 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
         return bool(
             np.linalg.norm(point - project(point, polygon)) <= tolerance
         )
-    p = (float(point[0]), float(point[1]))
-    return all(
-        _turn(a, b, p) >= -tolerance * math.dist(a, b)
-        for a, b in _edges(polygon)
-    )
+    x, y = float(point[0]), float(point[1])
+    for (ax, ay), (bx, by) in _edges(polygon):
+        ux, uy = bx - ax, by - ay
+        turn = ux * (y - ay) - uy * (x - ax)
+        if not turn >= -tolerance * math.hypot(ux, uy):
+            return False
+    return True
 
 
 def project(point: Array, polygon: Array) -> Array:
@@ -116,7 +123,7 @@ def project(point: Array, polygon: Array) -> Array:
     return np.array(min(candidates, key=lambda c: math.dist(c, p)))
 
 
-def _project_on_segment(p: _Point, a: _Point, b: _Point) -> _Point:
+def _project_on_segment(p: Point, a: Point, b: Point) -> Point:
     dx, dy = b[0] - a[0], b[1] - a[1]
     squared = dx * dx + dy * dy
     if squared == 0.0:
@@ -142,18 +149,26 @@ def centroid(polygon: Array) -> Array:
 
 def area(polygon: Array) -> float:
     """Returns the area [m^2]; 0 for fewer than three vertices."""
-    twice = 0.0
-    vertices = polygon.tolist()
-    for i in range(2, len(vertices)):
-        twice += _turn(vertices[0], vertices[i - 1], vertices[i])
+    return _area(polygon.tolist())
+
+
+def _area(vertices: list[Point]) -> float:
+    if len(vertices) < 3:
+        return 0.0
+    (x0, y0), (x, y), *others = vertices
+    twice, ux, uy = 0.0, x - x0, y - y0
+    for x, y in others:
+        vx, vy = x - x0, y - y0
+        twice += ux * vy - uy * vx
+        ux, uy = vx, vy
     return 0.5 * twice
 
 
 def _clip(
-    vertices: list[_Point], nx: float, ny: float, offset: float
-) -> list[_Point]:
+    vertices: list[Point], nx: float, ny: float, offset: float
+) -> list[Point]:
     """One step of Sutherland and Hodgman's clipping: n . p <= offset."""
-    kept: list[_Point] = []
+    kept: list[Point] = []
     if not vertices:
         return kept
     x0, y0 = vertices[-1]
@@ -175,9 +190,9 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
     `A` (k, 2) and `b` (k,) [m] as of `halfspaces`.  (0, 2) if no area is left.
     """
     excess = polygon @ A.T - b
-    if not len(polygon) or (excess.min(axis=0) >= 0.0).any():
+    if not len(polygon) or excess.min(axis=0).max() >= 0.0:
         return _NOTHING
-    cutting = np.flatnonzero(excess.max(axis=0) > 0.0)
+    cutting = (excess.max(axis=0) > 0.0).nonzero()[0]
     vertices = polygon.tolist()
     offsets = b[cutting].tolist()
     for (nx, ny), offset in zip(A[cutting].tolist(), offsets, strict=True):
@@ -189,8 +204,7 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
         for p, q in zip(vertices, last, strict=True)
         if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
     ]
-    polygon = np.array(part).reshape(-1, 2)
-    return polygon if area(polygon) > _FLAT else _NOTHING
+    return as_array(part) if _area(part) > _FLAT else _NOTHING
 
 
 def intersection(first: Array, second: Array) -> Array:
@@ -211,37 +225,3 @@ def shrink(polygon: Array, distance: float) -> Array:
             f"distance = {distance}: nothing is left of the polygon"
         )
     return inner
-
-
-def minkowski_sum(first: Array, second: Array) -> Array:
-    """Returns {p + q : p in first, q in second}, by merging the edges.
-
-    Both have to be counter-clockwise and strictly convex, as from
-    `convex_hull`; one may be a single point or a line.
-    """
-    p, q = _from_lowest(first), _from_lowest(second)
-    n, m = len(p), len(q)
-    p.append(p[0])
-    q.append(q[0])
-    i = j = 0
-    total: list[_Point] = []
-    while i < n or j < m:
-        a, b = p[i], q[j]
-        total.append((a[0] + b[0], a[1] + b[1]))
-        if i == n or j == m:
-            turn = 1.0 if j == m else -1.0
-        else:
-            (ux, uy), (vx, vy) = p[i + 1], q[j + 1]
-            turn = (ux - a[0]) * (vy - b[1]) - (uy - a[1]) * (vx - b[0])
-        if turn >= -_PARALLEL:
-            i += 1
-        if turn <= _PARALLEL:
-            j += 1
-    return np.array(total)
-
-
-def _from_lowest(polygon: Array) -> list[_Point]:
-    """Returns the vertices; the lowest, and of these the leftmost, first."""
-    vertices: list[_Point] = polygon.tolist()
-    k = vertices.index(min(vertices, key=lambda v: (v[1], v[0])))
-    return vertices[k:] + vertices[:k]

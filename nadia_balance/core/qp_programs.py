@@ -24,7 +24,6 @@ Indices = NDArray[np.intp]
 
 # Drake's default, 1e-12, takes rounding for contradiction.
 _FEASIBILITY_TOLERANCE = 1e-7
-_ZERO = np.zeros(1)
 
 
 class QpProblem(NamedTuple):
@@ -45,10 +44,14 @@ class QpProblem(NamedTuple):
 
     def violation(self, x: Array, excess: Array) -> float:
         """The largest absolute violation of a constraint, NaN if x is."""
-        residual = np.abs(self.A_eq @ x - self.b_eq)
-        violations = np.concatenate((residual, excess, _ZERO))
-        # Not max(), which takes five times as long; both hand on a NaN.
-        return float(violations[violations.argmax()])
+        violations = excess
+        if self.b_eq.size:
+            residual = np.abs(self.A_eq @ x - self.b_eq)
+            violations = np.concatenate((residual, excess))
+        if not violations.size:
+            return 0.0
+        # numpy's max() takes five times as long; all three hand on a NaN.
+        return max(float(violations[violations.argmax()]), 0.0)
 
     def bounds(self, rows: Indices, active: Mask) -> Array:
         """The bounds at which `rows` (k,) of the inequalities are active."""

@@ -6,9 +6,9 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from nadia_balance.core.capture_region import (
-    capture_region,
     later_steps,
     one_step_region,
     transfer_factor,
@@ -16,12 +16,13 @@ from nadia_balance.core.capture_region import (
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.polygon import (
-    clip_all,
-    convex_hull,
-    halfspaces,
+from nadia_balance.core.minkowski_sum import (
+    Edge,
+    edges,
+    merge,
     minkowski_sum,
 )
+from nadia_balance.core.polygon import clip_all, convex_hull, halfspaces
 from nadia_balance.core.reachability import (
     in_world,
     step_regions,
@@ -73,9 +74,14 @@ class SwingGeometry:
         """Returns C_1 (n, 2) [m]; `icp` (2,) [m], `touchdown` [s] from now."""
         return one_step_region(icp, self.foot, omega, touchdown, self.factor)
 
-    def capture_region(self, one_step: Array) -> Array:
-        """Returns C_N (n, 2) [m] for `one_step` = C_1."""
-        return capture_region(one_step, self.offsets[-1])
+    def capture_region(self, one_step: Array, n: int = -1) -> Array:
+        """Returns C_N (k, 2) [m] for `one_step` = C_1; or C_n+1."""
+        return merge(edges(one_step), self._summands[n])
+
+    @cached_property
+    def _summands(self) -> list[list[Edge]]:
+        """The edges of -D_1, ..., -D_N."""
+        return [edges(-offsets) for offsets in self.offsets]
 
 
 def swing_geometry(
@@ -112,8 +118,8 @@ def geometry_key(
 ) -> tuple[object, ...]:
     """The parts of `schedule`, and the switch, that its geometry depends on.
 
-    While they are the same objects, the geometry is the same.  Where the step
-    in the air goes is not among them, so that it can be adjusted.
+    While they are equal, the geometry is the same.  Where the step in the air
+    goes is not among them, so that it can be adjusted.
     """
     step, *later = schedule.footsteps
     stance = schedule.feet[schedule.support_side]

@@ -1,24 +1,24 @@
 """Moves the foothold of the step in the air to where it captures the robot."""
 
+from typing import NamedTuple
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
+    Landing,
     capture_regions,
     propose_adjustment,
+    touchdown_interval,
     unadjusted,
 )
 from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.mechanisms import switched_adjuster
-from nadia_balance.core.swing_geometry import (
-    SwingGeometry,
-    geometry_key,
-    swing_geometry,
-)
+from nadia_balance.core.swing_geometry import geometry_key, swing_geometry
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -29,6 +29,21 @@ from nadia_balance.core.walking import (
 )
 from nadia_balance.systems.ports import eval_finite, eval_typed
 from nadia_balance.systems.switched_params import SwitchedParams
+
+
+class Tick(NamedTuple):
+    """The inputs of one tick; `key`, of the geometry, and `landing` of a swing.
+
+    Outside of a swing they are empty.
+    """
+
+    state: WalkingState | None = None
+    params: CaptureRegionStepAdjusterParams | None = None
+    key: tuple[object, ...] = ()
+    landing: Landing | None = None
+
+    def __deepcopy__(self, memo: object) -> "Tick":
+        return self
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -71,12 +86,17 @@ class CaptureRegionStepAdjuster(LeafSystem):
             "time_adjustment", 1
         )
         self._params = SwitchedParams(self, params, switched_adjuster)
-        # A pure function of the footsteps.  Keeping the last one only saves
-        # the work while the ICP and the clock are all that changes.
-        self._geometry = self.DeclareCacheEntry(
-            "swing geometry",
-            ValueProducer(lambda: Value((None, None)), self._calc_geometry),
-            {self._walking_state.ticket(), self._params.ticket},
+        # A pure function of the inputs.  Keeping the last one only saves
+        # making its geometry anew while the footsteps are the same.
+        self._tick = self.DeclareCacheEntry(
+            "tick",
+            ValueProducer(lambda: Value(Tick()), self._calc_tick),
+            {
+                self._icp.ticket(),
+                self._walking_state.ticket(),
+                self._time_adjustment.ticket(),
+                self._params.ticket,
+            },
         )
         step = Footstep(Side.LEFT, FootPose(), 0.0, 0.0)
         self._adjustment = self.DeclareAbstractOutputPort(
@@ -90,68 +110,53 @@ class CaptureRegionStepAdjuster(LeafSystem):
             self._calc_capture_regions,
         )
 
-    def _state(self, context) -> WalkingState:
-        return eval_typed(self, context, self._walking_state, WalkingState)
-
     def _time_gain(self, context) -> float:
         port = self._time_adjustment
         if not port.HasValue(context):
             return 0.0
         return float(eval_finite(self, context, port)[0])
 
-    def _swing_geometry(self, context) -> SwingGeometry:
-        return self._geometry.Eval(context)[1]
-
-    def _calc_geometry(self, context, geometry):
-        schedule, params = self._state(context).schedule, self._params(context)
-        key, last = geometry_key(schedule, params), geometry.get_value()[0]
-        if (
-            last is None
-            or len(key) != len(last)
-            or any(a is not b for a, b in zip(key, last, strict=True))
-        ):
-            found = swing_geometry(schedule, self._sole, params, self._omega)
-            geometry.set_value((key, found))
+    def _calc_tick(self, context, tick):
+        state = eval_typed(self, context, self._walking_state, WalkingState)
+        params = self._params(context)
+        key, landing = (), None
+        if state.schedule.phase is Phase.SWING:
+            key, last = geometry_key(state.schedule, params), tick.get_value()
+            geometry = (
+                last.landing.geometry
+                if key == last.key
+                else swing_geometry(
+                    state.schedule, self._sole, params, self._omega
+                )
+            )
+            landing = Landing(
+                geometry,
+                eval_finite(self, context, self._icp),
+                self._omega,
+                touchdown_interval(state, self._time_gain(context), params),
+            )
+        tick.set_value(Tick(state, params, key, landing))
 
     def _calc_adjustment(self, context, output):
-        params = self._params(context)
-        if not params.enabled:
-            output.set_value(None)
-            return
-        state = self._state(context)
-        if state.schedule.phase is not Phase.SWING:
-            output.set_value(unadjusted(state.schedule))
-            return
-        output.set_value(
-            propose_adjustment(
-                state,
-                eval_finite(self, context, self._icp),
-                self._time_gain(context),
-                self._swing_geometry(context),
-                params,
-                self._omega,
-                self._period,
+        now = self._tick.Eval(context)
+        if not now.params.enabled:
+            proposal = None
+        elif now.landing is None:
+            proposal = unadjusted(now.state.schedule)
+        else:
+            proposal = propose_adjustment(
+                now.state, now.landing, now.params, self._period
             )
-        )
+        output.set_value(proposal)
 
     def _calc_capture_regions(self, context, output):
-        state = self._state(context)
-        if state.schedule.phase is not Phase.SWING:
+        now = self._tick.Eval(context)
+        if now.landing is None:
             output.set_value(CaptureRegions())
             return
         adjustment = (
             self._adjustment.Eval(context)
-            or state.adjustment  # of before it was switched off
-            or unadjusted(state.schedule)
+            or now.state.adjustment  # of before it was switched off
+            or unadjusted(now.state.schedule)
         )
-        output.set_value(
-            capture_regions(
-                state,
-                eval_finite(self, context, self._icp),
-                self._time_gain(context),
-                adjustment,
-                self._swing_geometry(context),
-                self._params(context),
-                self._omega,
-            )
-        )
+        output.set_value(capture_regions(now.landing, adjustment))

@@ -48,8 +48,8 @@ class SwitchedParams(Generic[T]):
         on, params = None, self._original
         if self._port.HasValue(context):
             values = eval_finite(self._system, context, self._port)
-            on = Mechanisms(*(values > 0.5).tolist())
+            on = (values > 0.5).tolist()
             if on == entry.get_value()[0]:
                 return
-            params = self._switched(params, on)
+            params = self._switched(params, Mechanisms(*on))
         entry.set_value((on, params))

@@ -14,7 +14,6 @@ from nadia_balance.core.walking import (
     FootPose,
     FootPoses,
     Phase,
-    Side,
     WalkingState,
 )
 from nadia_balance.core.walking_state_machine import (
@@ -140,11 +139,10 @@ class WalkingStateMachine(LeafSystem):
 def walking_signal(state: WalkingState) -> list[float]:
     """The walking state as 16 numbers (see WalkingStateMachine)."""
     schedule = state.schedule
-    target = [np.nan, np.nan, np.nan, 0.0]
+    target = [math.nan, math.nan, math.nan, 0.0]
     if schedule.footsteps:
         step = schedule.footsteps[0]
-        target = [*step.pose.p_WF[:2], step.pose.yaw, step.side.sign]
-    left, right = schedule.feet[Side.LEFT], schedule.feet[Side.RIGHT]
+        target = [*_planar(step.pose), step.side.sign]
     return [
         float(PHASES.index(schedule.phase)),
         schedule.support_side.sign,
@@ -152,9 +150,12 @@ def walking_signal(state: WalkingState) -> list[float]:
         schedule.duration,
         state.waiting,
         state.steps_taken,
-        *left.p_WF[:2],
-        left.yaw,
-        *right.p_WF[:2],
-        right.yaw,
+        *_planar(schedule.feet.left),
+        *_planar(schedule.feet.right),
         *target,
     ]
+
+
+def _planar(pose: FootPose) -> tuple[float, float, float]:
+    x, y, _ = pose.p_WF.tolist()
+    return x, y, pose.yaw

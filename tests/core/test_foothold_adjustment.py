@@ -9,9 +9,11 @@ import shapely
 
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
+    Landing,
     adjust_foothold,
     capture_regions,
     propose_adjustment,
+    touchdown_interval,
     unadjusted,
 )
 from nadia_balance.core.foothold_adjustment_params import (
@@ -82,14 +84,17 @@ def state_at(t, schedule=IN_PLACE, adjustment=None):
     )
 
 
+def landing(state, icp, found=GEOMETRY, params=PARAMS, time_adjustment=0.0):
+    times = touchdown_interval(state, time_adjustment, params)
+    return Landing(found, np.array(icp), OMEGA, times)
+
+
 def propose(state, icp, params=PARAMS, time_adjustment=0.0):
+    found = geometry(state.schedule, params)
     return propose_adjustment(
         state,
-        np.array(icp),
-        time_adjustment,
-        geometry(state.schedule, params),
+        landing(state, icp, found, params, time_adjustment),
         params,
-        OMEGA,
         TICK,
     )
 
@@ -420,7 +425,7 @@ def test_a_walk_as_planned_is_left_alone(gait):
                 icp = plan.at(float(t)).icp + off + noise
                 state = state_at(float(t), schedule, adjustment)
                 adjustment = propose_adjustment(
-                    state, icp, 0.0, found, PARAMS, OMEGA, TICK
+                    state, landing(state, icp, found), PARAMS, TICK
                 )
                 assert adjustment.pose is schedule.footsteps[0].pose
                 assert adjustment.region == BASE
@@ -443,9 +448,7 @@ def test_noise_neither_flips_the_region_nor_shakes_the_foothold(push):
             icp = icp_after(start, cop, OMEGA, float(t) - 0.3)
             icp = icp + rng.normal(0.0, noise, 2)
             state = state_at(float(t), adjustment=adjustment)
-            found = propose_adjustment(
-                state, icp, 0.0, GEOMETRY, PARAMS, OMEGA, TICK
-            )
+            found = propose_adjustment(state, landing(state, icp), PARAMS, TICK)
             if adjustment is not None:
                 moves += found.pose is not adjustment.pose
                 flips += found.region != adjustment.region
@@ -466,9 +469,7 @@ def test_what_is_drawn_is_what_was_decided():
     """Oracle: the nested regions, the chosen reach, the two footholds."""
     state, icp = state_at(0.3), np.array(OUT)
     adjustment = propose(state, icp)
-    drawn = capture_regions(
-        state, icp, 0.0, adjustment, GEOMETRY, PARAMS, OMEGA
-    )
+    drawn = capture_regions(landing(state, icp), adjustment)
     assert len(drawn.regions) == 3
     np.testing.assert_array_equal(drawn.regions[-1], region_at(0.3, icp))
     for inner, outer in zip(drawn.regions, drawn.regions[1:], strict=False):
@@ -486,7 +487,5 @@ def test_a_region_that_is_gone_is_drawn_as_the_base_region():
     state = state_at(0.3)
     before = Adjustment(IN_PLACE.footsteps[0], NOMINAL, FORWARD)
     base_only = replace(GEOMETRY, regions={BASE: GEOMETRY.regions[BASE]})
-    drawn = capture_regions(
-        state, np.array(OUT), 0.0, before, base_only, PARAMS, OMEGA
-    )
+    drawn = capture_regions(landing(state, OUT, base_only), before)
     assert drawn.reach is GEOMETRY.regions[BASE]

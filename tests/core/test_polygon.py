@@ -11,30 +11,19 @@ from scipy.spatial import ConvexHull
 
 from nadia_balance.core.polygon import (
     area,
+    as_array,
     centroid,
     clip_all,
     contains,
     convex_hull,
     halfspaces,
+    hull,
     intersection,
-    minkowski_sum,
     project,
     shrink,
 )
 from nadia_balance.core.walking import rectangle
-
-# On a grid of 1 cm, so that many are on one line or coincide, while no
-# triangle is so flat that its orientation is a matter of rounding.
-GRID = st.tuples(st.integers(-30, 30), st.integers(-30, 30))
-POINT = GRID.map(lambda p: 0.01 * np.array(p))
-POINTS = st.lists(GRID, min_size=1, max_size=12).map(
-    lambda points: 0.01 * np.array(points)
-)
-POLYGON = POINTS.map(convex_hull).filter(lambda hull: len(hull) > 2)
-FLOAT = st.floats(-1.0, 1.0, allow_subnormal=False)
-ROUNDED = st.lists(st.tuples(FLOAT, FLOAT), min_size=3, max_size=12).map(
-    lambda points: convex_hull(np.array(points))
-)
+from tests.polygon_examples import POINT, POINTS, POLYGON, ROUNDED
 
 
 @given(POINTS)
@@ -44,6 +33,15 @@ def test_the_hull_is_that_of_shapely(points):
     expected = shapely.MultiPoint(points).convex_hull
     ours = shapely.MultiPoint(hull).convex_hull
     assert ours.hausdorff_distance(expected) < 1e-12
+
+
+@given(POINTS)
+def test_the_hull_of_an_array_is_that_of_its_points(points):
+    """Oracle: hull()."""
+    vertices = hull([(x, y) for x, y in points.tolist()])
+    np.testing.assert_array_equal(convex_hull(points), as_array(vertices))
+    assert as_array(vertices).tolist() == [list(p) for p in vertices]
+    assert as_array([]).shape == (0, 2)
 
 
 @given(POLYGON)
@@ -218,38 +216,3 @@ def test_what_is_not_cut_stays_as_it_is():
     np.testing.assert_array_equal(intersection(inner, outer), inner)
     A, b = halfspaces(outer)
     assert clip_all(np.empty((0, 2)), A, b).shape == (0, 2)
-
-
-@given(
-    POINTS.map(convex_hull) | ROUNDED,
-    POINTS.map(convex_hull) | ROUNDED,
-)
-def test_the_minkowski_sum_is_the_hull_of_all_sums(first, second):
-    """Oracle: the hull of the sums of all pairs of vertices, by shapely."""
-    pairs = (first[:, None] + second).reshape(-1, 2)
-    expected = shapely.MultiPoint(pairs).convex_hull
-    total = minkowski_sum(first, second)
-    ours = shapely.MultiPoint(total).convex_hull
-    # Edges that are parallel but for 1e-16 m^2 are merged.
-    assert ours.hausdorff_distance(expected) < 1e-7
-    assert len(total) <= len(first) + len(second)
-
-
-@given(POLYGON, POLYGON)
-def test_the_minkowski_sum_is_counter_clockwise(first, second):
-    """Oracle: the shoelace formula is positive and that of shapely."""
-    total = minkowski_sum(first, second)
-    assert area(total) == pytest.approx(shapely.Polygon(total).area)
-    assert shapely.Polygon(total).exterior.is_ccw
-
-
-def test_a_point_moves_and_a_line_stretches_a_square():
-    """Oracle: by hand."""
-    square = convex_hull(rectangle(2.0, 2.0))
-    moved = minkowski_sum(square, np.array([[5.0, 7.0]]))
-    np.testing.assert_array_equal(convex_hull(moved), square + [5.0, 7.0])
-    line = np.array([[0.0, 0.0], [3.0, 0.0]])
-    for total in minkowski_sum(square, line), minkowski_sum(line, square):
-        expected = convex_hull(rectangle(5.0, 2.0) + [1.5, 0.0])
-        np.testing.assert_array_equal(convex_hull(total), expected)
-        assert len(total) == 4

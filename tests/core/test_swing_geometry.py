@@ -235,8 +235,7 @@ def test_the_key_changes_with_all_that_the_geometry_depends_on():
     step, *later = schedule.footsteps
 
     def same(other, params=PARAMS):
-        keys = geometry_key(schedule, PARAMS), geometry_key(other, params)
-        return all(a is b for a, b in zip(*keys, strict=False))
+        return geometry_key(schedule, PARAMS) == geometry_key(other, params)
 
     pose = FootPose([0.5, -0.3, 0.0], step.pose.yaw)
     adjusted = (replace(step, pose=pose), *later)
@@ -247,9 +246,7 @@ def test_the_key_changes_with_all_that_the_geometry_depends_on():
     assert not same(replace(schedule, footsteps=quicker))
     feet = schedule.feet.with_foot(Side.LEFT, FootPose([0.1, 0.1, 0.0]))
     assert not same(replace(schedule, feet=feet))
-    assert len(geometry_key(schedule, PARAMS)) != len(
-        geometry_key(replace(schedule, footsteps=(step,)), PARAMS)
-    )
+    assert not same(replace(schedule, footsteps=(step,)))
     assert same(schedule, replace(PARAMS, enabled=False))
     no_crossing = replace(CROSSING, cross_over=False)
     assert not same(schedule, replace(PARAMS, reachability=no_crossing))

@@ -7,8 +7,10 @@ import pytest
 
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
+    Landing,
     capture_regions,
     propose_adjustment,
+    touchdown_interval,
     unadjusted,
 )
 from nadia_balance.core.foothold_adjustment_params import (
@@ -81,10 +83,15 @@ def drawn(adjuster, context):
     return adjuster.GetOutputPort("capture_regions").Eval(context)
 
 
-def expected(state, icp=OUT, time_adjustment=0.0):
+def landing(state, icp, time_adjustment):
     geometry = swing_geometry(state.schedule, SOLE, PARAMS, OMEGA)
+    touchdown = touchdown_interval(state, time_adjustment, PARAMS)
+    return Landing(geometry, icp, OMEGA, touchdown)
+
+
+def expected(state, icp=OUT, time_adjustment=0.0):
     return propose_adjustment(
-        state, icp, time_adjustment, geometry, PARAMS, OMEGA, PERIOD
+        state, landing(state, icp, time_adjustment), PARAMS, PERIOD
     )
 
 
@@ -192,13 +199,7 @@ def test_draws_what_the_core_draws(adjuster):
     fix(adjuster, context, IN_AIR, OUT, 0.1)
     found = drawn(adjuster, context)
     wanted = capture_regions(
-        IN_AIR,
-        OUT,
-        0.1,
-        expected(IN_AIR, OUT, 0.1),
-        swing_geometry(IN_PLACE, SOLE, PARAMS, OMEGA),
-        PARAMS,
-        OMEGA,
+        landing(IN_AIR, OUT, 0.1), expected(IN_AIR, OUT, 0.1)
     )
     for ours, theirs in zip(found.regions, wanted.regions, strict=True):
         np.testing.assert_array_equal(ours, theirs)
