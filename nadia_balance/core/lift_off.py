@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.support_polygon import support_polygon
-from nadia_balance.core.walking import Array, ContactSchedule
+from nadia_balance.core.walking import Array, ContactSchedule, Side
 
 
 @dataclass(kw_only=True)
@@ -25,6 +25,12 @@ class LiftOffParams:
     icp_error_outward: float = 0.012  # [m]
     ecmp_outside: float = 0.03  # the eCMP may be so far off the support [m]
     patience: float = 0.2  # waits no longer for the ICP than this [s]
+    # But longer while the eCMP can be held so far beyond the ICP within the
+    # support: it will come.  Not if the feet are far apart: on the way to one
+    # foot, the ankle of the other meets its limit, and the pelvis tilts.
+    held_patience: float = 1.0  # [s]
+    held_room: float = 0.08  # [m]
+    held_stance: float = 0.45  # largest distance of the feet [m]
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
@@ -40,8 +46,15 @@ class LiftOffParams:
             raise ValueError(
                 f"ecmp_outside = {self.ecmp_outside}: must be finite and >= 0"
             )
-        if not self.patience >= 0.0:
-            raise ValueError(f"patience = {self.patience}: must be >= 0 s")
+        for name in (
+            "patience",
+            "held_patience",
+            "held_room",
+            "held_stance",
+        ):
+            value = getattr(self, name)
+            if not value >= 0.0:
+                raise ValueError(f"{name} = {value}: must be >= 0")
 
 
 def may_lift(
@@ -68,12 +81,28 @@ def may_lift(
         return True
     length = math.hypot(*error)
     support = support_polygon(schedule, sole)
-    room = params.ecmp_outside + float(
-        np.max((support - icp) @ (error / length))
-    )
+    room = float(np.max((support - icp) @ (error / length)))
+    if _is_held(schedule, room, waited, params):
+        return False
+    room += params.ecmp_outside
     left = params.patience - waited
     # Eq. 3: the ICP moves back by room (e^wt - 1).
     return room <= 0.0 or room * _growth(plan.omega * left) < length * excess
+
+
+def _is_held(
+    schedule: ContactSchedule,
+    room: float,
+    waited: float,
+    params: LiftOffParams,
+) -> bool:
+    """True if the ICP, with `room` [m] beyond it, can wait for longer."""
+    left, right = (schedule.feet[side].p_WF[:2] for side in Side)
+    return (
+        room >= params.held_room
+        and waited < params.held_patience
+        and math.dist(left, right) <= params.held_stance
+    )
 
 
 def _size(

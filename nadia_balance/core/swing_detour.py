@@ -12,7 +12,12 @@ import numpy as np
 from nadia_balance.core.walking import Array, FootPose, Side
 
 _AT_REST = np.zeros(2)
-_TINY = 1e-9  # no direction in a shorter way [m]
+_TINY = 1e-9  # a shorter way has no direction: all speed is along it [m]
+
+# A foot that is too fast to stop on its way brakes with up to so many times
+# the acceleration.  A quintic has 1.44 times that of full thrust forth and
+# back, but also has to make good for speed across the way.
+PEAK = 2.0
 
 
 @dataclass(kw_only=True)
@@ -79,15 +84,24 @@ def shortest_time(
     """Returns how long [s] the foot takes at least to the end of the `way`.
 
     Along the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to rest: it
-    accelerates for one part of the way and brakes for the other.  Speed across
-    the way, or away from it, does not count.
+    accelerates for one part of the way and brakes for the other; or it brakes
+    harder, all the way; or, if it is too fast for that, comes back.  Speed
+    across the way, or away from it, does not count.
     """
     parts = (way[1:] - way[:-1]).tolist()
     length = sum(math.hypot(*part) for part in parts)
     (x, y), (vx, vy) = parts[0], velocity.tolist()
-    v = max((x * vx + y * vy) / max(math.hypot(x, y), _TINY), 0.0)
+    v, d = math.hypot(vx, vy), math.hypot(x, y)
+    if d > _TINY:
+        v = max((x * vx + y * vy) / d, 0.0)
     a = params.max_acceleration
-    return float((2.0 * math.sqrt(a * length + 0.5 * v * v) - v) / a)
+    stop = 0.5 * v * v / a
+    if stop <= length:
+        return (2.0 * math.sqrt(a * (length + stop)) - v) / a
+    if stop <= PEAK * length:
+        return 2.0 * length / v
+    back = stop / PEAK - length
+    return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
 
 
 def _length(p: Array, params: SwingDetourParams) -> float:

@@ -19,6 +19,7 @@ from nadia_balance.core.quintic import (
     time_to_pass,
 )
 from nadia_balance.core.swing_detour import (
+    PEAK,
     SwingDetourParams,
     shortest_time,
     way_round,
@@ -33,8 +34,8 @@ from nadia_balance.core.walking import (
 XY, Z, YAW = slice(2), slice(2, 3), 3
 
 # The time that the foot needs is stretched in such steps, and so often at the
-# most, until its acceleration is no more than so many times the largest [-].
-_STRETCH, _STRETCHES, _PEAK = 1.1, 8, 2.0
+# most, until its acceleration is no more than PEAK times the largest [-].
+_STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the time to go
 
 _SOON = 0.02  # what is so near in time is not aimed at any more [s]
@@ -135,8 +136,7 @@ def _within_limits(
     """Returns where to aim at (3, 2), and in which time >= `left` [s].
 
     Along `way` (n, 2), round its first corner, and if it can be with no more
-    than twice the acceleration: a quintic has 1.44 times that of full thrust
-    forth and back, but also has to make good for speed across the way.
+    than PEAK times the acceleration.
     """
     end = np.zeros((3, 2))
     end[0] = way[-1]
@@ -144,7 +144,7 @@ def _within_limits(
     left = max(left, needed)
     corner = len(way) > 2
     times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
-    most = _PEAK * detour.max_acceleration
+    most = PEAK * detour.max_acceleration
     aim = end
     for _ in range(_STRETCHES):
         aim = _aim(start, end, left, way[1]) if corner else end

@@ -10,9 +10,11 @@ from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.lift_off import LiftOffParams, may_lift
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.support_polygon import support_polygon
+from nadia_balance.core.walking import FootPose, FootPoses
 from tests.example_walks import OMEGA, SOLE, standing, successor, walk
 
 PARAMS = LiftOffParams()
+HASTY = LiftOffParams(held_patience=0.0)
 PERIOD = 1e-3
 
 
@@ -56,7 +58,7 @@ def test_waits_only_as_long_as_the_icp_can_return(angle, patience):
     within the patience is found by bisection, both ways.
     """
     schedule, plan, end = transfer()
-    params = LiftOffParams(patience=patience)
+    params = replace(HASTY, patience=patience)
     away = np.array([math.cos(angle), math.sin(angle)])
     support = support_polygon(schedule, SOLE)
     farthest = end + away * (np.max((support - end) @ away) + 0.03)
@@ -88,11 +90,46 @@ def test_waits_only_as_long_as_the_icp_can_return(angle, patience):
 
 def test_what_is_left_of_the_patience_counts():
     """Oracle: a wait that is worth while at first, and is not in the end."""
-    assert not lifts((0.05, 0.0), waited=0.0)
-    assert lifts((0.05, 0.0), waited=PARAMS.patience)
-    endless = LiftOffParams(patience=math.inf)
+    assert not lifts((0.05, 0.0), waited=0.0, params=HASTY)
+    assert lifts((0.05, 0.0), waited=HASTY.patience, params=HASTY)
+    endless = replace(HASTY, patience=math.inf)
     assert not lifts((0.05, 0.0), waited=1e9, params=endless)
     assert lifts((1.0, 0.0), waited=0.0, params=endless)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * math.pi, 13)[:-1])
+def test_waits_longer_for_an_icp_that_is_held(angle):
+    """Oracle: bisection with icp_after: how far beyond it is still support.
+
+    From there the eCMP moves the ICP back by room (e^wt - 1) in the time t.
+    """
+    schedule, _, end = transfer()
+    away = np.array([math.cos(angle), math.sin(angle)])
+    support = support_polygon(schedule, SOLE)
+    reach, t = np.max((support - end) @ away), 0.1
+    length = reach - PARAMS.held_room
+    for more, held in ((-1e-3, True), (1e-3, False)):
+        icp = end + (length + more) * away
+        moved = (icp - icp_after(icp, end + reach * away, OMEGA, t)) @ away
+        least = PARAMS.held_room * math.expm1(OMEGA * t)
+        assert bool(moved > least) is held
+        if np.linalg.norm(icp - end) < 0.04:  # near enough to lift anyway
+            continue
+        offset, patience = (length + more) * away, PARAMS.held_patience
+        assert lifts(offset, waited=0.9 * patience) is not held
+        assert lifts(offset, waited=patience)
+
+
+def test_does_not_wait_longer_with_the_feet_far_apart():
+    """Oracle: the distance of the feet by hand."""
+    schedule, plan, end = transfer()
+    icp = end + (0.04, 0.0)
+    right = schedule.feet.right
+    for apart, held in ((0.44, True), (0.46, False)):
+        left = FootPose(right.p_WF + [0.0, apart, 0.0], right.yaw)
+        wide = replace(schedule, feet=FootPoses(left, right))
+        waits = not may_lift(wide, plan, icp, SOLE, 0.5, PARAMS)
+        assert waits is held
 
 
 def test_does_not_wait_when_no_foot_is_to_be_lifted():
@@ -110,6 +147,9 @@ def test_does_not_wait_when_no_foot_is_to_be_lifted():
         ("icp_error_outward", math.inf),
         ("ecmp_outside", -0.1),
         ("patience", math.nan),
+        ("held_patience", -0.1),
+        ("held_room", math.nan),
+        ("held_stance", -1.0),
     ],
 )
 def test_refuses_bad_parameters(field, value):

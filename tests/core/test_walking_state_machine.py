@@ -247,7 +247,7 @@ def test_patience_ends_a_wait_for_the_icp():
     state, _ = until(standing(2), Phase.TRANSFER)
     _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0))
     wait = ticks * PERIOD - state.schedule.duration
-    patience = PARAMS.lift_off.patience
+    patience = PARAMS.lift_off.held_patience  # it is well inside the support
     assert 0.8 * patience < wait < patience + 1.5 * PERIOD
 
 

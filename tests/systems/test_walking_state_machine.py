@@ -119,10 +119,10 @@ def test_its_patience_ends_only_if_the_feet_may_go_elsewhere(adjuster):
     port = machine.GetOutputPort("walking_state")
     simulator.AdvanceTo(5.0 * PERIOD)
     assert port.Eval(context).waiting
-    simulator.AdvanceTo(PARAMS.lift_off.patience + 2.0 * PERIOD)
+    simulator.AdvanceTo(PARAMS.lift_off.held_patience + 2.0 * PERIOD)
     phase = port.Eval(context).schedule.phase
     assert phase is (Phase.SWING if adjuster == "on" else Phase.TRANSFER)
-    simulator.AdvanceTo(10.0 * PARAMS.lift_off.patience)
+    simulator.AdvanceTo(3.0 * PARAMS.lift_off.held_patience)
     assert port.Eval(context).waiting is (adjuster != "on")
 
 
