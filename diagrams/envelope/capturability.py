@@ -180,7 +180,8 @@ class Reader:
         taken = int(signal[row, STEPS_TAKEN])
         reach = self._params.step_adjuster.reachability
         feet = _feet(self._log, span.first)
-        steps = within_reach(self._commanded[taken:], feet, reach)
+        landed = self._commanded[taken - 1] if taken else None
+        steps = within_reach(self._commanded[taken:], feet, reach, landed)
         if not steps:
             return ()
         return replace(steps[0], pose=_target(signal[row])), *steps[1:]

@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.support_polygon import support_polygon
-from nadia_balance.core.walking import Array, ContactSchedule, Side
+from nadia_balance.core.walking import Array, ContactSchedule
 
 
 @dataclass(kw_only=True)
@@ -71,9 +71,10 @@ def may_lift(
     end; `sole` (n, 2) [m] are the corners in the sole frame.  With both feet
     down, the eCMP can be held beyond the ICP on the support's far side.  If
     even that does not return the ICP within what is left of the patience,
-    the next step had better come at once.
+    the next step had better come at once.  Crossed legs are always uncrossed
+    at once: while the CoM moves on, the thigh behind nears the other shin.
     """
-    if not schedule.footsteps:
+    if schedule.legs_crossed or not schedule.footsteps:
         return True
     error = icp - plan.at(schedule.duration).icp
     excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
@@ -97,11 +98,11 @@ def _is_held(
     params: LiftOffParams,
 ) -> bool:
     """True if the ICP, with `room` [m] beyond it, can wait for longer."""
-    left, right = (schedule.feet[side].p_WF[:2] for side in Side)
+    left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
     return (
         room >= params.held_room
         and waited < params.held_patience
-        and math.dist(left, right) <= params.held_stance
+        and math.dist(left[:2], right[:2]) <= params.held_stance
     )
 
 

@@ -32,6 +32,10 @@ class ReachabilityParams:
     width_min: float = 0.125  # w_min [m]
     width_max: float = 0.8  # w_max [m]
     width_nominal: float = 0.25  # w_nom [m]
+    # Steps back to the commanded footholds are no longer, and no wider beyond
+    # w_nom, than so much of the base region: at the gait's pace, the ankle of
+    # the other foot would meet its limit [-].
+    return_share: float = 0.7
     cross_over: bool = False  # whether the legs may be crossed
     # How far beyond the stance foot's centre line; negative: not up to it.
     width_forward: float = 0.1  # w_fwd, in front of the stance foot [m]
@@ -53,6 +57,10 @@ class ReachabilityParams:
                 f"width_nominal = {self.width_nominal}: must be between "
                 f"width_min = {self.width_min} and "
                 f"width_max = {self.width_max} m"
+            )
+        if not 0.0 < self.return_share <= 1.0:
+            raise ValueError(
+                f"return_share = {self.return_share}: must be in (0, 1]"
             )
         self._validate_cross_over()
         if self.base_polygon:

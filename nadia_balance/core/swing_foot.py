@@ -48,13 +48,17 @@ class SwingFootParams:
     """Shape of the swing."""
 
     height: float = 0.10  # apex above the higher of start and goal [m]
+    # The apex of a leg that uncrosses behind or before the other one: its knee
+    # would meet the other shin.
+    uncrossing_height: float = 0.06  # [m]
     touchdown_velocity: float = 0.20  # downward, at and after the end [m/s]
     detour: SwingDetourParams = field(default_factory=SwingDetourParams)
 
     def validate(self) -> None:
         """Raises ValueError if a field is out of range."""
-        if not 0.0 < self.height <= 0.5:
-            raise ValueError(f"height = {self.height}: must be in (0, 0.5] m")
+        for name in ("height", "uncrossing_height"):
+            if not 0.0 < (value := getattr(self, name)) <= 0.5:
+                raise ValueError(f"{name} = {value}: must be in (0, 0.5] m")
         if not 0.0 <= self.touchdown_velocity <= 1.0:
             raise ValueError(
                 f"touchdown_velocity = {self.touchdown_velocity}: "
@@ -177,7 +181,10 @@ def _apex(
     """Returns the apex (1,), while the height `start` (p, v) goes up to it."""
     schedule = state.schedule
     lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
-    height = params.height * min(1.0, (left / _FALL) ** 2)
+    height = params.height
+    if schedule.legs_crossed:
+        height = min(height, params.uncrossing_height)
+    height *= min(1.0, (left / _FALL) ** 2)
     apex = max(lift_off, ground) + height
     return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
 

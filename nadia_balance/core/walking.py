@@ -162,6 +162,13 @@ class ContactSchedule:
         """True if the foot of `side` is meant to carry weight."""
         return self.phase is not Phase.SWING or side is self.support_side
 
+    @property
+    def legs_crossed(self) -> bool:
+        """True if the other foot stands, or stood, across the support foot."""
+        side = self.support_side.other
+        stance, p_WF = self.feet[self.support_side], self.feet[side].p_WF
+        return bool(side.sign * stance.to_sole(p_WF[None, :2])[0, 1] < 0.0)
+
 
 @dataclass(frozen=True)
 class Adjustment:

@@ -18,6 +18,7 @@ from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
     FootPoses,
+    Footstep,
     Phase,
     Side,
     WalkingState,
@@ -111,7 +112,8 @@ def advance(
                 commanded=state.commanded[1:],
                 steps_taken=state.steps_taken + 1,
             )
-            return _start_transfer(landed, plan, measured, reach)
+            command = next(iter(state.commanded), None)
+            return _start_transfer(landed, plan, measured, reach, command)
     return state
 
 
@@ -178,9 +180,10 @@ def _start_transfer(
     plan: IcpPlan,
     measured: Measurement,
     reach: ReachabilityParams,
+    landed: Footstep | None = None,
 ) -> WalkingState:
     old, feet = state.schedule, measured.feet()
-    steps = within_reach(state.commanded, feet, reach)
+    steps = within_reach(state.commanded, feet, reach, landed)
     schedule = replace(
         old,
         phase=Phase.TRANSFER,

@@ -1,8 +1,11 @@
 """Oracles: shapely's distance to the base region; footholds by hand."""
 
+import math
+
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -54,11 +57,47 @@ def test_a_step_out_of_reach_goes_to_the_nearest_place(x, y, yaw, side):
     assert taken.pose.p_WF[2] == wanted.pose.p_WF[2]
 
 
+@given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+def test_the_way_back_takes_a_share_of_the_reach(x, y):
+    """Oracle: shapely's distance to the base region, shrunk by shapely."""
+    landed = step(Side.LEFT, 0.0, 0.125)
+    feet = FEET.with_foot(Side.LEFT, FootPose([x, y, 0.0]))
+    taken, *_ = within_reach(in_place(1), feet, REACH, landed)
+    share = REACH.return_share if math.hypot(x, y - 0.125) > 0.05 else 1.0
+    far = shapely.box(-9.0, 0.25, 9.0, 9.0)  # beyond w_nom
+    whole = shapely.Polygon(base_region(REACH))
+    narrow = shapely.affinity.scale(whole, share, 1.0, origin=(0.0, 0.25))
+    wide = shapely.affinity.scale(whole, share, share, origin=(0.0, 0.25))
+    region = (narrow - far) | (wide & far)
+    wanted, found = (
+        shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
+        for p in ([0.0, -0.125], taken.pose.p_WF)
+    )
+    if found != wanted:
+        assert wanted.distance(found) == pytest.approx(
+            region.distance(wanted), abs=1e-9
+        )
+    else:  # the ellipse reaches beyond the polygon inside of it
+        assert region.distance(wanted) < 0.08
+
+
+def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
+    """Oracle: identity, though it is longer than a way back would be."""
+    landed = step(Side.LEFT, 0.0, 0.125)
+    wanted = step(Side.RIGHT, 0.9, -0.125)
+    (taken,) = within_reach((wanted,), FEET, REACH, landed)
+    assert taken is wanted
+    displaced = FEET.with_foot(Side.LEFT, FootPose([-0.06, 0.125, 0.0]))
+    (taken,) = within_reach((wanted,), displaced, REACH, landed)
+    assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)
+
+
 def test_crossed_legs_uncross_and_come_back():
     """Oracle: by hand, the left foot has crossed to y = -0.22."""
     feet = FEET.with_foot(Side.LEFT, FootPose([0.2, -0.22, 0.0]))
     steps = in_place(4)
-    first, second, third, _ = within_reach(steps, feet, REACH)
+    landed = step(Side.LEFT, 0.0, 0.125)
+    first, second, third, _ = within_reach(steps, feet, REACH, landed)
     # The right foot must go at least w_min to the right of the left foot.
     assert first.pose.p_WF[1] <= -0.22 - 0.125 + 1e-9
     assert second.pose == steps[1].pose  # the left foot is back in its place

@@ -121,15 +121,31 @@ def test_waits_longer_for_an_icp_that_is_held(angle):
 
 
 def test_does_not_wait_longer_with_the_feet_far_apart():
-    """Oracle: the distance of the feet by hand."""
+    """Oracle: by hand, how far the left foot is to the left of the right."""
     schedule, plan, end = transfer()
     icp = end + (0.04, 0.0)
     right = schedule.feet.right
-    for apart, held in ((0.44, True), (0.46, False)):
+    for apart, held in (
+        (0.44, True),
+        (0.46, False),
+        (0.01, True),
+        (-0.01, False),
+    ):
         left = FootPose(right.p_WF + [0.0, apart, 0.0], right.yaw)
         wide = replace(schedule, feet=FootPoses(left, right))
         waits = not may_lift(wide, plan, icp, SOLE, 0.5, PARAMS)
         assert waits is held
+
+
+def test_does_not_wait_with_crossed_legs():
+    """Oracle: by hand, how far the left foot is to the left of the right."""
+    schedule, plan, end = transfer()
+    right, endless = schedule.feet.right, replace(PARAMS, patience=math.inf)
+    for apart, waits in ((0.01, True), (-0.01, False)):
+        left = FootPose(right.p_WF + [0.3, apart, 0.0], right.yaw)
+        crossed = replace(schedule, feet=FootPoses(left, right))
+        lifted = may_lift(crossed, plan, end + 0.04, SOLE, 0.0, endless)
+        assert lifted is not waits
 
 
 def test_does_not_wait_when_no_foot_is_to_be_lifted():

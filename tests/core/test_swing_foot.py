@@ -98,6 +98,15 @@ def test_lands_on_the_foothold_with_the_touchdown_velocity():
     assert last[1] == pytest.approx([0.0, 0.0, down, 0.0], abs=2e-2)
 
 
+@pytest.mark.parametrize("y", [-0.01, 0.01])
+def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
+    """Oracle: the parameter; the left foot stands in the origin."""
+    states = [crossing(t, NOMINAL, start=(-0.34, y)) for t in times()]
+    height = PARAMS.uncrossing_height if y > 0.0 else PARAMS.height
+    z = follow(states)[:, 0, 2]
+    assert z.max() == pytest.approx(height, abs=2e-3)
+
+
 def test_apex_is_the_swing_height():
     """Oracle: the parameter."""
     z = follow([swing_state(t) for t in times()])[:, 0, 2]
@@ -262,7 +271,11 @@ def test_turns_the_short_way_round():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("height", 0.0), ("touchdown_velocity", -1.0)],
+    [
+        ("height", 0.0),
+        ("uncrossing_height", 0.6),
+        ("touchdown_velocity", -1.0),
+    ],
 )
 def test_refuses_bad_parameters(field, value):
     """Oracle: the message names the field and the value."""

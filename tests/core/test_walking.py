@@ -4,7 +4,7 @@ import copy
 import importlib
 import math
 import pkgutil
-from dataclasses import FrozenInstanceError, fields, is_dataclass
+from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -60,6 +60,19 @@ def test_only_the_swing_foot_is_in_the_air(phase, left, right):
     now = schedule(phase)
     assert now.in_contact(Side.LEFT) is left
     assert now.in_contact(Side.RIGHT) is right
+
+
+@pytest.mark.parametrize("support", list(Side))
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_legs_are_crossed_beyond_the_centre_line(support, yaw):
+    """Oracle: by hand, in the frame of the support foot."""
+    stance = FootPose([1.0, 2.0, 0.0], yaw)
+    for out, crossed in ((0.01, False), (-0.01, True)):
+        offset = np.array([[-0.3, support.other.sign * out]])
+        other = FootPose(np.append(stance.to_world(offset), 0.0), yaw)
+        feet = FootPoses(stance, stance).with_foot(support.other, other)
+        taken = replace(schedule(), support_side=support, feet=feet)
+        assert taken.legs_crossed is crossed
 
 
 def test_a_foot_can_be_moved_and_the_other_stays():
