@@ -9,7 +9,7 @@ from nadia_balance.core.polygon import convex_hull, project
 from nadia_balance.core.reachability import ReachabilityParams, base_region
 from nadia_balance.core.walking import Array, FootPose, FootPoses, Footstep
 
-_DISPLACED = 0.05  # a foot lands so far from its foothold if nobody pushes [m]
+_DISPLACED = 0.05  # unless pushed, feet land nearer to their footholds [m]
 
 
 def within_reach(
