@@ -162,7 +162,7 @@ class ContactSchedule:
         """True if the foot of `side` is meant to carry weight."""
         return self.phase is not Phase.SWING or side is self.support_side
 
-    @property
+    @cached_property
     def legs_crossed(self) -> bool:
         """True if the other foot stands, or stood, across the support foot."""
         side = self.support_side.other
