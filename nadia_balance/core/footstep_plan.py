@@ -5,7 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from nadia_balance.core.polygon import convex_hull, project
+from nadia_balance.core.polygon import (
+    convex_hull,
+    intersection,
+    project,
+)
 from nadia_balance.core.reachability import ReachabilityParams, base_region
 from nadia_balance.core.walking import Array, FootPose, FootPoses, Footstep
 
@@ -37,10 +41,12 @@ def within_reach(
     for step in commanded[:num_steps]:
         stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
         p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
-        if reach.in_base_region(*_scaled(p_F, reach, 1.0 / share)):
+        if reach.in_base_region(*p_F) and reach.in_base_region(
+            *_scaled(p_F, reach, 1.0 / share)
+        ):
             share = 1.0
         else:
-            region = convex_hull(_scaled(base_region(reach), reach, share))
+            region = _share_of_region(reach, share)
             step = _moved(step, stance, mirror * project(p_F, region))
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
@@ -50,6 +56,13 @@ def within_reach(
 
 def _is_at(foot: FootPose, commanded: FootPose) -> bool:
     return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= _DISPLACED
+
+
+def _share_of_region(reach: ReachabilityParams, share: float) -> Array:
+    """The part (n, 2) [m] of the base region that is left, or else all."""
+    region = base_region(reach)
+    part = intersection(convex_hull(_scaled(region, reach, share)), region)
+    return part if len(part) else region
 
 
 def _scaled(points: Array, reach: ReachabilityParams, share: float) -> Array:

@@ -92,6 +92,18 @@ def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
     assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)
 
 
+@given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+def test_the_way_back_stays_in_a_region_of_ones_own(x, y):
+    """Oracle: shapely's distance; a share of a triangle juts out of it."""
+    corners = [[0.6, 0.25], [-0.3, 0.15], [-0.3, 0.4]]
+    reach = ReachabilityParams(base_polygon=corners)
+    landed = step(Side.LEFT, 0.0, 0.125)
+    feet = FEET.with_foot(Side.LEFT, FootPose([x, y, 0.0]))
+    taken, *_ = within_reach(in_place(1), feet, reach, landed)
+    found = shapely.Point(taken.pose.p_WF[0] - x, y - taken.pose.p_WF[1])
+    assert shapely.Polygon(corners).distance(found) < 1e-8
+
+
 def test_crossed_legs_uncross_and_come_back():
     """Oracle: by hand, the left foot has crossed to y = -0.22."""
     feet = FEET.with_foot(Side.LEFT, FootPose([0.2, -0.22, 0.0]))

@@ -99,9 +99,9 @@ def test_what_is_left_of_the_patience_counts():
 
 @pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * math.pi, 13)[:-1])
 def test_waits_longer_for_an_icp_that_is_held(angle):
-    """Oracle: bisection with icp_after: how far beyond it is still support.
+    """Oracle: Eq. 3 by icp_after, the eCMP where the support ends.
 
-    From there the eCMP moves the ICP back by room (e^wt - 1) in the time t.
+    It moves the ICP back by room (e^wt - 1) in the time t.
     """
     schedule, _, end = transfer()
     away = np.array([math.cos(angle), math.sin(angle)])
@@ -125,12 +125,7 @@ def test_does_not_wait_longer_with_the_feet_far_apart():
     schedule, plan, end = transfer()
     icp = end + (0.04, 0.0)
     right = schedule.feet.right
-    for apart, held in (
-        (0.44, True),
-        (0.46, False),
-        (0.01, True),
-        (-0.01, False),
-    ):
+    for apart, held in ((0.44, True), (0.46, False)):
         left = FootPose(right.p_WF + [0.0, apart, 0.0], right.yaw)
         wide = replace(schedule, feet=FootPoses(left, right))
         waits = not may_lift(wide, plan, icp, SOLE, 0.5, PARAMS)

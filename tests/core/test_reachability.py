@@ -152,6 +152,8 @@ def test_regions_lie_on_the_swing_side_of_the_stance_foot(swing):
     [
         {"width_min": 0.3},
         {"length_forward": -1.0},
+        {"return_share": 0.0},
+        {"return_share": math.nan},
         {"length_backward": math.nan},
         {"width_max": 0.2},
         {"width_forward": -0.25},
