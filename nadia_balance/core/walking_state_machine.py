@@ -12,7 +12,6 @@ from nadia_balance.core.footstep_plan import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.lift_off import LiftOffParams, may_lift
 from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.ticks import number_of_ticks
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -31,8 +30,10 @@ class WalkingStateMachineParams:
 
     standing_duration: float = 0.5  # before the first step [s]
     earliest_touchdown: float = 0.5  # fraction of the swing [-]
-    contact_force: float = 30.0  # the foot has landed above this [N]
-    contact_time: float = 0.004  # for so long without a break [s]
+    # The foot has landed when a force above the one has brought it the other,
+    # without a break: pressed down for a few ms, or hit hard in one.
+    contact_force: float = 30.0  # [N]
+    contact_impulse: float = 0.3  # [N s]
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
 
     def validate(self) -> None:
@@ -41,7 +42,7 @@ class WalkingStateMachineParams:
             "standing_duration",
             "earliest_touchdown",
             "contact_force",
-            "contact_time",
+            "contact_impulse",
         ):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
@@ -104,9 +105,7 @@ def advance(
             icp, waited = measured.icp, state.waited
             if may_lift(schedule, plan, icp, sole, waited, params.lift_off):
                 return _end_transfer(state, plan, measured)
-        case Phase.SWING if state.contact_ticks >= number_of_ticks(
-            params.contact_time, period
-        ):
+        case Phase.SWING if state.contact_impulse > params.contact_impulse:
             landed = replace(
                 state,
                 commanded=state.commanded[1:],
@@ -131,9 +130,11 @@ def _tick(
     time = schedule.duration if done else time
     elapsed = state.elapsed + period
     waits = done and schedule.phase is Phase.TRANSFER
-    touches = schedule.phase is Phase.SWING and _touches(
-        schedule, time, elapsed, measured, params
-    )
+    impulse = 0.0
+    if schedule.phase is Phase.SWING and (
+        force := _contact_force(schedule, time, elapsed, measured, params)
+    ):
+        impulse = state.contact_impulse + period * force
     return replace(
         state,
         schedule=schedule,
@@ -141,7 +142,7 @@ def _tick(
         elapsed=elapsed,
         waiting=done,
         waited=state.waited + period if waits else 0.0,
-        contact_ticks=state.contact_ticks + 1 if touches else 0,
+        contact_impulse=impulse,
         adjustment=adjustment,
     )
 
@@ -160,19 +161,20 @@ def _adjusted(
     return schedule, adjustment
 
 
-def _touches(
+def _contact_force(
     schedule: ContactSchedule,
     time: float,
     elapsed: float,
     measured: Measurement,
     params: WalkingStateMachineParams,
-) -> bool:
-    """True if the foot in the air meets the ground, and may do so by now."""
+) -> float:
+    """Force [N] of the ground on the foot in the air; 0 if it may not land."""
     # Of the swing as it really is: a clock that was advanced has passed half
     # of the plan before the foot has left the ground.
     earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)
     force = measured.force(schedule.support_side.other)
-    return elapsed >= earliest and force > params.contact_force
+    landing = elapsed >= earliest and force > params.contact_force
+    return force if landing else 0.0
 
 
 def _start_transfer(

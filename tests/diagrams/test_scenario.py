@@ -147,8 +147,8 @@ BAD_TEXTS = {
     "controller: {balance: {feedback_gain: .nan}}": (
         "feedback_gain = nan: must be > 1"
     ),
-    "controller: {walking_state_machine: {contact_time: -1}}": (
-        "contact_time = -1.0: must be finite and >= 0"
+    "controller: {walking_state_machine: {contact_impulse: -1}}": (
+        "contact_impulse = -1.0: must be finite and >= 0"
     ),
     "controller: {com_height: {position_gain: -1}}": "position_gain = -1.0: ",
     "controller: {swing_foot: {height: -1}}": "height = -1.0: must be in",
