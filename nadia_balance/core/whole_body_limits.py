@@ -98,6 +98,11 @@ class WholeBodyLimits:
                 row, column = rows.stop, column + 6
         return bounds[0], bounds[1]
 
+    def stop_braking(self, lower: Array, upper: Array) -> None:
+        """Lets `lower` and `upper` (m,) keep no joint from its limit."""
+        most = self._params.max_joint_acceleration
+        lower[self._joint_rows], upper[self._joint_rows] = -most, most
+
     def _rotated_cone(self, terms: WholeBodyTerms, side: int) -> Array:
         """Rows (_FOOT_ROWS, 6) for the wrench of a sole, which is in W."""
         R_FW = terms.rotations[side].T

@@ -56,7 +56,8 @@ class WholeBodyQp:
 
     * J vdot + Jdot v = a of a sole that carries,
     * M vdot + bias = sum J' w in the six rows of the floating base,
-    * the limits of contact wrenches, torques and joints.
+    * the limits of contact wrenches, torques and joints; if there is no
+      solution, those of the joints are given up.
 
     Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
@@ -108,7 +109,15 @@ class WholeBodyQp:
         contacts = command.contacts
         problem, rows = self.problem(terms, command), self._rows_of[contacts]
         guess = None if active_guess is None else active_guess[rows]
-        qp = self._qps[sum(contacts)].solve(problem, guess)
+        solver = self._qps[sum(contacts)]
+        qp = solver.solve(problem, guess)
+        if not qp.solved:
+            # At the touchdown of a long step, soles, torques and friction may
+            # leave no room for braking, which is a wish, not a law.
+            self._limits.stop_braking(problem.lower, problem.upper)
+            again = solver.solve(problem, guess)
+            solves = qp.iterations + again.iterations
+            qp = again._replace(iterations=solves, fallback=qp.fallback)
         active = np.zeros(rows.size, dtype=np.int8)
         active[rows] = qp.active
         nv, mass = terms.v.size, self._model.mass

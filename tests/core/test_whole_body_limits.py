@@ -107,6 +107,19 @@ def test_a_foot_in_the_air_has_no_limits(contacts):
     assert np.all(marks[63:] == contacts[1])
 
 
+def test_without_braking_joints_accelerate_as_they_may():
+    """Oracle: the parameter; all other bounds stay."""
+    params = WholeBodyQpParams(max_joint_acceleration=300.0)
+    terms = terms_at(random_state(1, 5.0))
+    problem = WholeBodyQp(params, model()).problem(terms, command(terms))
+    bounds = np.array((problem.lower, problem.upper))
+    WholeBodyLimits(params, model()).stop_braking(*problem[-2:])
+    assert np.all(problem.lower[23:46] == -300.0)
+    assert np.all(problem.upper[23:46] == 300.0)
+    bounds[:, 23:46] = (-300.0,), (300.0,)
+    assert np.array_equal((problem.lower, problem.upper), bounds)
+
+
 def test_braking_is_no_harder_than_allowed():
     """Oracle: the parameter, for joints far beyond their limits."""
     qp = WholeBodyQp(WholeBodyQpParams(max_joint_acceleration=300.0), model())

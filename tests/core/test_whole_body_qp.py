@@ -161,6 +161,21 @@ def test_rows_of_a_foot_that_has_left_are_forgotten():
     assert warm.torques == pytest.approx(qp.solve(terms, one).torques, abs=1e-6)
 
 
+def test_gives_up_braking_if_nothing_else_is_possible():
+    """Oracles: quadprog finds no solution; the optimum without the limit."""
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 10.0)
+    terms = terms_at(state)
+    qp, wish = WholeBodyQp(WholeBodyQpParams(), beyond), command(terms)
+    with pytest.raises(ValueError, match="inconsistent"):
+        by_quadprog(*qp.problem(terms, wish))
+    found, (_, free) = qp.solve(terms, wish), solve(state)
+    assert found.qp.solved
+    assert found.qp.iterations > free.qp.iterations
+    assert found.torques == pytest.approx(free.torques, abs=1e-6)
+
+
 def test_says_that_there_is_no_solution():
     """Oracle: limp legs cannot press the soles down."""
     terms = terms_at(standing_state())
