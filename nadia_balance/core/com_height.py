@@ -13,7 +13,7 @@ class ComHeightParams:
     position_gain: float = 50.0  # k_p [1/s^2]
     damping_ratio: float = 0.9  # zeta [-]
     max_acceleration: float = 4.9  # half of gravity [m/s^2]
-    max_velocity: float = 0.25  # at which the height is approached [m/s]
+    max_velocity: float = 1.0  # at which the height is approached [m/s]
     max_stretch: float = 0.97  # hip to ankle, of the straight leg [-]
     # Largest horizontal distance from hip to ankle while both feet carry, of
     # the distance of the feet: 0.5 if the hips are half-way between them.
