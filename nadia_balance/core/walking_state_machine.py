@@ -30,8 +30,9 @@ class WalkingStateMachineParams:
 
     standing_duration: float = 0.5  # before the first step [s]
     earliest_touchdown: float = 0.5  # fraction of the swing [-]
-    # The foot has landed when a force above the one has brought it the other,
-    # without a break: pressed down for a few ms, or hit hard in one.
+    # The foot has landed when forces above the former have, without a break,
+    # brought the latter: it is pressed down for a few ms, or has hit hard, and
+    # may bounce.
     contact_force: float = 30.0  # [N]
     contact_impulse: float = 0.3  # [N s]
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
