@@ -14,11 +14,14 @@ from nadia_balance.robot import RobotModel
 
 
 class FootForceSensor(LeafSystem):
-    """Measures the force on each foot once a period, and holds it.
+    """Measures the force on each foot, the mean over the last period.
 
     `foot_forces` (left, right) [N] is the component along z of W, which is
     the normal force on level ground, and never negative.  Contact among the
-    robot's own bodies does not count.  The output is the discrete state.
+    robot's own bodies does not count.  A foot that hits the ground hard
+    bounces within one step of the plant, so every step is measured.  The
+    output is the first group of the discrete state, the other are the forces
+    in the steps of the period, the last one first.
 
     .. pydrake_system::
 
@@ -28,8 +31,19 @@ class FootForceSensor(LeafSystem):
     """
 
     def __init__(self, plant: MultibodyPlant, robot: RobotModel, period: float):
-        """Senses the feet of `robot` in `plant` every `period` [s]."""
+        """Senses the feet of `robot` in `plant`, over a `period` [s].
+
+        Raises:
+            ValueError: the period is not a multiple of the plant's time step.
+        """
         super().__init__()
+        step = plant.time_step()
+        self._steps = round(period / step) if step > 0.0 else 0
+        if self._steps < 1 or abs(self._steps * step - period) > 1e-9:
+            raise ValueError(
+                f"period = {period}: must be a multiple of the plant's "
+                f"time_step = {step} s"
+            )
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
         self._row = {int(foot.index()): i for i, foot in enumerate(feet)}
         self._own = {
@@ -46,10 +60,11 @@ class FootForceSensor(LeafSystem):
         self._contact_results = self.DeclareAbstractInputPort(
             "contact_results", AbstractValue.Make(ContactResults())
         )
-        state = self.DeclareDiscreteState(len(feet))
-        self.DeclareStateOutputPort("foot_forces", state)
+        self._mean = self.DeclareDiscreteState(2)
+        self._samples = self.DeclareDiscreteState(2 * self._steps)
+        self.DeclareStateOutputPort("foot_forces", self._mean)
         self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._measure
+            period_sec=step, offset_sec=0.0, update=self._measure
         )
 
     def _measure(self, context, state):
@@ -66,7 +81,11 @@ class FootForceSensor(LeafSystem):
             a = self._body_of.get(surface.id_M(), -1)
             b = self._body_of.get(surface.id_N(), -1)
             self._add(forces, a, b, -patch.F_Ac_W().translational()[2])
-        state.set_value([max(force, 0.0) for force in forces])
+        last = context.get_discrete_state(self._samples).value().tolist()
+        samples = [max(force, 0.0) for force in forces] + last[:-2]
+        means = [sum(samples[i::2]) / self._steps for i in range(2)]
+        state.set_value(self._samples, samples)
+        state.set_value(self._mean, means)
         return EventStatus.Succeeded()
 
     def _add(self, forces: list[float], a: int, b: int, f_z: float) -> None:

@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     CoulombFriction,
+    MultibodyPlant,
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import (
@@ -22,6 +23,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.core.walking import Side
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
@@ -45,10 +47,13 @@ def properties() -> ProximityProperties:
     return found
 
 
-def measured(left, right, contact_model="point", tilt=0.0) -> np.ndarray:
+def recorded(
+    left, right, contact_model="point", tilt=0.0, period=0.002
+) -> np.ndarray:
     """Lets two boxes settle where they are put, and reads the sensor.
 
-    A box on a plane touches it in one point and rocks: each has four knobs.
+    Once a `period`, from 0 to 0.6 s (n, 2).  A box on a plane touches it in
+    one point and rocks: each has four knobs.
     """
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
@@ -84,10 +89,11 @@ def measured(left, right, contact_model="point", tilt=0.0) -> np.ndarray:
         9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     )
     plant.Finalize()
-    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, 0.002))
+    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, period))
     builder.Connect(
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
+    logger = LogVectorOutput(sensor.get_output_port(), builder, period)
     diagram = builder.Build()
     simulator = Simulator(diagram)
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
@@ -96,8 +102,12 @@ def measured(left, right, contact_model="point", tilt=0.0) -> np.ndarray:
             context, plant.GetBodyByName(name), RigidTransform(p_WB)
         )
     simulator.AdvanceTo(0.6)
-    root = simulator.get_context()
-    return sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(root))
+    return logger.FindLog(simulator.get_context()).data().T
+
+
+def measured(*args, **kwargs) -> np.ndarray:
+    """The last of what was `recorded`."""
+    return recorded(*args, **kwargs)[-1]
 
 
 @pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
@@ -128,3 +138,31 @@ def test_a_foot_on_the_other_foot_is_not_on_the_ground(contact_model):
     found = measured(ON_RIGHT_FOOT, ON_GROUND_RIGHT, contact_model)
     assert found[0] == 0.0
     assert found[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.004])
+def test_no_impact_is_missed(period):
+    """Oracle: the momentum of a fall from 5 cm to rest is that of the weight.
+
+    The impacts last for one step of the plant, 1 ms.
+    """
+    high = [0.0, 0.3, HALF + KNOB + 0.05]
+    forces = recorded(high, ON_GROUND_RIGHT, period=period)
+    assert np.max(forces[:, 0]) > 10.0 * WEIGHT_LEFT
+    impulse = period * np.sum(forces, axis=0)
+    expected = 0.6 * np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
+    assert impulse == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("period", "step"), [(0.0015, 0.001), (0.0005, 0.001), (0.002, 0.0)]
+)
+def test_refuses_a_period_that_the_plant_does_not_keep(period, step):
+    """Oracle: the message names both."""
+    plant = MultibodyPlant(time_step=step)
+    for name in ROBOT.foot_bodies.values():
+        plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.Finalize()
+    message = f"^period = {period}: must be a multiple of .*time_step = {step}"
+    with pytest.raises(ValueError, match=message):
+        FootForceSensor(plant, ROBOT, period)
