@@ -60,9 +60,10 @@ _REFERENCES = """\
 * *paper*: Griffin et al. 2023, Fig. 10: a push of 0.1 s at the pelvis, stepping
   in place, swing 0.7 s, transfer 0.3 s.
 * *limit*: the best that any controller could do on a linear inverted pendulum
-  of 1.0 m with feet of 0.24 m x 0.12 m, the same swing (0.4 s at least) and
-  transfer (0.05 s at least), in up to four steps. A body has angular momentum,
-  and other measures, so it may go a little beyond."""
+  of 1.0 m with feet of 0.24 m x 0.12 m, the same swing and transfer, shortened
+  to 0.4 s and 0.05 s at the least, in up to four steps. A robot has angular
+  momentum, other measures, and other shortest times (see `scenario.yaml`), so
+  it may go beyond."""
 
 _NO_REFERENCES = f"""\
 * There is a *paper* and a *limit* to compare with for the robot {ROBOT} in

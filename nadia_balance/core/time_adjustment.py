@@ -51,8 +51,8 @@ class TimingAdapterParams:
     swing_time_constant: float = 0.01898  # [s]
     transfer_time_constant: float = 0.003915  # [s]
     icp_error_threshold: float = 0.03  # smaller errors change no clock [m]
-    min_swing_duration: float = 0.4  # [s]
-    min_transfer_duration: float = 0.05  # [s]
+    min_swing_duration: float = 0.35  # [s]
+    min_transfer_duration: float = 0.03  # [s]
     # What the swing foot needs, whatever the ICP does.
     min_remaining_swing: float = 0.08  # never leave it less than this [s]
     max_speed_up: float = 3.0  # sigma: of the rest of the swing [-]

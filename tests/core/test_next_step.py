@@ -27,7 +27,9 @@ from nadia_balance.core.walking import (
 from tests.example_walks import OMEGA, SOLE, walk
 
 PARAMS = CaptureRegionStepAdjusterParams()
-HURRIED = TimingAdapterParams()
+HURRIED = TimingAdapterParams(
+    min_swing_duration=0.4, min_transfer_duration=0.05
+)
 AS_PLANNED = TimingAdapterParams(swing=False, transfer=False)
 LEFT_Y, RIGHT_Y = 0.125, -0.125
 

@@ -42,7 +42,7 @@ from tests.example_walks import (
 )
 
 PERIOD = 0.002
-PARAMS = TimingAdapterParams()
+PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
 DETOUR = SwingDetourParams(max_acceleration=30.0)
 # Nothing but Eqs. 15 and 16: no threshold, and as little as possible that
 # limits a swing of 1 s.
