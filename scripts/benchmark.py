@@ -6,6 +6,7 @@ Examples:
     python scripts/benchmark.py
     python scripts/benchmark.py --json --seconds 10
     python scripts/benchmark.py --mechanisms all_with_cross_over
+    python scripts/benchmark.py --scenario_text "{robot: my/robot.yaml}"
 """
 
 import json
@@ -36,6 +37,9 @@ def main(argv: list[str] | None = None) -> int:
         default="walk_in_place",
         help="one of the package (default: %(default)s)",
     )
+    parser.add_argument(
+        "--scenario_text", help="YAML that overrides single fields"
+    )
     parser.add_argument("--mechanisms", help=ONE_OF)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument(
@@ -46,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     args = parser.parse_args(argv)
     try:
-        scenario = load_scenario(args.scenario_name)
+        scenario = load_scenario(args.scenario_name, text=args.scenario_text)
         scenario.mechanisms = args.mechanisms or scenario.mechanisms
         scenario.validate()
         if not args.seconds > 0.0:

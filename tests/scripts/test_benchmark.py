@@ -84,6 +84,7 @@ def test_help_tells_the_exit_codes_and_the_defaults(capsys):
         (["--seconds", "nan"], "argument --seconds: 'nan': must be a finite"),
         (["--seconds", "x"], "argument --seconds: 'x': must be a finite"),
         (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
+        (["--scenario_text", "{duration: -1}"], "duration = -1.0: must be"),
         (["--mechanisms", "x"], "mechanisms = 'x': must be one of icp_only,"),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
     ],
