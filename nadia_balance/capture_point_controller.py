@@ -18,6 +18,7 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import (
     WalkingStateMachineParams,
 )
+from nadia_balance.core.whole_body_tasks import GRAVITY
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -148,6 +149,7 @@ def _add_machine(
             initial,
             model.sole,
             params.step_adjuster.reachability,
+            model.mass * GRAVITY,
             params.control_period,
         ),
     )

@@ -33,8 +33,8 @@ class WalkingStateMachineParams:
     # The foot has landed when forces above the former have, without a break,
     # brought the latter: it is pressed down for a few ms, or has hit hard, and
     # may bounce.
-    contact_force: float = 30.0  # [N]
-    contact_impulse: float = 0.3  # [N s]
+    contact_force: float = 0.034  # of the robot's weight [-]
+    contact_impulse: float = 3.4e-4  # of its weight in 1 s [s]
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
 
     def validate(self) -> None:
@@ -48,23 +48,22 @@ class WalkingStateMachineParams:
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} = {value}: must be finite and >= 0")
-        if not self.earliest_touchdown < 1.0:
-            raise ValueError(
-                f"earliest_touchdown = {self.earliest_touchdown}: must be < 1"
-            )
+        for name in ("earliest_touchdown", "contact_force"):
+            if not (value := getattr(self, name)) < 1.0:
+                raise ValueError(f"{name} = {value}: must be < 1")
         self.lift_off.validate()
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What is measured of the robot: sole poses, forces [N], ICP [m], in W."""
+    """What is measured of the robot: sole poses, forces, ICP [m], in W."""
 
     feet: Callable[[], FootPoses]  # asked for only when the contacts change
-    forces: Array  # (2,) normal forces, left and right
+    forces: Array  # (2,) normal, left and right, of the robot's weight [-]
     icp: Array  # (2,)
 
     def force(self, side: Side) -> float:
-        """Normal force [N] on the foot of `side`."""
+        """Normal force on the foot of `side`, of the weight [-]."""
         return float(self.forces[0 if side is Side.LEFT else 1])
 
 
@@ -169,7 +168,7 @@ def _contact_force(
     measured: Measurement,
     params: WalkingStateMachineParams,
 ) -> float:
-    """Force [N] of the ground on the foot in the air; 0 if it may not land."""
+    """Force of the ground on the foot in the air; 0 if it may not land."""
     # Of the swing as it really is: a clock that was advanced has passed half
     # of the plan before the foot has left the ground.
     earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)

@@ -58,16 +58,20 @@ class WalkingStateMachine(LeafSystem):
         initial: WalkingState,
         sole: np.ndarray,
         reach: ReachabilityParams,
+        weight: float,
         control_period: float,
     ):
-        """Starts in `initial`; `sole` (n, 2) [m], `control_period` [s]."""
+        """Starts in `initial`, for a robot of this `weight` [N].
+
+        `sole` (n, 2) [m] are its corners, `control_period` [s].
+        """
         super().__init__()
         params.validate()
         self._params, self._sole, self._reach = params, sole, reach
         self._patient = replace(
             params, lift_off=replace(params.lift_off, patience=math.inf)
         )
-        self._period = control_period
+        self._weight, self._period = weight, control_period
         poses = FootPoses(FootPose(), FootPose())
         self._foot_poses = declare_input(self, "foot_poses", poses)
         self._foot_forces = self.DeclareVectorInputPort("foot_forces", 2)
@@ -106,7 +110,7 @@ class WalkingStateMachine(LeafSystem):
     def _advance(self, context, state):
         measured = Measurement(
             lambda: eval_typed(self, context, self._foot_poses, FootPoses),
-            eval_finite(self, context, self._foot_forces),
+            eval_finite(self, context, self._foot_forces) / self._weight,
             eval_finite(self, context, self._icp),
         )
         proposal = self._proposal(context)

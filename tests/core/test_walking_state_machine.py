@@ -28,6 +28,7 @@ from nadia_balance.core.walking_state_machine import (
 )
 
 PERIOD = 0.002
+WEIGHT = 1000.0  # [N]
 SOLE = rectangle(0.25, 0.12)
 PARAMS = WalkingStateMachineParams()
 REACH = ReachabilityParams()
@@ -79,7 +80,8 @@ def step(
     period=PERIOD,
 ):
     """One period later."""
-    measured = Measurement(lambda: feet, np.array(forces), np.array(icp))
+    shares = np.array(forces) / WEIGHT
+    measured = Measurement(lambda: feet, shares, np.array(icp))
     return advance(
         state, FakePlan(), measured, period, SOLE, REACH, PARAMS, proposal
     )
@@ -140,30 +142,30 @@ def test_a_foot_that_touches_in_the_first_half_has_not_landed():
 
 
 def test_a_glitch_of_the_force_is_no_touchdown():
-    """Oracle: 0.28 N s each time, and 29 N for ever, are too little."""
+    """Oracle: 0.28 N s each time, and 33 N for ever, are too little."""
     state = swinging()
     for k in range(340):
         force = 70.0 if k % 3 else 0.0
         state = step(state, forces=(400.0, force))
     assert state.schedule.phase is Phase.SWING
     for _ in range(100):
-        state = step(state, forces=(400.0, 29.0))
+        state = step(state, forces=(400.0, 33.0))
     assert state.schedule.phase is Phase.SWING
 
 
 @pytest.mark.parametrize(
     ("force", "period", "ticks"),
     [
-        (125.0, 0.0005, 5),
+        (125.0, 0.0005, 6),
         (125.0, 0.001, 3),
         (125.0, 0.002, 2),
         (125.0, 0.01, 1),
-        (40.0, 0.002, 4),
-        (160.0, 0.002, 1),  # hit hard, it may have left the ground again
+        (40.0, 0.002, 5),
+        (180.0, 0.002, 1),  # hit hard, it may have left the ground again
     ],
 )
 def test_a_foot_has_landed_after_an_impulse(force, period, ticks):
-    """Oracle: 0.3 N s over force and period."""
+    """Oracle: 0.34 ms of the weight over force and period."""
     state = step(swinging(), forces=(800.0, 0.0))
     state = replace(state, time_in_phase=0.6, elapsed=0.6)
     for _ in range(ticks):
@@ -224,6 +226,7 @@ def test_a_foot_lifts_when_the_icp_is_near_or_leaving(icp, lifts):
     ("field", "value"),
     [
         ("contact_force", -1.0),
+        ("contact_force", 30.0),
         ("earliest_touchdown", 1.0),
         ("standing_duration", math.nan),
         ("contact_impulse", -0.001),

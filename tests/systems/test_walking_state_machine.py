@@ -23,6 +23,7 @@ from nadia_balance.systems.walking_state_machine import (
 from tests.example_walks import FEET, OMEGA, SOLE, standing, walk
 
 PERIOD = 0.002
+WEIGHT = 900.0  # [N]
 PARAMS = WalkingStateMachineParams()
 REACH = ReachabilityParams()
 FORCES, ICP = np.array([400.0, 500.0]), np.array([0.01, 0.02])
@@ -30,7 +31,7 @@ FORCES, ICP = np.array([400.0, 500.0]), np.array([0.01, 0.02])
 
 def machine_in(state):
     """The system in `state`, its inputs fixed, and the plan it gets."""
-    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, WEIGHT, PERIOD)
     simulator = Simulator(machine)
     context = simulator.get_mutable_context()
     plan = fix_inputs(machine, context, state)
@@ -62,7 +63,7 @@ def test_advances_once_a_period(time):
     expected = advance(
         state,
         plan,
-        Measurement(lambda: FEET, FORCES, ICP),
+        Measurement(lambda: FEET, FORCES / WEIGHT, ICP),
         PERIOD,
         SOLE,
         REACH,
@@ -130,7 +131,7 @@ def test_its_patience_ends_only_if_the_feet_may_go_elsewhere(adjuster):
 def test_asks_where_the_feet_are_only_when_the_contacts_change(time):
     """Oracle: the error of a port that has no value; the last transfer."""
     state = WalkingState(replace(walk(), footsteps=()), time)
-    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, WEIGHT, PERIOD)
     simulator = Simulator(machine)
     fix_inputs(machine, simulator.get_mutable_context(), state, feet=None)
     if time < 0.2:
@@ -153,7 +154,7 @@ def test_refuses_another_type(name):
 def test_needs_the_plan():
     """Oracle: Drake names the port that is not connected."""
     state = WalkingState(walk())
-    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, PERIOD)
+    machine = WalkingStateMachine(PARAMS, state, SOLE, REACH, WEIGHT, PERIOD)
     simulator = Simulator(machine)
     context = simulator.get_mutable_context()
     for name, value in ("foot_forces", FORCES), ("icp", ICP):
