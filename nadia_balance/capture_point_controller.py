@@ -10,6 +10,7 @@ from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.icp_plan import IcpPlanParams
+from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import mechanisms_of
 from nadia_balance.core.momentum_qp import MomentumQpParams
 from nadia_balance.core.swing_foot import SwingFootParams
@@ -18,7 +19,6 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import (
     WalkingStateMachineParams,
 )
-from nadia_balance.core.whole_body_tasks import GRAVITY
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )

@@ -8,8 +8,10 @@ import numpy as np
 
 from nadia_balance.core.walking import Array
 
+GRAVITY = 9.81  # [m/s^2]
 
-def natural_frequency(com_height: float, gravity: float = 9.81) -> float:
+
+def natural_frequency(com_height: float, gravity: float = GRAVITY) -> float:
     """Returns omega = sqrt(g / height) [rad/s] (Nadia paper, below Eq. 1).
 
     Args:

@@ -201,7 +201,7 @@ class WalkingState:
     elapsed: float = 0.0  # really, since the phase began [s]
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # for the ICP, at the end of a transfer [s]
-    contact_impulse: float = 0.0  # of the swing foot, of the weight in 1 s [s]
+    contact_impulse: float = 0.0  # on the swing foot, per weight [s]
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()
     adjustment: Adjustment | None = None  # of the step in the air

@@ -34,7 +34,7 @@ class WalkingStateMachineParams:
     # brought the latter: it is pressed down for a few ms, or has hit hard, and
     # may bounce.
     contact_force: float = 0.034  # of the robot's weight [-]
-    contact_impulse: float = 3.4e-4  # of its weight in 1 s [s]
+    contact_impulse: float = 3.4e-4  # per weight [s]
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
 
     def validate(self) -> None:

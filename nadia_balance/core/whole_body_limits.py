@@ -99,7 +99,7 @@ class WholeBodyLimits:
         return bounds[0], bounds[1]
 
     def stop_braking(self, lower: Array, upper: Array) -> None:
-        """Lets `lower` and `upper` (m,) keep no joint from its limit."""
+        """Widens `lower` and `upper` (m,) in place: no joint brakes early."""
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
 

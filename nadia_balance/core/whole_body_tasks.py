@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_terms import (
     BASE,
@@ -19,8 +20,6 @@ from nadia_balance.core.whole_body_terms import (
 )
 
 Array = NDArray[np.float64]
-
-GRAVITY = 9.81  # [m/s^2]
 
 # Rows of the tasks.
 _LINEAR = slice(0, 3)

@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core.lipm import com_after, icp
+from nadia_balance.core.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking import (
     FootPose,
     Phase,
@@ -44,7 +44,7 @@ class PointMassPlant(LeafSystem):
         """`mass` [kg], `omega` [rad/s], `com_height` [m]."""
         super().__init__()
         self._omega, self._period = omega, control_period
-        self._weight, self._stiffness = mass * 9.81, mass * omega**2
+        self._weight, self._stiffness = mass * GRAVITY, mass * omega**2
         self._one_tick = _taylor(control_period)
         schedule = initial.schedule
         start, foot = schedule.start, schedule.feet[schedule.support_side.other]

@@ -6,11 +6,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem, ValueProducer
 
+from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.whole_body_command import whole_body_command
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.core.whole_body_tasks import GRAVITY
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.ports import declare_input, eval_finite, eval_typed
 from nadia_balance.systems.whole_body_kinematics import (
