@@ -139,8 +139,8 @@ def test_refuses_a_step_width_that_is_none(width):
 
 
 def test_refuses_an_unknown_name_and_lists_the_known():
-    assert robot_names() == ["nadia"]
-    with pytest.raises(ValueError, match="robot = 'adam': .*nadia"):
+    assert robot_names() == ["atlas", "nadia"]
+    with pytest.raises(ValueError, match="robot = 'adam': .*atlas, nadia"):
         load_robot("adam")
 
 

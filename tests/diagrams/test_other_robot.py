@@ -1,0 +1,41 @@
+"""Another robot is another folder: Atlas, with Nadia's scenarios and gains.
+
+Twice Nadia's mass, the CoM a third higher.
+"""
+
+import pytest
+
+from tests.diagrams.simulated import figures
+
+WALK = "{robot: atlas, duration: 6.0, gait: {num_steps: 4}}"
+
+
+def shoved(delta_v, direction):
+    """At 25 % of the first swing, with all mechanisms."""
+    return (
+        "{robot: atlas, mechanisms: all_with_cross_over, duration: 8.0, "
+        "gait: {num_steps: 5}, required_steps: 4, pushes: ["
+        f"{{delta_v: {delta_v}, phase: swing, side: right, "
+        f"direction_deg: {direction}}}]}}"
+    )
+
+
+def test_walks_in_place():
+    """Oracle: the bar for Nadia, an ICP error of 5 mm."""
+    found = figures(WALK)
+    assert found["recovered"]
+    assert found["steps_taken"] == 4
+    assert found["max_icp_error_m"] < 0.005
+    assert found["qp_failures"] == 0
+
+
+@pytest.mark.parametrize(
+    "delta_v, direction",
+    [(1.15, 0.0), (0.41, 90.0), (0.91, 180.0), (0.85, 270.0)],
+)
+def test_recovers_from_what_the_paper_shows_for_nadia(delta_v, direction):
+    """Oracle: Fig. 10 of the Nadia paper, all mechanisms [m/s]."""
+    found = figures(shoved(delta_v, direction))
+    assert found["recovered"], found["reason"]
+    assert found["steps_after_push"] >= 4
+    assert found["max_torque_ratio"] <= 1.0 + 1e-9
