@@ -10,6 +10,7 @@ from nadia_balance.core.foothold_adjustment_params import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.icp_plan import IcpPlanParams
+from nadia_balance.core.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import mechanisms_of
 from nadia_balance.core.momentum_qp import MomentumQpParams
@@ -23,6 +24,7 @@ from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
 from nadia_balance.systems.icp_planner import IcpPlanner
+from nadia_balance.systems.icp_step_adjuster import IcpStepAdjuster
 from nadia_balance.systems.momentum_qp import MomentumQp
 from nadia_balance.systems.ports import (
     connect,
@@ -48,6 +50,8 @@ class ControllerParams:
     step_adjuster: CaptureRegionStepAdjusterParams = field(
         default_factory=CaptureRegionStepAdjusterParams
     )
+    # The Atlas paper's QP moves the footholds; null: the capture regions do.
+    icp_step_qp: IcpStepQpParams | None = None
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
@@ -80,10 +84,10 @@ class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips and what is switched on.
 
     The Nadia paper's Sections II to VI; knows no robot, only a point mass and
-    two soles.  It has a TimingAdapter and a CaptureRegionStepAdjuster only if
-    they have something to do; `capture_regions` comes from the latter.  If it
-    is made `switchable` it has both, and `mechanisms` (see SwitchedParams)
-    switches them while it runs.
+    two soles.  It has a TimingAdapter and a CaptureRegionStepAdjuster, or an
+    IcpStepAdjuster in its place, only if they have something to do;
+    `capture_regions` comes from the latter.  If it is made `switchable` it has
+    both, and `mechanisms` (see SwitchedParams) switches them while it runs.
 
     .. pydrake_system::
 
@@ -101,9 +105,19 @@ class CapturePointController(Diagram):
         initial: WalkingState,
         switchable: bool = False,
     ):
-        """Starts walking from the walking state `initial`."""
+        """Starts walking from the walking state `initial`.
+
+        Raises:
+            ValueError: a parameter is out of range, or does not go with others.
+        """
         super().__init__()
         params.validate()
+        on = mechanisms_of(params.timing_adapter, params.step_adjuster)
+        if params.icp_step_qp and on.cross_over:
+            raise ValueError(
+                "icp_step_qp: must be null where the legs may cross, as with "
+                "mechanisms = all_with_cross_over"
+            )
         builder = DiagramBuilder()
         machine = _add_machine(builder, params, model, initial)
         planner = builder.AddNamedSystem(
@@ -125,12 +139,12 @@ class CapturePointController(Diagram):
         builder.ExportOutput(
             momentum.GetOutputPort("qp_status"), "momentum_qp_status"
         )
-        on = mechanisms_of(params.timing_adapter, params.step_adjuster)
         timing = adjuster = None
         if switchable or on.swing or on.transfer:
             timing = _add_timing(builder, params, model, machine, planner)
         if switchable or on.step:
-            adjuster = _add_adjuster(builder, params, model, machine, timing)
+            adjuster = _make_adjuster(params, model)
+            _add_adjuster(builder, adjuster, machine, timing)
         if switchable:
             export_input(builder, "mechanisms", timing, adjuster)
         builder.BuildInto(self)
@@ -196,26 +210,32 @@ def _add_timing(
     return timing
 
 
-def _add_adjuster(
-    builder: DiagramBuilder,
-    params: ControllerParams,
-    model: PointMassModel,
-    machine: WalkingStateMachine,
-    timing: TimingAdapter | None,
-) -> CaptureRegionStepAdjuster:
-    adjuster = builder.AddNamedSystem(
-        "step_adjuster",
-        CaptureRegionStepAdjuster(
-            params.step_adjuster,
+def _make_adjuster(
+    params: ControllerParams, model: PointMassModel
+) -> CaptureRegionStepAdjuster | IcpStepAdjuster:
+    if params.icp_step_qp:
+        return IcpStepAdjuster(
+            params.icp_step_qp,
+            params.icp_plan.cop,
+            params.step_adjuster.reachability,
             model.sole,
             model.omega,
-            params.control_period,
-        ),
+        )
+    return CaptureRegionStepAdjuster(
+        params.step_adjuster, model.sole, model.omega, params.control_period
     )
+
+
+def _add_adjuster(
+    builder: DiagramBuilder,
+    adjuster: CaptureRegionStepAdjuster | IcpStepAdjuster,
+    machine: WalkingStateMachine,
+    timing: TimingAdapter | None,
+) -> None:
+    builder.AddNamedSystem("step_adjuster", adjuster)
     connect(builder, machine, adjuster, "walking_state")
     connect(builder, adjuster, machine, "adjustment")
-    if timing is not None:
+    if timing and isinstance(adjuster, CaptureRegionStepAdjuster):
         connect(builder, timing, adjuster, "time_adjustment")
     feed_input(builder, adjuster, "icp")
     export_outputs(builder, adjuster, "capture_regions")
-    return adjuster

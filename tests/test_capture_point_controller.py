@@ -1,4 +1,4 @@
-"""What takes time in the brain takes as long at any control period."""
+"""What the brain is made of; what takes time in it, at any control period."""
 
 import math
 from dataclasses import replace
@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydrake.common.value import Value
+from pydrake.geometry import Meshcat
 
+from diagrams.humanoid import HumanoidDiagram
 from diagrams.lipm import LipmDiagram
 from diagrams.scenario import load_scenario
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.time_adjustment import fraction_done, time_ahead
 from nadia_balance.core.walking import Adjustment, FootPose, Phase, WalkingState
+from nadia_balance.systems.icp_step_adjuster import IcpStepAdjuster
 from tests.example_walks import OMEGA, SOLE, successor, walk
 
 PERIODS = [0.001, 0.002, 0.01]
@@ -74,3 +77,34 @@ def test_a_foothold_goes_back_after_50_ms(period):
             walking_state=WalkingState(schedule, 0.3, 0.3, adjustment=before),
         )
         assert (found.pose is near) is stays
+
+
+def by_qp(mechanisms):
+    text = f"{{mechanisms: {mechanisms}, controller: {{icp_step_qp: {{}}}}}}"
+    return load_scenario("push", text=text)
+
+
+def test_one_qp_takes_the_place_of_the_capture_regions():
+    """Oracle: the class of the block; with no step to adjust there is none."""
+    adjuster = LipmDiagram(by_qp("step")).brain.GetSubsystemByName(
+        "step_adjuster"
+    )
+    assert type(adjuster) is IcpStepAdjuster
+    brain = LipmDiagram(by_qp("icp_only")).brain
+    assert not brain.HasSubsystemNamed("step_adjuster")
+
+
+def test_the_qp_does_not_go_with_crossed_legs():
+    """Oracle: the message names the field, and what is at odds with it."""
+    message = "icp_step_qp: must be null .* all_with_cross_over"
+    with pytest.raises(ValueError, match=message):
+        LipmDiagram(by_qp("all_with_cross_over"))
+
+
+def test_the_qp_can_be_switched_in_the_tab():
+    """Oracle: with a tab there are both adapters, and their switches."""
+    loop = HumanoidDiagram(by_qp("icp_only"), Meshcat())
+    brain = loop.controller.GetSubsystemByName("capture_point_controller")
+    adjuster = brain.GetSubsystemByName("step_adjuster")
+    context = adjuster.GetMyContextFromRoot(loop.CreateDefaultContext())
+    assert adjuster.GetOutputPort("adjustment").Eval(context) is None

@@ -51,6 +51,10 @@ FEEDTHROUGH = {
         "foot_poses": {"estimated_state"},
     },
     "FootForceSensor": {"foot_forces": set()},  # held between two ticks
+    "IcpStepAdjuster": {
+        "adjustment": STEP_ADJUSTMENT - {"time_adjustment"},
+        "capture_regions": STEP_ADJUSTMENT - {"time_adjustment"},
+    },
     "IcpPlanner": {
         "icp_plan": {"walking_state"},
         "icp_reference": {"walking_state"},
@@ -107,7 +111,13 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 def diagrams() -> list[Diagram]:
     text = "{mechanisms: all_with_cross_over}"
     scenario = load_scenario("walk_in_place", text=text)
-    return [HumanoidDiagram(scenario, Meshcat()), LipmDiagram(scenario)]
+    text = "{mechanisms: step_swing, controller: {icp_step_qp: {}}}"
+    by_qp = load_scenario("walk_in_place", text=text)
+    return [
+        HumanoidDiagram(scenario, Meshcat()),
+        LipmDiagram(scenario),
+        LipmDiagram(by_qp),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +188,7 @@ def text(value: object) -> str:
         return repr(value)
 
 
-@pytest.mark.parametrize("index", [0, 1], ids=["humanoid", "lipm"])
+@pytest.mark.parametrize("index", [0, 1, 2], ids=["humanoid", "lipm", "by qp"])
 def test_equal_contexts_give_equal_outputs(index, diagrams):
     """Oracle: the state that a run led to, given to new contexts.
 

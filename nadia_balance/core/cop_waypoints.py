@@ -80,11 +80,14 @@ class CopWaypoints:
     """N linear CoP segments; the first `num_present` are the present phase.
 
     They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
+    `step_shares` (N + 1,) [-] is by how much a point moves with the foothold
+    of the first footstep.
     """
 
     points: Array
     durations: Array
     num_present: int
+    step_shares: Array
 
 
 def cop_waypoints(
@@ -127,6 +130,10 @@ class _Path:
         self._feet: FootPoses = schedule.feet
         self._present_duration = schedule.duration
         self._points = [schedule.start.cop]
+        self._shares = [0.0]
+        # Whether a foot stands where the first footstep has put it.
+        self._first = dict.fromkeys(Side, 0.0)
+        self._num_steps = 0
         self._phases: list[list[float]] = []  # durations of the segments
 
     def add_transfer(self, support: Side, duration: float) -> None:
@@ -136,7 +143,11 @@ class _Path:
         (entry,) = self._cops(support, leading, trailing, "entry")
         mid = exit_ + self._params.mid_weight * (entry - exit_)
         split = self._params.transfer_split
-        self._add([mid, entry], [split, 1.0 - split], duration)
+        on_exit, on_entry = self._first[support.other], self._first[support]
+        on_mid = on_exit + self._params.mid_weight * (on_entry - on_exit)
+        self._add(
+            [mid, entry], [on_mid, on_entry], [split, 1.0 - split], duration
+        )
 
     def add_swing(self, side: Side, pose: FootPose, duration: float) -> None:
         """Appends the swing of the foot of `side` to `pose`."""
@@ -146,9 +157,12 @@ class _Path:
         )
         shift = self._params.swing_shift_fraction
         split = self._params.swing_split
-        shares = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        self._add([ball, exit_, exit_], shares, duration)
+        times = [shift * split, shift * (1.0 - split), 1.0 - shift]
+        on_support = [self._first[support]] * 3
+        self._add([ball, exit_, exit_], on_support, times, duration)
         self._feet = self._feet.with_foot(side, pose)
+        self._first[side] = float(self._num_steps == 0)
+        self._num_steps += 1
 
     def add_final_transfer(self, duration: float) -> None:
         """Appends the shift to midway between the soles, and a long rest."""
@@ -156,8 +170,10 @@ class _Path:
         left, right = (self._feet[side].to_world(centre) for side in Side)
         mid = 0.5 * (left + right)
         split = self._params.transfer_split
-        self._add([mid, mid], [split, 1.0 - split], duration)
+        on_mid = 0.5 * sum(self._first.values())
+        self._add([mid, mid], [on_mid] * 2, [split, 1.0 - split], duration)
         self._points.append(mid)
+        self._shares.append(on_mid)
 
     def waypoints(self) -> CopWaypoints:
         """Returns what has been collected."""
@@ -166,16 +182,23 @@ class _Path:
             np.array(self._points),
             np.maximum([*durations, _REST_DURATION], _MIN_DURATION),
             len(self._phases[0]),
+            np.array(self._shares),
         )
 
     def _add(
-        self, points: list[Array], shares: list[float], duration: float
+        self,
+        points: list[Array],
+        step_shares: list[float],
+        times: list[float],
+        duration: float,
     ) -> None:
+        """Appends a phase; `times` are the shares of its `duration` [s]."""
         # The schedule knows the present phase better than the footstep does.
         if not self._phases and math.isfinite(self._present_duration):
             duration = self._present_duration
         self._points += points
-        self._phases.append([share * duration for share in shares])
+        self._shares += step_shares
+        self._phases.append([share * duration for share in times])
 
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str

@@ -29,6 +29,7 @@ from diagrams.scenario import Scenario, load_scenario
 from diagrams.simulation import Run, simulate, start
 from diagrams.start import initial_walking_state
 from diagrams.summary import summarize
+from nadia_balance.core.icp_step_qp import IcpStepQpParams
 from tests.diagrams.noisy_lipm import NoisyLipmDiagram
 
 ALL = "all_with_cross_over"
@@ -134,6 +135,19 @@ def test_more_mechanisms_never_recover_less(direction):
         largest[name] = march(name, direction, delta_v)
         delta_v = largest[name] - RAGGED
     assert largest[ALL] >= largest["icp_only"] + 3 * STEP
+
+
+@pytest.mark.parametrize(
+    "direction, delta_v", [(0, 0.92), (180, 0.92), (210, 0.84), (300, 0.55)]
+)
+def test_the_atlas_paper_s_qp_recovers_what_ankles_do_not(direction, delta_v):
+    """Oracle: column step of lipm_limit.csv [m/s], and icp_only."""
+    scenario = pushed("step", direction, delta_v)
+    scenario.controller.icp_step_qp = IcpStepQpParams()
+    summary = summary_of(scenario, run_of(scenario))
+    assert (summary["recovered"], summary["reason"]) == (True, "")
+    assert summary["steps_after_push"] == 8
+    assert not recovers("icp_only", direction, delta_v)
 
 
 @pytest.mark.parametrize("direction", LIMIT)

@@ -1,4 +1,4 @@
-"""The Nadia paper's stories, told by the robot: Figs. 12, 13 and 14."""
+"""The papers' stories, told by the robots: Figs. 12 to 14, and Fig. 6."""
 
 from dataclasses import dataclass
 
@@ -72,6 +72,11 @@ def cross_over() -> Story:
     return tell("cross_over", 7.0)
 
 
+@pytest.fixture(scope="module")
+def atlas_steps() -> Story:
+    return tell("atlas_steps", 10.0)
+
+
 def pushed_in(story: Story) -> tuple[Side, float]:
     """The foot in the air when the push began, and how far its swing was."""
     start = story.push.start
@@ -86,7 +91,9 @@ def distance(step: Step, x: float) -> float:
     return float(np.linalg.norm(step.achieved.p_WF - foothold.p_WF))
 
 
-@pytest.mark.parametrize("name", ["backward_shove", "cross_over"])
+@pytest.mark.parametrize(
+    "name", ["backward_shove", "cross_over", "atlas_steps"]
+)
 def test_she_recovers_by_her_feet_alone(name, request):
     """Oracle: the summary: upright, the ICP back, no contact but the soles'."""
     summary = request.getfixturevalue(name).summary
@@ -181,3 +188,32 @@ def test_after_crossing_her_feet_go_back_to_their_footholds(cross_over):
     assert {step.side for step in last} == set(Side)
     for step in last:
         assert distance(step, 0.0) < BACK
+
+
+def test_atlas_is_shoved_outward_half_way_through_a_right_swing(atlas_steps):
+    """Oracle: the Atlas paper, Fig. 6: steps of 0.5 m and 0.95 s, forward."""
+    side, part = pushed_in(atlas_steps)
+    assert side is Side.RIGHT
+    assert part == pytest.approx(0.5, abs=0.01)
+    force = atlas_steps.push.force
+    assert force[1] < 0.0
+    assert force[0] == pytest.approx(0.0, abs=1e-3 * abs(force[1]))
+    before = steps(atlas_steps.log)[1]
+    lasts = before.transfer.duration + before.swing.duration
+    assert lasts == pytest.approx(0.95, abs=0.03)
+    forward, _ = atlas_steps.seen_from_stance(before)
+    assert forward == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_qp_steps_out_and_atlas_walks_on(atlas_steps):
+    """Oracle: Sec. IV; the n-th of the gait's footholds is n times 0.5 m ahead.
+
+    Back within 3 cm, at most 6 steps after the push.
+    """
+    hit, later = atlas_steps.steps[0], atlas_steps.steps[5:]
+    assert hit.adjustment[1] < -0.2
+    assert hit.swing.duration < 0.7
+    assert len(later) >= 1
+    for step in later:
+        foothold = [0.5 * step.number, step.side.sign * HALF_WIDTH, 0.0]
+        assert np.linalg.norm(step.achieved.p_WF - foothold) < BACK
