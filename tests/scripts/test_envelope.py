@@ -254,7 +254,7 @@ REFUSED = [
     (["--largest", "1e308"], "largest = 1e+308: must be in [resolution = 0.1"),
     (["--workers", "0"], "workers = 0: must be >= 1"),
     (["--timeout", "0"], "timeout = 0.0: must be in (0, 1e+06] s"),
-    (["--robot", "fred"], "robot = 'fred': must be one of nadia"),
+    (["--robot", "fred"], "robot = 'fred': must be one of atlas, nadia"),
     (["--seed", "-1"], "seed = -1: must be >= 0"),
     (["--plant", "paper"], "argument --plant: invalid choice: 'paper'"),
     (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),

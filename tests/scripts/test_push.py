@@ -147,7 +147,7 @@ REFUSED = [
         ["--scenario_text", "pushes: [{delta_v: 1,time: 1,duration: 0.001}]"],
         "duration = 0.001: must be a multiple of 0.002 s",
     ),
-    (["--robot", "fred"], "robot = 'fred': must be one of nadia"),
+    (["--robot", "fred"], "robot = 'fred': must be one of atlas, nadia"),
     (["--robot", "nowhere.yaml"], "robot = nowhere.yaml: no such file"),
     (["--mechanisms", "luck"], "mechanisms = 'luck': must be one of icp_only"),
     (
@@ -455,7 +455,7 @@ def test_ctrl_c_ends_the_program_with_its_results(tmp_path):
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (("--robot", "fred"), "push.py: robot = 'fred': must be one of nadia"),
+        (("--robot", "fred"), "push.py: robot = 'fred': must be one of atlas, nadia"),
         (("--duration", "nan"), "push.py: argument --duration: 'nan': must be"),
         (
             ("--scenario_text", "plant_config: {stiction_tolerance: -1}"),
