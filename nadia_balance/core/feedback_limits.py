@@ -68,3 +68,13 @@ def feedback_limits(
     C[max_edges:, 2:], upper[max_edges:] = axes, max_kappa
     lower[max_edges:] = -max_kappa
     return FeedbackLimits(polygon, axes, max_kappa, C, lower, upper)
+
+
+def check_safe_distance(distance: float, sole: Array) -> None:
+    """Raises ValueError if the CoP has no place in the `sole` (n, 2) [m]."""
+    try:
+        shrink(sole, distance)
+    except ValueError:
+        raise ValueError(
+            f"cop_safe_distance = {distance}: must leave some of the sole"
+        ) from None

@@ -49,7 +49,6 @@ class IcpStepQpParams:
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} = {value}: must be finite and >= 0")
-        DenseQp(1, 0, 0, self.solver)  # raises if there is no such solver
 
 
 class StepFeedback(NamedTuple):

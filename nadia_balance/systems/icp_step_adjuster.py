@@ -5,6 +5,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.cop_waypoints import CopWaypointParams
+from nadia_balance.core.feedback_limits import check_safe_distance
 from nadia_balance.core.foothold_adjustment import CaptureRegions, unadjusted
 from nadia_balance.core.icp_step_adjustment import (
     StepPlan,
@@ -65,11 +66,10 @@ class IcpStepAdjuster(LeafSystem):
         super().__init__()
         cop_params.validate()
         reach.validate()
-        self._qp, self._cop_params, self._reach = (
-            IcpStepQp(params),
-            cop_params,
-            reach,
-        )
+        check_safe_distance(params.cop_safe_distance, sole)
+        max_rows = len(sole) + len(base_region(reach)) + 1
+        self._qp = IcpStepQp(params, max_rows)
+        self._cop_params, self._reach = cop_params, reach
         self._sole, self._omega = sole, omega
         self._icp = self.DeclareVectorInputPort("icp", 2)
         self._walking_state = self.DeclareAbstractInputPort(

@@ -15,13 +15,16 @@ from nadia_balance.core.com_height import (
     plan_com_height,
     vertical_acceleration,
 )
-from nadia_balance.core.feedback_limits import FeedbackLimits, feedback_limits
+from nadia_balance.core.feedback_limits import (
+    FeedbackLimits,
+    check_safe_distance,
+    feedback_limits,
+)
 from nadia_balance.core.momentum_qp import (
     IcpFeedbackQp,
     MomentumQpParams,
     momentum_rate,
 )
-from nadia_balance.core.polygon import shrink
 from nadia_balance.core.support_polygon import support_polygon
 from nadia_balance.core.walking import ContactSchedule, WalkingState
 from nadia_balance.systems.ports import declare_input, eval_finite, eval_typed
@@ -78,7 +81,7 @@ class MomentumQp(LeafSystem):
         super().__init__()
         params.validate()
         height_params.validate()
-        _check_safe_distance(params.cop_safe_distance, sole)
+        check_safe_distance(params.cop_safe_distance, sole)
         self._params, self._height_params = params, height_params
         self._mass, self._omega = mass, omega
         self._nominal, self._legs, self._sole = com_height, legs, sole
@@ -206,13 +209,3 @@ class MomentumQp(LeafSystem):
         output.set_value(
             momentum_rate(self._mass, self._omega, com[:2], ecmp, acceleration)
         )
-
-
-def _check_safe_distance(distance: float, sole: np.ndarray) -> None:
-    """Raises ValueError if the CoP has no place in the `sole` (n, 2) [m]."""
-    try:
-        shrink(sole, distance)
-    except ValueError:
-        raise ValueError(
-            f"cop_safe_distance = {distance}: must leave some of the sole"
-        ) from None

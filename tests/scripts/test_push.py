@@ -455,7 +455,10 @@ def test_ctrl_c_ends_the_program_with_its_results(tmp_path):
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (("--robot", "fred"), "push.py: robot = 'fred': must be one of atlas, nadia"),
+        (
+            ("--robot", "fred"),
+            "push.py: robot = 'fred': must be one of atlas, nadia",
+        ),
         (("--duration", "nan"), "push.py: argument --duration: 'nan': must be"),
         (
             ("--scenario_text", "plant_config: {stiction_tolerance: -1}"),

@@ -122,7 +122,24 @@ def test_can_be_switched_off_and_on(adjuster):
     np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)
 
 
-def test_refuses_parameters_that_are_out_of_range():
-    params = replace(PARAMS, step_weight=0.0)
-    with pytest.raises(ValueError, match="step_weight = 0.0: must be"):
+def test_takes_a_reach_of_any_polygon():
+    """Oracle: 60 corners in a circle; she steps as far as that allows."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    circle = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = [0.0, 0.45] + circle
+    reach = ReachabilityParams(base_polygon=corners.tolist())
+    adjuster = IcpStepAdjuster(PARAMS, COP, reach, SOLE, OMEGA)
+    context = adjuster.CreateDefaultContext()
+    found, _ = outputs(adjuster, context, IN_AIR, np.array([0.25, 0.05]))
+    stance = IN_PLACE.feet.left
+    x, y = stance.to_sole(found.pose.p_WF[None, :2])[0]
+    assert np.hypot(x, -y - 0.45) == pytest.approx(0.3, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "field, value", [("step_weight", 0.0), ("cop_safe_distance", 0.06)]
+)
+def test_refuses_parameters_that_are_out_of_range(field, value):
+    params = replace(PARAMS, **{field: value})
+    with pytest.raises(ValueError, match=f"{field} = {value}: must"):
         IcpStepAdjuster(params, COP, REACH, SOLE, OMEGA)
