@@ -55,6 +55,7 @@ def test_drake_parses_without_a_warning(name, caplog):
 
 @every_robot
 def test_the_ground_adds_neither_body_nor_mass(name):
+    """Oracle: the links of the URDF, and the mass of the robot alone."""
     world = World(ROBOTS[name])
     assert world.plant.num_bodies() == 1 + len(URDFS[name].links)
     mass = world.plant.CalcTotalMass(world.context)
@@ -149,7 +150,7 @@ def test_only_the_corners_of_the_soles_touch_when_standing(name, step_width):
     ],
 )
 def test_legs_that_pass_through_each_other_are_noticed(name, hips, left, right):
-    """Adducts the hips, left and right, until the legs cross."""
+    """Oracle: the two links; the hips are adducted until the legs cross."""
     world = World(ROBOTS[name], ROBOTS[name].standing_positions(0.1), 0.5)
     for joint, angle in zip(HIPS[name], hips, strict=False):
         world.set_angle(joint, angle)

@@ -57,6 +57,11 @@ def unadjusted(schedule: ContactSchedule) -> Adjustment:
     return Adjustment(step, step.pose)
 
 
+def current_adjustment(state: WalkingState) -> Adjustment:
+    """Returns the adjustment that holds, be it none."""
+    return state.adjustment or unadjusted(state.schedule)
+
+
 def touchdown_interval(
     state: WalkingState,
     time_adjustment: float,
@@ -119,7 +124,7 @@ def propose_adjustment(
     A tick lasts `period` [s].  The foothold stays as it is too early and too
     late in a swing; early, because the ICP jumps when the contacts change.
     """
-    current = state.adjustment or unadjusted(state.schedule)
+    current = current_adjustment(state)
     if (
         not params.enabled
         or state.schedule.phase is not Phase.SWING

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
-from nadia_balance.core.foothold_adjustment import unadjusted
-from nadia_balance.core.icp_step_qp import IcpStepQp
+from nadia_balance.core.foothold_adjustment import current_adjustment
+from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.polygon import halfspaces, shrink
 from nadia_balance.core.reachability import (
     ReachabilityParams,
@@ -34,7 +34,8 @@ class StepPlan:
     The Atlas paper's Eq. 18, with the places of the CMP in the soles as they
     are for the `nominal` footstep.  The CMP goes through the `waypoints`
     (N + 1, 2) [m] in W at the times `knots` (N + 1,) [s] since the phase began,
-    and these move with the foothold by their `shares` (N + 1,) [-].
+    and these move with the foothold by their `shares` (N + 1,) [-].  CMP and
+    foothold must be in half-spaces A p <= b, with A (n, 2) and b (n,) [m].
     """
 
     nominal: Footstep
@@ -42,6 +43,8 @@ class StepPlan:
     waypoints: Array
     shares: Array
     omega: float
+    cmps: tuple[Array, Array]  # of the stance foot (Eq. 21)
+    footholds: tuple[Array, Array]  # within reach (Eq. 22)
 
     def __deepcopy__(self, memo: object) -> "StepPlan":
         return self
@@ -64,56 +67,57 @@ def step_plan(
     schedule: ContactSchedule,
     nominal: Footstep,
     sole: Array,
-    params: CopWaypointParams,
+    cop_params: CopWaypointParams,
+    reach: ReachabilityParams,
+    params: IcpStepQpParams,
     omega: float,
 ) -> StepPlan:
     """Returns the plan of `schedule`, with `nominal` for its next footstep.
 
-    `sole` (n, 2) [m] are the corners of either sole; omega [rad/s].
+    `sole` (n, 2) [m] are the corners of either sole; omega [rad/s].  The foot
+    lands in the base region of `reach`: this paper knows no crossed legs.
     """
     steps = (nominal, *schedule.footsteps[1:])
-    path = cop_waypoints(replace(schedule, footsteps=steps), sole, params)
+    path = cop_waypoints(replace(schedule, footsteps=steps), sole, cop_params)
     knots = np.concatenate([[0.0], np.cumsum(path.durations)])
-    return StepPlan(nominal, knots, path.points, path.step_shares, omega)
+    stance = schedule.feet[nominal.side.other]
+    cmps = shrink(stance.to_world(sole), params.cop_safe_distance)
+    return StepPlan(
+        nominal,
+        knots,
+        path.points,
+        path.step_shares,
+        omega,
+        halfspaces(cmps),
+        footholds(stance, nominal.side, sole, reach, params.sole_clearance),
+    )
 
 
-def may_move(state: WalkingState, qp: IcpStepQp) -> bool:
+def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
     """True in a swing, but not too early and not too late in it."""
     return (
         state.schedule.phase is Phase.SWING
-        and state.elapsed >= qp.params.settling_time
-        and state.remaining_time >= qp.params.freeze_time
+        and state.elapsed >= params.settling_time
+        and state.remaining_time >= params.freeze_time
     )
 
 
 def propose_by_qp(
-    state: WalkingState,
-    plan: StepPlan,
-    icp: Array,
-    sole: Array,
-    reach: ReachabilityParams,
-    qp: IcpStepQp,
+    state: WalkingState, plan: StepPlan, icp: Array, qp: IcpStepQp
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick.
 
-    `plan` is that of `state`, `icp` (2,) [m] is measured, `sole` (n, 2) [m]
-    are the corners of either sole.  The foot lands in the base region of
-    `reach`: this paper knows no crossed legs.  Its way is counted from the
-    foothold that was to be, so that it comes back with the ICP.  If there is
-    no solution, the foothold stays.
+    `plan` is that of `state`, `icp` (2,) [m] is measured.  The way is counted
+    from the foothold that was to be, so that it comes back with the ICP.  If
+    there is no solution, the foothold stays.
     """
-    current = state.adjustment or unadjusted(state.schedule)
+    current = current_adjustment(state)
     icp_r, cmp_r, gamma = plan.at(state.time_in_phase)
-    stance = state.schedule.feet[state.schedule.support_side]
-    cmps = shrink(stance.to_world(sole), qp.params.cop_safe_distance)
-    allowed = footholds(
-        stance, plan.nominal.side, sole, reach, qp.params.sole_clearance
-    )
     feedback = qp.solve(
         icp - icp_r,
         gamma,
-        _room(*halfspaces(cmps), cmp_r),
-        _room(*allowed, plan.nominal.pose.p_WF[:2]),
+        _room(*plan.cmps, cmp_r),
+        _room(*plan.footholds, plan.nominal.pose.p_WF[:2]),
     )
     if not feedback.result.solved:
         return current

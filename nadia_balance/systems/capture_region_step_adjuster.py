@@ -10,6 +10,7 @@ from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
     capture_regions,
+    current_adjustment,
     propose_adjustment,
     touchdown_interval,
     unadjusted,
@@ -154,9 +155,8 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if now.landing is None:
             output.set_value(CaptureRegions())
             return
-        adjustment = (
-            self._adjustment.Eval(context)
-            or now.state.adjustment  # of before it was switched off
-            or unadjusted(now.state.schedule)
+        # None if it is switched off: that of before holds.
+        adjustment = self._adjustment.Eval(context) or current_adjustment(
+            now.state
         )
         output.set_value(capture_regions(now.landing, adjustment))

@@ -6,7 +6,10 @@ from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.feedback_limits import check_safe_distance
-from nadia_balance.core.foothold_adjustment import CaptureRegions, unadjusted
+from nadia_balance.core.foothold_adjustment import (
+    CaptureRegions,
+    current_adjustment,
+)
 from nadia_balance.core.icp_step_adjustment import (
     StepPlan,
     may_move,
@@ -100,15 +103,17 @@ class IcpStepAdjuster(LeafSystem):
 
     def _calc_plan(self, context, cache):
         state = self._state(context)
-        current = state.adjustment or unadjusted(state.schedule)
+        nominal = current_adjustment(state).nominal
         # The start is a new one in every phase.
-        key = state.schedule.start, current.nominal
+        key = state.schedule.start, nominal
         if cache.get_value()[0] != key:
             plan = step_plan(
                 state.schedule,
-                current.nominal,
+                nominal,
                 self._sole,
                 self._cop_params,
+                self._reach,
+                self._qp.params,
                 self._omega,
             )
             cache.set_value((key, plan))
@@ -119,34 +124,28 @@ class IcpStepAdjuster(LeafSystem):
     def _calc_adjustment(self, context, output):
         state = self._state(context)
         if not self._enabled(context):
-            output.set_value(None)
-        elif not may_move(state, self._qp):
-            output.set_value(state.adjustment or unadjusted(state.schedule))
+            proposal = None
+        elif not may_move(state, self._qp.params):
+            proposal = current_adjustment(state)
         else:
-            output.set_value(
-                propose_by_qp(
-                    state,
-                    self._step_plan(context),
-                    eval_finite(self, context, self._icp),
-                    self._sole,
-                    self._reach,
-                    self._qp,
-                )
+            proposal = propose_by_qp(
+                state,
+                self._step_plan(context),
+                eval_finite(self, context, self._icp),
+                self._qp,
             )
+        output.set_value(proposal)
 
     def _calc_capture_regions(self, context, output):
-        schedule = self._state(context).schedule
-        if schedule.phase is not Phase.SWING:
+        state = self._state(context)
+        if state.schedule.phase is not Phase.SWING:
             output.set_value(CaptureRegions())
             return
-        adjustment = (
-            self._adjustment.Eval(context)
-            or self._state(context).adjustment
-            or unadjusted(schedule)
-        )
+        # None if it is switched off: that of before holds.
+        adjustment = self._adjustment.Eval(context) or current_adjustment(state)
         reach = in_world(
             base_region(self._reach),
-            schedule.feet[schedule.support_side],
+            state.schedule.feet[state.schedule.support_side],
             adjustment.nominal.side,
         )
         nominal = adjustment.nominal.pose

@@ -52,15 +52,16 @@ def icp_of(schedule, t):
     return plan_icp(schedule, SOLE, params, OMEGA).at(t).icp
 
 
-def plan_of(schedule):
-    return step_plan(schedule, schedule.footsteps[0], SOLE, COP, OMEGA)
+def plan_of(schedule, nominal=None, params=PARAMS):
+    nominal = nominal or schedule.footsteps[0]
+    return step_plan(schedule, nominal, SOLE, COP, REACH, params, OMEGA)
 
 
 def proposed(icp, schedule, adjustment=None, params=PARAMS):
     state = WalkingState(schedule, MIDDLE, MIDDLE, adjustment=adjustment)
     nominal = adjustment.nominal if adjustment else schedule.footsteps[0]
-    plan = step_plan(schedule, nominal, SOLE, COP, OMEGA)
-    return propose_by_qp(state, plan, icp, SOLE, REACH, IcpStepQp(params))
+    plan = plan_of(schedule, nominal, params)
+    return propose_by_qp(state, plan, icp, IcpStepQp(params))
 
 
 @pytest.mark.parametrize("gait", WALKS)
@@ -191,5 +192,6 @@ def test_a_small_change_is_not_worth_the_swing_foot_s_while():
 def test_a_foothold_moves_only_while_the_foot_can_follow(
     phase, t, elapsed, may
 ):
+    """Oracle: settling and freeze time, by hand."""
     state = WalkingState(in_phase(phase, length=0.0), t, elapsed)
-    assert may_move(state, IcpStepQp(PARAMS)) is may
+    assert may_move(state, PARAMS) is may

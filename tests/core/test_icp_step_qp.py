@@ -110,5 +110,6 @@ def test_refuses_what_is_out_of_range(field, value):
 
 
 def test_refuses_what_is_not_finite():
+    """Oracle: the message."""
     with pytest.raises(ValueError, match="must be finite"):
         solve([np.nan, 0.0], params=replace(PARAMS, solver="clarabel"))

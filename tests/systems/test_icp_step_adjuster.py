@@ -47,9 +47,8 @@ def outputs(adjuster, context, state, icp=OUT, step=None):
 
 def expected(state, icp=OUT):
     nominal = IN_PLACE.footsteps[0]
-    plan = step_plan(state.schedule, nominal, SOLE, COP, OMEGA)
-    qp = IcpStepQp(PARAMS)
-    return propose_by_qp(state, plan, icp, SOLE, REACH, qp)
+    plan = step_plan(state.schedule, nominal, SOLE, COP, REACH, PARAMS, OMEGA)
+    return propose_by_qp(state, plan, icp, IcpStepQp(PARAMS))
 
 
 def test_proposes_what_the_core_proposes(adjuster):
@@ -65,6 +64,7 @@ def test_proposes_what_the_core_proposes(adjuster):
     "state", [ON_TWO_FEET, replace(IN_AIR, elapsed=0.0)], ids=["two", "early"]
 )
 def test_leaves_the_foothold_while_it_may_not_move(adjuster, state):
+    """Oracle: the very pose that was commanded."""
     context = adjuster.CreateDefaultContext()
     found, _ = outputs(adjuster, context, state)
     assert found.pose is state.schedule.footsteps[0].pose
@@ -104,6 +104,7 @@ def test_draws_reach_and_footholds(adjuster):
 
 
 def test_draws_nothing_on_two_feet(adjuster):
+    """Oracle: CaptureRegions() as it is made."""
     context = adjuster.CreateDefaultContext()
     _, drawn = outputs(adjuster, context, ON_TWO_FEET)
     assert drawn.nominal is CaptureRegions().nominal is None
@@ -140,6 +141,7 @@ def test_takes_a_reach_of_any_polygon():
     "field, value", [("step_weight", 0.0), ("cop_safe_distance", 0.06)]
 )
 def test_refuses_parameters_that_are_out_of_range(field, value):
+    """Oracle: the message; the sole is 0.12 m wide."""
     params = replace(PARAMS, **{field: value})
     with pytest.raises(ValueError, match=f"{field} = {value}: must"):
         IcpStepAdjuster(params, COP, REACH, SOLE, OMEGA)
