@@ -2,24 +2,22 @@
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlant
 from pydrake.systems.framework import (
     Context,
     Diagram,
     DiagramBuilder,
     OutputPort,
+    System,
 )
-from pydrake.systems.primitives import ZeroOrderHold
+from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.logs import SignalLog, region_logs
-from diagrams.meshcat_scene import add_robot_view
-from diagrams.scenario import Scenario
-from diagrams.start import initial_walking_state
 from nadia_balance.balance_controller import BalanceController
-from nadia_balance.capture_point_controller import ControllerParams
-from nadia_balance.core.mechanisms import mechanisms_of
-from nadia_balance.robot import load_robot, terrain_file
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.signal_log import SignalLog, region_logs
+from nadia_balance.results.log import FootPositions
+from nadia_balance.results.scene import add_robot_view
+from nadia_balance.robot import load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.live_controls import LiveControls
@@ -47,6 +45,7 @@ VISUALIZED = (
     "ecmp_command",
     "capture_regions",
 )
+EXPORTED = ("walking_state", "icp", "swing_foot_reference")
 FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
 FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
 
@@ -54,30 +53,37 @@ FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
 class HumanoidDiagram(Diagram):
     """Closes the loop of BalanceController and a MultibodyPlant."""
 
-    def __init__(self, scenario: Scenario, meshcat: Meshcat | None = None):
+    def __init__(
+        self,
+        scenario: Scenario,
+        meshcat: Meshcat | None = None,
+        **blocks: System,
+    ):
         """Builds all of `scenario`; draws if there is a `meshcat`.
 
+        `blocks` take the place of those of the CapturePointController.
+
         Raises:
-            ValueError: the robot cannot stand as it is told.
+            ValueError: the robot cannot stand as it is told, or a block lacks
+                a port.
         """
         super().__init__()
         self.scenario = scenario
-        params = scenario.controller_params()
+        params = scenario.controller
         period = params.control_period
         self.robot = load_robot(scenario.robot)
-        self.initial = initial_walking_state(scenario)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
-        self.plant, self.scene_graph = AddMultibodyPlant(
-            scenario.plant_config, builder
+        self.plant, self.scene_graph = self.robot.add_plant_to(
+            builder, scenario.plant_config
         )
-        self.robot.add_to(self.plant)
-        Parser(self.plant).AddModels(str(terrain_file()))
-        self.plant.Finalize()
         self.controller = builder.AddNamedSystem(
             "balance_controller",
             BalanceController(
-                params, self.robot, self.initial, switchable=meshcat is not None
+                params,
+                self.robot,
+                start=scenario.start(self.robot.point_mass),
+                **blocks,
             ),
         )
         self.push = builder.AddNamedSystem(
@@ -93,94 +99,71 @@ class HumanoidDiagram(Diagram):
         self.sensor = builder.AddNamedSystem(
             "foot_force_sensor", FootForceSensor(self.plant, self.robot, period)
         )
-        self._close_loop(builder, period)
-        live = {}
+        self._close_loop(builder)
+        self._mechanisms = self._add_mechanisms(builder, meshcat)
         if meshcat is not None:
-            self._draw(builder, meshcat)
-            live = self._add_controls(builder, meshcat, params)
-        self._log(builder, period, live)
+            add_robot_view(builder, self.scene_graph, meshcat)
+            view = builder.AddNamedSystem(
+                "balance_visualizer",
+                BalanceVisualizer(meshcat, self.robot.sole),
+            )
+            drawn = filter(self.controller.HasOutputPort, VISUALIZED)
+            connect(builder, self.controller, view, *drawn)
+            connect(builder, self.push, view, "push_force")
+        self._log(builder, period)
+        for name in EXPORTED:
+            builder.ExportOutput(self.controller.GetOutputPort(name), name)
         builder.BuildInto(self)
 
-    def _close_loop(self, builder: DiagramBuilder, period: float) -> None:
+    def _close_loop(self, builder: DiagramBuilder) -> None:
         plant, controller = self.plant, self.controller
-        actuation = controller.GetOutputPort("actuation")
-        self.hold = builder.AddNamedSystem(
-            "actuation_zero_order_hold",
-            ZeroOrderHold(period, actuation.size()),
-        )
-        for source, sink in (
-            (actuation, self.hold.get_input_port()),
-            (self.hold.get_output_port(), plant.get_actuation_input_port()),
-            (
-                plant.get_state_output_port(),
-                controller.GetInputPort("estimated_state"),
-            ),
-            (
-                plant.get_contact_results_output_port(),
-                self.sensor.GetInputPort("contact_results"),
-            ),
-            (
-                self.push.GetOutputPort("spatial_forces"),
-                plant.get_applied_spatial_force_input_port(),
-            ),
-        ):
-            builder.Connect(source, sink)
+        connect(builder, plant, controller, state="estimated_state")
+        connect(builder, plant, self.sensor, "contact_results")
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
-
-    def _draw(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
-        add_robot_view(builder, self.scene_graph, meshcat)
-        view = builder.AddNamedSystem(
-            "balance_visualizer", BalanceVisualizer(meshcat, self.robot.sole)
+        connect(builder, controller, plant, "actuation")
+        connect(
+            builder, self.push, plant, spatial_forces="applied_spatial_force"
         )
-        connect(builder, self.controller, view, *VISUALIZED)
-        connect(builder, self.push, view, "push_force")
 
-    def _add_controls(
-        self,
-        builder: DiagramBuilder,
-        meshcat: Meshcat,
-        params: ControllerParams,
-    ) -> dict[str, OutputPort]:
-        """Returns what is to be logged of them."""
-        on = mechanisms_of(params.timing_adapter, params.step_adjuster)
-        controls = builder.AddNamedSystem(
-            "live_controls", LiveControls(meshcat, on)
-        )
-        connect(builder, controls, self.push, "live_push")
-        connect(builder, controls, self.controller, "mechanisms")
-        return {"mechanisms": controls.GetOutputPort("mechanisms")}
+    def _add_mechanisms(
+        self, builder: DiagramBuilder, meshcat: Meshcat | None
+    ) -> OutputPort:
+        """Adds what says which mechanisms are on: the scenario, or the user."""
+        on = MECHANISMS[self.scenario.mechanisms]
+        if meshcat is None:
+            port = builder.AddNamedSystem(
+                "mechanisms", ConstantVectorSource(on.as_vector())
+            ).get_output_port()
+        else:
+            controls = builder.AddNamedSystem(
+                "live_controls", LiveControls(meshcat, on)
+            )
+            connect(builder, controls, self.push, "live_push")
+            port = controls.GetOutputPort("mechanisms")
+        builder.Connect(port, self.controller.GetInputPort("mechanisms"))
+        return port
 
-    def _log(
-        self,
-        builder: DiagramBuilder,
-        period: float,
-        live: dict[str, OutputPort],
-    ) -> None:
+    def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {
             name: self.controller.GetOutputPort(name)
-            for name in CONTROLLER_LOGS
+            for name in filter(self.controller.HasOutputPort, CONTROLLER_LOGS)
         }
-        signals["push_force"] = self.push.GetOutputPort("push_force")
+        signals["mechanisms"] = self._mechanisms
+        for name in ("push_force", "push_signal"):
+            signals[name] = self.push.GetOutputPort(name)
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
         signals["state"] = self.plant.get_state_output_port()
-        self._signal_log = SignalLog(builder, period, signals | live)
+        self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
-        """Puts the robot on its feet, with the torques that hold it."""
+        """Puts the robot on its feet, shifted as the scenario's seed says."""
         plant_context = self.plant.GetMyMutableContextFromRoot(context)
         q = self._standing.copy()
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
         self.plant.SetPositions(plant_context, q)
-        controller_context = self.controller.GetMyContextFromRoot(context)
-        torque = self.controller.GetOutputPort("actuation").Eval(
-            controller_context
-        )
-        self.hold.SetVectorState(
-            self.hold.GetMyMutableContextFromRoot(context), torque
-        )
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
@@ -202,7 +185,7 @@ class HumanoidDiagram(Diagram):
         )
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All that was logged (see diagrams.logs)."""
+        """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs["foot_poses"] = self._foot_positions(logs["state"])
         logs["num_positions"] = np.array(self.plant.num_positions())
@@ -210,22 +193,21 @@ class HumanoidDiagram(Diagram):
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
         logs["joint_speed_limit"] = np.array(self.robot.params.max_joint_speed)
-        adjuster = self.scenario.controller.step_adjuster
-        logs |= region_logs(adjuster.reachability)
+        logs |= region_logs(self.robot.point_mass.reach)
         return logs
 
     def _foot_positions(self, states: np.ndarray) -> np.ndarray:
-        """Sole centres p_WF (n, 6) [m], left and right, along `states`."""
+        """FootPositions (n, 6) along `states`."""
         plant = self.robot.control_plant()
         context = plant.CreateDefaultContext()
         feet = [
-            (plant.GetBodyByName(name), self.robot.X_FootSole[side])
+            (side, plant.GetBodyByName(name), self.robot.X_FootSole[side])
             for side, name in self.robot.foot_bodies.items()
         ]
-        positions = np.empty((len(states), 6))
-        for row, state in zip(positions, states, strict=True):
+        positions = FootPositions(np.empty((6, len(states))))
+        for row, state in enumerate(states):
             plant.SetPositionsAndVelocities(context, state)
-            for i, (body, X_FootSole) in enumerate(feet):
+            for side, body, X_FootSole in feet:
                 X_WF = plant.EvalBodyPoseInWorld(context, body) @ X_FootSole
-                row[3 * i : 3 * i + 3] = X_WF.translation()
-        return positions
+                getattr(positions, side.value)[:, row] = X_WF.translation()
+        return positions[:].T

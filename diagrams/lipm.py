@@ -1,28 +1,23 @@
-"""The brain on a point mass, which is faster than the robot."""
+"""The capture-point controller on a point mass, faster than the robot."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    System,
-)
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.logs import SignalLog, region_logs
-from diagrams.scenario import Scenario
-from diagrams.start import initial_walking_state
-from nadia_balance.balance_controller import point_mass_of
 from nadia_balance.capture_point_controller import CapturePointController
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.signal_log import SignalLog, region_logs
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 
-BRAIN_LOGS = (
+CONTROLLER_LOGS = (
     "icp_reference",
     "ecmp_command",
     "momentum_rate",
@@ -35,81 +30,91 @@ FALLEN_DISTANCE = 0.8  # of the CoM from the nearer foot, horizontally [m]
 class LipmDiagram(Diagram):
     """Closes the loop of CapturePointController and PointMassPlant."""
 
-    def __init__(self, scenario: Scenario):
-        """Builds everything from the `scenario`."""
+    def __init__(self, scenario: Scenario, **blocks: System):
+        """Builds everything from the `scenario`.
+
+        `blocks` take the place of those of the CapturePointController.
+
+        Raises:
+            ValueError: a block lacks a port.
+        """
         super().__init__()
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
-        model, period = point_mass_of(self.robot), scenario.lipm_period
-        params = replace(scenario.controller_params(), control_period=period)
-        initial = initial_walking_state(scenario)
+        model, period = self.robot.point_mass, scenario.lipm_period
+        params = replace(scenario.controller, control_period=period)
+        start = scenario.start(model)
         builder = DiagramBuilder()
-        self.brain = builder.AddNamedSystem(
+        self.controller = builder.AddNamedSystem(
             "capture_point_controller",
-            CapturePointController(params, model, initial),
+            CapturePointController(params, model, start=start, **blocks),
         )
         self.swing = builder.AddNamedSystem(
             "swing_foot_planner",
-            SwingFootPlanner(params.swing_foot, initial, period),
+            SwingFootPlanner(params.swing_foot, model, period),
         )
         self.plant = builder.AddNamedSystem(
-            "plant",
-            PointMassPlant(
-                model.mass, model.omega, model.com_height, initial, period
-            ),
+            "plant", PointMassPlant(model, period, start)
         )
         self.push = builder.AddNamedSystem(
             "push_source", PushSource(scenario.pushes, model.mass, period)
         )
+        self._mechanisms = builder.AddNamedSystem(
+            "mechanisms",
+            ConstantVectorSource(MECHANISMS[scenario.mechanisms].as_vector()),
+        ).get_output_port()
         self._watched = [
             self.plant.GetOutputPort(name)
             for name in ("com_state", "foot_poses")
         ]
         self._close_loop(builder)
         self._log(builder, period)
+        for system, name in (
+            (self.controller, "walking_state"),
+            (self.plant, "icp"),
+            (self.swing, "swing_foot_reference"),
+        ):
+            builder.ExportOutput(system.GetOutputPort(name), name)
         builder.BuildInto(self)
 
     def _close_loop(self, builder: DiagramBuilder) -> None:
-        brain, plant = self.brain, self.plant
-        connect(builder, brain, self.swing, "walking_state")
-        connect(builder, brain, self.push, "walking_state")
-        connect(builder, brain, plant, "walking_state", "ecmp_command")
+        controller, plant = self.controller, self.plant
+        connect(builder, controller, self.swing, "walking_state")
+        connect(builder, controller, self.push, "walking_state")
+        connect(builder, controller, plant, "walking_state", "ecmp_command")
         connect(builder, self.swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")
-        connect(builder, plant, brain, "foot_poses", "foot_forces")
-        connect(builder, self._sensed(builder), brain, "com_state", "icp")
+        connect(builder, plant, controller, "foot_poses", "foot_forces")
+        sensed = self._sensed(builder)
+        connect(builder, sensed, controller, "com_state", "icp")
+        builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _sensed(self, builder: DiagramBuilder) -> System:
-        """The system whose com_state and icp the brain gets: the truth."""
+        """The system whose com_state and icp the controller gets: the truth."""
         return self.plant
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
-        logged = (
-            (self.plant, ("com_state", "icp", "foot_forces")),
-            (self.swing, ("swing_foot_reference",)),
-            (self.push, ("push_force",)),
-            (self.brain, BRAIN_LOGS),
-        )
-        self._signal_log = SignalLog(
-            builder,
-            period,
-            {
-                name: system.GetOutputPort(name)
-                for system, names in logged
-                for name in names
-            },
-        )
+        signals = {
+            name: system.GetOutputPort(name)
+            for system, names in (
+                (self.plant, ("com_state", "icp", "foot_forces")),
+                (self.swing, ("swing_foot_reference",)),
+                (self.push, ("push_force", "push_signal")),
+                (self.controller, CONTROLLER_LOGS),
+            )
+            for name in filter(system.HasOutputPort, names)
+        }
+        signals["mechanisms"] = self._mechanisms
+        self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass as the scenario's seed says."""
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
-            state = self.plant.GetMyMutableContextFromRoot(
-                context
-            ).get_mutable_discrete_state(0)
-            start = state.value().copy()
-            start[:2] += rng.uniform(-1e-5, 1e-5, 2)
-            state.set_value(start)
+            plant_context = self.plant.GetMyMutableContextFromRoot(context)
+            state = plant_context.get_mutable_discrete_state(0)
+            for axis, shift in enumerate(rng.uniform(-1e-5, 1e-5, 2)):
+                state[axis] += shift
 
     def fall_reason(self, context: Context) -> str:
         """Why the point mass counts as fallen; empty while it does not."""
@@ -128,8 +133,7 @@ class LipmDiagram(Diagram):
         return set()
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All that was logged (see diagrams.logs)."""
+        """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
-        adjuster = self.scenario.controller.step_adjuster
-        return logs | region_logs(adjuster.reachability)
+        return logs | region_logs(self.robot.point_mass.reach)

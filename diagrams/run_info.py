@@ -1,9 +1,38 @@
-"""What a summary says of a run beside its log."""
+"""What was simulated, and how many steps it takes to have recovered."""
 
-from diagrams.required_steps import required_steps
-from diagrams.scenario import Scenario
-from diagrams.simulation import Run
-from diagrams.summary import RunInfo
+import itertools
+
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.log import Log, pushes, signal
+from nadia_balance.results.summary import Run, RunInfo
+from nadia_balance.robot import load_robot
+
+
+def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
+    """Returns how many steps the last push requires, and how many were wanted.
+
+    Wanted are the scenario's `required_steps`, or as many as the gait had left
+    to take when the push began: none of a robot that only stands.  Required
+    are no more of them than fit between the push and the end of the run, each
+    with its own transfer and swing, less one, since a push delays the steps.
+    A run without a push is judged from its start.
+    """
+    start = scenario.start(load_robot(scenario.robot).point_mass).schedule
+    begin, taken = 0.0, 0
+    if felt := pushes(log):
+        begin = felt[-1].start
+        walking = signal(log, "walking_signal", felt[-1].first)
+        taken = int(walking.steps_taken)
+    left = start.footsteps[taken:]
+    wanted = min(scenario.required_steps, len(left))
+    ends = itertools.accumulate(
+        (step.transfer_duration + step.swing_duration for step in left),
+        initial=max(begin, start.duration),  # until then it stands
+    )
+    gait = scenario.gait
+    last = scenario.duration - gait.transfer_duration - gait.swing_duration
+    fitting = sum(end <= last + 1e-9 for end in itertools.islice(ends, 1, None))
+    return min(wanted, fitting), wanted
 
 
 def run_info(
@@ -23,13 +52,6 @@ def run_info(
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
-        fell_at=run.fell_at,
-        fall_reason=run.fall_reason,
-        error=run.error,
-        interrupted=run.interrupted,
-        missed_pushes=run.missed_pushes,
-        improper_contacts=run.improper_contacts,
-        cpu_time=run.cpu_time,
         required_steps=required,
         wanted_steps=wanted,
     )

@@ -7,14 +7,14 @@ from pathlib import Path
 from pydrake.common.yaml import yaml_load_file
 from pydrake.multibody.plant import MultibodyPlantConfig
 
-from diagrams.mechanisms import (
-    AS_IN_PARAMETERS,
-    MECHANISMS,
-    with_mechanism,
-)
 from nadia_balance.capture_point_controller import ControllerParams
-from nadia_balance.core.gait import Gait
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.gait import Gait, walking_start
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.robot import default_plant_config
 from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -25,28 +25,22 @@ PLANT_WORDS = {  # of MultibodyPlantConfig
 }
 
 
-def default_plant_config() -> MultibodyPlantConfig:
-    """Point contact at 1 kHz: exact enough, and the fastest that is."""
-    return MultibodyPlantConfig(
-        time_step=0.001,
-        contact_model="point",
-        discrete_contact_approximation="sap",
-    )
-
-
 @dataclass(kw_only=True)
 class Scenario:
     """One run: the same scenario and seed give the same bits."""
 
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
-    duration: float = 10.0  # [s]
-    seed: int = 0  # 0: exact start; else shifts it by up to 10 um
-    mechanisms: str = "icp_only"  # what may be used to recover
-    required_steps: int = 0  # after a push, to have recovered from it [-]
+    duration: float = bounded(10.0, above=0.0, unit="s")
+    # 0: the exact start; else it is shifted by up to 10 um.
+    seed: int = bounded(0, least=0)
+    # What may be used to recover.
+    mechanisms: str = bounded("icp_only", one_of=tuple(MECHANISMS))
+    # After a push, to have recovered from it [-].
+    required_steps: int = bounded(0, least=0)
     # Control period of the point mass.  It has the same largest pushes at
-    # 0.01 as at the robot's, controller.control_period, but is faster. [s]
-    lipm_period: float = 0.01
+    # 0.01 as at the robot's, controller.control_period, but is faster.
+    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s")
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
@@ -54,64 +48,45 @@ class Scenario:
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
 
-    def controller_params(self) -> ControllerParams:
-        """The controller's parameters, with the mechanisms switched."""
-        return with_mechanism(self.controller, self.mechanisms)
+    def start(self, model: PointMassModel) -> WalkingState:
+        """The walking state at the start of `model`, which stands."""
+        wait = self.controller.walking_state_machine.standing_duration
+        return walking_start(self.gait, model, wait)
 
-    def validate(self) -> None:
-        """Raises ValueError naming the field, its value, what is allowed."""
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}: must be >= 0")
-        if self.required_steps < 0:
-            raise ValueError(
-                f"required_steps = {self.required_steps}: must be >= 0"
-            )
-        if self.mechanisms not in (*MECHANISMS, AS_IN_PARAMETERS):
-            raise ValueError(
-                f"mechanisms = {self.mechanisms!r}: must be one of "
-                f"{', '.join((*MECHANISMS, AS_IN_PARAMETERS))}"
-            )
-        if not 0.0005 <= self.lipm_period <= 0.02:
-            raise ValueError(
-                f"lipm_period = {self.lipm_period}: must be in [0.0005, 0.02] s"
-            )
-        self.controller.validate()
-        _validate_plant(self.plant_config)
-        self._validate_periods()
-        self.gait.validate()
-        for push in self.pushes:
-            push.validate()
-            self._validate_moment(push)
-
-    def _validate_periods(self) -> None:
-        step = self.plant_config.time_step
-        ticks = self.controller.control_period / step
-        if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
-            raise ValueError(
-                f"time_step = {step}: must divide "
-                f"control_period = {self.controller.control_period} s"
-            )
+    def validate_more(self) -> None:
+        """Raises ValueError if fields do not go together."""
         period = self.controller.control_period
-        if not period <= self.duration < math.inf:
+        _check_plant(self.plant_config, period)
+        if self.duration < period:
             raise ValueError(
-                f"duration = {self.duration}: must be finite and >= "
-                f"control_period = {period} s"
+                f"duration = {self.duration}: must be >= "
+                f"controller.control_period = {period} s"
             )
+        crossing = MECHANISMS[self.mechanisms].cross_over
+        if self.controller.icp_step_qp and crossing:
+            raise ValueError(
+                "controller.icp_step_qp: must be null where the legs may "
+                f"cross, as with mechanisms = {self.mechanisms}"
+            )
+        for push in self.pushes:
+            self._check_moment(push)
 
-    def _validate_moment(self, push: Push) -> None:
+    def _check_moment(self, push: Push) -> None:
         """Refuses a push of which it is known that it will never come."""
-        gait = self.gait
-        if push.time is not None and not push.time < self.duration:
+        gait, moment = self.gait, push.moment
+        if moment.phase is None and not moment.time < self.duration:
             raise ValueError(
-                f"time = {push.time}: must be < duration = {self.duration} s"
+                f"at = {push.at!r}: must be before duration = {self.duration} s"
             )
-        if push.phase and not (gait.num_steps or gait.steps or gait.footholds):
+        if moment.phase and not (
+            gait.num_steps or gait.steps or gait.footholds
+        ):
             raise ValueError(
-                f"phase = {push.phase!r}: must come with steps in the gait"
+                f"at = {push.at!r}: must come with steps in the gait"
             )
 
 
-def _validate_plant(config: MultibodyPlantConfig) -> None:
+def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
     """Drake would refuse these late, and some by ending the process."""
     for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
         value = getattr(config, name)
@@ -128,6 +103,12 @@ def _validate_plant(config: MultibodyPlantConfig) -> None:
             raise ValueError(
                 f"{name} = {value!r}: must be one of {', '.join(words)}"
             )
+    ticks = control_period / config.time_step
+    if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
+        raise ValueError(
+            f"time_step = {config.time_step}: must divide "
+            f"control_period = {control_period} s"
+        )
 
 
 def scenario_names() -> dict[str, Path]:
@@ -166,5 +147,5 @@ def load_scenario(
         scenario = load_typed(
             Scenario, "scenario_text", data=text, defaults=scenario
         )
-    scenario.validate()
+    check(scenario)
     return scenario

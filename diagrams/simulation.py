@@ -1,47 +1,73 @@
-"""Runs a diagram until it is done, or the robot has fallen."""
+"""Runs a closed diagram until it is done, or the robot has fallen."""
 
+import contextlib
+import signal
+import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from diagrams.ctrl_c import until_ctrl_c
+from nadia_balance.results.summary import Run
+from nadia_balance.systems.push_source import PushSignal, PushSource
 
 WATCH_PERIOD = 0.01  # looks for a fall so often [s]
 
 
-@dataclass(frozen=True)
-class Run:
-    """What came out of a simulation."""
+class ClosedLoop(Protocol):
+    """What a diagram needs, beside being one, to be simulated here.
 
-    logs: dict[str, np.ndarray]  # name -> (n, size), and t (n,)
-    fell_at: float | None  # [s]
-    fall_reason: str
-    simulated_time: float  # [s]
-    cpu_time: float  # [s]
-    interrupted: bool  # by Ctrl-C
-    missed_pushes: int = 0  # that never came, or were cut off by the end
-    improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
-    error: str = ""  # that ended the run early, such as NaN at an input
+    Each `context` is that of the whole diagram.  A sweep also needs its output
+    ports walking_state, icp and swing_foot_reference.
+    """
 
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated seconds per second of processor time."""
-        return self.simulated_time / max(self.cpu_time, 1e-9)
+    push: PushSource  # one of its systems
+
+    def set_initial_state(self, context: Context) -> None:
+        """Puts the robot where it starts."""
+
+    def fall_reason(self, context: Context) -> str:
+        """Why the robot counts as fallen; empty while it does not."""
+
+    def improper_contacts(self, context: Context) -> set[str]:
+        """Contacts that are not those of a foot and the ground, by name."""
+
+    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
+        """All that was logged (see nadia_balance.results.log)."""
 
 
-def start(diagram) -> Simulator:
+def start(diagram: ClosedLoop) -> Simulator:
     """Returns a simulator of `diagram` that stands at the start."""
     simulator = Simulator(diagram)
     diagram.set_initial_state(simulator.get_mutable_context())
     return simulator
 
 
+def pushed(
+    diagram: ClosedLoop, walked: Context, delta_v: float, direction_deg: float
+) -> Simulator:
+    """Returns a simulator that goes on from a copy of `walked`.
+
+    Its first push is now one of `delta_v` [m/s] in a direction [deg].  What was
+    logged on the way is in the copy, too.
+    """
+    context = walked.Clone()
+    push_context = diagram.push.GetMyMutableContextFromRoot(context)
+    diagram.push.set_push(push_context, delta_v, direction_deg)
+    return Simulator(diagram, context)
+
+
+def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
+    """Whether and how the robot is pushed now."""
+    port = diagram.push.GetOutputPort("push_signal")
+    return PushSignal(port.Eval(diagram.push.GetMyContextFromRoot(context)))
+
+
 def simulate(
-    diagram,
+    diagram: ClosedLoop,
     duration: float,
     realtime_rate: float = 0.0,
     *,
@@ -56,87 +82,108 @@ def simulate(
     )
 
 
+def walk_to_push(
+    diagram: ClosedLoop, duration: float, until: Callable[[Context], bool]
+) -> tuple[Context, Run]:
+    """Simulates `diagram` from its start until its first push is about to be.
+
+    `pushed` goes on from there with any other push, as if it had been that one
+    from the start.  The run tells what ended the walk (see advance): that must
+    be `until`, or there is no push to come.
+    """
+    simulator, push = start(diagram), diagram.push
+    run = advance(
+        simulator,
+        duration,
+        stop_at_improper_contact=True,
+        until=lambda context: (
+            until(context) or push.begins(push.GetMyContextFromRoot(context))
+        ),
+    )
+    return simulator.get_context(), run
+
+
 def advance(
     simulator: Simulator,
     duration: float,
     realtime_rate: float = 0.0,
     *,
     stop_at_improper_contact: bool = False,
+    until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
     `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.  The
-    first improper contact decides that she has not recovered: who only wants
-    to know that stops there.
+    first improper contact decides that it has not recovered: who only wants
+    to know that stops there.  `until` is asked after every step of the plant.
     Ctrl-C, or an error while running, ends the run early; what was logged
     until then is returned.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
+    next_look, message = 0.0, ""
+    contacts: set[str] = set()
+    outcome: dict = {}
+
+    def decided() -> bool:
+        nonlocal next_look, contacts
+        if pressed():
+            outcome["interrupted"] = True
+        elif (now := context.get_time()) >= next_look:
+            next_look = now + WATCH_PERIOD
+            contacts |= diagram.improper_contacts(context)
+            if reason := diagram.fall_reason(context):
+                outcome.update(fell_at=now, fall_reason=reason)
+            elif stop_at_improper_contact and contacts:
+                return True
+        if not outcome and until(context):
+            outcome["until"] = True
+        return bool(outcome)
+
+    def look(_: Context) -> EventStatus:
+        if decided():
+            return EventStatus.ReachedTermination(diagram, "decided")
+        return EventStatus.DidNothing()
+
     simulator.set_target_realtime_rate(realtime_rate)
-    message = ""
     with until_ctrl_c() as pressed:
-        watch = _Watch(diagram, stop_at_improper_contact, pressed)
-        simulator.set_monitor(watch.look)
-        simulator.Initialize()
+        simulator.set_monitor(look)
         began = time.process_time()
         try:
             simulator.AdvanceTo(duration)
         except KeyboardInterrupt:
-            watch.interrupted = True
+            outcome["interrupted"] = True
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
             message = " ".join(str(error).split()) or type(error).__name__
         cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),
-        fell_at=watch.fell_at,
-        fall_reason=watch.reason,
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
-        interrupted=watch.interrupted,
-        missed_pushes=_missed_pushes(diagram, context),
-        improper_contacts=tuple(sorted(watch.improper_contacts)),
+        missed_pushes=int(push_signal(diagram, context).waiting),
+        improper_contacts=tuple(sorted(contacts)),
         error=message,
+        **outcome,
     )
 
 
-class _Watch:
-    """Looks at a running simulation now and then, from outside of it."""
+@contextlib.contextmanager
+def until_ctrl_c() -> Iterator[Callable[[], bool]]:
+    """Yields what tells whether Ctrl-C was pressed.
 
-    def __init__(
-        self,
-        diagram,
-        stop_at_improper_contact: bool,
-        pressed: Callable[[], bool],
-    ):
-        self._diagram, self._next_look, self._pressed = diagram, 0.0, pressed
-        self._stop_at_improper_contact = stop_at_improper_contact
-        self.fell_at: float | None = None
-        self.reason = ""
-        self.improper_contacts: set[str] = set()
-        self.interrupted = False
+    Pressed once more, it raises KeyboardInterrupt as ever.  Only the main
+    thread is told of it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    pressed: list[bool] = []
 
-    def look(self, context: Context) -> EventStatus:
-        """Ends the simulation once it is decided."""
-        if self._pressed():
-            self.interrupted = True
-            return EventStatus.ReachedTermination(self._diagram, "Ctrl-C")
-        now = context.get_time()
-        if now < self._next_look:
-            return EventStatus.DidNothing()
-        self._next_look = now + WATCH_PERIOD
-        self.improper_contacts |= self._diagram.improper_contacts(context)
-        self.reason = self._diagram.fall_reason(context)
-        if self.reason:
-            self.fell_at = now
-            return EventStatus.ReachedTermination(self._diagram, self.reason)
-        if self._stop_at_improper_contact and self.improper_contacts:
-            return EventStatus.ReachedTermination(self._diagram, "contact")
-        return EventStatus.DidNothing()
+    def press(*_: object) -> None:
+        pressed.append(True)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
-
-def _missed_pushes(diagram, context: Context) -> int:
-    """Number of pushes that never came, or were cut off by the end."""
-    source = diagram.GetSubsystemByName("push_source")
-    state = source.GetMyContextFromRoot(context).get_discrete_state_vector()
-    ticks_left = state.value()[: 2 * len(diagram.scenario.pushes) : 2]
-    return int(np.count_nonzero(ticks_left))
+    before = signal.signal(signal.SIGINT, press)
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,1 +1,52 @@
-"""Balance control for walking humanoids, on Drake."""
+"""Balance control for walking humanoids, on Drake.
+
+What a user needs is here by name; each name is imported when it is first
+used, so that `nadia_balance.core` alone is as light as numpy.
+"""
+
+import importlib
+from pathlib import Path
+
+# `diagrams`, `models` and `scripts` are part of this package.  A wheel has
+# them in this folder; in a checkout they stand beside it.
+if not (Path(__file__).parent / "models").is_dir():
+    __path__.append(str(Path(__file__).resolve().parents[1]))
+
+_PUBLIC = {
+    "robot": ("RobotModel", "add_ground", "load_robot"),
+    "balance_controller": ("BalanceController",),
+    "capture_point_controller": ("CapturePointController", "ControllerParams"),
+    "core.gait": ("Gait", "StepVector", "walking_start"),
+    "core.mechanisms": ("MECHANISMS", "Mechanisms"),
+    "core.model": ("PointMassModel",),
+    "core.push": ("Push",),
+    "systems.balance_visualizer": ("BalanceVisualizer",),
+    "systems.capture_region_step_adjuster": ("CaptureRegionStepAdjuster",),
+    "systems.centroidal_estimator": ("CentroidalEstimator",),
+    "systems.foot_force_sensor": ("FootForceSensor",),
+    "systems.icp_planner": ("IcpPlanner",),
+    "systems.icp_step_adjuster": ("IcpStepAdjuster",),
+    "systems.live_controls": ("LiveControls",),
+    "systems.momentum_qp": ("MomentumQp",),
+    "systems.point_mass_plant": ("PointMassPlant",),
+    "systems.ports": ("connect",),
+    "systems.push_source": ("PushSource",),
+    "systems.swing_foot_planner": ("SwingFootPlanner",),
+    "systems.timing_adapter": ("TimingAdapter",),
+    "systems.walking_state_machine": ("WalkingStateMachine",),
+    "systems.whole_body_inverse_dynamics": ("WholeBodyInverseDynamics",),
+}
+_HOME = {name: home for home, names in _PUBLIC.items() for name in names}
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(f"{__name__}.{_HOME[name]}")
+    value = globals()[name] = getattr(module, name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,20 +1,16 @@
-"""The body: the brain, plus all that knows the robot."""
+"""The balance controller: from a robot's state to its joint torques."""
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from nadia_balance.capture_point_controller import (
     CapturePointController,
     ControllerParams,
-    PointMassModel,
 )
+from nadia_balance.core.bounds import check
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
-from nadia_balance.systems.ports import (
-    connect,
-    export_input,
-    export_outputs,
-)
+from nadia_balance.systems.ports import wire
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
@@ -24,74 +20,62 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 class BalanceController(Diagram):
     """Turns the robot's state into joint torques.
 
-    The ports `mechanisms` and `capture_regions` are there when they are in
-    CapturePointController.
+    A CapturePointController with all that knows the robot.  `estimated_state`
+    is [q, v] of the robot's `control_plant`, `foot_forces` (2,) [N] are those
+    of the left and the right foot; `mechanisms` (4,), all if not connected.
+    `actuation` [N m] is in the order of the plant's actuators.
+
+    Whenever `actuation` is evaluated, it is the torque of that control tick:
+    before the update of the tick it is computed from the inputs, after it, it
+    is held.  No other hold is needed between controller and plant.
 
     .. pydrake_system::
 
         name: BalanceController
         input_ports: [estimated_state, foot_forces, mechanisms]
-        output_ports: [actuation, foot_wrenches, whole_body_qp_status,
-                       swing_foot_reference, com_state, icp, foot_poses,
+        output_ports: [whole_body_terms, com_state, icp, foot_poses,
                        walking_state, walking_signal, icp_plan, icp_reference,
-                       ecmp_command, momentum_rate, momentum_qp_status,
-                       capture_regions]
+                       time_adjustment, adjustment, capture_regions,
+                       ecmp_command, momentum_qp_status, momentum_rate,
+                       swing_foot_reference, actuation, foot_wrenches,
+                       whole_body_qp_status]
     """
+
+    INPUTS = ("estimated_state", "foot_forces", "mechanisms")
 
     def __init__(
         self,
         params: ControllerParams,
         robot: RobotModel,
-        initial: WalkingState,
-        switchable: bool = False,
+        *,
+        start: WalkingState | None = None,
+        **blocks: System,
     ):
-        """Starts walking from the walking state `initial`.
+        """Begins with the walking state `start`, by default it stands.
 
-        `switchable`: the mechanisms can be switched while it runs.
+        `blocks` are those of the CapturePointController to be replaced.
+
+        Raises:
+            ValueError: as CapturePointController.
         """
         super().__init__()
-        params.validate()
-        period = params.control_period
+        check(params)
+        period, model = params.control_period, robot.point_mass
         builder = DiagramBuilder()
-        estimator = builder.AddNamedSystem(
-            "centroidal_estimator", CentroidalEstimator(robot)
+        wire(
+            builder,
+            {
+                "centroidal_estimator": CentroidalEstimator(robot),
+                "capture_point_controller": CapturePointController(
+                    params, model, start=start, **blocks
+                ),
+                "swing_foot_planner": SwingFootPlanner(
+                    params.swing_foot, model, period
+                ),
+                "whole_body_inverse_dynamics": WholeBodyInverseDynamics(
+                    robot.whole_body, robot, period
+                ),
+            },
+            self.INPUTS,
         )
-        brain = builder.AddNamedSystem(
-            "capture_point_controller",
-            CapturePointController(
-                params, point_mass_of(robot), initial, switchable
-            ),
-        )
-        swing = builder.AddNamedSystem(
-            "swing_foot_planner",
-            SwingFootPlanner(params.swing_foot, initial, period),
-        )
-        body = builder.AddNamedSystem(
-            "whole_body_inverse_dynamics",
-            WholeBodyInverseDynamics(robot, robot.whole_body, period),
-        )
-        connect(builder, estimator, brain, "com_state", "icp", "foot_poses")
-        connect(builder, brain, swing, "walking_state")
-        connect(builder, brain, body, "walking_state", "momentum_rate")
-        connect(builder, swing, body, "swing_foot_reference")
-
-        export_input(builder, "estimated_state", estimator, body)
-        export_input(builder, "foot_forces", brain)
-        if switchable:
-            export_input(builder, "mechanisms", brain)
-        export_outputs(builder, body, "actuation", "foot_wrenches")
-        builder.ExportOutput(
-            body.GetOutputPort("qp_status"), "whole_body_qp_status"
-        )
-        export_outputs(builder, swing, "swing_foot_reference")
-        export_outputs(builder, estimator, "com_state", "icp", "foot_poses")
-        for i in range(brain.num_output_ports()):
-            export_outputs(builder, brain, brain.get_output_port(i).get_name())
         builder.BuildInto(self)
-
-
-def point_mass_of(robot: RobotModel) -> PointMassModel:
-    """What the brain needs to know of `robot`."""
-    return PointMassModel(
-        robot.mass, robot.omega, robot.com_height, robot.sole, robot.legs
-    )

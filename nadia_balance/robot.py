@@ -13,23 +13,35 @@ from pydrake.multibody.inverse_kinematics import (
     InverseKinematics,
 )
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    ContactResults,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
+from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.lipm import natural_frequency
-from nadia_balance.core.robot_params import RobotParams
+import nadia_balance
+from nadia_balance.core.bounds import check
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
     check_urdf,
     improper_contacts,
 )
+from nadia_balance.robot_params import RobotParams
 from nadia_balance.typed_yaml import load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
 # by `import models`: a user may have a folder of that name.
-MODELS = Path(__file__).resolve().parents[1] / "models"
+MODELS = next(
+    folder
+    for path in nadia_balance.__path__
+    if (folder := Path(path) / "models").is_dir()
+)
 
 
 class RobotModel:
@@ -42,30 +54,46 @@ class RobotModel:
             ValueError: it has not, or the robot cannot stand as they say; the
                 message names the field, its value and what is allowed.
         """
-        params.validate()
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
-        self.omega = natural_frequency(params.com_height)
-        self.legs, self.whole_body = params.legs, params.whole_body
+        self.whole_body = params.whole_body
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
-        self.foot_bodies = {
-            Side.LEFT: params.left_foot_body,
-            Side.RIGHT: params.right_foot_body,
-        }
+        feet = params.left_foot_body, params.right_foot_body
+        self.foot_bodies = dict(zip(Side, feet, strict=True))
         sole = params.sole
         self.sole_length = sole.x_max - sole.x_min
         self.sole_width = 2.0 * sole.half_width
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        self._check()
+        with self._naming_the_urdf():
+            check_urdf(urdf)
+        # Once with all shapes: the plant of the controller reads none.
+        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        self.add_to(plant)
+        check_plant(self.control_plant(), params)
+        self.standing_positions()
 
     @cached_property
     def mass(self) -> float:
         """Of the whole robot [kg]."""
         plant = self.control_plant()
         return plant.CalcTotalMass(plant.CreateDefaultContext())
+
+    @cached_property
+    def point_mass(self) -> PointMassModel:
+        """What capture-point control knows of the robot."""
+        return PointMassModel(
+            mass=self.mass,
+            com_height=self.com_height,
+            step_width=self.params.step_width,
+            sole=self.sole,
+            legs=self.params.legs,
+            reach=self.params.reachability,
+            detour=self.params.swing_detour,
+        )
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the robot to a `plant` that is not finalized yet.
@@ -79,6 +107,24 @@ class RobotModel:
         with self._naming_the_urdf():
             return parser.AddModels(str(self.urdf))[0]
 
+    def add_plant_to(
+        self,
+        builder: DiagramBuilder,
+        config: MultibodyPlantConfig | None = None,
+    ) -> tuple[MultibodyPlant, SceneGraph]:
+        """Adds a plant, finalized, in which the robot stands on flat ground.
+
+        Without a `config` it is `default_plant_config()`.
+        """
+        plant, scene_graph = AddMultibodyPlant(
+            config or default_plant_config(), builder
+        )
+        self.add_to(plant)
+        add_ground(plant)
+        plant.Finalize()
+        plant.SetDefaultPositions(self.standing_positions())
+        return plant, scene_graph
+
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
         plant = MultibodyPlant(0.001)
@@ -90,18 +136,10 @@ class RobotModel:
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: ContactResults
     ) -> set[str]:
-        """Returns the pairs of bodies in contact that are not foot and ground.
-
-        By name, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK -
-        ground", in the `contact_results` of a `plant` with this robot.
-        """
-        pelvis = plant.GetBodyByName(self.pelvis_body)
-        return improper_contacts(
-            plant,
-            contact_results,
-            pelvis.model_instance(),
-            set(self.foot_bodies.values()),
-        )
+        """As improper_contacts of robot_checks, for this robot in `plant`."""
+        robot = plant.GetBodyByName(self.pelvis_body).model_instance()
+        feet = set(self.foot_bodies.values())
+        return improper_contacts(plant, contact_results, robot, feet)
 
     def standing_positions(self, step_width: float | None = None) -> np.ndarray:
         """Returns the robot's q (nq,): stands about the origin of W.
@@ -118,21 +156,31 @@ class RobotModel:
             raise ValueError(f"step_width = {width}: must be > 0 m")
         plant = self.control_plant()
         ik = InverseKinematics(plant)
-        prog, q = ik.prog(), ik.q()
+        prog, q, world = ik.prog(), ik.q(), plant.world_frame()
+        free = np.inf
         for side in Side:
-            self._plant_sole(ik, plant, side, 0.5 * side.sign * width)
-        upright = np.array([1.0, 0.0, 0.0, 0.0])
+            foot = plant.GetFrameByName(self.foot_bodies[side])
+            y = 0.5 * side.sign * width
+            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
+            for p_S, low, high in (
+                ([0.0, 0.0, 0.0], [0.0, y, 0.0], [0.0, y, 0.0]),
+                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
+                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
+            ):
+                p_F = self.X_FootSole[side] @ p_S
+                ik.AddPositionConstraint(foot, p_F, world, low, high)
+        upright, over_origin = [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, self.com_height]
         prog.AddBoundingBoxConstraint(upright, upright, q[:4])
         com = prog.NewContinuousVariables(3, "com")
-        over_origin = np.array([0.0, 0.0, self.com_height])
         prog.AddBoundingBoxConstraint(over_origin, over_origin, com)
         prog.AddConstraint(
-            ComPositionConstraint(
-                plant, None, plant.world_frame(), ik.get_mutable_context()
-            ),
-            np.concatenate([q, com]),
+            ComPositionConstraint(plant, None, world, ik.get_mutable_context()),
+            [*q, *com],
         )
-        nominal = self._nominal_positions(plant)
+        nominal = np.zeros(plant.num_positions())
+        nominal[0], nominal[6] = 1.0, self.com_height
+        for joint, angle in self.posture.items():
+            nominal[plant.GetJointByName(joint).position_start()] = angle
         prog.AddQuadraticErrorCost(np.eye(len(q)), nominal, q)
         prog.SetInitialGuess(q, nominal)
         prog.SetInitialGuess(com, over_origin)
@@ -144,37 +192,6 @@ class RobotModel:
             )
         return result.GetSolution(q)
 
-    def _plant_sole(
-        self,
-        ik: InverseKinematics,
-        plant: MultibodyPlant,
-        side: Side,
-        y: float,
-    ) -> None:
-        """Constrains a sole's centre to (0, y, 0), level, pointing ahead."""
-        foot = plant.GetFrameByName(self.foot_bodies[side])
-        X_FS = self.X_FootSole[side]
-        free = np.inf
-        # Three points with 3 + 2 + 1 fixed coordinates fix the pose.
-        for p_S, low, high in (
-            ([0.0, 0.0, 0.0], [0.0, y, 0.0], [0.0, y, 0.0]),
-            ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
-            ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-        ):
-            ik.AddPositionConstraint(
-                foot, X_FS @ p_S, plant.world_frame(), low, high
-            )
-
-    def _check(self) -> None:
-        with self._naming_the_urdf():
-            check_urdf(self.urdf)
-        # Once with all shapes: the plant of the controller reads none.
-        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self.add_to(plant)
-        check_plant(self.control_plant(), self.params)
-        self.standing_positions()
-
     @contextlib.contextmanager
     def _naming_the_urdf(self) -> Iterator[None]:
         """Turns all errors within into a ValueError that names the URDF."""
@@ -184,13 +201,6 @@ class RobotModel:
         except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
             reason = " ".join(str(error).split())
             raise ValueError(f"urdf = {self.urdf}: {reason}") from error
-
-    def _nominal_positions(self, plant: MultibodyPlant) -> np.ndarray:
-        q = np.zeros(plant.num_positions())
-        q[0], q[6] = 1.0, self.com_height
-        for joint, angle in self.posture.items():
-            q[plant.GetJointByName(joint).position_start()] = angle
-        return q
 
 
 def robot_names() -> list[str]:
@@ -206,42 +216,37 @@ def load_robot(name: str) -> RobotModel:
             of range; one line that names it.
         FileNotFoundError: there is no such file.
     """
-    params = load_robot_params(name)
-    urdf = _robot_yaml(name).parent / params.urdf
-    if not urdf.is_file():
-        raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    return RobotModel(params, urdf)
-
-
-def load_robot_params(name: str) -> RobotParams:
-    """Returns what its robot.yaml says of the robot `name`.
-
-    Raises as `load_robot`, but for what is wrong with the URDF.
-    """
-    path = _robot_yaml(name)
-    params = load_typed(RobotParams, f"robot = {name}", filename=str(path))
-    for field in ("name", "urdf"):
-        if not getattr(params, field):
-            raise ValueError(f"robot = {name}: {field} = '': must not be empty")
-    params.validate()
-    return params
-
-
-def _robot_yaml(name: str) -> Path:
+    what, path = f"robot = {name}", Path(name)
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
-    elif name.endswith((".yaml", ".yml")):
-        path = Path(name)
-    else:
+    elif path.suffix not in (".yaml", ".yml"):
         raise ValueError(
             f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
             "or a path to a robot.yaml"
         )
     if not path.is_file():
-        raise FileNotFoundError(f"robot = {name}: no such file")
-    return path
+        raise FileNotFoundError(f"{what}: no such file")
+    params = load_typed(RobotParams, what, filename=path)
+    try:
+        check(params)
+    except ValueError as error:
+        raise ValueError(f"{what}: {error}") from None
+    urdf = path.parent / params.urdf
+    if not urdf.is_file():
+        raise FileNotFoundError(f"urdf = {urdf}: no such file")
+    return RobotModel(params, urdf)
 
 
-def terrain_file() -> Path:
-    """The flat ground."""
-    return MODELS / "terrain" / "flat.urdf"
+def default_plant_config() -> MultibodyPlantConfig:
+    """Point contact at 1 kHz: exact enough, and the fastest that is."""
+    return MultibodyPlantConfig(
+        time_step=0.001,
+        contact_model="point",
+        discrete_contact_approximation="sap",
+        use_sampled_output_ports=False,
+    )
+
+
+def add_ground(plant: MultibodyPlant) -> None:
+    """Adds the flat ground, z = 0, to a `plant` that is not finalized yet."""
+    Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))

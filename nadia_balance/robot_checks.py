@@ -1,15 +1,14 @@
 """What a URDF must hold for a robot to walk, and what must not touch."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, world_index
 
-from nadia_balance.core.robot_params import RobotParams
-
-BODIES = ("pelvis_body", "torso_body", "left_foot_body", "right_foot_body")
+from nadia_balance.robot_params import RobotParams
 
 
 def check_urdf(urdf: Path) -> None:
@@ -29,11 +28,16 @@ def check_urdf(urdf: Path) -> None:
             velocity = limit.get("velocity", "1")
             _positive(f"velocity limit of {name}", velocity, "rad/s")
             low, high = limit.get("lower", "0"), limit.get("upper", "0")
-            if _number(low) > _number(high):
-                raise ValueError(
-                    f"lower limit of {name} = {low}: must be <= its upper "
-                    f"limit = {high}"
-                )
+            _require(
+                not _number(low) > _number(high),
+                f"lower limit of {name} = {low}: must be <= its upper limit = "
+                f"{high}",
+            )
+
+
+def _require(fulfilled: bool, message: str) -> None:
+    if not fulfilled:
+        raise ValueError(message)
 
 
 def _number(text: str | None) -> float:
@@ -41,91 +45,77 @@ def _number(text: str | None) -> float:
     try:
         return float(text or "nan")
     except ValueError:
-        return float("nan")
+        return math.nan
 
 
 def _positive(what: str, text: str | None, unit: str) -> None:
-    if not 0.0 < _number(text) < float("inf"):
-        raise ValueError(f"{what} = {text}: must be a number > 0 {unit}")
+    positive = 0.0 < _number(text) < math.inf
+    _require(positive, f"{what} = {text}: must be a number > 0 {unit}")
 
 
 def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     """Raises ValueError if `plant` lacks what `params` and control need."""
-    for field in BODIES:
-        body = getattr(params, field)
-        if not plant.HasBodyNamed(body):
-            raise ValueError(f"{field} = {body!r}: must be a link of the URDF")
-    floating = sorted(
-        plant.get_body(i).name() for i in plant.GetFloatingBaseBodies()
-    )
-    if floating != [params.pelvis_body]:
-        raise ValueError(
-            f"pelvis_body = {params.pelvis_body!r}: must be the one link that "
-            f"no joint holds; these are: {', '.join(floating) or 'none'}"
+    for part in ("pelvis", "torso", "left_foot", "right_foot"):
+        name = getattr(params, f"{part}_body")
+        _require(
+            plant.HasBodyNamed(name),
+            f"{part}_body = {name!r}: must be a link of the URDF",
         )
+    bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
+    floating = sorted(body.name() for body in bodies)
+    _require(
+        floating == [params.pelvis_body],
+        f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
+        f"joint holds; these are: {', '.join(floating) or 'none'}",
+    )
     context = plant.CreateDefaultContext()
     left, right = (
         plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
         for foot in (params.left_foot_body, params.right_foot_body)
     )
-    if not left > right:
-        raise ValueError(
-            f"left_foot_body = {params.left_foot_body!r}: must be left of "
-            f"right_foot_body = {params.right_foot_body!r}"
-        )
-    _check_actuators(plant, params)
-    limits = params.whole_body.joint_lower_limits
-    _check_angles(plant, "posture", params.posture)
-    _check_angles(plant, "whole_body.joint_lower_limits", limits)
-
-
-def _joints(plant: MultibodyPlant) -> dict:
-    """The joints that move, by name; the floating base is none of them."""
+    _require(
+        left > right,
+        f"left_foot_body = {params.left_foot_body!r}: must be left of "
+        f"right_foot_body = {params.right_foot_body!r}",
+    )
+    # The joints that move, by name; the floating base is none of them.
     joints = map(plant.get_joint, plant.GetJointIndices())
-    return {j.name(): j for j in joints if j.num_positions() == 1}
+    joints = {j.name(): j for j in joints if j.num_positions() == 1}
+    _check_actuators(plant, f"urdf = {params.urdf}", joints)
+    for field, angles in (
+        ("posture", params.posture),
+        ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
+    ):
+        for name, angle in angles.items():
+            what = f"{field}.{name} = {angle}: must be"
+            known = ", ".join(sorted(joints))
+            _require(name in joints, f"{what} one of the joints {known}")
+            low = joints[name].position_lower_limits()[0]
+            high = joints[name].position_upper_limits()[0]
+            _require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
 
 
-def _check_actuators(plant: MultibodyPlant, params: RobotParams) -> None:
-    where = f"urdf = {params.urdf}"
+def _check_actuators(plant: MultibodyPlant, where: str, joints: dict) -> None:
     indices = plant.GetJointActuatorIndices()
-    actuators = {
-        actuator.joint().name(): actuator
-        for actuator in map(plant.get_joint_actuator, indices)
-    }
-    if len(actuators) < len(indices):
-        raise ValueError(f"{where}: a joint must not have two <transmission>s")
-    for name in _joints(plant):
-        if name not in actuators or not (
-            actuators[name].effort_limit() < float("inf")
-        ):
-            raise ValueError(
-                f"{where}: joint {name}: must have a <transmission> and an "
-                "effort limit"
-            )
-        inertia = actuators[name].default_reflected_inertia()
-        if inertia < 0.0:
-            raise ValueError(
-                f"{where}: rotor inertia x gear ratio^2 of {name} = "
-                f"{inertia}: must be >= 0 kg m^2"
-            )
-
-
-def _check_angles(
-    plant: MultibodyPlant, field: str, angles: dict[str, float]
-) -> None:
-    joints = _joints(plant)
-    for name, angle in angles.items():
-        if name not in joints:
-            raise ValueError(
-                f"{field}.{name} = {angle}: must be one of the joints "
-                f"{', '.join(sorted(joints))}"
-            )
-        low = joints[name].position_lower_limits()[0]
-        high = joints[name].position_upper_limits()[0]
-        if not low <= angle <= high:
-            raise ValueError(
-                f"{field}.{name} = {angle}: must be in [{low}, {high}] rad"
-            )
+    actuators = map(plant.get_joint_actuator, indices)
+    actuators = {actuator.joint().name(): actuator for actuator in actuators}
+    _require(
+        len(actuators) == len(indices),
+        f"{where}: a joint must not have two <transmission>s",
+    )
+    for name in joints:
+        actuator = actuators.get(name)
+        _require(
+            actuator is not None and actuator.effort_limit() < math.inf,
+            f"{where}: joint {name}: must have a <transmission> and an effort "
+            "limit",
+        )
+        inertia = actuator.default_reflected_inertia()
+        _require(
+            inertia >= 0.0,
+            f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
+            "must be >= 0 kg m^2",
+        )
 
 
 def improper_contacts(
@@ -143,13 +133,11 @@ def improper_contacts(
     for pair in set(_touching(plant, results)):
         bodies = [plant.get_body(BodyIndex(i)) for i in pair]
         own = {b.name() for b in bodies if b.model_instance() == robot}
+        # Two robots may have bodies of the same name.
         others = {
-            "ground"
-            if body.index() == plant.world_body().index()
-            # Two robots may have bodies of the same name.
-            else str(body.scoped_name())
-            for body in bodies
-            if body.model_instance() != robot
+            "ground" if b.index() == world_index() else str(b.scoped_name())
+            for b in bodies
+            if b.model_instance() != robot
         }
         if own and not (others and own <= feet):
             improper.add(" - ".join([*sorted(own), *others]))
@@ -165,12 +153,11 @@ def _touching(
         yield int(contact.bodyA_index()), int(contact.bodyB_index())
     if not results.num_hydroelastic_contacts():
         return
+    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
     body_of = {
-        geometry: i
-        for i in range(plant.num_bodies())
-        for geometry in plant.GetCollisionGeometriesForBody(
-            plant.get_body(BodyIndex(i))
-        )
+        shape: int(body.index())
+        for body in bodies
+        for shape in plant.GetCollisionGeometriesForBody(body)
     }
     for i in range(results.num_hydroelastic_contacts()):
         surface = results.hydroelastic_contact_info(i).contact_surface()

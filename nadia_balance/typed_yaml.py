@@ -9,17 +9,12 @@ from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 T = typing.TypeVar("T")
 
-# What yaml_load_typed raises for data that do not fit the schema, in the few
-# cases that _check leaves to it (tags).
-_MISFITS = (
-    AssertionError,
-    AttributeError,
-    KeyError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)
-_NAMES = {bool: "true or false", float: "a number", int: "an integer"}
+_NAMES = {
+    bool: "true or false",
+    float: "a number",
+    int: "an integer",
+    str: "text (quote it)",
+}
 
 
 def load_typed(
@@ -54,9 +49,10 @@ def load_typed(
             child_name=child_name,
             defaults=schema() if defaults is None else defaults,
         )
-    except _MISFITS as error:
-        message = " ".join(str(error).split())
-        raise ValueError(f"{what}: {message}") from error
+    except OSError:
+        raise
+    except Exception as error:  # Drake's, of tags, are of any class
+        raise ValueError(f"{what}: {' '.join(str(error).split())}") from error
 
 
 def _parse(text: str) -> object:
@@ -66,13 +62,11 @@ def _parse(text: str) -> object:
     except Exception as error:
         # Any: PyYAML has errors of its own, and passes on those of Python,
         # for a date that does not exist as for a structure nested too deep.
-        mark = getattr(error, "problem_mark", None)
-        if mark is None:
-            raise ValueError(f"malformed YAML: {error}") from error
-        raise ValueError(
-            f"malformed YAML: line {mark.line + 1}, column "
-            f"{mark.column + 1}: {error.problem}"
-        ) from error
+        reason, mark = error, getattr(error, "problem_mark", None)
+        if mark is not None:
+            place = f"line {mark.line + 1}, column {mark.column + 1}"
+            reason = f"{place}: {error.problem}"
+        raise ValueError(f"malformed YAML: {reason}") from error
 
 
 def _child(tree: object, name: str) -> object:
@@ -87,71 +81,51 @@ def _child(tree: object, name: str) -> object:
 def _check(schema: type, value: object, name: str) -> None:
     """Raises ValueError naming the field of `value` that is no `schema`."""
     base, args = typing.get_origin(schema), typing.get_args(schema)
-    if schema in (bool, float, int, str):
-        if not _is_scalar(schema, value):
-            raise _misfit(name, value, _NAMES.get(schema, "text (quote it)"))
+    if schema in _NAMES:
+        _require(_is_scalar(schema, value), name, value, _NAMES[schema])
     elif base in (typing.Union, types.UnionType):
         options = [arg for arg in args if arg is not types.NoneType]
         if len(options) == 1 and value is not None:
             _check(options[0], value, name)
     elif base is list:
-        if not isinstance(value, list):
-            raise _misfit(name, value, "a list")
+        _require(isinstance(value, list), name, value, "a list")
         for i, item in enumerate(value):
             _check(args[0], item, f"{name}[{i}]")
-    elif base is dict:
-        for key, item in _mapping(value, name).items():
-            _check(args[1], item, _join(name, key))
-    elif fields := _fields(schema):
-        for key, item in _mapping(value, name).items():
-            if key in fields:
-                _check(fields[key], item, _join(name, key))
+    else:
+        mapping = "a mapping of fields, or {}"
+        _require(isinstance(value, dict), name, value, mapping)
+        fields = None if base is dict else _fields(schema)
+        for key, item in value.items():
+            path = f"{name}.{key}" if name else str(key)
+            if fields is None or key in fields:
+                _check(fields[key] if fields else args[1], item, path)
             elif key != "_tag":
                 raise ValueError(
-                    f"{_join(name, key)}: unknown field, must be one of "
-                    f"{', '.join(fields)}"
+                    f"{path}: unknown field, must be one of {', '.join(fields)}"
                 )
-
-
-def _is_scalar(schema: type, value: object) -> bool:
-    """True if Drake takes `value` for a `schema`."""
-    if type(value) is schema:
-        return True
-    if schema is bool:
-        return value in ("true", "false")
-    if schema is float and type(value) is int:
-        return True
-    if schema is int and type(value) is float:
-        return value.is_integer()
-    if schema is str or type(value) is not str:
-        return False
-    try:
-        schema(value)  # such as 1e3, which is text in YAML 1.1
-    except ValueError:
-        return False
-    return True
-
-
-def _mapping(value: object, name: str) -> dict:
-    if not isinstance(value, dict):
-        raise _misfit(name, value, "a mapping of fields, or {}")
-    return value
 
 
 def _fields(schema: type) -> dict[str, type]:
     """Name and type of every field of a dataclass, or a struct of Drake's."""
-    if dataclasses.is_dataclass(schema):
-        return {f.name: f.type for f in dataclasses.fields(schema)}
-    return {f.name: f.type for f in getattr(schema, "__fields__", ())}
+    fields = getattr(schema, "__fields__", None) or dataclasses.fields(schema)
+    return {field.name: field.type for field in fields}
 
 
-def _join(name: str, key: object) -> str:
-    return f"{name}.{key}" if name else str(key)
+def _is_scalar(schema: type, value: object) -> bool:
+    """True if `value` is a `schema`, or a number that can be read as one."""
+    if schema in (bool, str) or isinstance(value, bool):
+        return type(value) is schema
+    try:
+        number = float(value)  # of text, too: 1e3 is that in YAML 1.1
+    except (TypeError, ValueError):
+        return False
+    return schema is float or number.is_integer()
 
 
-def _misfit(name: str, value: object, allowed: str) -> ValueError:
-    # Only what the user wrote on one line: a whole mapping would be a page.
-    shown = repr(value)
-    if len(shown) > 60:
-        shown = f"{shown[:57]}..."
-    return ValueError(f"{name or 'file'} = {shown}: must be {allowed}")
+def _require(fits: bool, name: str, value: object, allowed: str) -> None:
+    if not fits:
+        # Only what the user wrote on one line: a mapping would be a page.
+        shown = repr(value)
+        if len(shown) > 60:
+            shown = f"{shown[:57]}..."
+        raise ValueError(f"{name or 'file'} = {shown}: must be {allowed}")

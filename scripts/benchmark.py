@@ -1,6 +1,13 @@
 """Measures the speed of the closed loop, and of each block of the controller.
 
-Everything is measured in one run, so that the ratios hold on any machine.
+Everything is measured in one run, in turns, by the processor time of this
+thread: so the ratios hold on any machine, however busy.
+
+The plant is measured twice.  *Alone* it does nothing but its own steps, and
+finds its code and data in the processor's caches.  *In the loop* the very same
+simulation does its steps one tick at a time, each after a tick of the closed
+loop, which leaves the caches to it as the controller would: no controller,
+however fast, makes the loop faster than that.
 
 Examples:
     python scripts/benchmark.py
@@ -14,19 +21,29 @@ import sys
 import time
 
 import numpy as np
+from pydrake.multibody.plant import AddMultibodyPlant
+from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
-from diagrams.block_times import block_times
-from diagrams.command_line import BAD_INPUT, ONE_OF, CommandLine, finite
-from diagrams.humanoid import HumanoidDiagram
-from diagrams.plant_alone import plant_alone
-from diagrams.scenario import Scenario, load_scenario
+from nadia_balance.core.bounds import check
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.simulation import start
+from nadia_balance.robot import add_ground, load_robot
+from nadia_balance.scripts.command_line import (
+    ONE_OF,
+    CommandLine,
+    finite,
+)
 
-START = 1.0  # when the measurement begins: she steps [s]
+STIFFNESS, DAMPING = 3000.0, 100.0  # of the joints of the plant alone
+START = 1.0  # when the measurement begins: the robot steps [s]
+ROUNDS, TICKS = 10, 500  # of alone and loop in turns; one after the other
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; 0 done, 2 bad input."""
+    """Runs the command line `argv`; returns 0, bad input ends the program."""
     parser = CommandLine(
         prog="benchmark.py",
         description=__doc__.partition("\n")[0],
@@ -49,15 +66,12 @@ def main(argv: list[str] | None = None) -> int:
         help="to simulate, > 0 (default: %(default)g) [s]",
     )
     args = parser.parse_args(argv)
-    try:
+    with parser.refusing():
         scenario = load_scenario(args.scenario_name, text=args.scenario_text)
         scenario.mechanisms = args.mechanisms or scenario.mechanisms
-        scenario.validate()
+        check(scenario)
         if not args.seconds > 0.0:
             raise ValueError(f"seconds = {args.seconds}: must be > 0")
-    except ValueError as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return BAD_INPUT
     figures = measure(scenario, args.seconds)
     print(json.dumps(figures, indent=2) if args.json else as_text(figures))
     return 0
@@ -65,46 +79,148 @@ def main(argv: list[str] | None = None) -> int:
 
 def measure(scenario: Scenario, seconds: float) -> dict:
     """Returns all figures; see as_text for what they mean."""
-    alone = plant_alone(scenario)
-    loop = Simulator(HumanoidDiagram(scenario))
-    loop.get_system().set_initial_state(loop.get_mutable_context())
-    rates = {"plant": [], "loop": []}
-    for simulator in (alone, loop):
+    plant, loop = plant_alone(scenario), start(HumanoidDiagram(scenario))
+    for simulator in (plant, loop):
         simulator.AdvanceTo(START)
-    # In turns, since machines drift.
-    for end in np.linspace(START, START + seconds, 11)[1:]:
-        rates["plant"].append(real_time_factor(alone, end))
-        rates["loop"].append(real_time_factor(loop, end))
-    plant, closed = (float(np.median(rates[k])) for k in ("plant", "loop"))
+    rates = np.array(
+        [
+            [real_time_factor(plant, end), real_time_factor(loop, end)]
+            for end in np.linspace(START, START + seconds, ROUNDS + 1)[1:]
+        ]
+    )
+    alone, closed = np.median(rates, axis=0)
+    in_loop, blocks = tick_times(loop, plant, TICKS)
     return {
-        "plant_alone": {"real_time_factor": plant},
+        "plant_alone": {"real_time_factor": float(alone)},
+        "plant_in_loop": {"real_time_factor": in_loop},
         "closed_loop": {
-            "real_time_factor": closed,
-            "ratio_to_plant_alone": float(
-                np.median(np.divide(rates["loop"], rates["plant"]))
-            ),
+            "real_time_factor": float(closed),
+            "ratio_to_plant_alone": float(np.median(rates[:, 1] / rates[:, 0])),
+            "ratio_to_plant_in_loop": float(closed) / in_loop,
         },
-        "blocks": block_times(loop),
+        "blocks": blocks,
     }
+
+
+def plant_alone(scenario: Scenario) -> Simulator:
+    """The same robot, ground and contact, held by Drake's joint control."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(scenario.plant_config, builder)
+    robot = load_robot(scenario.robot)
+    instance = robot.add_to(plant)
+    add_ground(plant)
+    actuators = [
+        plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()
+    ]
+    for actuator in actuators:
+        actuator.set_controller_gains(PdControllerGains(p=STIFFNESS, d=DAMPING))
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    q = robot.standing_positions()
+    plant.SetPositions(context, q)
+    held = q[[actuator.joint().position_start() for actuator in actuators]]
+    plant.get_desired_state_input_port(instance).FixValue(
+        context, np.concatenate([held, np.zeros(len(held))])
+    )
+    return simulator
 
 
 def real_time_factor(simulator: Simulator, end: float) -> float:
     """Simulated seconds per second of processor time until `end` [s]."""
     simulated = end - simulator.get_context().get_time()
-    start = time.process_time()
+    begin = time.thread_time()
     simulator.AdvanceTo(end)
-    return simulated / (time.process_time() - start)
+    return simulated / (time.thread_time() - begin)
+
+
+def tick_times(
+    loop: Simulator, plant: Simulator, ticks: int
+) -> tuple[float, dict]:
+    """Measures the next `ticks` of the `loop`, one by one.
+
+    Returns the real-time factor of the `plant` in the loop, and the times of
+    the controller and of its blocks.  Each block has a context of its own,
+    which in every tick of the running loop gets anew the state and the inputs
+    from there, so that nothing is cached.
+    """
+    diagram, root = loop.get_system(), loop.get_mutable_context()
+    controller = diagram.controller
+    period = diagram.scenario.controller.control_period
+    # The outputs of the whole would be computed twice, before its update and
+    # after: the update asks for all that takes time.
+    meters = {controller.get_name(): Meter(controller, num_outputs=0)}
+    for block in leaves(controller):
+        meters[block.get_name()] = Meter(block, block.num_output_ports())
+    rates, times = [], {name: [] for name in meters}
+    first = round(root.get_time() / period)
+    for tick in range(first + 1, first + 1 + ticks):
+        loop.AdvanceTo(tick * period)  # as Drake counts: its update is due
+        rates.append(real_time_factor(plant, tick * period))
+        for name, meter in meters.items():
+            times[name].append(1e6 * meter.measure(root))
+    return float(np.median(rates)), {
+        name: {
+            "median_us": float(np.median(values)),
+            "p99_us": float(np.percentile(values, 99)),
+        }
+        for name, values in times.items()
+    }
+
+
+class Meter:
+    """Runs one tick of a block, alone."""
+
+    def __init__(self, block: System, num_outputs: int):
+        """Measures `block`: its first outputs, then what it has to update."""
+        self._block, self._simulator = block, Simulator(block)
+        self._ports = [block.get_output_port(i) for i in range(num_outputs)]
+
+    def measure(self, root: Context) -> float:
+        """Returns how long the tick takes [s] that is due in `root`."""
+        context = self._simulator.get_mutable_context()
+        copy_inputs(
+            self._block, self._block.GetMyContextFromRoot(root), context
+        )
+        self._simulator.Initialize()  # makes this tick's update pending
+        begin = time.thread_time()
+        for port in self._ports:
+            port.Eval(context)
+        self._simulator.AdvancePendingEvents()
+        return time.thread_time() - begin
+
+
+def leaves(diagram) -> list[System]:
+    """The LeafSystems inside of `diagram`, however deep."""
+    found = []
+    for system in diagram.GetSystems():
+        inner = hasattr(system, "GetSystems")
+        found += leaves(system) if inner else [system]
+    return found
+
+
+def copy_inputs(block: System, source: Context, target: Context) -> None:
+    """Gives `target` the state and inputs that `block` has in `source`."""
+    target.SetTimeStateAndParametersFrom(source)
+    for i in range(block.num_input_ports()):
+        port = block.get_input_port(i)
+        if port.HasValue(source):
+            port.FixValue(target, port.Eval(source))
 
 
 def as_text(figures: dict) -> str:
     """The figures as a table."""
-    plant, loop = figures["plant_alone"], figures["closed_loop"]
     lines = [
-        f"plant alone   {plant['real_time_factor']:6.2f} x real time",
-        f"closed loop   {loop['real_time_factor']:6.2f} x real time, "
-        f"{loop['ratio_to_plant_alone']:.2f} of the plant alone",
-        f"{'block, per tick':32} {'median us':>10} {'p99 us':>10}",
+        f"{key.replace('_', ' '):13} "
+        f"{figures[key]['real_time_factor']:6.2f} x real time"
+        for key in ("plant_alone", "plant_in_loop", "closed_loop")
     ]
+    loop = figures["closed_loop"]
+    lines[-1] += (
+        f", {loop['ratio_to_plant_alone']:.2f} of the plant alone, "
+        f"{loop['ratio_to_plant_in_loop']:.2f} of the plant in loop"
+    )
+    lines.append(f"{'block, per tick':32} {'median us':>10} {'p99 us':>10}")
     lines += [
         f"{name:32} {block['median_us']:10.0f} {block['p99_us']:10.0f}"
         for name, block in figures["blocks"].items()

@@ -15,22 +15,22 @@ from pathlib import Path
 
 import matplotlib as mpl
 
-from diagrams.command_line import BAD_INPUT, CommandLine
-from diagrams.plots import feedback, reach, regions
-from diagrams.plots.style import RC
-from diagrams.run_folder import prepare_folder
+from nadia_balance.results.folder import prepare_folder
+from nadia_balance.results.plots import capture_regions
+from nadia_balance.results.plots.style import RC
+from nadia_balance.scripts.command_line import CommandLine
 
 FIGURES = {
-    3: feedback.draw_feedback,
-    4: regions.draw_by_reachability,
-    6: regions.draw_growth,
-    8: reach.draw_regions,
-    9: reach.draw_rules,
+    3: capture_regions.draw_feedback,
+    4: capture_regions.draw_by_reachability,
+    6: capture_regions.draw_growth,
+    8: capture_regions.draw_reach,
+    9: capture_regions.draw_rules,
 }
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; 0 drawn, 2 bad input."""
+    """Runs the command line `argv`; returns 0, bad input ends the program."""
     parser = CommandLine(
         prog="capture_regions.py",
         description=__doc__,
@@ -52,17 +52,12 @@ def main(argv: list[str] | None = None) -> int:
         "(default: runs/<date>_<time>_capture_regions)",
     )
     args = parser.parse_args(argv)
-    try:
+    with parser.refusing(), mpl.rc_context(RC):
         folder = prepare_folder(args.out, "capture_regions")
         for number in args.figure:
             path = folder / f"figure_{number}.png"
-            with mpl.rc_context(RC):
-                FIGURES[number]().savefig(path)
+            FIGURES[number]().savefig(path)
             print(f"wrote {path}")
-    except (ValueError, OSError) as error:
-        message = " ".join(str(error).split())
-        print(f"{parser.prog}: {message}", file=sys.stderr)
-        return BAD_INPUT
     return 0
 
 

@@ -1,10 +1,9 @@
-"""Finds the largest pushes that the robot recovers from, all around her.
+"""Finds the largest pushes that the robot recovers from, all around it.
 
 Each direction, moment and set of mechanisms is searched for its limit, as for
 the Nadia paper's Fig. 10.  A trial that is done stays done: after Ctrl-C, or a
-power cut, the same flags and --out with the folder go on.  More directions and
-mechanisms can be added to a folder in that way, too, and moments, if --duration
-is the same.
+power cut, the same flags and --out with the folder go on.  More directions,
+mechanisms and moments can be added to a folder in that way, too.
 
 Examples:
     python scripts/envelope.py --quick
@@ -19,32 +18,43 @@ import contextlib
 import os
 import shlex
 import sys
-from concurrent.futures import Executor
 from datetime import datetime
 from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.command_line import (
+from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.results.folder import prepare_folder
+from nadia_balance.scripts.command_line import (
     BAD_INPUT,
     CommandLine,
     finite,
     scenario_flags,
 )
-from diagrams.ctrl_c import until_ctrl_c
-from diagrams.envelope.agenda import Progress
-from diagrams.envelope.envelope_data import envelope_of
-from diagrams.envelope.executors import open_executor
-from diagrams.envelope.folder_lock import alone_in
-from diagrams.envelope.progress_bar import progress_bar
-from diagrams.envelope.recovered_table import table_lines
-from diagrams.envelope.report import write_report
-from diagrams.envelope.run_sweep import agenda_of, run_sweep
-from diagrams.envelope.sweep_flags import SCENARIO, sweep_flags, sweep_from
-from diagrams.envelope.sweep_plan import Sweep
-from diagrams.envelope.trial import DIAGRAMS, trial_scenario
-from diagrams.envelope.trials_file import TrialsFile, read_trials
-from diagrams.run_folder import prepare_folder
+from nadia_balance.scripts.envelope_sweep.limits import envelope_of
+from nadia_balance.scripts.envelope_sweep.plan import (
+    SCENARIO,
+    Sweep,
+    sweep_flags,
+    sweep_from,
+)
+from nadia_balance.scripts.envelope_sweep.report import (
+    table_lines,
+    write_report,
+)
+from nadia_balance.scripts.envelope_sweep.run import (
+    agenda_of,
+    progress_bar,
+    run_sweep,
+)
+from nadia_balance.scripts.envelope_sweep.search import Progress
+from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    TrialsFile,
+    alone_in,
+    read_trials,
+)
+from nadia_balance.scripts.envelope_sweep.workers import Workers, open_workers
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 TRIALS = "trials.csv"
@@ -136,7 +146,7 @@ def _cores() -> int:
 
 def _prepare(
     args: argparse.Namespace, stack: contextlib.ExitStack
-) -> tuple[Sweep, TrialsFile, Executor, int]:
+) -> tuple[Sweep, TrialsFile, Workers]:
     """Opens all that a run needs; nothing is written before all is checked.
 
     Raises:
@@ -145,11 +155,9 @@ def _prepare(
     """
     sweep = sweep_from(args)
     identity = sweep.identity()
-    trial = trial_scenario(sweep.scenario, sweep.cells()[0], 0.0, 0, 0.0)
-    DIAGRAMS[sweep.plant](trial)  # the robot, too, has something to check
-    executor, slots = stack.enter_context(
-        open_executor(args.workers, args.scheduler)
-    )
+    # The robot and the diagram, too, have something to check.
+    DIAGRAMS[sweep.plant](sweep.walk(sweep.cells()[0], replica=0))
+    workers = stack.enter_context(open_workers(args.workers, args.scheduler))
     out = args.out
     if out is None:
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
@@ -161,22 +169,19 @@ def _prepare(
     (folder / "scenario.yaml").write_text(text, encoding="utf-8")
     with open(folder / "command.txt", "a", encoding="utf-8") as file:
         file.write(f"{args.command}\n")
-    return sweep, trials_file, executor, slots
+    return sweep, trials_file, workers
 
 
-def _run(
-    sweep: Sweep, trials_file: TrialsFile, executor: Executor, slots: int
-) -> int:
+def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
     """Runs the sweep, and writes what comes of it, however it ends."""
     folder, code = trials_file.path.parent, DONE
     progress = agenda_of(sweep, trials_file).progress()
-    print(*_plan_lines(sweep, progress, slots, folder), sep="\n", flush=True)
+    lines = _plan_lines(sweep, progress, workers.slots, folder)
+    print(*lines, sep="\n", flush=True)
     with until_ctrl_c() as stopped:
         try:
             with progress_bar(progress) as show:
-                if not run_sweep(
-                    sweep, trials_file, executor, slots, show, stopped
-                ):
+                if not run_sweep(sweep, trials_file, workers, show, stopped):
                     code = INTERRUPTED
         except RuntimeError as error:
             code = _complain(error, FAILED)
@@ -195,8 +200,12 @@ def _plan_lines(
     """What is going to be done."""
     limits = "limit" if progress.cells == 1 else "limits"
     numbers = (
-        f"{name} {len(getattr(sweep, name))}"
-        for name in ("mechanisms", "moments", "directions")
+        f"{name} {len(values)}"
+        for name, values in (
+            ("mechanisms", sweep.mechanisms),
+            ("moments", sweep.at),
+            ("directions", sweep.directions),
+        )
     )
     return [
         f"{progress.cells} {limits} to find ({' x '.join(numbers)})",

@@ -7,35 +7,84 @@ Examples:
     python scripts/picture.py --run runs/my_run --times 3.5 3.9 --out two.png
 """
 
+from __future__ import annotations
+
 import argparse
+import base64
+import html
+import shutil
 import sys
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from zipfile import BadZipFile
 
-from diagrams.command_line import BAD_INPUT, CommandLine, finite
-from diagrams.run_folder import read_run
-from diagrams.run_log import Log, pushes, steps
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.results.folder import legend_entries, read_run
+from nadia_balance.results.log import pushes, steps
+from nadia_balance.scripts.command_line import CommandLine, finite
+from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
+try:
+    from playwright import sync_api
+except ImportError:  # it is optional, and missed in write_strip
+    sync_api = None
+
+_MISSING = "playwright is missing: pip install 'nadia_balance[docs]'"
+_FLAGS = (
+    "--no-sandbox",  # there is none for root
+    "--enable-unsafe-swiftshader",  # WebGL without a GPU
+)
+_SHARPNESS = 2  # pixels of a picture for each pixel of the strip
 _NUM_STEPS = 2  # after the push
 _BEFORE = 0.03  # a step lands [s]
-_SIGNALS = ("t", "walking_signal", "push_force")
-_MISSING = "playwright is missing: pip install 'nadia_balance[docs]'"
+
+# Looks at the robot's middle; hides all that is not the scene.
+_LOOK = """
+({time, path, azimuth_deg, elevation_deg, distance, height}) => {
+  for (const node of document.querySelectorAll("#legend, .dg")) {
+    node.style.display = "none";
+  }
+  viewer.set_render_callback("() => {}");  // no longer follows by itself
+  viewer.animator.pause();
+  viewer.animator.seek(time);
+  const names = path.split("/").filter((name) => name);
+  const middle = viewer.scene_tree.find(names).object.position;
+  const [azimuth, elevation] = [azimuth_deg, elevation_deg].map(
+      (angle) => angle * Math.PI / 180);
+  const away = distance * Math.cos(elevation);
+  const x = middle.x + away * Math.cos(azimuth);
+  const y = middle.y + away * Math.sin(azimuth);
+  const z = height + distance * Math.sin(elevation);
+  // The camera's axes are y up: its z is our -y.
+  viewer.controls.target.set(middle.x, height, -middle.y);
+  viewer.camera.position.set(x, z, -y);
+  viewer.controls.update();
+  viewer.render();  // moves the camera, ...
+  viewer.render();  // ... and draws what it sees
+}
+"""
+
+_STRIP = """
+<style>
+  body {{ margin: 0; background: white; color: #2f3440;
+         font: 21px/1.3 "DejaVu Sans", sans-serif; }}
+  #strip {{ display: inline-block; }}
+  .row {{ display: flex; gap: 8px; }}
+  figure {{ margin: 0; position: relative; }}
+  img {{ display: block; width: {width}px; height: {height}px;
+        border-radius: 8px; }}
+  figcaption {{ position: absolute; left: 16px; top: 12px; }}
+  .legend {{ display: flex; flex-wrap: wrap; justify-content: center;
+            gap: 3px 20px; padding: 10px 12% 6px; font-size: 17px;
+            width: 0; min-width: 100%; box-sizing: border-box; }}
+</style>
+<div id="strip"><div class="row">{figures}</div>
+<div class="legend">{legend}</div></div>
+"""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; 0 written, 2 bad input."""
-    parser = _parser()
-    args = parser.parse_args(argv)
-    try:
-        _write(args)
-    except (ValueError, OSError) as error:
-        message = " ".join(str(error).split())
-        print(f"{parser.prog}: {message}", file=sys.stderr)
-        return BAD_INPUT
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
+    """Runs the command line `argv`; returns 0, bad input ends the program."""
     parser = CommandLine(
         prog="picture.py",
         description=__doc__,
@@ -50,38 +99,38 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, help="PNG; by default picture.png in the folder"
     )
-    view = parser.add_argument_group("view")
-    view.add_argument(
-        "--azimuth", type=finite, help="0 from in front, 90 from her left [deg]"
-    )
-    view.add_argument(
-        "--elevation", type=finite, help="above the horizon [deg]"
-    )
-    view.add_argument("--distance", type=finite, help="of the camera [m]")
-    view.add_argument("--width", type=int, help="of each picture [pixels]")
-    view.add_argument("--height", type=int, help="of each picture [pixels]")
-    return parser
+    group = parser.add_argument_group("view")
+    for flag, field, kind, meaning in (
+        ("azimuth", "azimuth_deg", finite, "0 from in front, 90 left [deg]"),
+        ("elevation", "elevation_deg", finite, "above the horizon [deg]"),
+        ("distance", "distance", finite, "of the camera [m]"),
+        ("width", "width_px", int, "of each picture [pixels]"),
+        ("height", "height_px", int, "of each picture [pixels]"),
+    ):
+        default = getattr(View, field)
+        group.add_argument(
+            f"--{flag}", dest=field, type=kind, default=default, help=meaning
+        )
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        _write(args)
+    return 0
 
 
 def _write(args: argparse.Namespace) -> None:
-    try:
-        from diagrams.pictures import View, write_strip
-    except ModuleNotFoundError as error:
-        raise ValueError(_MISSING) from error
-    given = {
-        "azimuth_deg": args.azimuth,
-        "elevation_deg": args.elevation,
-        "distance": args.distance,
-        "width_px": args.width,
-        "height_px": args.height,
-    }
-    view = View(**{k: v for k, v in given.items() if v is not None})
+    view = View(
+        azimuth_deg=args.azimuth_deg,
+        elevation_deg=args.elevation_deg,
+        distance=args.distance,
+        width_px=args.width_px,
+        height_px=args.height_px,
+    )
     replay = args.run / "replay.html"
     if not replay.is_file():
         raise ValueError(
             f"run = {str(args.run)!r}: must be a folder with a replay.html"
         )
-    times = args.times or moments(_log_of(args.run))
+    times = args.times or moments(args.run)
     captions = args.captions or [f"{time:.2f} s" for time in times]
     if len(captions) != len(times):
         raise ValueError(
@@ -95,33 +144,133 @@ def _write(args: argparse.Namespace) -> None:
     print(f"wrote {out}")
 
 
-def _log_of(run: Path) -> Log:
-    """Reads what `moments` needs of the log of a `run`.
+def moments(run: Path) -> list[float]:
+    """The end of the last push, and when the next steps are about to land.
 
     Raises:
-        ValueError: the log is not whole.
-        OSError: there is none.
+        ValueError: there is no push in the `run`, or its log is not whole.
+        OSError: there is no log.
     """
     try:
         log, _ = read_run(run)
-        return {name: log[name] for name in _SIGNALS}
+        pushed, landed = pushes(log), steps(log)
     except (BadZipFile, EOFError, KeyError, ValueError) as error:
         raise ValueError(
             f"run = {str(run)!r}: must have a whole log.npz and summary.json, "
             f"as --times are not given ({error!r})"
         ) from error
+    if not pushed:
+        raise ValueError("times: must be given, without a push")
+    end = pushed[-1].end
+    landings = [step.swing.end for step in landed if step.swing.end > end]
+    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
 
 
-def moments(log: Log) -> list[float]:
-    """The end of the last push, and when the next steps are about to land.
+@dataclass(kw_only=True)
+class View:
+    """From where the robot is seen, and how large a picture is."""
+
+    azimuth_deg: float = 14.0  # 0 from in front, 90 from its left [deg]
+    elevation_deg: float = bounded(14.0, least=0.0, most=89.0)  # [deg]
+    distance: float = bounded(3.7, least=0.5, most=50.0)  # of the camera [m]
+    height: float = bounded(0.74, least=0.0, most=3.0)  # it looks at [m]
+    width_px: int = bounded(440, least=50, most=4000)
+    height_px: int = bounded(620, least=50, most=4000)
+
+
+def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
+    """Returns a headless Chromium: the system's, else playwright's own.
 
     Raises:
-        ValueError: nobody was pushed.
+        ValueError: there is none, or it does not start.
     """
-    if not (pushed := pushes(log)):
-        raise ValueError("times: must be given, as nobody was pushed")
-    landings = [s.swing.end for s in steps(log) if s.swing.end > pushed[-1].end]
-    return [pushed[-1].end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+    found = shutil.which("chromium") or shutil.which("google-chrome")
+    try:
+        return playwright.chromium.launch(executable_path=found, args=_FLAGS)
+    except sync_api.Error as error:
+        raise ValueError(
+            "Chromium is missing or does not start: apt-get install "
+            "chromium, or playwright install chromium"
+        ) from error
+
+
+def write_strip(
+    replay: Path, times: list[float], captions: list[str], view: View, out: Path
+) -> None:
+    """Writes to `out` (PNG) what `replay` shows at `times` [s], side by side.
+
+    Raises:
+        ValueError: `replay` is cut off, or no replay at all; a time is not
+            within it; or there is no playwright, or no Chromium.
+    """
+    if sync_api is None:
+        raise ValueError(_MISSING)
+    check(view)
+    with sync_api.sync_playwright() as playwright:
+        browser = launch_chromium(playwright)
+        pictures = _pictures(browser, replay, times, view)
+        page = browser.new_page(device_scale_factor=1)
+        page.set_viewport_size(
+            {"width": len(times) * (view.width_px + 8), "height": 100}
+        )
+        page.set_content(_strip(pictures, captions, view))
+        page.locator("#strip").screenshot(path=out)
+        browser.close()
+
+
+def _pictures(
+    browser: sync_api.Browser, replay: Path, times: list[float], view: View
+) -> list[bytes]:
+    """Returns a PNG for each of the `times` [s]."""
+    page = browser.new_page(
+        viewport={"width": view.width_px, "height": view.height_px},
+        device_scale_factor=_SHARPNESS,
+        offline=True,
+    )
+    duration = _open(page, replay)
+    for time in times:
+        if not 0.0 <= time <= duration:
+            raise ValueError(
+                f"times = {time}: must be within the replay, "
+                f"[0, {duration:.2f}] s"
+            )
+    pictures = []
+    for time in times:
+        # At the nearest time at which all was drawn: in between, a replay
+        # would draw polygons half-way from one shape to another.
+        frame = round(time / REGIONS_PERIOD) * REGIONS_PERIOD
+        page.evaluate(_LOOK, {"time": frame, "path": MIDDLE, **asdict(view)})
+        pictures.append(page.screenshot())
+    return pictures
+
+
+def _open(page: sync_api.Page, replay: Path) -> float:
+    """Loads `replay` into the `page`; returns how long it lasts [s]."""
+    try:
+        page.goto(replay.resolve().as_uri())
+        page.wait_for_function("viewer.animator.duration > 0")
+        return page.evaluate("viewer.animator.duration")
+    except sync_api.Error as error:  # a TimeoutError, too
+        raise ValueError(
+            f"run = {str(replay.parent)!r}: must have a whole {replay.name} "
+            f"({error.message.splitlines()[0]})"
+        ) from error
+
+
+def _strip(pictures: list[bytes], captions: list[str], view: View) -> str:
+    """The page with all pictures and what their colours mean."""
+    figures = "".join(
+        '<figure><img src="data:image/png;base64,'
+        f'{base64.b64encode(picture).decode()}">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+        for picture, caption in zip(pictures, captions, strict=True)
+    )
+    return _STRIP.format(
+        width=view.width_px,
+        height=view.height_px,
+        figures=figures,
+        legend=legend_entries("span"),
+    )
 
 
 if __name__ == "__main__":

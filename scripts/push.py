@@ -1,4 +1,4 @@
-"""Shoves the walking robot, and shows whether and how she recovers.
+"""Pushes the walking robot, and shows whether and how it recovers.
 
 Examples:
     python scripts/push.py
@@ -9,7 +9,11 @@ Examples:
 import argparse
 import sys
 
-from diagrams.command_line import (
+from nadia_balance.core.bounds import check
+from nadia_balance.core.push import Moment
+from nadia_balance.core.walking import Side
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.scripts.command_line import (
     ONE_OF,
     CommandLine,
     finite,
@@ -18,11 +22,8 @@ from diagrams.command_line import (
     scenario_flags,
     scenario_from,
 )
-from diagrams.envelope.moment import Moment
-from diagrams.scenario import Scenario
-from nadia_balance.core.gait import Gait
-from nadia_balance.core.push import Push
 
+STANDING = "standing"
 # Relative to a left stance foot, that is, to a right swing.
 WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 
@@ -59,19 +60,11 @@ def _push_flags(parser: argparse.ArgumentParser) -> None:
         help="change of the robot's velocity [m/s]",
     )
     group.add_argument(
-        "--phase",
-        choices=("swing", "transfer", "standing"),
-        help="when the push begins",
+        "--at",
+        help='when it begins: in a phase, such as "right swing 25 %%" (the '
+        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
+        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
     )
-    group.add_argument(
-        "--side",
-        choices=("left", "right"),
-        help="the foot that swings, or will after the transfer",
-    )
-    group.add_argument(
-        "--fraction", type=finite, help="of the phase that has passed, 0 to 1"
-    )
-    group.add_argument("--at", help='in short, such as "right swing 25 %%"')
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
@@ -86,47 +79,22 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
             f"scenario_name = {args.scenario_name!r}: must have a push"
         )
     push = scenario.pushes[0]
-    if args.at is not None:
-        _read_at(args)
     if args.delta_v is not None:
         push.delta_v, push.force = args.delta_v, None
-    _set_moment(args, push, scenario.gait)
+    if args.at == STANDING:
+        push.at, gait = "1 s", scenario.gait
+        gait.num_steps, gait.steps, gait.footholds = 0, [], []
+    elif args.at is not None:
+        push.at = str(Moment.parse(args.at))
     if args.direction is not None:
-        push.direction_deg = _degrees(args.direction, push)
-    scenario.validate()
+        push.direction_deg = _degrees(args.direction, push.moment)
+    check(scenario)
     return scenario
 
 
-def _set_moment(args: argparse.Namespace, push: Push, gait: Gait) -> None:
-    """Sets when `push` begins; who stands then takes no steps at all."""
-    if args.phase == "standing":
-        push.phase, push.time = None, 1.0
-        gait.num_steps, gait.steps, gait.footholds = 0, [], []
-    elif args.phase is not None:
-        push.phase, push.time = args.phase, None
-    for name in ("side", "fraction"):
-        if (value := getattr(args, name)) is None:
-            continue
-        if push.phase is None:
-            raise ValueError(
-                f"{name} = {value}: must come with --phase swing or transfer"
-            )
-        setattr(push, name, value)
-
-
-def _read_at(args: argparse.Namespace) -> None:
-    """Splits --at into --side, --phase and --fraction."""
-    for name in ("side", "phase", "fraction"):
-        if (value := getattr(args, name)) is not None:
-            raise ValueError(f"{name} = {value}: must not come with --at")
-    moment = Moment.parse(args.at)
-    args.side, args.phase = moment.side, moment.phase
-    args.fraction = moment.fraction
-
-
-def _degrees(direction: str, push: Push) -> float:
+def _degrees(direction: str, moment: Moment) -> float:
     if direction in WORDS:
-        mirrored = push.side == "left"
+        mirrored = moment.swing is Side.LEFT
         return WORDS[direction] * (-1.0 if mirrored else 1.0)
     try:
         return finite(direction)

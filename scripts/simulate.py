@@ -7,7 +7,8 @@ Examples:
 
 import sys
 
-from diagrams.command_line import (
+from nadia_balance.diagrams.scenario import scenario_names
+from nadia_balance.scripts.command_line import (
     ONE_OF,
     CommandLine,
     main_job,
@@ -15,7 +16,6 @@ from diagrams.command_line import (
     scenario_flags,
     scenario_from,
 )
-from diagrams.scenario import scenario_names
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,9 +5,6 @@ from collections.abc import Iterator
 
 import hypothesis
 import pytest
-from playwright.sync_api import Browser, sync_playwright
-
-from diagrams.pictures import launch_chromium
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -19,8 +16,13 @@ hypothesis.settings.load_profile("reproducible")
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
+def browser() -> Iterator:
     """A headless Chromium: the system's, else the one playwright got."""
+    # Here, as most tests need neither of them.
+    from playwright.sync_api import sync_playwright
+
+    from nadia_balance.scripts.picture import launch_chromium
+
     with sync_playwright() as playwright:
         browser = launch_chromium(playwright)
         yield browser

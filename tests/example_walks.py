@@ -6,6 +6,11 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
+from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.model import LegGeometry, PointMassModel
+from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -18,7 +23,20 @@ from nadia_balance.core.walking import (
 )
 
 SOLE = rectangle(0.25, 0.12)
-OMEGA = math.sqrt(9.81 / 0.95)
+MODEL = PointMassModel(
+    mass=90.9,
+    com_height=0.95,
+    step_width=0.25,
+    sole=SOLE,
+    legs=LegGeometry(
+        length=0.782, ankle_height=0.098, com_above_hip=0.12, hip_width=0.26
+    ),
+    reach=ReachabilityParams(),
+    detour=SwingDetourParams(),
+)
+OMEGA = MODEL.omega
+ALL = MECHANISMS["all_with_cross_over"]
+UNCROSSED = MECHANISMS["step_swing_transfer"]
 FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
 
 
@@ -55,6 +73,18 @@ def walk(
         tuple(steps),
         at_rest(np.zeros(2)),
     )
+
+
+def swing(**gait):
+    """The first swing of a walk: the right foot's."""
+    schedule = walk(**gait)
+    duration = schedule.footsteps[0].swing_duration
+    return replace(schedule, phase=Phase.SWING, duration=duration)
+
+
+def planned(schedule):
+    """The ICP plan of the schedule, with the default parameters."""
+    return plan_icp(schedule, IcpPlanParams(), MODEL)
 
 
 def successor(schedule, plan, t=None):

@@ -1,4 +1,4 @@
-"""A Meshcat that remembers, and says what its recording shows at a time."""
+"""A Meshcat that remembers what was drawn; clicks in one without a browser."""
 
 import numpy as np
 
@@ -53,3 +53,33 @@ class FakeMeshcat:
         frames = np.array(sorted(track))
         before = frames[frames <= round(time * FRAMES_PER_SECOND)]
         return track[before[-1] if len(before) else frames[0]]
+
+
+def drawn_edges(meshcat: FakeMeshcat, path: str, time: float):
+    """The visible edges of a PolygonOutline: starts, ends and heights.
+
+    From the poses and lengths of the boxes, which are longer by their width.
+    """
+    starts, ends, heights = [], [], []
+    for edge in [p for p in meshcat.objects if p.rpartition("/")[0] == path]:
+        if meshcat.at(edge, "visible", time):
+            X = meshcat.at(edge, "transform", time)
+            scale = meshcat.at(f"{edge}/<object>", "scale", time)
+            half = 0.5 * (scale[0] - scale[1]) * X[:2, 0]
+            starts.append(X[:2, 3] - half)
+            ends.append(X[:2, 3] + half)
+            heights.append(X[2, 3])
+    return starts, ends, heights
+
+
+def click(meshcat, button: str) -> None:
+    """Sends what a browser sends: {type: button, name: ...}."""
+
+    def packed(text):  # as MessagePack
+        size = len(text)
+        return bytes([0xA0 | size] if size < 32 else [0xD9, size]) + (
+            text.encode()
+        )
+
+    parts = ("type", "button", "name", button)
+    meshcat._InjectWebsocketMessage(b"\x82" + b"".join(map(packed, parts)))

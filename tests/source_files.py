@@ -13,6 +13,13 @@ def python_files(*folders: str) -> list[Path]:
     return sorted(path.relative_to(ROOT) for path in paths)
 
 
+def module_name(path: Path) -> str:
+    """The name by which the file at `path` is imported."""
+    name = ".".join(path.with_suffix("").parts)
+    inside = path.parts[0] in ("nadia_balance", "tests")
+    return name if inside else f"nadia_balance.{name}"
+
+
 def syntax_tree(path: Path) -> ast.Module:
     return ast.parse((ROOT / path).read_text(encoding="utf-8"))
 

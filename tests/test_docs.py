@@ -1,15 +1,26 @@
-"""What README.md and docs/ say of the code is true."""
+"""What README.md and docs/ say of the code is true; their examples run."""
 
+import ast
+import inspect
+import json
 import re
+import subprocess
+import sys
+import textwrap
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
 import pytest
 import yaml
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from diagrams.scenario import Scenario, load_scenario
-from nadia_balance.core.robot_params import RobotParams
-from tests.source_files import ROOT, python_files
+import nadia_balance as nb
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.robot_params import RobotParams
+from tests.source_files import ROOT, imports
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 DIAGRAM = (ROOT / "docs" / "diagram.md").read_text(encoding="utf-8")
@@ -21,38 +32,99 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def test_the_controller_works_in_ones_own_diagram():
-    """Oracle: she stands; without torques she sinks by 15 cm meanwhile."""
-    (block,) = blocks(DIAGRAM, "python")
-    names = {}
-    exec(compile(block, "diagram.md", "exec"), names)
-    plant, simulator = names["plant"], names["simulator"]
-    context = plant.GetMyContextFromRoot(simulator.get_context())
-    start = plant.GetPositions(context)[6]
-    simulator.AdvanceTo(0.2)
-    assert plant.GetPositions(context)[6] == pytest.approx(start, abs=0.005)
+def test_25_lines_make_a_robot_walk_and_recover():
+    """Oracle: the pelvis is up, the ICP where it is planned, the push done.
 
-
-def test_the_table_has_every_system():
-    """Oracle: the classes in the source files."""
-    sources = "".join(
-        (ROOT / path).read_text("utf-8")
-        for path in python_files("nadia_balance/systems")
+    In a process of its own, which has no `diagrams` and no `scripts`.
+    """
+    (block,) = blocks(README, "python")
+    assert len(block.splitlines()) <= 25
+    packages = {name.split(".")[0] for name in imports(ast.parse(block))}
+    assert packages == {"nadia_balance", "pydrake"}
+    blocked = [
+        f"{prefix}{name}"
+        for prefix in ("", "nadia_balance.")
+        for name in ("diagrams", "scripts")
+    ]
+    code = f"""
+import json, sys
+sys.modules.update(dict.fromkeys({blocked}))
+{block}
+from nadia_balance.systems.push_source import PushSignal
+root = simulator.get_context()
+def value(system, port):
+    context = system.GetMyContextFromRoot(root)
+    return system.GetOutputPort(port).Eval(context).tolist()
+print(json.dumps({{
+    "height": plant.GetPositions(plant.GetMyContextFromRoot(root))[6],
+    "started": robot.standing_positions()[6],
+    "icp": value(controller, "icp"),
+    "planned": value(controller, "icp_reference")[:2],
+    "waiting": PushSignal(value(push, "push_signal")).waiting,
+}}))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
     )
-    systems = re.findall(r"^class (\w+)\(LeafSystem\)", sources, re.MULTILINE)
-    rows = re.findall(r"^\| `(\w+)` \|", README, re.MULTILINE)
-    assert len(systems) > 10
-    assert set(systems) <= set(rows)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["height"] == pytest.approx(found["started"], abs=0.02)
+    assert found["icp"] == pytest.approx(found["planned"], abs=0.02)
+    assert found["waiting"] == 0.0
 
 
-@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs"])
-def test_links_lead_somewhere(name):
+def test_a_plant_of_ones_own_is_that_of_the_robot():
+    """Oracle: `add_plant_to`: the same bodies, in the same posture."""
+    block, _ = blocks(DIAGRAM, "python")
+    robot, own = nb.load_robot("nadia"), MultibodyPlant(0.001)
+    exec(block, {"nb": nb, "robot": robot, "plant": own})
+    made, _ = robot.add_plant_to(DiagramBuilder())
+    assert own.num_bodies() == made.num_bodies()
+    assert (own.GetDefaultPositions() == made.GetDefaultPositions()).all()
+
+
+def test_40_lines_are_a_step_adjuster_of_ones_own():
+    """Oracle: without it, the same push throws the robot over."""
+    _, block = blocks(DIAGRAM, "python")
+    assert len(block.splitlines()) <= 40
+    names = {}
+    exec(block, names)
+    assert names["run"].simulated_time == pytest.approx(5.0)
+    assert not names["run"].fall_reason
+    alone = simulate(HumanoidDiagram(names["scenario"]), duration=5.0)
+    assert alone.fall_reason
+
+
+def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:
+    """The names of input and output ports in a system's docstring."""
+    block = inspect.getdoc(kind).split(".. pydrake_system::")[1]
+    ports = yaml.safe_load(textwrap.dedent(block))
+    return set(ports["input_ports"]), set(ports["output_ports"])
+
+
+def test_the_table_has_every_system_and_its_ports():
+    """Oracle: the docstrings, which test_ports compares with the systems."""
+    public = (getattr(nb, name) for name in nb.__all__)
+    systems = {
+        kind.__name__: documented(kind)
+        for kind in public
+        if inspect.isclass(kind) and issubclass(kind, LeafSystem)
+    }
+    rows = re.findall(r"^\| `(\w+)` \|(.*)\|(.*)\|$", README, re.MULTILINE)
+    table = {
+        name: tuple(set(re.findall(r"`(\w+)`", cell)) for cell in cells)
+        for name, *cells in rows
+        if name in systems
+    }
+    assert table == systems
+
+
+def test_links_lead_somewhere():
     """Oracle: the files of the checkout."""
-    path = ROOT / name
-    for file in path.glob("*.md") if path.is_dir() else [path]:
+    for file in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]:
         text = file.read_text(encoding="utf-8")
         for link in re.findall(r"\]\((?!https?:|#)([^)#]+)", text):
-            assert (file.parent / link).exists(), link
+            assert (file.parent / link).exists(), f"{file.name}: {link}"
 
 
 def values(params: object, prefix: str = "") -> Iterator[tuple[str, object]]:
@@ -79,14 +151,15 @@ def test_the_table_has_every_field_of_robot_yaml_and_its_default():
             assert table[name] == text, name
 
 
-def test_the_scenario_of_a_small_robot_is_one(tmp_path):
-    """Oracle: it loads; each length is half of the default, for Nadia."""
-    (text,) = blocks(ROBOT, "yaml")
+def test_the_lengths_of_a_small_robot_are_halves(tmp_path):
+    """Oracle: the defaults, which are for Nadia; and the scenario loads."""
+    robot, text = blocks(ROBOT, "yaml")
     file = tmp_path / "push.yaml"
     file.write_text(text)
     assert load_scenario("half_size_push", file).robot.endswith("robot.yaml")
     given = yaml.safe_load(text)["half_size_push"]["controller"]
     lengths = dict(leaves(given, Scenario().controller))
+    lengths |= dict(leaves(yaml.safe_load(robot), RobotParams()))
     assert len(lengths) > 20
     for name, (length, of_nadia) in lengths.items():
         if not name.endswith("step_length_factor"):

@@ -1,4 +1,4 @@
-"""The live tab in a real browser: what is clicked there arrives.
+"""Live Meshcat in a real browser: what is clicked there arrives.
 
 The simulation runs in a thread of its own, in real time, while the browser
 clicks.  Where it can, what stands still takes the place of a robot.
@@ -18,10 +18,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, EventStatus
 from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput
 
-from diagrams.humanoid import HumanoidDiagram
-from diagrams.scenario import load_scenario
-from diagrams.simulation import start
-from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -31,12 +28,15 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import start
 from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.push_source import PushSignal, PushSource
 
 MASS, PERIOD = 90.0, 0.002
-ALL = Mechanisms(True, True, True, True)
+ALL = MECHANISMS["all_with_cross_over"]
 PUSH_TICKS = 50  # 0.1 s
 LONGEST = 60.0  # of a simulation that nobody ends [s]
 REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
@@ -81,7 +81,7 @@ class LiveRun:
 
 
 def wait_until(page: Page, has_come: Callable[[], bool]) -> None:
-    """Waits, while the tab lives on."""
+    """Waits, while the page lives on."""
     for _ in range(400):
         if has_come():
             return
@@ -111,7 +111,7 @@ class StandingRun(LiveRun):
                 system.GetOutputPort(port), builder, publish_period=PERIOD
             )
             for system, port in (
-                (self._source, "push_force"),
+                (self._source, "push_signal"),
                 (controls, "mechanisms"),
             )
         }
@@ -119,8 +119,8 @@ class StandingRun(LiveRun):
 
     def _look(self, root):
         context = self._source.GetMyContextFromRoot(root)
-        force = self._source.GetOutputPort("push_force").Eval(context)
-        pushed = bool(np.any(force != 0.0))
+        signal = self._source.GetOutputPort("push_signal").Eval(context)
+        pushed = PushSignal(signal).number > 0
         self.pushes_over += self._pushed and not pushed
         self._pushed = pushed
 
@@ -171,7 +171,7 @@ def run(request) -> Iterator[LiveRun]:
 
 @pytest.fixture
 def page(browser: Browser, run: LiveRun) -> Iterator[Page]:
-    """The tab, with its controls open."""
+    """Meshcat, with its controls open."""
     page = browser.new_page(viewport={"width": 900, "height": 700})
     page.goto(run.url)
     page.get_by_text("Open Controls").click()
@@ -184,36 +184,34 @@ def click(page: Page, label: str) -> None:
     page.get_by_text(label, exact=True).click()
 
 
+def set_sliders(page: Page, size: str, direction: str) -> None:
+    for label, text in ("size [m/s]", size), ("direction [deg]", direction):
+        box = page.locator("li.cr", has_text=label).locator("input")
+        box.fill(text)
+        box.press("Enter")
+
+
 def test_a_click_on_push_arrives_while_the_simulation_runs(run, page):
-    """Oracle: m delta_v / 0.1 s to the left, for 50 ticks, once per click."""
-    for count in (1, 2):
-        click(page, "Push")
-        wait_until(page, lambda count=count: run.pushes_over >= count)
+    """Oracle: m delta_v / 0.1 s, for 50 ticks, once per click.
+
+    To the left at first; then what is typed into the boxes beside the sliders.
+    """
+    click(page, "Push")
+    wait_until(page, lambda: run.pushes_over >= 1)
+    set_sliders(page, "0.72", "180")
+    page.wait_for_timeout(200)
+    page.keyboard.press("p")  # the key of the button
+    wait_until(page, lambda: run.pushes_over >= 2)
     run.end()
-    force = run.logs["push_force"]
-    acts = np.linalg.norm(force, axis=1) > 0.0
+    signal = PushSignal(run.logs["push_signal"].T)
+    acts = signal.number > 0
     assert np.count_nonzero(acts) == 2 * PUSH_TICKS
     edges = np.flatnonzero(np.diff(acts.astype(int)))
     assert len(edges) == 4
     assert np.diff(edges)[::2].tolist() == [PUSH_TICKS, PUSH_TICKS]
-    expected = np.tile([0.0, MASS * 0.3 / 0.1, 0.0], (2 * PUSH_TICKS, 1))
-    assert force[acts] == pytest.approx(expected, abs=1e-9)
-
-
-def test_the_sliders_set_size_and_direction(run, page):
-    """Oracle: typed into the boxes beside the sliders: 0.72 m/s, 180 deg."""
-    for label, text in ("size [m/s]", "0.72"), ("direction [deg]", "180"):
-        box = page.locator("li.cr", has_text=label).locator("input")
-        box.fill(text)
-        box.press("Enter")
-    page.wait_for_timeout(200)
-    page.keyboard.press("p")  # the key of the button
-    wait_until(page, lambda: run.pushes_over >= 1)
-    run.end()
-    force = run.logs["push_force"]
-    acts = np.linalg.norm(force, axis=1) > 0.0
-    assert np.count_nonzero(acts) == PUSH_TICKS
-    assert force[acts][0] == pytest.approx([-MASS * 0.72 / 0.1, 0.0, 0.0])
+    sizes = [[0.0, MASS * 0.3 / 0.1, 0.0], [-MASS * 0.72 / 0.1, 0.0, 0.0]]
+    expected = np.repeat(sizes, PUSH_TICKS, axis=0)
+    assert signal.force.T[acts] == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_toggle_switches_its_mechanism_and_says_so(run, page):
@@ -225,22 +223,19 @@ def test_a_toggle_switches_its_mechanism_and_says_so(run, page):
     page.get_by_text("cross-over: on", exact=True).wait_for()
     run.end()
     mechanisms = run.logs["mechanisms"]
-    changes = mechanisms[np.flatnonzero(np.diff(mechanisms[:, 3])) + 1]
-    assert changes.tolist() == [[1, 1, 1, 0], [1, 1, 1, 1]]
-    assert np.all(mechanisms[:, :3] == 1.0)
+    switched = np.flatnonzero(np.any(np.diff(mechanisms, axis=0), axis=1)) + 1
+    on = [Mechanisms.from_vector(mechanisms[row]) for row in switched]
+    assert on == [MECHANISMS["step_swing_transfer"], ALL]
 
 
 @pytest.mark.parametrize("run", [RobotRun], indirect=True)
-def test_a_toggle_lets_the_walking_robot_move_her_foothold(run, page):
+def test_a_toggle_lets_the_walking_robot_move_its_foothold(run, page):
     """Oracle: no swing is adjusted before; then the next push moves a foot.
 
-    Until she is pushed, each foot lands where it was to land.  Forward, at
+    Until it is pushed, each foot lands where it was to land.  Forward, at
     0.5 m/s, ankles and hips are not enough, in whichever phase it comes.
     """
-    for label, text in ("size [m/s]", "0.5"), ("direction [deg]", "0"):
-        box = page.locator("li.cr", has_text=label).locator("input")
-        box.fill(text)
-        box.press("Enter")
+    set_sliders(page, "0.5", "0")
     wait_until(page, lambda: run.swings[False] > 0)
     assert run.swings[True] == 0
     click(page, "step adjustment: off")

@@ -17,28 +17,23 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System
 
 import nadia_balance.systems
-from diagrams.humanoid import HumanoidDiagram
-from diagrams.lipm import LipmDiagram
-from diagrams.scenario import load_scenario
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.capture_point_controller import CapturePointController
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
 
 # output port: the input ports that it depends on within the same instant.
-ICP_CONTROL = {"icp", "icp_reference", "walking_state"}
+ICP_CONTROL = {"com_state", "icp", "icp_reference", "walking_state"}
 JOINT_CONTROL = {
-    "estimated_state",
+    "whole_body_terms",
     "momentum_rate",
     "swing_foot_reference",
     "walking_state",
 }
 STEP_ADJUSTMENT = {"icp", "walking_state", "time_adjustment", "mechanisms"}
-TIME_ADJUSTMENT = {
-    "icp",
-    "icp_plan",
-    "walking_state",
-    "foot_poses",
-    "mechanisms",
-}
+QP_ADJUSTMENT = {"icp", "icp_plan", "walking_state", "mechanisms"}
+TIME_ADJUSTMENT = QP_ADJUSTMENT | {"foot_poses"}
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": {
@@ -49,11 +44,12 @@ FEEDTHROUGH = {
         "com_state": {"estimated_state"},
         "icp": {"estimated_state"},
         "foot_poses": {"estimated_state"},
+        "whole_body_terms": {"estimated_state"},
     },
     "FootForceSensor": {"foot_forces": set()},  # held between two ticks
     "IcpStepAdjuster": {
-        "adjustment": STEP_ADJUSTMENT - {"time_adjustment"},
-        "capture_regions": STEP_ADJUSTMENT - {"time_adjustment"},
+        "adjustment": QP_ADJUSTMENT,
+        "capture_regions": QP_ADJUSTMENT,
     },
     "IcpPlanner": {
         "icp_plan": {"walking_state"},
@@ -62,8 +58,8 @@ FEEDTHROUGH = {
     "LiveControls": {"live_push": set(), "mechanisms": set()},
     "MomentumQp": {
         "ecmp_command": ICP_CONTROL,
-        "momentum_rate": ICP_CONTROL | {"com_state"},
-        "qp_status": ICP_CONTROL,
+        "momentum_rate": ICP_CONTROL,
+        "momentum_qp_status": ICP_CONTROL,
     },
     "PointMassPlant": {
         "com_state": set(),
@@ -71,14 +67,18 @@ FEEDTHROUGH = {
         "foot_poses": {"walking_state"},
         "foot_forces": {"walking_state"},
     },
-    "PushSource": {"push_force": set(), "spatial_forces": set()},
+    "PushSource": {
+        "push_force": set(),
+        "push_signal": set(),
+        "spatial_forces": set(),
+    },
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
     "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},
     "WholeBodyInverseDynamics": {
         "actuation": JOINT_CONTROL,
         "foot_wrenches": JOINT_CONTROL,
-        "qp_status": JOINT_CONTROL,
+        "whole_body_qp_status": JOINT_CONTROL,
     },
 }
 

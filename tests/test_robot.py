@@ -7,30 +7,19 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.core.walking import Side
-from nadia_balance.robot import (
-    MODELS,
-    load_robot,
-    load_robot_params,
-    robot_names,
-)
+from nadia_balance.robot import MODELS, load_robot, robot_names
 
 ROBOT = load_robot("nadia")
 
 
-def plant_at(q):
-    """The robot's plant, and its context at the positions `q`."""
-    plant = ROBOT.control_plant()
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, q)
-    return plant, context
-
-
-def at_posture():
-    """The plant at the posture of robot.yaml, the pelvis at the origin."""
+def plant_at(q=None):
+    """The robot's plant, and its context at `q`; else at its posture."""
     plant = ROBOT.control_plant()
     context = plant.CreateDefaultContext()
     for joint, angle in ROBOT.posture.items():
         plant.GetJointByName(joint).set_angle(context, angle)
+    if q is not None:
+        plant.SetPositions(context, q)
     return plant, context
 
 
@@ -49,7 +38,7 @@ def soles(plant, context):
     }
 
 
-@pytest.mark.parametrize("width", [None, 0.125, 0.25, 0.5])
+@pytest.mark.parametrize("width", [None, 0.125, 0.5])
 def test_stands_with_level_soles_and_the_com_over_their_middle(width):
     """Oracle: forward kinematics.  SNOPT is content with some 1e-7."""
     plant, context = plant_at(ROBOT.standing_positions(width))
@@ -64,15 +53,10 @@ def test_stands_with_level_soles_and_the_com_over_their_middle(width):
 
 
 def test_standing_is_the_posture():
-    """But for the hips' roll: they are not as far apart as the feet."""
-    plant, context = at_posture()
+    """Oracle: its forward kinematics; but for the hips' roll."""
+    plant, context = plant_at()
     q = ROBOT.standing_positions()
     assert q[7:] == pytest.approx(plant.GetPositions(context)[7:], abs=0.01)
-
-
-def test_com_height_is_that_of_the_posture():
-    """Oracle: forward kinematics of the posture, to 1 mm."""
-    plant, context = at_posture()
     com = plant.CalcCenterOfMassPositionInWorld(context)
     for X_WF in soles(plant, context).values():
         height = com[2] - X_WF.translation()[2]
@@ -81,7 +65,7 @@ def test_com_height_is_that_of_the_posture():
 
 def test_legs_are_as_long_as_robot_yaml_says():
     """Oracle: forward kinematics, to 1 mm."""
-    plant, context = at_posture()
+    plant, context = plant_at()
     com = plant.CalcCenterOfMassPositionInWorld(context)
     hips, ankles = (
         {
@@ -90,7 +74,7 @@ def test_legs_are_as_long_as_robot_yaml_says():
         }
         for link in ("THIGH_LINK", "ANKLE_LINK")
     )
-    legs, near = ROBOT.legs, {"abs": 1e-3}
+    legs, near = ROBOT.params.legs, {"abs": 1e-3}
     hip, ankle = hips[Side.LEFT], ankles[Side.LEFT]
     sole = soles(plant, context)[Side.LEFT].translation()
     assert com[2] - hip[2] == pytest.approx(legs.com_above_hip, **near)
@@ -106,11 +90,6 @@ def test_legs_are_as_long_as_robot_yaml_says():
     assert max(lengths) == pytest.approx(legs.length, **near)
 
 
-def test_omega_is_that_of_the_com_height():
-    """Oracle: omega^2 z = g."""
-    assert ROBOT.omega**2 * ROBOT.com_height == pytest.approx(9.81, rel=1e-12)
-
-
 def test_plant_and_controller_get_the_same_robot():
     """Oracle: the mass matrix, armature included, bit by bit."""
     plant = MultibodyPlant(0.001)
@@ -120,31 +99,22 @@ def test_plant_and_controller_get_the_same_robot():
     q = ROBOT.standing_positions()
     plant.SetPositions(context, q)
     own, own_context = plant_at(q)
-    assert (
-        plant.CalcMassMatrix(context) == own.CalcMassMatrix(own_context)
-    ).all()
+    mass_matrix = own.CalcMassMatrix(own_context)
+    assert (plant.CalcMassMatrix(context) == mass_matrix).all()
 
 
-@pytest.mark.parametrize("width", [2.0, 5.0])
+@pytest.mark.parametrize("width", [2.0, np.nan])
 def test_refuses_a_step_width_out_of_reach(width):
     """Oracle: two legs of 0.88 m and 0.26 m between them, all in a line."""
-    with pytest.raises(ValueError, match=f"{width}, .*within reach"):
+    with pytest.raises(ValueError, match=f"{width}.*: must be (within|> 0)"):
         ROBOT.standing_positions(width)
 
 
-@pytest.mark.parametrize("width", [0.0, -0.25, np.nan, np.inf])
-def test_refuses_a_step_width_that_is_none(width):
-    with pytest.raises(ValueError, match=f"step_width = {width}: must be > 0"):
-        ROBOT.standing_positions(width)
-
-
-def test_refuses_an_unknown_name_and_lists_the_known():
+def test_refuses_an_unknown_name_and_lists_the_known(tmp_path):
+    """Oracle: the folders in models."""
     assert robot_names() == ["atlas", "nadia"]
     with pytest.raises(ValueError, match="robot = 'adam': .*atlas, nadia"):
         load_robot("adam")
-
-
-def test_refuses_a_file_that_is_not_there(tmp_path):
     with pytest.raises(FileNotFoundError, match="robot.yaml: no such file"):
         load_robot(str(tmp_path / "robot.yaml"))
 
@@ -168,26 +138,16 @@ def test_loads_a_robot_of_ones_own(copy):
     assert own.mass == ROBOT.mass
 
 
-def test_the_params_need_no_urdf(copy):
-    """Oracle: those of the robot."""
-    (copy / "nadia.urdf").unlink()
-    assert load_robot_params(str(copy / "robot.yaml")) == ROBOT.params
-
-
 @pytest.mark.parametrize(
     "old, new, message",
     [
         ("urdf: nadia.urdf", "urdf: none.urdf", "urdf = .*: no such file"),
-        ("name: nadia", "nam: nadia", "robot.yaml: .*nam"),
-        ("name: nadia", "name: [", "robot.yaml: "),
+        ("name: nadia", "nam: nadia", "robot.yaml: nam: unknown field"),
         ("com_height: 0.888", "com_height: .nan", "com_height = nan: must"),
         ("com_height: 0.888", "com_height: 2.0", "com_height = 2.0: .*reach"),
-        ("step_width: 0.25", "step_width: 3.0", "step_width = 3.0, .*reach"),
-        ("com_height: 0.888", "com_height: high", "robot.yaml: .*high"),
         ("name: nadia", "", "robot.yaml: name = '': must not be empty"),
-        ("urdf: nadia.urdf", "", "robot.yaml: urdf = '': must not be empty"),
-        ("sole: {", "sole: 3  # {", "robot.yaml: sole = 3: must be a mapping"),
         ("legs: {", "# {", "legs.length = 0.0: must be > 0 m"),
+        ("max: 0.178", "max: -0.1", "sole.x_max = -0.1: must be > x_min"),
         ("TORSO_LINK", "TRUNK", "torso_body = 'TRUNK': must be a link"),
         (
             "pelvis_body: PELVIS",
@@ -204,12 +164,6 @@ def test_the_params_need_no_urdf(copy):
             "{KNEE: 0.1",
             "joint_lower_limits.KNEE = 0.1: must be one of the joints",
         ),
-        (
-            "{LEFT_KNEE_Y: 0.1",
-            "{LEFT_KNEE_Y: 9.0",
-            r"joint_lower_limits.LEFT_KNEE_Y = 9.0: must be in \[0.0, 2.62\]",
-        ),
-        ("LEFT_KNEE_Y: 0.552", "KNEE: 0.5", "posture.KNEE = 0.5: must be one"),
         (
             "LEFT_KNEE_Y: 0.552",
             "LEFT_KNEE_Y: -0.5",
@@ -229,16 +183,12 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
     [
         ("</robot>", "", "no element found"),
         ("</robot>", "<link/></robot>", "name"),
-        *(
-            (
-                'value="19.0917"',
-                f'value="{mass}"',
-                f"mass of PELVIS_LINK = {mass}: must be a number > 0 kg",
-            )
-            for mass in ("-19.0917", "0", "nan", "inf", "heavy", "")
+        (
+            'value="19.0917"',
+            'value="0"',
+            "mass of PELVIS_LINK = 0: must be a number > 0 kg",
         ),
         ('ixx="0.0942"', 'ixx="-0.0942"', "inertia"),
-        ('ixx="0.0942"', 'ixx="nan"', "'ixx' got 'nan'"),
         ('"0 0.115 -0.07185"', '"0 nan 0"', "xyz got 0 nan 0"),
         (
             'lower="-0.7854" upper="0.7854"',
@@ -260,25 +210,16 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
         (' effort="350"', "", "LEFT_KNEE_Y: must have .* an effort limit"),
         # Only a plant with shapes, such as the simulated one, reads these.
         ('<sphere radius="0.005"/>', '<sphere radius="-1"/>', "radius = -1"),
-        (
-            '<sphere radius="0.005"/>',
-            '<mesh filename="none.obj"/>',
-            "none.obj",
-        ),
-        (
-            '<child link="TORSO_LINK"/>',
-            '<child link="PELVIS_LINK"/>',
-            "loops",
-        ),
+        ('child link="TORSO_LINK"', 'child link="PELVIS_LINK"', "loops"),
     ],
 )
 def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):
     urdf = copy / "nadia.urdf"
-    if old == "<transmission ":  # all of them: a URDF without actuators
-        text = urdf.read_text().replace("</transmission>", "</ignored>")
-        urdf.write_text(text.replace(old, new))
-    else:
-        change(urdf, old, new)
+    text = urdf.read_text()
+    assert old in text
+    if "transmission" in old:  # all of them: a URDF without actuators
+        text = text.replace("</transmission>", "</ignored>").replace(old, new)
+    urdf.write_text(text.replace(old, new, 1))
     with pytest.raises(ValueError, match="urdf = .*(" + message + ")") as error:
         load_robot(str(copy / "robot.yaml"))
     assert "\n" not in str(error.value)

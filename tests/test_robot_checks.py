@@ -81,13 +81,8 @@ def contacts(contact_model: str, positions: dict) -> set[str]:
 @pytest.mark.parametrize(
     "positions, expected",
     [
-        ({"left": [0, 0, 1.0]}, set()),
         ({"left": [0, 0, ON_GROUND], "right": [0, 1, ON_GROUND]}, set()),
         ({"knee": [0, 0, ON_GROUND]}, {"knee - ground"}),
-        (
-            {"left": [0, 0, ON_GROUND], "knee": [0, 0, ON_A_FOOT]},
-            {"knee - left"},
-        ),
         (
             {"left": [0, 0, ON_A_FOOT], "right": [0, 0, ON_GROUND]},
             {"left - right"},

@@ -77,31 +77,22 @@ def test_keeps_the_defaults_and_leaves_them_alone():
 def test_reads_a_child_of_a_file(tmp_path):
     path = tmp_path / "carts.yaml"
     path.write_text("small: {seats: 2}\nlarge: {seats: 9}\n")
-    for filename in (path, str(path)):
-        cart = load_typed(Cart, "carts", filename=filename, child_name="large")
-        assert cart.seats == 9
+    cart = load_typed(Cart, "carts", filename=path, child_name="large")
+    assert cart.seats == 9
 
 
 @pytest.mark.parametrize(
     "text, message",
     [
         ("3", "file = 3: must be a mapping"),
-        ("", "file = None: must be a mapping"),
-        ("seats: many", "seats = 'many': must be an integer"),
         ("seats: 2.5", "seats = 2.5: must be an integer"),
-        ("seats: [1]", r"seats = [1]: must be an integer"),
         ("electric: 1", "electric = 1: must be true or false"),
         ("name: 3", "name = 3: must be text"),
-        ("load: heavy", "load = 'heavy': must be a number"),
-        ("spare: 3", "spare = 3: must be a mapping"),
-        ("spare: {radius: }", "spare.radius = None: must be a number"),
         ("spare: {radius: true}", "spare.radius = True: must be a number"),
         ("spare: {size: 1}", "spare.size: unknown field, must be one of rad"),
         ("wheels: 4", "wheels = 4: must be a list"),
         ("wheels: [{}, 4]", "wheels[1] = 4: must be a mapping"),
-        ("angles: [1]", "angles = [1]: must be a mapping"),
         ("angles: {door: a}", "angles.door = 'a': must be a number"),
-        ("plant: 1", "plant = 1: must be a mapping"),
         ("plant: {step: 1}", "plant.step: unknown field, must be one of time"),
     ],
 )
@@ -109,13 +100,10 @@ def test_names_the_field_its_value_and_what_is_allowed(text, message):
     assert refusal(text).startswith(message)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["spare: !Wagon {}", "either: !Wagon {}", "either: !Wheel {radius: a}"],
-)
-def test_leaves_tags_to_drake(text):
+def test_leaves_tags_to_drake():
     """Which knows them; its errors, too, come as one line."""
-    assert refusal(text)
+    for text in ("spare: !Wagon {}", "either: !Wheel {radius: a}"):
+        assert refusal(text)
 
 
 @pytest.mark.parametrize(
@@ -124,8 +112,6 @@ def test_leaves_tags_to_drake(text):
         ("a: b: c", "line 1, column 5: "),
         ("name: a\nseats: {", "line 2, column "),
         ("name: 2020-13-45", "month must be in 1..12"),
-        ("name: \0", "#x0000"),
-        ("name: *nowhere", "line 1, column 7: "),
         (2000 * "[", "recursion"),
     ],
 )
@@ -137,10 +123,12 @@ def test_says_where_the_yaml_is_malformed(text, message):
 
 
 def test_shortens_a_long_value():
+    """Oracle: 60 characters of it, and some of what is said."""
     assert len(refusal(f"seats: [{200 * '1, '}]")) < 120
 
 
 def test_lists_the_children_that_there_are():
+    """Oracle: the names at the top of the YAML."""
     message = refusal("small: {}\nlarge: {}", child_name="huge")
     assert message == "'huge': must be one of small, large"
     assert "must be a mapping" in refusal("[small]", child_name="small")
@@ -148,13 +136,11 @@ def test_lists_the_children_that_there_are():
     assert named.startswith("small.seats = 'a': ")
 
 
-def test_a_file_that_is_no_text_is_malformed(tmp_path):
+def test_a_file_that_cannot_be_read(tmp_path):
+    """Oracle: bytes that are no UTF-8; a name that there is not."""
     path = tmp_path / "cart.yaml"
     path.write_bytes(b"name: \xff\xfe")
     with pytest.raises(ValueError, match="cart.yaml: .*utf-8"):
         load_typed(Cart, "cart.yaml", filename=path)
-
-
-def test_a_file_that_is_not_there_is_not_found(tmp_path):
     with pytest.raises(FileNotFoundError):
         load_typed(Cart, "cart.yaml", filename=tmp_path / "none.yaml")

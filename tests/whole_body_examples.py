@@ -5,15 +5,15 @@ import math
 
 import numpy as np
 
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
-from nadia_balance.core.whole_body_terms import (
+from nadia_balance.core.whole_body_command import (
     WholeBodyCommand,
     WholeBodyModel,
+    WholeBodyQpParams,
     WholeBodyTerms,
 )
+from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.robot import RobotModel, load_robot
-from nadia_balance.systems.whole_body_kinematics import (
+from nadia_balance.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
 )

@@ -1,69 +1,203 @@
 """In how few further steps a robot can be captured, by its capture regions.
 
-The question behind the regions of the Nadia paper, Sec. IV, asked at a moment
-of a walk: is there a foothold within reach that is in C_n, and can the foot be
-there in time?  Of the linear inverted pendulum, and without the hips.
+The question behind the regions of the Nadia paper, Sec. IV, asked at one
+instant of a walk: is there a foothold within reach that is in C_n, and can the
+foot be there in time?  Of the linear inverted pendulum, and without the hips.
 """
 
-from __future__ import annotations
-
-import math
-from collections.abc import Callable
+import itertools
 
 import numpy as np
 
-from nadia_balance.core.capture_region import capture_region
+from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+    later_feet,
+    later_steps,
+    step_contractions,
+    swing_geometry,
+)
 from nadia_balance.core.lipm import icp_after
-from nadia_balance.core.next_step import NextStep
+from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import (
     clip_all,
     contains,
     convex_hull,
     halfspaces,
+    minkowski_sum,
     project,
 )
-from nadia_balance.core.swing_detour import (
-    SwingDetourParams,
-    shortest_time,
-    way_round,
+from nadia_balance.core.reachability import in_world
+from nadia_balance.core.swing_detour import shortest_time, way_round
+from nadia_balance.core.time_adjustment import TimingAdapterParams
+from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
 )
-from nadia_balance.core.swing_geometry import SwingGeometry
-from nadia_balance.core.walking import Array
 
 LOST = -1  # no number of steps captures the robot
 
-_TOLERANCE = 0.002  # a tick: a foot that is so late is in time [s]
+_TICK = 0.01  # between the landings that are tried [s]
+_ROUNDING = 1e-9  # [s]
 
 
 def least_steps(
+    state: WalkingState,
     icp: Array,
-    support: Array,
-    next_step: Callable[[], NextStep | None],
-    omega: float,
-    detour: SwingDetourParams,
+    swing: Array,
+    adjuster: CaptureRegionStepAdjusterParams,
+    timing: TimingAdapterParams,
+    model: PointMassModel,
+    on: Mechanisms,
 ) -> int:
     """Returns the least n such that n further steps capture the ICP, or LOST.
 
-    `icp` (2,) [m] in W.  The CoP can be in the polygon `support` (n, 2) [m]
-    until the next swing begins, or in the stance foot's if it has begun: n = 0
-    if it can hold the ICP there.  `next_step` is asked only if it cannot, and
-    gives None if no step is to come.
+    `icp` (2,) [m] in W.  The CoP can be in the usable part of the feet that
+    stand: n = 0 if it can hold the ICP there.  Else the foot has to land in
+    C_n, as soon as it can be lifted and be there.  `swing` (12,) is the
+    reference of the swing foot (see FootMotion); on the ground, that foot is at
+    rest where it stands.
     """
+    schedule = state.schedule
+    support = usable_support(schedule, adjuster, model.sole)
     if contains(icp, support):
         return 0
-    step = next_step()
-    if step is None:
+    if not schedule.footsteps:
         return LOST
-    for n, offsets in enumerate(step.offsets, start=1):
-        for time in step.lift_offs:
-            icps = icps_at_lift_off(icp, support, omega, time)
-            if _can_land(icps, step, offsets, omega, detour):
-                return n
+    foot, velocity = swing[:2], swing[3:5]
+    if schedule.phase is not Phase.SWING:
+        foot = schedule.feet[schedule.support_side.other].p_WF[:2]
+        velocity = np.zeros(2)
+    geometry = swing_geometry(schedule, adjuster, model, on)
+    offsets = geometry.offsets
+    if not on.step:
+        offsets = planned_offsets(schedule.footsteps, adjuster, model)
+    holds = footholds(state, geometry, adjuster, on)
+    beside = geometry.swing.sign * model.detour.beside
+    ahead = np.array(
+        [[model.detour.ahead, beside], [-model.detour.ahead, beside]]
+    )
+    starts = [foot, *geometry.stance.to_world(ahead)]
+    icps = _icps_after(icp, support, lift_off_time(state, timing, on), model)
+    earliest, latest = swing_times(state, adjuster, timing, on)
+    for n, region_offsets in enumerate(offsets, start=1):
+        for landing in np.arange(earliest, latest + _ROUNDING, _TICK).tolist():
+            region = _capture_region(
+                icps, geometry, (landing, latest), region_offsets
+            )
+            for goal in _goals(holds, region, starts):
+                way = way_round(
+                    foot, goal, geometry.stance, geometry.swing, model.detour
+                )
+                if shortest_time(way, model.detour, velocity) <= landing:
+                    return n
     return LOST
 
 
-def icps_at_lift_off(
-    icp: Array, support: Array, omega: float, time: float
+def usable_support(
+    schedule: ContactSchedule,
+    adjuster: CaptureRegionStepAdjusterParams,
+    sole: Array,
+) -> Array:
+    """Returns the hull (n, 2) [m] in W of the usable parts of what stands.
+
+    Of the stance foot in a swing, else of both feet; `sole` (k, 2) [m] in the
+    sole frame.
+    """
+    foot = adjuster.usable_foot(sole)
+    parts = [
+        in_world(foot, schedule.feet[side], side.other)
+        for side in Side
+        if schedule.in_contact(side)
+    ]
+    return convex_hull(np.concatenate(parts))
+
+
+def planned_offsets(
+    steps: tuple[Footstep, ...],
+    params: CaptureRegionStepAdjusterParams,
+    model: PointMassModel,
+) -> tuple[Array, ...]:
+    """Returns D_1, ..., D_N [m], if every step goes where it is planned.
+
+    As those of `swing_geometry`, but with the one foothold of the plan in
+    place of each region: D_n is a single point (1, 2), or with
+    `params.finite_foot` a polygon.  These do not nest, because a planned step
+    is not left out.
+    """
+    contractions = step_contractions(steps, params, model.omega)
+    scale, centres = 1.0, [np.zeros(2)]
+    ways = itertools.pairwise(step.pose.p_WF[:2] for step in steps)
+    for (start, end), contraction in zip(ways, contractions, strict=False):
+        scale *= contraction
+        centres.append(centres[-1] + scale * (end - start))
+    nowhere = [np.zeros((1, 2))] * len(contractions)
+    feet = later_feet(steps, params, model.sole)
+    around = later_steps(nowhere, contractions, feet)
+    return tuple(a + c for a, c in zip(around, centres, strict=True))
+
+
+def lift_off_time(
+    state: WalkingState, timing: TimingAdapterParams, on: Mechanisms
+) -> float:
+    """Returns how soon [s] the swing can begin; 0 if it has begun."""
+    phase, left = state.schedule.phase, state.remaining_time
+    if phase is Phase.SWING:
+        return 0.0
+    if phase is Phase.STANDING:  # the transfer is still to come
+        transfer = state.schedule.footsteps[0].transfer_duration
+        shortest = timing.min_transfer_duration if on.transfer else transfer
+        return left + min(shortest, transfer)
+    least = timing.min_transfer_duration - state.elapsed
+    return min(max(least, 0.0), left) if on.transfer else left
+
+
+def swing_times(
+    state: WalkingState,
+    adjuster: CaptureRegionStepAdjusterParams,
+    timing: TimingAdapterParams,
+    on: Mechanisms,
+) -> tuple[float, float]:
+    """Returns the least and the longest rest [s] of the swing, or of the next.
+
+    The foot may take its load later than planned, by `waiting_time`.
+    """
+    duration = state.schedule.footsteps[0].swing_duration
+    elapsed, planned = 0.0, duration
+    if state.schedule.phase is Phase.SWING:
+        duration, elapsed = state.schedule.duration, state.elapsed
+        planned = state.remaining_time
+    earliest = planned
+    if on.swing:
+        least = timing.least_rest_of_swing(duration, elapsed)
+        earliest = min(least, planned)
+    return earliest, planned + adjuster.waiting_time
+
+
+def footholds(
+    state: WalkingState,
+    geometry: SwingGeometry,
+    adjuster: CaptureRegionStepAdjusterParams,
+    on: Mechanisms,
+) -> list[Array]:
+    """Returns where the foot may land: polygons, and a point (1, 2), in W."""
+    step = state.schedule.footsteps[0]
+    swings = state.schedule.phase is Phase.SWING
+    if not on.step or (swings and state.remaining_time < adjuster.freeze_time):
+        return [step.pose.p_WF[None, :2]]
+    nominal = state.adjustment.nominal if state.adjustment else step
+    regions = geometry.regions.values()
+    free = [part for region in regions for part in geometry.free_parts(region)]
+    return [nominal.pose.p_WF[None, :2], *free]
+
+
+def _icps_after(
+    icp: Array, support: Array, time: float, model: PointMassModel
 ) -> Array:
     """Returns where the ICP can be after `time` [s], (n, 2) [m].
 
@@ -72,89 +206,39 @@ def icps_at_lift_off(
     if time == 0.0:
         return icp[None]
     return convex_hull(
-        np.array([icp_after(icp, q, omega, time) for q in support])
+        np.array([icp_after(icp, q, model.omega, time) for q in support])
     )
 
 
-def _can_land(
-    icps: Array,
-    step: NextStep,
-    offsets: Array,
-    omega: float,
-    detour: SwingDetourParams,
-) -> bool:
-    """True if the foot can be in C_n = C_1 + (-offsets) in time.
-
-    For any one of the `icps` (k, 2) [m], a polygon, when it is lifted.  The
-    later the foot lands, the smaller is the region, and so no foothold is
-    reached before the first time at which one could be if the region stayed
-    as it is.  From there it is looked at again, until the foot is in time or
-    the time is up.
-    """
-    landing, latest = step.swing
-    while landing <= latest:
-        touchdown = (landing, latest)
-        one_step = _one_step_region(icps, step.geometry, omega, touchdown)
-        region = capture_region(one_step, offsets)
-        needed = _time_to_reach(region, step, detour)
-        if needed <= landing + _TOLERANCE:
-            return True
-        landing = needed
-    return False
-
-
-def _one_step_region(
+def _capture_region(
     icps: Array,
     geometry: SwingGeometry,
-    omega: float,
     touchdown: tuple[float, float],
+    offsets: Array,
 ) -> Array:
-    """C_1 (n, 2) [m] of all ICPs in the polygon `icps` (k, 2) [m].
+    """Returns C_n (k, 2) [m] of all ICPs in the polygon `icps` (m, 2) [m].
 
-    It is the hull of those of the corners: where the ICP will be is linear in
-    where it is.
+    C_1 is the hull of those of the corners, as where the ICP will be is linear
+    in where it is.
     """
-    regions = [geometry.one_step_region(p, omega, touchdown) for p in icps]
-    return convex_hull(np.concatenate(regions))
+    corners = [geometry.one_step_region(p, touchdown) for p in icps]
+    one_step = convex_hull(np.concatenate(corners))
+    return minkowski_sum(one_step, -offsets)
 
 
-def _time_to_reach(
-    region: Array, step: NextStep, detour: SwingDetourParams
-) -> float:
-    """How soon [s] the foot can be on a foothold in `region`, or infinite."""
+def _goals(
+    holds: list[Array], region: Array, starts: list[Array]
+) -> list[Array]:
+    """The points (2,) [m] of the footholds in `region` nearest to `starts`.
+
+    On the shortest way to one of them, the last straight part starts there.
+    """
     A, b = halfspaces(region)
-    times = [math.inf]
-    for part in step.footholds:
-        if len(part) > 1:
-            part = clip_all(part, A, b)
-        elif not contains(part[0], region):
-            continue
-        if len(part):
-            times.append(time_to_polygon(part, step, detour))
-    return min(times)
-
-
-def time_to_polygon(
-    polygon: Array, step: NextStep, detour: SwingDetourParams
-) -> float:
-    """Returns how soon [s] the foot of `step` can be in `polygon` (n, 2) [m].
-
-    The last stretch of the shortest way starts at the foot or at a corner of
-    the stance foot, and ends at the point of the polygon closest to that.  If
-    the foot moves, another way may take some milliseconds less.
-    """
-    stance, side = step.geometry.stance, step.geometry.swing
-    beside = side.sign * detour.beside
-    corners = np.array([[detour.ahead, beside], [-detour.ahead, beside]])
-    ends = {
-        tuple(project(start, polygon).tolist())
-        for start in (step.foot, *stance.to_world(corners))
-    }
-    return min(
-        shortest_time(
-            way_round(step.foot, np.array(end), stance, side, detour),
-            detour,
-            step.foot_velocity,
-        )
-        for end in ends
-    )
+    goals = []
+    for hold in holds:
+        if len(hold) == 1:
+            if contains(hold[0], region):
+                goals.append(hold[0])
+        elif len(part := clip_all(hold, A, b)):
+            goals += [project(start, part) for start in starts]
+    return goals

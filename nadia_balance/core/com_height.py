@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.lipm import GRAVITY
+from nadia_balance.core.model import LegGeometry, PointMassModel
 from nadia_balance.core.walking import ContactSchedule, FootPose, Phase
 
 
@@ -10,64 +13,34 @@ from nadia_balance.core.walking import ContactSchedule, FootPose, Phase
 class ComHeightParams:
     """Gains of the vertical motion, and how far the legs may stretch."""
 
-    position_gain: float = 50.0  # k_p [1/s^2]
-    damping_ratio: float = 0.9  # zeta [-]
-    max_acceleration: float = 4.9  # half of gravity [m/s^2]
-    max_velocity: float = 1.0  # at which the height is approached [m/s]
-    max_stretch: float = 0.97  # hip to ankle, of the straight leg [-]
-    # Largest horizontal distance from hip to ankle while both feet carry, of
-    # the distance of the feet: 0.5 if the hips are half-way between them.
-    reach_ratio: float = 0.65  # [-]
-    min_height_ratio: float = 0.8  # never lower than so much of nominal [-]
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and > 0")
-        for name in ("max_stretch", "reach_ratio", "min_height_ratio"):
-            if not getattr(self, name) <= 1.0:
-                raise ValueError(
-                    f"{name} = {getattr(self, name)}: must be <= 1"
-                )
-        if not self.max_acceleration < 9.81:
-            raise ValueError(
-                f"max_acceleration = {self.max_acceleration}: "
-                "must be < 9.81 m/s^2"
-            )
-
-
-@dataclass(kw_only=True)
-class LegGeometry:
-    """What the legs allow, a property of the robot; all in [m]."""
-
-    length: float = 0.0  # hip pitch axis to ankle, the knee straight
-    ankle_height: float = 0.0  # of the ankle above the sole
-    com_above_hip: float = 0.0  # vertical, in the nominal posture
-    hip_width: float = 0.0  # lateral, between the hip pitch axes
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        for name, value in vars(self).items():
-            if not math.isfinite(value):
-                raise ValueError(f"legs.{name} = {value}: must be finite")
-        for name in ("length", "ankle_height", "hip_width"):
-            value = getattr(self, name)
-            if not value > 0.0:
-                raise ValueError(f"legs.{name} = {value}: must be > 0 m")
+    position_gain: float = bounded(50.0, above=0.0)  # k_p [1/s^2]
+    damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
+    # Half of gravity: the feet keep pushing on the ground.
+    max_acceleration: float = bounded(
+        4.9, above=0.0, below=GRAVITY, unit="m/s^2"
+    )
+    # At which the desired height is approached.
+    max_velocity: float = bounded(1.0, above=0.0, unit="m/s")
+    # Hip to ankle, as a share of the straight leg.
+    max_stretch: float = bounded(0.97, above=0.0, most=1.0)
+    # Largest horizontal distance from hip to ankle while both feet carry, as a
+    # share of the distance of the feet: 0.5 if the hips are half-way.
+    reach_ratio: float = bounded(0.65, above=0.0, most=1.0)
+    # Lowest height, as a share of the nominal one.
+    min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
 
 
 def height_limit(
     stance: FootPose,
     other: FootPose,
-    legs: LegGeometry,
     params: ComHeightParams,
+    legs: LegGeometry,
 ) -> float:
     """Returns the CoM height [m] above the soles at which both legs reach.
 
     Pythagoras on the leg from hip to ankle, stretched to `max_stretch`, over
     `reach_ratio` of the distance of the feet; sideways the hips are already
-    `hip_width` apart.  Zero if no height would do.
+    `hip_width` apart.  Zero if there is no such height.
     """
     x, y = stance.to_sole(other.p_WF[None, :2])[0]
     reach = params.reach_ratio * math.hypot(
@@ -100,23 +73,20 @@ class ComHeightPlan:
 
 
 def plan_com_height(
-    schedule: ContactSchedule,
-    nominal: float,
-    legs: LegGeometry,
-    params: ComHeightParams,
+    schedule: ContactSchedule, params: ComHeightParams, model: PointMassModel
 ) -> ComHeightPlan:
     """Returns the desired CoM height during the present phase.
 
-    It is `nominal` [m] above the support sole, or less if the feet are far
-    apart.  It changes during a swing only, from what the place of lift-off
-    allows to what the next foothold allows.
+    It is the model's above the support sole, or less if the feet are far apart.
+    It changes during a swing only, from what the place of lift-off allows to
+    what the next foothold allows.
     """
     side = schedule.support_side
-    stance = schedule.feet[side]
+    stance, nominal = schedule.feet[side], model.com_height
     lowest = params.min_height_ratio * nominal
 
     def height(other: FootPose) -> float:
-        limit = height_limit(stance, other, legs, params)
+        limit = height_limit(stance, other, params, model.legs)
         return float(stance.p_WF[2]) + min(max(limit, lowest), nominal)
 
     start = end = height(schedule.feet[side.other])
@@ -135,8 +105,7 @@ def vertical_acceleration(
     """Returns the desired vertical acceleration of the CoM [m/s^2].
 
     A PD law whose velocity command is limited to `max_velocity`, and its
-    result to `max_acceleration`: the feet keep pushing on the ground
-    (heights [m], velocities [m/s], all in W).
+    result to `max_acceleration` (heights [m], velocities [m/s], all in W).
     """
     k_p = params.position_gain
     k_d = 2.0 * params.damping_ratio * math.sqrt(k_p)

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nadia_balance.core.cop_point import CopPointParams, Sole
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.polygon import centroid, project, shrink
 from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
@@ -16,7 +17,29 @@ from nadia_balance.core.walking import (
 )
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
-_REST_DURATION = 10.0  # [s]; long enough to count as for ever
+_REST_DURATION = 10.0  # [s]; long enough to count as infinite
+
+
+@dataclass(kw_only=True)
+class CopPointParams:
+    """One CoP point, from the sole's centroid: x forward, y to the left.
+
+    x = clamp(offset_x + step_length_factor * step length, min_x, max_x), and
+    y is offset_inside towards the other foot.
+    """
+
+    offset_x: float = 0.0  # [m]
+    offset_inside: float = 0.0  # [m]
+    step_length_factor: float = 0.0  # [-]
+    min_x: float = 0.0  # [m]
+    max_x: float = 0.0  # [m]
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the range of x is empty."""
+        if self.min_x > self.max_x:
+            raise ValueError(
+                f"min_x = {self.min_x}: must be <= max_x = {self.max_x}"
+            )
 
 
 @dataclass(kw_only=True)
@@ -41,38 +64,56 @@ class CopWaypointParams:
             offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
         )
     )
-    margin: float = 0.01  # of the points, from the edge of the sole [m]
-    mid_weight: float = 0.5  # of the leading foot, in mid-transfer [-]
-    transfer_split: float = 0.5  # share of a transfer until its middle [-]
-    swing_split: float = 0.5  # share of the swing's shift until the ball [-]
-    swing_shift_fraction: float = 0.85  # share of a swing until the exit [-]
-    num_previewed_steps: int = 3  # [-]
-
-    def validate(self) -> None:
-        """Raises ValueError naming the field, its value and what is allowed."""
-        for name in ("entry", "ball", "exit"):
-            try:
-                getattr(self, name).validate()
-            except ValueError as error:
-                raise ValueError(f"{name}.{error}") from None
-        for name in (
-            "mid_weight",
-            "transfer_split",
-            "swing_split",
-            "swing_shift_fraction",
-        ):
-            _check(self, name, "in (0, 1)", 0.0 < getattr(self, name) < 1.0)
-        _check(self, "margin", ">= 0", 0.0 <= self.margin < math.inf)
-        _check(
-            self, "num_previewed_steps", ">= 1", self.num_previewed_steps > 0
-        )
+    # Of the points, from the edge of the sole.
+    margin: float = bounded(0.01, least=0.0, unit="m")
+    # Of the leading foot, in mid-transfer.
+    mid_weight: float = bounded(0.5, above=0.0, below=1.0)
+    # Share of a transfer until its middle, of the swing's shift until the
+    # ball, and of a swing until the exit.
+    transfer_split: float = bounded(0.5, above=0.0, below=1.0)
+    swing_split: float = bounded(0.5, above=0.0, below=1.0)
+    swing_shift_fraction: float = bounded(0.85, above=0.0, below=1.0)
+    num_previewed_steps: int = bounded(3, least=1)
 
 
-def _check(
-    params: CopWaypointParams, name: str, rule: str, holds: bool
-) -> None:
-    if not holds:
-        raise ValueError(f"{name} = {getattr(params, name)}: must be {rule}")
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """A sole and the part of it that the CoP reference may use.
+
+    `corners` (k, 2) and `inner` (m, 2) [m] counter-clockwise, `centroid` (2,),
+    all in the sole frame.
+    """
+
+    corners: Array
+    inner: Array
+    centroid: Array
+
+    @classmethod
+    def with_margin(cls, corners: Array, margin: float) -> "Sole":
+        """Keeps the CoP `margin` [m] away from the edge of the sole.
+
+        Raises:
+            ValueError: the margin leaves nothing of the sole.
+        """
+        inner = shrink(corners, margin, "cop.margin")
+        return cls(corners, inner, centroid(corners))
+
+    def step_length(self, foot: FootPose, other: FootPose) -> float:
+        """Returns how far [m] `other` is in front of `foot`, toe to toe."""
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        x, y, _ = other.p_WF - foot.p_WF
+        turn = other.yaw - foot.yaw
+        toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
+        return float(c * x + s * y + toes.max() - self.corners[:, 0].max())
+
+    def cop_point(
+        self, params: CopPointParams, side: Side, step_length: float
+    ) -> Array:
+        """Returns the CoP point (2,) [m] in the sole frame of `side`."""
+        x = params.offset_x + params.step_length_factor * step_length
+        x = min(max(x, params.min_x), params.max_x)
+        offset = np.array([x, -side.sign * params.offset_inside])
+        return project(self.centroid + offset, self.inner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +132,7 @@ class CopWaypoints:
 
 
 def cop_waypoints(
-    schedule: ContactSchedule, sole: Array, params: CopWaypointParams
+    schedule: ContactSchedule, params: CopWaypointParams, sole: Array
 ) -> CopWaypoints:
     """Returns the CoP through the present phase, the footsteps, and to rest.
 
@@ -104,7 +145,7 @@ def cop_waypoints(
     """
     if schedule.phase is Phase.SWING and not schedule.footsteps:
         raise ValueError("footsteps = (): a swing needs the step in the air")
-    path = _Path(schedule, sole, params)
+    path = _Path(schedule, params, sole)
     steps = () if schedule.phase is Phase.STANDING else schedule.footsteps
     for i, step in enumerate(steps[: params.num_previewed_steps]):
         if i > 0 or schedule.phase is Phase.TRANSFER:
@@ -123,14 +164,14 @@ class _Path:
     """Collects the segments, phase after phase, from schedule.start on."""
 
     def __init__(
-        self, schedule: ContactSchedule, sole: Array, params: CopWaypointParams
+        self, schedule: ContactSchedule, params: CopWaypointParams, sole: Array
     ) -> None:
         self._params = params
         self._sole = Sole.with_margin(sole, params.margin)
         self._feet: FootPoses = schedule.feet
         self._present_duration = schedule.duration
-        self._points = [schedule.start.cop]
-        self._shares = [0.0]
+        # Each is [x, y, step share].
+        self._points = [np.append(schedule.start.cop, 0.0)]
         # Whether a foot stands where the first footstep has put it.
         self._first = dict.fromkeys(Side, 0.0)
         self._num_steps = 0
@@ -143,11 +184,7 @@ class _Path:
         (entry,) = self._cops(support, leading, trailing, "entry")
         mid = exit_ + self._params.mid_weight * (entry - exit_)
         split = self._params.transfer_split
-        on_exit, on_entry = self._first[support.other], self._first[support]
-        on_mid = on_exit + self._params.mid_weight * (on_entry - on_exit)
-        self._add(
-            [mid, entry], [on_mid, on_entry], [split, 1.0 - split], duration
-        )
+        self._add([mid, entry], [split, 1.0 - split], duration)
 
     def add_swing(self, side: Side, pose: FootPose, duration: float) -> None:
         """Appends the swing of the foot of `side` to `pose`."""
@@ -158,8 +195,7 @@ class _Path:
         shift = self._params.swing_shift_fraction
         split = self._params.swing_split
         times = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        on_support = [self._first[support]] * 3
-        self._add([ball, exit_, exit_], on_support, times, duration)
+        self._add([ball, exit_, exit_], times, duration)
         self._feet = self._feet.with_foot(side, pose)
         self._first[side] = float(self._num_steps == 0)
         self._num_steps += 1
@@ -167,47 +203,46 @@ class _Path:
     def add_final_transfer(self, duration: float) -> None:
         """Appends the shift to midway between the soles, and a long rest."""
         centre = self._sole.centroid
-        left, right = (self._feet[side].to_world(centre) for side in Side)
+        left, right = (
+            self._point(side, self._feet[side].to_world(centre))
+            for side in Side
+        )
         mid = 0.5 * (left + right)
         split = self._params.transfer_split
-        on_mid = 0.5 * sum(self._first.values())
-        self._add([mid, mid], [on_mid] * 2, [split, 1.0 - split], duration)
+        self._add([mid, mid], [split, 1.0 - split], duration)
         self._points.append(mid)
-        self._shares.append(on_mid)
 
     def waypoints(self) -> CopWaypoints:
         """Returns what has been collected."""
+        points = np.array(self._points)
         durations = [d for phase in self._phases for d in phase]
         return CopWaypoints(
-            np.array(self._points),
+            points[:, :2].copy(),
             np.maximum([*durations, _REST_DURATION], _MIN_DURATION),
             len(self._phases[0]),
-            np.array(self._shares),
+            points[:, 2].copy(),
         )
 
     def _add(
-        self,
-        points: list[Array],
-        step_shares: list[float],
-        times: list[float],
-        duration: float,
+        self, points: list[Array], times: list[float], duration: float
     ) -> None:
         """Appends a phase; `times` are the shares of its `duration` [s]."""
         # The schedule knows the present phase better than the footstep does.
         if not self._phases and math.isfinite(self._present_duration):
             duration = self._present_duration
         self._points += points
-        self._shares += step_shares
         self._phases.append([share * duration for share in times])
 
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str
     ) -> list[Array]:
-        """Returns the named CoP points (2,) [m] in W of the foot of `side`."""
+        """Returns the named points (3,) of the foot of `side`."""
         length = self._sole.step_length(foot, other)
-        return [
-            foot.to_world(
-                self._sole.cop_point(getattr(self._params, name), side, length)
-            )
+        cops = (
+            self._sole.cop_point(getattr(self._params, name), side, length)
             for name in names
-        ]
+        )
+        return [self._point(side, foot.to_world(cop)) for cop in cops]
+
+    def _point(self, side: Side, xy: Array) -> Array:
+        return np.array([xy[0], xy[1], self._first[side]])

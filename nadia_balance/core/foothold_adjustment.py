@@ -1,6 +1,7 @@
 """Where the foot in the air is to land, so that the robot recovers.
 
-The Nadia paper, Sec. IV and V; the details that it leaves out are ours.
+The Nadia paper, Sec. IV and V; the paper does not give the dead bands and
+waiting times.
 """
 
 from __future__ import annotations
@@ -11,27 +12,27 @@ from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core.foothold_adjustment_params import (
+from nadia_balance.core.capture_region import (
     CaptureRegionStepAdjusterParams,
+    SwingGeometry,
 )
 from nadia_balance.core.polygon import contains, project
-from nadia_balance.core.reach_rules import Choice, choose_region
-from nadia_balance.core.reachability import BASE
-from nadia_balance.core.swing_geometry import SwingGeometry
-from nadia_balance.core.ticks import number_of_ticks
+from nadia_balance.core.reachability import BASE, Choice, choose_region
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
     ContactSchedule,
     FootPose,
     Footstep,
+    Immutable,
     Phase,
     WalkingState,
+    number_of_ticks,
 )
 
 
 @dataclass(frozen=True, eq=False)
-class CaptureRegions:
+class CaptureRegions(Immutable):
     """What there is to draw: polygons (n, 2) [m] in W, and two footholds."""
 
     regions: tuple[Array, ...] = ()  # C_1, ..., C_N
@@ -42,9 +43,6 @@ class CaptureRegions:
     def __post_init__(self) -> None:
         for polygon in (*self.regions, self.reach):
             polygon.flags.writeable = False
-
-    def __deepcopy__(self, memo: object) -> CaptureRegions:
-        return self
 
 
 def unadjusted(schedule: ContactSchedule) -> Adjustment:
@@ -58,7 +56,7 @@ def unadjusted(schedule: ContactSchedule) -> Adjustment:
 
 
 def current_adjustment(state: WalkingState) -> Adjustment:
-    """Returns the adjustment that holds, be it none."""
+    """Returns the adjustment in force; the planned foothold, if none is."""
     return state.adjustment or unadjusted(state.schedule)
 
 
@@ -67,7 +65,7 @@ def touchdown_interval(
     time_adjustment: float,
     params: CaptureRegionStepAdjusterParams,
 ) -> tuple[float, float]:
-    """Between which times [s] from now the new foot takes the load.
+    """Returns between which times [s] from now the new foot takes the load.
 
     `time_adjustment` [s] is about to be added to the clock, negative while
     the clock is held.
@@ -77,27 +75,21 @@ def touchdown_interval(
 
 
 @dataclass(frozen=True, eq=False)
-class Landing:
-    """What one tick knows of where and when the foot in the air may land.
+class Landing(Immutable):
+    """Where and when the foot in the air may land, as seen in one tick.
 
-    `icp` (2,) [m] in W; `omega` [rad/s]; `touchdown` [s] from now.  The
-    capture regions (n, 2) [m] are made when they are asked for.
+    `icp` (2,) [m] in W; `touchdown` [s] from now.  The capture regions (n, 2)
+    [m] are computed when they are asked for.
     """
 
     geometry: SwingGeometry
     icp: Array
-    omega: float
     touchdown: tuple[float, float]
-
-    def __deepcopy__(self, memo: object) -> Landing:
-        return self
 
     @cached_property
     def one_step(self) -> Array:
         """C_1, of a foot that is a point."""
-        return self.geometry.one_step_region(
-            self.icp, self.omega, self.touchdown
-        )
+        return self.geometry.one_step_region(self.icp, self.touchdown)
 
     @cached_property
     def capture_region(self) -> Array:
@@ -119,25 +111,20 @@ def propose_adjustment(
     params: CaptureRegionStepAdjusterParams,
     period: float,
 ) -> Adjustment:
-    """Returns the adjustment of the step in the air for this tick.
+    """Returns the adjustment of the step in the air for this tick of `period`.
 
-    A tick lasts `period` [s].  The foothold stays as it is too early and too
-    late in a swing; early, because the ICP jumps when the contacts change.
+    The foothold stays as it is too early and too late in a swing; early,
+    because the ICP jumps when the contacts change.
     """
     current = current_adjustment(state)
     if (
-        not params.enabled
-        or state.schedule.phase is not Phase.SWING
+        state.schedule.phase is not Phase.SWING
         or state.elapsed < params.settling_time
         or landing.touchdown[0] < params.freeze_time
     ):
         return current
     return adjust_foothold(
-        current,
-        landing.capture_region,
-        landing.geometry,
-        params,
-        period,
+        current, landing.capture_region, landing.geometry, params, period
     )
 
 
@@ -146,7 +133,7 @@ def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
     regions = landing.geometry.regions
     return CaptureRegions(
         landing.capture_regions(),
-        # A region of before cross-over was switched off is there no more.
+        # Chosen before cross-over was switched off, a region exists no more.
         regions.get(adjustment.region, regions[BASE]),
         adjustment.nominal.pose,
         adjustment.pose,
@@ -200,7 +187,7 @@ def _covered(
     if not contains(nominal, capture_region, -params.margin):
         return False
     x, y = geometry.stance.to_sole(nominal).tolist()
-    return params.reachability.in_base_region(x, geometry.swing.sign * y)
+    return geometry.reach.in_base_region(x, geometry.swing.sign * y)
 
 
 def _return_to_nominal(
@@ -232,10 +219,8 @@ def _target(
     if not geometry.blocked(target):
         return target
     free = geometry.free_parts(choice.goal)
-    if len(choice.goal) == 1:  # as near as can be to the capture region
-        nominal, free = (
-            target,
-            geometry.free_parts(geometry.regions[choice.region]),
-        )
+    if len(choice.goal) == 1:  # as near as possible to the capture region
+        nominal = target
+        free = geometry.free_parts(geometry.regions[choice.region])
     candidates = [project(nominal, part) for part in free]
     return min(candidates, key=lambda p: math.dist(p, nominal), default=None)

@@ -1,19 +1,31 @@
-"""Footsteps from what a user commands: a step vector, or a list of steps."""
+"""Footsteps from what a user commands: step vectors, or a list of footholds."""
 
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import convex_hull, intersection, project
+from nadia_balance.core.reachability import ReachabilityParams, base_region
 from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
+    Phase,
+    ReferencePoint,
     Side,
+    WalkingState,
 )
+
+_SIDES = ("left", "right")
+_DISPLACED = 0.05  # unless pushed, feet land nearer to their footholds [m]
+_INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 
 
 @dataclass(kw_only=True)
@@ -24,24 +36,15 @@ class StepVector:
     sideways: float = 0.0  # to the left [m]
     yaw_deg: float = 0.0  # turn to the left [deg]
 
-    def validate(self) -> None:
-        """Raises ValueError if a field is not finite."""
-        _check_finite(self, "length", "sideways", "yaw_deg")
-
 
 @dataclass(kw_only=True)
 class Foothold:
     """A foothold in the frame between the feet at the start."""
 
-    side: str = "left"  # the foot that moves: left or right
+    side: str = bounded("left", one_of=_SIDES)  # the foot that moves
     x: float = 0.0  # sole centre, forward [m]
     y: float = 0.0  # sole centre, to the left [m]
     yaw_deg: float = 0.0  # [deg]
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        _check_side(self, "side")
-        _check_finite(self, "x", "y", "yaw_deg")
 
 
 @dataclass(kw_only=True)
@@ -52,68 +55,36 @@ class Gait:
     `footholds`, in which the feet take turns; only one of the three.
     """
 
-    num_steps: int = 0  # times `step` [-]
+    num_steps: int = bounded(0, least=0)  # times `step`
     step: StepVector = field(default_factory=StepVector)
     steps: list[StepVector] = field(default_factory=list)
     footholds: list[Foothold] = field(default_factory=list)
-    # Between the sole centres; None: as the robot stands. [m]
-    step_width: float | None = None
-    first_swing: str = "right"  # the foot that moves first: left or right
-    swing_duration: float = 0.7  # [s]
-    transfer_duration: float = 0.3  # [s]
-    initial_transfer_duration: float = 0.8  # of the first step [s]
-    final_transfer_duration: float = 0.8  # after the last step [s]
+    # Between the sole centres; None: as the robot stands.
+    step_width: float | None = bounded(None, above=0.0, below=1.0, unit="m")
+    first_swing: str = bounded("right", one_of=_SIDES)
+    swing_duration: float = bounded(0.7, least=0.02, most=10.0, unit="s")
+    transfer_duration: float = bounded(0.3, least=0.02, most=10.0, unit="s")
+    # Of the transfer before the first step, and of that after the last.
+    initial_transfer_duration: float = bounded(
+        0.8, least=0.02, most=10.0, unit="s"
+    )
+    final_transfer_duration: float = bounded(
+        0.8, least=0.02, most=10.0, unit="s"
+    )
 
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        if self.num_steps < 0:
-            raise ValueError(f"num_steps = {self.num_steps}: must be >= 0")
+    def validate_more(self) -> None:
+        """Raises ValueError if the steps contradict each other."""
         given = [self.num_steps > 0, bool(self.steps), bool(self.footholds)]
         if sum(given) > 1:
             raise ValueError(
-                "gait: give only one of num_steps, steps, footholds"
+                "num_steps, steps, footholds: must give only one of them"
             )
-        for name in (
-            "swing_duration",
-            "transfer_duration",
-            "initial_transfer_duration",
-            "final_transfer_duration",
-        ):
-            value = getattr(self, name)
-            if not 0.02 <= value <= 10.0:
-                raise ValueError(f"{name} = {value}: must be in [0.02, 10] s")
-        width = self.step_width
-        if width is not None and not 0.0 < width < 1.0:
-            raise ValueError(f"step_width = {width}: must be in (0, 1) m")
-        _check_side(self, "first_swing")
-        self._validate_steps()
-
-    def _validate_steps(self) -> None:
-        parts: list[tuple[str, StepVector | Foothold]] = [("step", self.step)]
-        parts += [(f"steps[{i}]", v) for i, v in enumerate(self.steps)]
-        parts += [(f"footholds[{i}]", f) for i, f in enumerate(self.footholds)]
-        for name, part in parts:
-            try:
-                part.validate()
-            except ValueError as error:
-                raise ValueError(f"{name}.{error}") from None
         for i, (last, hold) in enumerate(itertools.pairwise(self.footholds), 1):
             if hold.side == last.side:
                 raise ValueError(
                     f"footholds[{i}].side = {hold.side!r}: must be "
                     f"{Side(hold.side).other.value}, as the feet take turns"
                 )
-
-
-def _check_finite(part: object, *names: str) -> None:
-    for name in names:
-        if not math.isfinite(value := getattr(part, name)):
-            raise ValueError(f"{name} = {value}: must be finite")
-
-
-def _check_side(part: object, name: str) -> None:
-    if (side := getattr(part, name)) not in ("left", "right"):
-        raise ValueError(f"{name} = {side!r}: must be left or right")
 
 
 def make_footsteps(
@@ -125,7 +96,7 @@ def make_footsteps(
         ValueError: a field of `gait` is out of range, or a footstep is not
             within `reach` of the stance foot.
     """
-    gait.validate()
+    check(gait)
     steps: list[Footstep] = []
     for side, pose in _poses(gait, feet):
         transfer = (
@@ -134,6 +105,38 @@ def make_footsteps(
         steps.append(Footstep(side, pose, transfer, gait.swing_duration))
     _check(steps, feet, reach)
     return tuple(steps)
+
+
+def walking_start(
+    gait: Gait, model: PointMassModel, standing_duration: float = 0.5
+) -> WalkingState:
+    """Returns the walking state of a robot that stands, and then walks.
+
+    Its feet are side by side about the origin of W, the gait's or else the
+    robot's `step_width` apart; the first transfer begins after
+    `standing_duration` [s], or a tick later.  Without steps it stands for ever.
+
+    Raises:
+        ValueError: as of `make_footsteps`.
+    """
+    width = model.step_width if gait.step_width is None else gait.step_width
+    feet = FootPoses(
+        FootPose(np.array([0.0, 0.5 * width, 0.0])),
+        FootPose(np.array([0.0, -0.5 * width, 0.0])),
+    )
+    steps = make_footsteps(gait, feet, model.reach)
+    first = steps[0].side if steps else Side(gait.first_swing)
+    centre = middle(feet).p_WF[:2]
+    schedule = ContactSchedule(
+        phase=Phase.STANDING,
+        support_side=first.other,
+        duration=max(standing_duration, _INSTANT) if steps else math.inf,
+        feet=feet,
+        footsteps=steps,
+        start=ReferencePoint(centre, np.zeros(2), centre),
+        final_transfer_duration=gait.final_transfer_duration,
+    )
+    return WalkingState(schedule, commanded=steps)
 
 
 def middle(feet: FootPoses) -> FootPose:
@@ -184,3 +187,67 @@ def _check(
                 f"{reach.describe()}"
             )
         feet = feet.with_foot(step.side, step.pose)
+
+
+def within_reach(
+    commanded: tuple[Footstep, ...],
+    feet: FootPoses,
+    reach: ReachabilityParams,
+    landed: Footstep | None = None,
+    num_steps: int = 3,
+) -> tuple[Footstep, ...]:
+    """Returns the footsteps, the first `num_steps` of them within reach.
+
+    After a step has been adjusted, the next commanded foothold may be out of
+    reach, or on the wrong side of the stance foot: it is moved to the nearest
+    foothold with uncrossed legs.  Each step is seen from the one before it, so
+    that the feet return to the commanded footholds in a few steps, none of
+    which uses more than `return_share` of the reach.  `landed` is the command
+    of the step before, if there was one: if it was kept, the next step may use
+    all of the reach.  A step that needs no change is the very same object.
+    """
+    share = 1.0
+    if landed is not None and not _is_at(feet[landed.side], landed.pose):
+        share = reach.return_share
+    steps = []
+    for step in commanded[:num_steps]:
+        stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
+        p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
+        if reach.in_base_region(*p_F) and reach.in_base_region(
+            *_scaled(p_F, reach, 1.0 / share)
+        ):
+            share = 1.0
+        else:
+            region = _share_of_region(reach, share)
+            step = _moved(step, stance, mirror * project(p_F, region))
+            share = reach.return_share
+        feet = feet.with_foot(step.side, step.pose)
+        steps.append(step)
+    return (*steps, *commanded[num_steps:])
+
+
+def _is_at(foot: FootPose, commanded: FootPose) -> bool:
+    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= _DISPLACED
+
+
+def _share_of_region(reach: ReachabilityParams, share: float) -> Array:
+    """The part (n, 2) [m] of the base region that is left, or else all."""
+    region = base_region(reach)
+    part = intersection(convex_hull(_scaled(region, reach, share)), region)
+    return part if len(part) else region
+
+
+def _scaled(points: Array, reach: ReachabilityParams, share: float) -> Array:
+    """Footholds (..., 2), shorter by `share`, and narrower where they are wide.
+
+    Those nearer to the stance foot than (0, w_nom) do not come nearer.
+    """
+    x, y = points[..., 0], points[..., 1]
+    wider = np.maximum(y - reach.width_nominal, 0.0)
+    return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
+
+
+def _moved(step: Footstep, stance: FootPose, p_F: Array) -> Footstep:
+    xy = stance.to_world(p_F[None])[0]
+    p_WF = np.append(xy, step.pose.p_WF[2])
+    return replace(step, pose=replace(step.pose, p_WF=p_WF))

@@ -1,61 +1,88 @@
 """One QP for the ankles and the next foothold (Atlas paper, Sec. IV)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.qp_programs import QpProblem
-from nadia_balance.core.qp_solver import DenseQp, QpResult
-from nadia_balance.core.walking import Array
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
+from nadia_balance.core.foothold_adjustment import current_adjustment
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import halfspaces, shrink
+from nadia_balance.core.qp import SOLVERS, DenseQp, QpProblem, QpResult
+from nadia_balance.core.reachability import base_region, in_world
+from nadia_balance.core.walking import (
+    Adjustment,
+    Array,
+    ContactSchedule,
+    FootPose,
+    Footstep,
+    Immutable,
+    Phase,
+    Side,
+    WalkingState,
+)
 
 _STEP, _CMP, _SLACK = slice(0, 2), slice(2, 4), slice(4, 6)
+
+
+def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
+    """Returns the multipliers (N + 1,) of the eCMP waypoints at the `knots`.
+
+    The eCMP goes from one to the next in straight lines, and stays at the last
+    one.  The ICP that ends there was, at time t [s], their sum with these
+    multipliers, which are not negative and add up to 1: the Atlas paper's
+    Eq. 14 and Algorithm 1, for which the CMP jumps between heel and toe.
+    With `knots` (N + 1,) [s] increasing, and `omega` [rad/s].
+
+    Those of waypoints that have been passed are 0.
+    """
+    begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
+    passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
+    # Of a segment from e0 to e1 that lasts T, with d = e^(-w T):
+    # icp(0) = d icp(T) + (1 - d - b) e0 + b e1.
+    x = omega * (end - begin)  # 0 of what has been passed
+    d = np.exp(-x)
+    b = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0) - d
+    after = np.exp(-omega * (begin - t))  # of the plan before the segment
+    first = after * (1.0 - d - b)
+    multipliers = np.zeros(len(knots))
+    multipliers[:-1] += (1.0 - passed) * first
+    multipliers[1:] += passed * first + after * b
+    multipliers[-1] += np.exp(-omega * (end[-1] - t))
+    return multipliers
 
 
 @dataclass(kw_only=True)
 class IcpStepQpParams:
     """Gain, weights and limits of the Atlas paper's Eq. 20."""
 
-    feedback_gain: float = 3.0  # k_xi, CMP per ICP error [-]
-    # The CoP is used up before the foothold moves: Q_f is much more than R.
-    step_weight: float = 10.0  # Q_f, on the way from the foothold planned
-    feedback_weight: float = 1.0  # R, on delta
-    slack_weight: float = 1e5  # Q_eta, on the ICP error that is left over
-    cop_safe_distance: float = 0.005  # CMP inside the sole [m]
-    sole_clearance: float = 0.005  # between the soles, sideways [m]
-    dead_band: float = 0.02  # the foothold moves by so much, or not at all [m]
-    freeze_time: float = 0.05  # no change so shortly before touchdown [s]
-    settling_time: float = 0.01  # nor so early in a swing [s]
-    solver: str = "active_set"  # a name of qp_solver.SOLVERS
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        if not 1.0 < self.feedback_gain < math.inf:
-            raise ValueError(
-                f"feedback_gain = {self.feedback_gain}: must be > 1"
-            )
-        for name in ("step_weight", "feedback_weight", "slack_weight"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and > 0")
-        for name in (
-            "cop_safe_distance",
-            "sole_clearance",
-            "dead_band",
-            "freeze_time",
-            "settling_time",
-        ):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and >= 0")
+    feedback_gain: float = bounded(3.0, above=1.0)  # k_xi, CMP per ICP error
+    # Q_f and R, on the shift of the foothold and on delta.  Q_f is the larger:
+    # the CoP is used up before the foothold moves.
+    step_weight: float = bounded(10.0, above=0.0)
+    feedback_weight: float = bounded(1.0, above=0.0)
+    # Q_eta, on the ICP error that is left over.
+    slack_weight: float = bounded(1e5, above=0.0)
+    # How far inside the sole the CMP stays.
+    cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
+    # Between the soles, sideways.
+    sole_clearance: float = bounded(0.005, least=0.0, unit="m")
+    # The foothold moves by so much, or not at all.
+    dead_band: float = bounded(0.02, least=0.0, unit="m")
+    # No change so shortly before touchdown, nor so early in a swing.
+    freeze_time: float = bounded(0.05, least=0.0, unit="s")
+    settling_time: float = bounded(0.01, least=0.0, unit="s")
+    solver: str = bounded("active_set", one_of=SOLVERS)
 
 
 class StepFeedback(NamedTuple):
     """What the QP decides, each (2,) [m] in W.
 
-    `step` is how far the foothold goes from the one planned, `delta` the
-    feedback on the CMP, `slack` = eta the ICP error that is left to neither.
+    `step` is the shift of the foothold from the planned one, `delta` the
+    feedback on the CMP, `slack` = eta the ICP error left to neither.
     They are NaN if the `result` is not solved.
     """
 
@@ -68,8 +95,8 @@ class StepFeedback(NamedTuple):
 class IcpStepQp:
     """The quadratic program of the Atlas paper's Eq. 20, for the next step.
 
-    With the error e of the ICP from its reference, were the foothold where it
-    is planned, and Gamma, by how much the reference moves with it (Eq. 18):
+    With the ICP error e for the planned foothold, and Gamma, by how much the
+    reference moves with the foothold (Eq. 18):
 
         min   |step|^2_Qf + |delta|^2_R + |eta|^2_Qeta
         s.t.  delta = k_xi (e - Gamma step - eta),
@@ -81,7 +108,6 @@ class IcpStepQp:
 
     def __init__(self, params: IcpStepQpParams, max_rows: int = 32) -> None:
         """For rooms that have, together, up to `max_rows` half-spaces."""
-        params.validate()
         self.params, self._max_rows = params, max_rows
         self._qp = DenseQp(6, 2, max_rows, params.solver)
         p = params
@@ -126,3 +152,132 @@ class IcpStepQp:
         )
         x = result.x
         return StepFeedback(x[_STEP], x[_CMP], x[_SLACK], result)
+
+
+@dataclass(frozen=True, eq=False)
+class StepPlan(Immutable):
+    """The reference ICP as a linear function of the next foothold.
+
+    The Atlas paper's Eq. 18, with the places of the CMP in the soles as they
+    are for the `nominal` footstep.  The CMP goes through the `waypoints`
+    (N + 1, 2) [m] in W at the times `knots` (N + 1,) [s] since the phase began,
+    and these move with the foothold by their `shares` (N + 1,) [-].  CMP and
+    foothold must be in half-spaces A p <= b, with A (n, 2) and b (n,) [m].
+    """
+
+    nominal: Footstep
+    knots: Array
+    waypoints: Array
+    shares: Array
+    omega: float
+    cmps: tuple[Array, Array]  # of the stance foot (Eq. 21)
+    footholds: tuple[Array, Array]  # within reach (Eq. 22)
+
+    def at(self, t: float) -> tuple[Array, Array, float]:
+        """Returns ICP and CMP (2,) [m] in W at `t` [s], and Gamma [-].
+
+        Both as if the foot landed at the nominal foothold; if it lands
+        elsewhere, the ICP moves by Gamma times the shift.
+        """
+        multipliers = recursive_multipliers(self.knots, t, self.omega)
+        cmp = np.array(
+            [np.interp(t, self.knots, axis) for axis in self.waypoints.T]
+        )
+        gamma = float(multipliers @ self.shares)
+        return multipliers @ self.waypoints, cmp, gamma
+
+
+def step_plan(
+    schedule: ContactSchedule,
+    nominal: Footstep,
+    cop: CopWaypointParams,
+    params: IcpStepQpParams,
+    model: PointMassModel,
+) -> StepPlan:
+    """Returns the plan of `schedule`, with `nominal` for its next footstep.
+
+    The CoP goes where `cop` says, as in the ICP plan.  The foot lands in the
+    base region: this paper knows no crossed legs.
+    """
+    steps = (nominal, *schedule.footsteps[1:])
+    path = cop_waypoints(replace(schedule, footsteps=steps), cop, model.sole)
+    knots = np.concatenate([[0.0], np.cumsum(path.durations)])
+    stance = schedule.feet[nominal.side.other]
+    cmps = shrink(stance.to_world(model.sole), params.cop_safe_distance)
+    return StepPlan(
+        nominal,
+        knots,
+        path.points,
+        path.step_shares,
+        model.omega,
+        halfspaces(cmps),
+        footholds(stance, nominal.side, params, model),
+    )
+
+
+def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
+    """True in a swing, but not too early and not too late in it."""
+    return (
+        state.schedule.phase is Phase.SWING
+        and state.elapsed >= params.settling_time
+        and state.remaining_time >= params.freeze_time
+    )
+
+
+def propose_by_qp(
+    state: WalkingState, plan: StepPlan, icp: Array, qp: IcpStepQp
+) -> Adjustment:
+    """Returns the adjustment of the step in the air for this tick.
+
+    `plan` is that of `state`, `icp` (2,) [m] is measured.  The foothold is
+    shifted from the nominal one, so that it comes back with the ICP.  If
+    there is no solution, it stays where it is.
+    """
+    current = current_adjustment(state)
+    icp_r, cmp_r, gamma = plan.at(state.time_in_phase)
+    feedback = qp.solve(
+        icp - icp_r,
+        gamma,
+        _room(*plan.cmps, cmp_r),
+        _room(*plan.footholds, plan.nominal.pose.p_WF[:2]),
+    )
+    if not feedback.result.solved:
+        return current
+    pose = _moved(current, plan.nominal, feedback.step, qp.params.dead_band)
+    return Adjustment(plan.nominal, pose)
+
+
+def footholds(
+    stance: FootPose,
+    swing: Side,
+    params: IcpStepQpParams,
+    model: PointMassModel,
+) -> tuple[Array, Array]:
+    """Returns the half-spaces A p <= b (Eq. 22) of the footholds p in W.
+
+    The base region, and the soles, if parallel, their clearance apart.
+    """
+    A, b = halfspaces(in_world(base_region(model.reach), stance, swing))
+    inward = -swing.sign * stance.rotation[:, 1]
+    apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
+    return (
+        np.vstack([A, inward]),
+        np.append(b, inward @ stance.p_WF[:2] - apart),
+    )
+
+
+def _room(A: Array, b: Array, point: Array) -> tuple[Array, Array]:
+    """The half-spaces (A, b) of the shift from `point` that stay within."""
+    return A, b - A @ point
+
+
+def _moved(
+    current: Adjustment, nominal: Footstep, step: Array, dead_band: float
+) -> FootPose:
+    """Where the foot lands, `step` (2,) [m] away from the nominal foothold."""
+    if math.hypot(*step) < dead_band:
+        return nominal.pose
+    target = nominal.pose.p_WF + [*step, 0.0]
+    if math.dist(target, current.pose.p_WF) < dead_band:
+        return current.pose
+    return FootPose(target, nominal.pose.yaw)

@@ -11,20 +11,17 @@ from nadia_balance.core.walking import Array
 GRAVITY = 9.81  # [m/s^2]
 
 
-def natural_frequency(com_height: float, gravity: float = GRAVITY) -> float:
-    """Returns omega = sqrt(g / height) [rad/s] (Nadia paper, below Eq. 1).
+def natural_frequency(com_height: float) -> float:
+    """Returns omega = sqrt(g / z) [rad/s] (Nadia paper, below Eq. 1).
 
-    Args:
-        com_height: height [m] of the CoM above the eCMP.
-        gravity: magnitude [m/s^2] of gravity.
+    For the height z > 0 [m] of the CoM above the eCMP.
 
     Raises:
-        ValueError: either is not positive (NaN included).
+        ValueError: it is not positive (NaN included).
     """
-    for name, value in (("com_height", com_height), ("gravity", gravity)):
-        if not value > 0.0:
-            raise ValueError(f"{name} = {value}: must be > 0")
-    return math.sqrt(gravity / com_height)
+    if not com_height > 0.0:
+        raise ValueError(f"com_height = {com_height}: must be > 0")
+    return math.sqrt(GRAVITY / com_height)
 
 
 def icp(com: Array, com_velocity: Array, omega: float) -> Array:

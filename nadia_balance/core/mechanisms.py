@@ -1,45 +1,36 @@
 """What the robot may use to recover, besides its ankles and hips."""
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass
 
-from nadia_balance.core.foothold_adjustment_params import (
-    CaptureRegionStepAdjusterParams,
-)
-from nadia_balance.core.time_adjustment import TimingAdapterParams
+import numpy as np
+
+from nadia_balance.core.walking import Array
 
 
 @dataclass(frozen=True)
 class Mechanisms:
-    """Which of them are on; as a vector, 1 or 0 in this order."""
+    """Which recovery mechanisms are on."""
 
-    step: bool = False  # where the foot lands
-    swing: bool = False  # how long a swing lasts
-    transfer: bool = False  # how long a transfer lasts
-    cross_over: bool = False  # whether a step may cross the legs
+    step: bool  # adjusts where the foot lands
+    swing: bool  # adjusts how long a swing lasts
+    transfer: bool  # adjusts how long a transfer lasts
+    cross_over: bool  # lets an adjusted step cross the legs
 
+    def as_vector(self) -> Array:
+        """Returns 1 for on and 0 for off, in the order of the fields, (4,)."""
+        return np.array(astuple(self), dtype=float)
 
-def mechanisms_of(
-    timing: TimingAdapterParams, adjuster: CaptureRegionStepAdjusterParams
-) -> Mechanisms:
-    """Returns what is on in these parameters."""
-    return Mechanisms(
-        adjuster.enabled,
-        timing.swing,
-        timing.transfer,
-        adjuster.reachability.cross_over,
-    )
+    @classmethod
+    def from_vector(cls, vector: Array) -> "Mechanisms":
+        """The inverse of `as_vector`: a number above 0.5 is on."""
+        return cls(*(vector > 0.5).tolist())
 
 
-def switched_timing(
-    params: TimingAdapterParams, on: Mechanisms
-) -> TimingAdapterParams:
-    """Returns `params` with what is `on`, and no more."""
-    return replace(params, swing=on.swing, transfer=on.transfer)
-
-
-def switched_adjuster(
-    params: CaptureRegionStepAdjusterParams, on: Mechanisms
-) -> CaptureRegionStepAdjusterParams:
-    """Returns `params` with what is `on`, and no more."""
-    reach = replace(params.reachability, cross_over=on.cross_over)
-    return replace(params, enabled=on.step, reachability=reach)
+# The columns of the Nadia paper's Fig. 10, fewer mechanisms before more.
+MECHANISMS = {
+    "icp_only": Mechanisms(False, False, False, False),
+    "step": Mechanisms(True, False, False, False),
+    "step_swing": Mechanisms(True, True, False, False),
+    "step_swing_transfer": Mechanisms(True, True, True, False),
+    "all_with_cross_over": Mechanisms(True, True, True, True),
+}

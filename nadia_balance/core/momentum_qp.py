@@ -1,14 +1,16 @@
 """ICP feedback by ankles and hips, one quadratic program (Nadia, Sec. III)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.feedback_limits import FeedbackLimits
-from nadia_balance.core.qp_programs import Mask, QpProblem
-from nadia_balance.core.qp_solver import DenseQp, QpResult
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.com_height import ComHeightParams
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import halfspaces, project, shrink
+from nadia_balance.core.qp import SOLVERS, DenseQp, Mask, QpProblem, QpResult
 from nadia_balance.core.walking import Array
 
 # Below this ICP error [m] its direction is noise: the cost of feedback
@@ -21,36 +23,26 @@ _NO_ROWS, _NO_BOUNDS = np.zeros((0, 4)), np.zeros(0)
 class MomentumQpParams:
     """Gain, weights and limits of the Nadia paper's Eqs. 6-8."""
 
+    # k_p, eCMP per ICP error.
     # Erratum: the k_p of the paper is the total gain, unstable below 1.
-    feedback_gain: float = 3.0  # k_p, eCMP per ICP error [-]
-    error_weight: float = 1e3  # Q_e
-    perpendicular_weight: float = 1e5  # Q_perp
-    cop_weight: float = 3.0  # R_delta
-    ecmp_weight: float = 90.0  # R_kappa: the ankles come before the hips
-    rate_weight: float = 100.0  # R_p, on the change since the last tick
-    max_kappa: float = 0.05  # eCMP from CoP, along and across the foot [m]
-    cop_safe_distance: float = 0.005  # CoP inside the support polygon [m]
-    solver: str = "active_set"  # a name of qp_solver.SOLVERS
+    feedback_gain: float = bounded(3.0, above=1.0)
+    error_weight: float = bounded(1e3, above=0.0)  # Q_e
+    perpendicular_weight: float = bounded(1e5, least=0.0)  # Q_perp
+    cop_weight: float = bounded(3.0, above=0.0)  # R_delta
+    # R_kappa, larger than R_delta: the ankles come before the hips.
+    ecmp_weight: float = bounded(90.0, above=0.0)
+    rate_weight: float = bounded(
+        100.0, least=0.0
+    )  # R_p, on the change per tick
+    # eCMP from CoP, along and across the foot.
+    max_kappa: float = bounded(0.05, least=0.0, unit="m")
+    # How far inside the support polygon the CoP stays.
+    cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
+    solver: str = bounded("active_set", one_of=SOLVERS)
+    com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        if not 1.0 < self.feedback_gain < math.inf:
-            raise ValueError(
-                f"feedback_gain = {self.feedback_gain}: must be > 1"
-            )
-        for name in ("error_weight", "cop_weight", "ecmp_weight"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and > 0")
-        for name in (
-            "perpendicular_weight",
-            "rate_weight",
-            "max_kappa",
-            "cop_safe_distance",
-        ):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and >= 0")
+    def validate_more(self) -> None:
+        """Raises ValueError if the weights leave too little of the gain."""
         if not self.effective_gain > 1.0:
             raise ValueError(
                 f"error_weight = {self.error_weight}: must be larger, the "
@@ -63,6 +55,61 @@ class MomentumQpParams:
         effort = 1.0 / (1.0 / self.cop_weight + 1.0 / self.ecmp_weight)
         share = self.error_weight / (self.error_weight + effort)
         return self.feedback_gain * share
+
+
+@dataclass(frozen=True, eq=False)
+class FeedbackLimits:
+    """The constraints of the Nadia paper's Eq. 8, the same while contacts are.
+
+    lower <= C (cop, kappa) <= upper, with the total kappa = ecmp - cop: the
+    CoP in the `polygon` (n, 2) [m] of W, and kappa within +-max_kappa [m]
+    along the rows of `axes` (2, 2), the last two rows of C.  As kappa leads
+    from the CoP to the eCMP, this also bounds how far the eCMP leaves the
+    polygon.  C is (max_edges + 2, 4); rows that are not needed are zero, and
+    without bounds.
+    """
+
+    polygon: Array
+    axes: Array
+    max_kappa: float
+    C: Array
+    lower: Array
+    upper: Array
+
+    def clipped(self, increments: Array, reference: Array) -> Array:
+        """Returns (delta, kappa) (4,) as near as the limits allow.
+
+        `reference` (4,) is (cop_r, kappa_r), the increments start from it.
+        """
+        total = reference + increments
+        cop = project(total[:2], self.polygon)
+        on_axes = self.axes @ total[2:]
+        kappa = self.axes.T @ on_axes.clip(-self.max_kappa, self.max_kappa)
+        return np.asarray(np.concatenate((cop, kappa)) - reference)
+
+
+def feedback_limits(
+    support: Array, heading: float, params: MomentumQpParams, max_edges: int = 8
+) -> FeedbackLimits:
+    """Returns the limits for a support polygon (n, 2) [m] in W.
+
+    `heading` [rad] is the yaw of the foot along and across which kappa is
+    bounded; n <= max_edges.
+
+    Raises:
+        ValueError: nothing is left of the polygon.
+    """
+    polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
+    A, b = halfspaces(polygon)
+    c, s = math.cos(heading), math.sin(heading)
+    axes = np.array([[c, s], [-s, c]])
+    C = np.zeros((max_edges + 2, 4))
+    upper = np.full(max_edges + 2, np.inf)
+    lower = -upper
+    C[: len(A), :2], upper[: len(A)] = A, b
+    C[max_edges:, 2:], upper[max_edges:] = axes, params.max_kappa
+    lower[max_edges:] = -params.max_kappa
+    return FeedbackLimits(polygon, axes, params.max_kappa, C, lower, upper)
 
 
 class IcpFeedback(NamedTuple):
@@ -97,7 +144,6 @@ class IcpFeedbackQp:
 
     def __init__(self, params: MomentumQpParams, max_edges: int = 8) -> None:
         """Builds the program for up to `max_edges` of the support polygon."""
-        params.validate()
         self._params = params
         self._qp = DenseQp(4, 0, max_edges + 2, params.solver)
 
@@ -159,11 +205,7 @@ class IcpFeedbackQp:
 
 
 def momentum_rate(
-    mass: float,
-    omega: float,
-    com: Array,
-    ecmp: Array,
-    vertical_acceleration: float,
+    com: Array, ecmp: Array, vertical_acceleration: float, model: PointMassModel
 ) -> Array:
     """Returns the linear momentum rate (3,) [N] in W (Nadia paper, Eq. 5).
 
@@ -172,7 +214,7 @@ def momentum_rate(
     Erratum: g is a vector; it cancels the vertical part at constant height.
     """
     (x, y), (ecmp_x, ecmp_y) = com.tolist(), ecmp.tolist()
-    k = mass * omega**2
+    k = model.mass * model.omega**2
     return np.array(
-        [k * (x - ecmp_x), k * (y - ecmp_y), mass * vertical_acceleration]
+        [k * (x - ecmp_x), k * (y - ecmp_y), model.mass * vertical_acceleration]
     )

@@ -4,21 +4,22 @@ Plain Python loops on purpose: at four to eight vertices they are several
 times faster than numpy or shapely, and they run in every control tick.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable
 
 import numpy as np
 
-from nadia_balance.core.walking import Array
+from nadia_balance.core.walking import Array, ContactSchedule, Side
 
 Point = tuple[float, float]
+# From the vertex x, y [m] by dx, dy [m] to the next one.
+Edge = tuple[float, float, float, float]
 
 # Far below what matters, far above rounding:
 _FLAT = 1e-12  # a triangle of half this area [m^2] is a line
 _COINCIDENT = 1e-9  # vertices closer than this [m] are one
+_PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
 
 _NOTHING = np.empty((0, 2))
 
@@ -212,16 +213,69 @@ def intersection(first: Array, second: Array) -> Array:
     return clip_all(first, *halfspaces(second))
 
 
-def shrink(polygon: Array, distance: float) -> Array:
+def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
     """Returns the polygon of all points `distance` [m] or more inside.
 
     Raises:
-        ValueError: no area is left.
+        ValueError: no area is left; `name` is that of the distance.
     """
     A, b = halfspaces(polygon)
     inner = convex_hull(clip_all(polygon, A, b - distance))
     if len(inner) < 3:
-        raise ValueError(
-            f"distance = {distance}: nothing is left of the polygon"
-        )
+        raise ValueError(f"{name} = {distance}: must leave some of the polygon")
     return inner
+
+
+def minkowski_sum(first: Array, second: Array) -> Array:
+    """Returns {p + q : p in first, q in second}.
+
+    Both have to be counter-clockwise and strictly convex, as from
+    `convex_hull`; one may be a single point or a line.
+    """
+    return merge(edges(first), edges(second))
+
+
+def edges(polygon: Array) -> list[Edge]:
+    """Returns all edges, from the lowest and of these the leftmost vertex."""
+    vertices: list[Point] = polygon.tolist()
+    upright = [(y, x) for x, y in vertices]
+    k = upright.index(min(upright))
+    starts = vertices[k:] + vertices[:k]
+    return [
+        (x, y, u - x, v - y)
+        for (x, y), (u, v) in zip(starts, starts[1:] + starts[:1], strict=True)
+    ]
+
+
+def merge(first: list[Edge], second: list[Edge]) -> Array:
+    """Returns the sum (n, 2) of two polygons given by their `edges`."""
+    total: list[Point] = []
+    j, num_second = 0, len(second)
+    for ax, ay, ux, uy in first:
+        while j < num_second:
+            bx, by, vx, vy = second[j]
+            total.append((ax + bx, ay + by))
+            turn = ux * vy - uy * vx
+            if turn <= _PARALLEL:
+                j += 1
+            if turn >= -_PARALLEL:
+                break
+        else:  # once round the second
+            bx, by, *_ = second[0]
+            total.append((ax + bx, ay + by))
+    ax, ay, *_ = first[0]
+    total += [(ax + bx, ay + by) for bx, by, _, _ in second[j:]]
+    return as_array(total)
+
+
+def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
+    """Returns the hull (n, 2) [m] in W of the soles in contact.
+
+    `sole` (k, 2) [m] are the corners of either sole in its own frame.
+    """
+    soles = [
+        schedule.feet[side].to_world(sole)
+        for side in Side
+        if schedule.in_contact(side)
+    ]
+    return convex_hull(np.concatenate(soles))

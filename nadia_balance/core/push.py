@@ -1,60 +1,86 @@
 """A push: how hard, which way, and when."""
 
-import math
+import functools
+import re
 from dataclasses import dataclass
 
-from nadia_balance.core.walking import Phase, WalkingState
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.walking import Phase, Side, WalkingState
 
-PHASES = ("swing", "transfer")
-SIDES = ("left", "right")
 # A clock that counts ticks may miss a round number by a rounding error.
 TIME_TOLERANCE = 1e-9  # [s]
+_PHASE = re.compile(r"(left|right) (swing|transfer) (\d+(?:\.\d*)?) ?%")
+_TIME = re.compile(r"(\d+(?:\.\d*)?) ?s")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When a push begins: at a fraction of a phase, or at a time."""
+
+    phase: Phase | None = None  # swing or transfer
+    swing: Side = Side.RIGHT  # foot that swings, or will after the transfer
+    fraction: float = 0.0  # of the phase that has passed, in [0, 1]
+    time: float = 0.0  # if there is no phase [s]
+
+    @classmethod
+    @functools.cache
+    def parse(cls, text: str) -> "Moment":
+        """Returns what is meant by `right swing 25 %`, or by `2.5 s`.
+
+        Raises:
+            ValueError: `text` is not like that, or is of more than 100 %.
+        """
+        if match := _PHASE.fullmatch(text.strip()):
+            fraction = float(match[3]) / 100.0
+            if fraction <= 1.0:
+                return cls(Phase(match[2]), Side(match[1]), fraction)
+        if match := _TIME.fullmatch(text.strip()):
+            return cls(time=float(match[1]))
+        raise ValueError(
+            f'at = {text!r}: must be like "right swing 25 %", from 0 to '
+            '100 %, or like "2.5 s"'
+        )
+
+    def __str__(self) -> str:
+        """The text from which `parse` makes this moment, to nine decimals."""
+        if self.phase is None:
+            return f"{_short(self.time)} s"
+        percent = _short(100.0 * self.fraction)
+        return f"{self.swing.value} {self.phase.value} {percent} %"
 
 
 @dataclass(kw_only=True)
 class Push:
     """A constant horizontal force on one body.
 
-    Either `delta_v` or `force` tells how hard; either `time` or `phase` when.
-    The direction is relative to the heading of the support foot at that time.
+    Either `delta_v` or `force` tells how hard.  The direction is relative to
+    the heading of the support foot when the push begins.
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    delta_v: float | None = None  # [m/s] of the whole robot's mass
-    force: float | None = None  # [N]
-    duration: float = 0.1  # [s]
+    delta_v: float | None = bounded(None, least=0.0)  # of the whole mass [m/s]
+    force: float | None = bounded(None, least=0.0)  # [N]
+    duration: float = bounded(0.1, above=0.0, unit="s")  # [s]
     direction_deg: float = 0.0  # 0 forward, 90 left [deg]
-    time: float | None = None  # of the start [s]
-    phase: str | None = None  # swing or transfer
-    side: str = "right"  # the foot that swings, or will after the transfer
-    fraction: float = 0.25  # of the phase, when the push starts [-]
-    after_steps: int = 0  # not before so many steps are taken [-]
-    delay: float = 0.0  # later than said above, for replicas [s]
+    at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
+    # Not in a phase before so many steps are taken [-].
+    after_steps: int = bounded(0, least=0)
+    # Later than said above, for replicas [s].
+    delay: float = bounded(0.0, least=0.0)
 
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        _exactly_one("delta_v", self.delta_v, "force", self.force)
-        _exactly_one("time", self.time, "phase", self.phase)
-        for name in ("delta_v", "force", "time", "delay"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and >= 0")
-        if not 0.0 < self.duration < math.inf:
-            raise ValueError(f"duration = {self.duration}: must be > 0 s")
-        if not math.isfinite(self.direction_deg):
+    @property
+    def moment(self) -> Moment:
+        """What `at` means."""
+        return Moment.parse(self.at)
+
+    def validate_more(self) -> None:
+        """Raises ValueError for fields that do not go together."""
+        if (self.delta_v is None) == (self.force is None):
             raise ValueError(
-                f"direction_deg = {self.direction_deg}: must be finite"
+                f"delta_v = {self.delta_v}, force = {self.force}: must give "
+                "exactly one of them"
             )
-        if self.phase not in (None, *PHASES):
-            raise ValueError(
-                f"phase = {self.phase!r}: must be one of {', '.join(PHASES)}"
-            )
-        if self.side not in SIDES:
-            raise ValueError(f"side = {self.side!r}: must be left or right")
-        if not 0.0 <= self.fraction <= 1.0:
-            raise ValueError(f"fraction = {self.fraction}: must be in [0, 1]")
-        if self.after_steps < 0:
-            raise ValueError(f"after_steps = {self.after_steps}: must be >= 0")
+        Moment.parse(self.at)
 
     def newtons(self, mass: float) -> float:
         """The force [N] on a robot of this mass [kg]: m delta_v / duration."""
@@ -70,10 +96,11 @@ class Push:
         that begins less than a `period` [s] and a half before the end, since
         the state machine rounds durations to ticks.
         """
-        if self.time is not None:
-            return time >= self.time - TIME_TOLERANCE
+        moment = self.moment
+        if moment.phase is None:
+            return time >= moment.time - TIME_TOLERANCE
         duration = state.schedule.duration
-        start = min(self.fraction * duration, duration - 1.5 * period)
+        start = min(moment.fraction * duration, duration - 1.5 * period)
         return (
             self.is_in_phase(state)
             and state.time_in_phase >= start - TIME_TOLERANCE
@@ -81,16 +108,13 @@ class Push:
 
     def is_in_phase(self, state: WalkingState) -> bool:
         """True in the phase in which the push is to begin."""
+        moment = self.moment
         return (
-            self.phase is not None
-            and state.schedule.phase is Phase(self.phase)
-            and state.schedule.support_side.other.value == self.side
+            state.schedule.phase is moment.phase
+            and state.schedule.support_side.other is moment.swing
             and state.steps_taken >= self.after_steps
         )
 
 
-def _exactly_one(a: str, value_a: object, b: str, value_b: object) -> None:
-    if (value_a is None) == (value_b is None):
-        raise ValueError(
-            f"{a} = {value_a}, {b} = {value_b}: must give exactly one of them"
-        )
+def _short(value: float) -> str:
+    return f"{value:.9f}".rstrip("0").rstrip(".")

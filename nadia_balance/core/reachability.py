@@ -1,21 +1,32 @@
-"""Where the swing foot can be put (Nadia paper, Sec. IV and V).
+"""Where the swing foot can be put, and which region a step has to respect.
 
-All regions are convex polygons, counter-clockwise, of footholds in the sole
-frame of the stance foot; x forward, y toward the swing side.
+Nadia paper, Sec. IV and V.  All regions are convex polygons (n, 2) [m],
+counter-clockwise, of footholds in the sole frame of the stance foot; x
+forward, y toward the swing side.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nadia_balance.core.polygon import contains, convex_hull
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.polygon import (
+    area,
+    clip_all,
+    contains,
+    convex_hull,
+    halfspaces,
+)
 from nadia_balance.core.walking import Array, FootPose, Side
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 
-LENGTHS = ("length_forward", "length_backward")
-WIDTHS = ("width_min", "width_nominal", "width_max")
+_ROUNDING = 1e-9  # on the edge of the base region [-], [m]
+_HALVINGS = 4  # of the margin, where the capture region is less deep
+_COMPLEX = np.array([1.0, 1.0j])
 
 
 @dataclass(kw_only=True)
@@ -27,65 +38,60 @@ class ReachabilityParams:
     their tip there (Fig. 8).  Defaults as in Sec. VII.
     """
 
-    length_forward: float = 1.0  # l_max [m]
-    length_backward: float = 1.0  # l_min [m]
-    width_min: float = 0.125  # w_min [m]
-    width_max: float = 0.8  # w_max [m]
-    width_nominal: float = 0.25  # w_nom [m]
-    # Steps back to the commanded footholds are no longer, and no wider beyond
-    # w_nom, than so much of the base region: at the gait's pace, the ankle of
-    # the other foot would meet its limit [-].
-    return_share: float = 0.7
-    cross_over: bool = False  # whether the legs may be crossed
-    # How far beyond the stance foot's centre line; negative: not up to it.
-    width_forward: float = 0.1  # w_fwd, in front of the stance foot [m]
-    width_backward: float = -0.05  # w_bwd, behind the stance foot [m]
+    length_forward: float = bounded(1.0, above=0.0, unit="m")  # l_max
+    length_backward: float = bounded(1.0, above=0.0, unit="m")  # l_min
+    width_min: float = bounded(0.125, above=0.0, unit="m")  # w_min
+    width_max: float = bounded(0.8, above=0.0, unit="m")  # w_max
+    width_nominal: float = bounded(0.25, above=0.0, unit="m")  # w_nom
+    # Steps back to the commanded footholds use no more than this share of the
+    # base region's length, and of its width beyond w_nom: at the gait's pace,
+    # the ankle of the other foot would meet its limit.
+    return_share: float = bounded(0.7, above=0.0, most=1.0)
+    # How far the feet may cross: beyond the centre line of the stance foot,
+    # w_fwd in front of it and w_bwd behind it [m]; negative: not up to it.
+    width_forward: float = 0.1
+    width_backward: float = -0.05
     # Angles from the y axis, at (0, w_nom), that keep clear of the stance leg.
-    theta_forward_deg: float = 20.0  # theta_fwd [deg]
-    theta_backward_deg: float = 30.0  # theta_bwd [deg]
+    theta_forward_deg: float = bounded(20.0, least=0.0, most=80.0, unit="deg")
+    theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")
     # Vertices [x, y] [m] of a convex base region in place of the ellipse.
     base_polygon: list[list[float]] = field(default_factory=list)
 
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        for name in (*LENGTHS, *WIDTHS):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value}: must be > 0 m")
+    def validate_more(self) -> None:
+        """Raises ValueError if widths or polygon make no region."""
         if not self.width_min < self.width_nominal < self.width_max:
             raise ValueError(
                 f"width_nominal = {self.width_nominal}: must be between "
                 f"width_min = {self.width_min} and "
                 f"width_max = {self.width_max} m"
             )
-        if not 0.0 < self.return_share <= 1.0:
-            raise ValueError(
-                f"return_share = {self.return_share}: must be in (0, 1]"
-            )
-        self._validate_cross_over()
-        if self.base_polygon:
-            _validate_polygon(self.base_polygon)
-
-    def _validate_cross_over(self) -> None:
         for name in ("width_forward", "width_backward"):
-            value = getattr(self, name)
-            if not -self.width_nominal < value <= self.width_max:
+            if not -self.width_nominal < getattr(self, name) <= self.width_max:
                 raise ValueError(
-                    f"{name} = {value}: must be in (-width_nominal, "
-                    f"width_max] = (-{self.width_nominal}, {self.width_max}] m"
+                    f"{name} = {getattr(self, name)}: must be in "
+                    f"(-width_nominal, width_max] = "
+                    f"(-{self.width_nominal}, {self.width_max}] m"
                 )
-        for name in ("theta_forward_deg", "theta_backward_deg"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 80.0:
-                raise ValueError(f"{name} = {value}: must be in [0, 80] deg")
+        polygon = self.base_polygon
+        if any(len(vertex) != 2 for vertex in polygon):
+            raise ValueError(
+                f"base_polygon = {polygon}: must be a list of [x, y]"
+            )
+        if polygon and not (
+            3 <= len(convex_hull(np.array(polygon))) == len(polygon)
+        ):
+            raise ValueError(
+                f"base_polygon = {polygon}: must be convex, with 3 or more "
+                "corners"
+            )
 
     def in_base_region(self, x: float, y: float) -> bool:
         """True if the foot can be put at x forward, y to the swing side [m].
 
-        Of the true ellipse, of which `base_region` is the inner polygon.
+        Of the true ellipse, of which `base_region` is an inner polygon.
         """
         if self.base_polygon:
-            return contains(np.array([x, y]), base_region(self), 1e-9)
+            return contains(np.array([x, y]), base_region(self), _ROUNDING)
         length = self.length_forward if x > 0.0 else self.length_backward
         out = y - self.width_nominal
         width = (
@@ -93,10 +99,10 @@ class ReachabilityParams:
             if out > 0.0
             else self.width_nominal - self.width_min
         )
-        return (x / length) ** 2 + (out / width) ** 2 <= 1.0 + 1e-9
+        return (x / length) ** 2 + (out / width) ** 2 <= 1.0 + _ROUNDING
 
     def describe(self) -> str:
-        """The region in words, for error messages."""
+        """Describes the base region, for error messages."""
         if self.base_polygon:
             return f"the polygon {self.base_polygon}"
         return (
@@ -106,7 +112,7 @@ class ReachabilityParams:
 
 
 def base_region(params: ReachabilityParams) -> Array:
-    """Returns R_b (n, 2) [m]: feet side by side (Nadia paper, Fig. 5)."""
+    """Returns R_b: feet side by side (Nadia paper, Fig. 5)."""
     if params.base_polygon:
         return convex_hull(np.array(params.base_polygon))
     middle = params.width_nominal
@@ -122,10 +128,7 @@ def base_region(params: ReachabilityParams) -> Array:
 
 
 def cross_over_region(params: ReachabilityParams, region: str) -> Array:
-    """Returns R_fwd or R_bwd (n, 2) [m] (Nadia paper, Fig. 8).
-
-    `region` is FORWARD or BACKWARD.
-    """
+    """Returns R_fwd or R_bwd, for FORWARD or BACKWARD (Nadia paper, Fig. 8)."""
     if region == FORWARD:
         length, beyond = params.length_forward, params.width_forward
         theta = math.radians(params.theta_forward_deg)
@@ -144,25 +147,31 @@ def cross_over_region(params: ReachabilityParams, region: str) -> Array:
     return convex_hull(np.array(vertices))
 
 
-def step_regions(params: ReachabilityParams) -> dict[str, Array]:
-    """Returns the regions that a step may be put into, by name."""
+def step_regions(
+    params: ReachabilityParams, cross_over: bool
+) -> dict[str, Array]:
+    """Returns the regions that a step may end in, by name.
+
+    BASE, and with `cross_over` FORWARD and BACKWARD.
+    """
     regions = {BASE: base_region(params)}
-    if params.cross_over:
+    if cross_over:
         for name in FORWARD, BACKWARD:
             regions[name] = cross_over_region(params, name)
     return regions
 
 
-def total_region(params: ReachabilityParams) -> Array:
-    """Returns the hull (n, 2) [m] of all regions.
+def total_region(params: ReachabilityParams, cross_over: bool) -> Array:
+    """Returns the hull of all regions.
 
     It covers the stance foot: only for capture regions, never for a step.
     """
-    return convex_hull(np.concatenate(list(step_regions(params).values())))
+    regions = step_regions(params, cross_over)
+    return convex_hull(np.concatenate(list(regions.values())))
 
 
 def circle(radius: float, num_vertices: int = 32) -> Array:
-    """Returns R_lmax (n, 2) [m]: a disc about the stance foot, from inside."""
+    """Returns R_lmax: a disc about the stance foot, as an inner polygon."""
     angles = np.arange(num_vertices) * (2.0 * math.pi / num_vertices)
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
@@ -174,14 +183,131 @@ def in_world(region: Array, stance: FootPose, swing: Side) -> Array:
     return stance.to_world(region)
 
 
-def _validate_polygon(vertices: list[list[float]]) -> None:
-    if any(len(vertex) != 2 for vertex in vertices) or not np.all(
-        np.isfinite(vertices)
-    ):
-        raise ValueError(
-            f"base_polygon = {vertices}: must be a list of finite [x, y]"
-        )
-    if not 3 <= len(convex_hull(np.array(vertices))) == len(vertices):
-        raise ValueError(
-            f"base_polygon = {vertices}: must be convex, with 3 or more corners"
-        )
+@dataclass(kw_only=True)
+class ReachRulesParams:
+    """How much better than others a region must be to be chosen."""
+
+    # A cross-over region must share this many times the area that the base
+    # region shares with the capture region.
+    area_margin: float = bounded(2.0, least=1.0)
+    # The region chosen last is given up when another shares this many times
+    # its area, or, if none shares any, is this much closer.
+    hysteresis: float = bounded(1.3, least=1.0)
+    distance_hysteresis: float = bounded(0.03, least=0.0, unit="m")
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The region that a step has to respect, and where in it to step.
+
+    `goal` (n, 2) [m]: what the region shares with the capture region, or if
+    they share nothing, the point (1, 2) of the region that is closest to it.
+    """
+
+    region: str
+    goal: Array
+
+
+def choose_region(
+    regions: Mapping[str, Array],
+    capture_region: Array,
+    previous: str | None,
+    params: ReachRulesParams,
+    margin: float = 0.0,
+) -> Choice:
+    """Returns the region to step into.
+
+    The three rules of the Nadia paper, Sec. V: base if it meets the capture
+    region, else the cross-over region that shares most area with it, else the
+    closest.  `regions` has convex polygons (n, 2) [m] in the frame of
+    `capture_region` (m, 2), BASE among them; `previous` was chosen last.
+    `margin` [m] is how deep inside the capture region the goal should be; if
+    there is no such place, it is about as deep as possible.
+    Erratum: as printed, rule 1 prefers any sliver of base to a short step
+    across, and the choice flips with noise; hence margin and hysteresis.
+    """
+    A, b = halfspaces(capture_region)
+    choice = _largest(regions, A, b - margin, previous, params)
+    if choice is None and margin > 0.0:
+        choice = _largest(regions, A, b, previous, params)
+        if choice is not None:
+            return Choice(choice.region, _deepest(choice.goal, A, b, margin))
+    return choice or _closest(regions, capture_region, previous, params)
+
+
+def _largest(
+    regions: Mapping[str, Array],
+    A: Array,
+    b: Array,
+    previous: str | None,
+    params: ReachRulesParams,
+) -> Choice | None:
+    """Rules 1 and 2, or None; the capture region is A p <= b."""
+    found, most = None, 0.0
+    for name, region in regions.items():
+        shared = clip_all(region, A, b)
+        preference = area(shared)
+        if name == BASE:
+            preference *= params.area_margin
+        if name == previous:
+            preference *= params.hysteresis
+        if preference > most:
+            found, most = Choice(name, shared), preference
+    return found
+
+
+def _deepest(shared: Array, A: Array, b: Array, margin: float) -> Array:
+    """Returns the deepest part of `shared`, to within margin / 2^4."""
+    best, low, high = shared, 0.0, margin
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        part = clip_all(shared, A, b - middle)
+        if len(part):
+            best, low = part, middle
+        else:
+            high = middle
+    return best
+
+
+def _closest(
+    regions: Mapping[str, Array],
+    capture_region: Array,
+    previous: str | None,
+    params: ReachRulesParams,
+) -> Choice:
+    """Rule 3."""
+
+    def candidate(name: str) -> tuple[float, Choice]:
+        nearest, gap = closest_point(regions[name], capture_region)
+        if name == previous:
+            gap -= params.distance_hysteresis
+        return gap, Choice(name, nearest[None])
+
+    return min(map(candidate, regions), key=lambda found: found[0])[1]
+
+
+def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
+    """Returns the point (2,) of `polygon` closest to `other`, and the gap [m].
+
+    Of two disjoint convex polygons.  One end of the gap is a vertex, so the
+    vertices of either are projected on all edges of the other.
+    """
+    # As complex numbers, the scalar product with the edge is one product.
+    p, q = polygon @ _COMPLEX, other @ _COMPLEX
+    i, _, to_other = _closest_vertex(p, q)
+    _, foot, to_polygon = _closest_vertex(q, p)
+    z = p[i] if to_other <= to_polygon else foot
+    return np.array([z.real, z.imag]), min(to_other, to_polygon)
+
+
+def _closest_vertex(
+    vertices: NDArray[np.complex128], polygon: NDArray[np.complex128]
+) -> tuple[int, complex, float]:
+    """Returns the closest vertex' index, its projection, and the gap."""
+    edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
+    apart = vertices[:, None] - polygon
+    along = (apart / edges).real
+    apart -= np.minimum(np.maximum(along, 0.0), 1.0) * edges
+    gaps = np.abs(apart)
+    i, k = divmod(int(gaps.argmin()), len(polygon))
+    return i, complex(vertices[i] - apart[i, k]), float(gaps[i, k])

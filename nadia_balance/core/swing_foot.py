@@ -1,42 +1,39 @@
-"""The swing foot's reference: never a jump, whatever the goal or clock do.
+"""The swing foot's reference, continuous whatever goal and clock do.
 
 Each tick continues from the previous reference with the one quintic that
-meets the goal at the time that is left.  While goal and clock stay as they
-were, this is the same polynomial as before; when they change, position,
-velocity and acceleration still continue.  What has to be passed on the way,
-the apex and the corners of the stance foot, is dropped shortly before.
+meets the goal at the time that is left.  While goal and clock do not change,
+this is the same polynomial as before; when they do, position, velocity and
+acceleration are still continuous.  The points to pass on the way, the apex and
+the corners of the stance foot, are dropped shortly before they are passed.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.quintic import (
-    end_beyond,
-    quintic,
-    quintic_at,
-    time_to_pass,
-)
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_detour import (
     PEAK,
     SwingDetourParams,
     shortest_time,
     way_round,
 )
-from nadia_balance.core.walking import (
-    Array,
-    FootPose,
-    Phase,
-    WalkingState,
-)
+from nadia_balance.core.walking import Array, FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
+# Where the elements of FootMotion are in its vector, and the other way round.
+_AS_ROWS = np.array([[0, 1, 2, 9], [3, 4, 5, 10], [6, 7, 8, 11]])
+_AS_VECTOR = _AS_ROWS.argsort(axis=None)
+
+STEP = 0.01  # between the times at which a point may be passed [s]
 
 # The time that the foot needs is stretched in such steps, and so often at the
 # most, until its acceleration is no more than PEAK times the largest [-].
 _STRETCH, _STRETCHES = 1.1, 8
-_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the time to go
+_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the remaining time
 
 _SOON = 0.02  # what is so near in time is not aimed at any more [s]
 _THERE = 0.01  # so near to its foothold, a foot may come down [m]
@@ -47,24 +44,12 @@ _FALL = 0.175  # with less time left, a foot is not lifted so high [s]
 class SwingFootParams:
     """Shape of the swing."""
 
-    height: float = 0.10  # apex above the higher of start and goal [m]
-    # The apex of a leg that uncrosses behind or before the other one: its knee
-    # would meet the other shin.
-    uncrossing_height: float = 0.06  # [m]
-    touchdown_velocity: float = 0.20  # downward, at and after the end [m/s]
-    detour: SwingDetourParams = field(default_factory=SwingDetourParams)
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        for name in ("height", "uncrossing_height"):
-            if not 0.0 < (value := getattr(self, name)) <= 0.5:
-                raise ValueError(f"{name} = {value}: must be in (0, 0.5] m")
-        if not 0.0 <= self.touchdown_velocity <= 1.0:
-            raise ValueError(
-                f"touchdown_velocity = {self.touchdown_velocity}: "
-                "must be in [0, 1] m/s"
-            )
-        self.detour.validate()
+    # Apex above the higher of start and goal; and that of a leg that uncrosses
+    # behind or before the other one, whose shin its knee would meet.
+    height: float = bounded(0.10, above=0.0, most=0.5, unit="m")
+    uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
+    # Downward, at the end of the swing and after it.
+    touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +67,12 @@ class FootMotion:
 
     def as_vector(self) -> Array:
         """[p(3), v(3), a(3), yaw, yawdot, yawddot] in W, shape (12,)."""
-        return np.concatenate((self.pva[:, :3].ravel(), self.pva[:, YAW]))
+        return self.pva.take(_AS_VECTOR)
 
     @classmethod
     def from_vector(cls, vector: Array) -> "FootMotion":
         """The inverse of `as_vector`."""
-        pva = np.empty((3, 4))
-        pva[:, :3] = vector[:9].reshape(3, 3)
-        pva[:, YAW] = vector[9:]
-        return cls(pva)
+        return cls(vector.take(_AS_ROWS))
 
 
 def swing_foot_motion(
@@ -98,13 +80,14 @@ def swing_foot_motion(
     state: WalkingState,
     period: float,
     params: SwingFootParams,
+    model: PointMassModel,
 ) -> FootMotion:
     """Returns the reference of the swing foot one `period` [s] later.
 
     `previous` is the reference of the last tick, `state` the walking state of
     this one.  Outside of a swing, the foot that will swing next rests where
-    it stands.  A foot that cannot be in place in time comes later.  When it is
-    there, and the swing's clock has run out, it goes on downward with the
+    it stands.  A foot that cannot be in place in time lands later.  When it is
+    there, and the swing's clock has run out, it moves downward with the
     touchdown velocity until the ground stops it.
     """
     schedule = state.schedule
@@ -117,13 +100,13 @@ def swing_foot_motion(
         goal.p_WF[:2],
         schedule.feet[side.other],
         side,
-        params.detour,
+        model.detour,
     )
     end = np.zeros((3, 4))
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
     left = state.remaining_time + (_SOON if state.waiting else period)
-    end[:, XY], left = _within_limits(start[:, XY], way, left, params.detour)
+    end[:, XY], left = _within_limits(start[:, XY], way, left, model.detour)
     apex = _apex(start[:2, 2], float(end[0, 2]), left, state, params)
     if apex is not None:
         end[:, Z] = _aim(start[:, Z], end[:, Z], left, apex)
@@ -137,9 +120,9 @@ def swing_foot_motion(
 def _within_limits(
     start: Array, way: Array, left: float, detour: SwingDetourParams
 ) -> tuple[Array, float]:
-    """Returns where to aim at (3, 2), and in which time >= `left` [s].
+    """Returns the end (3, 2) to aim at, and in which time >= `left` [s].
 
-    Along `way` (n, 2), round its first corner, and if it can be with no more
+    Along `way` (n, 2), past its first corner, and if possible with no more
     than PEAK times the acceleration.
     """
     end = np.zeros((3, 2))
@@ -162,7 +145,7 @@ def _within_limits(
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
-    """Returns where to aim at (3, n) so as to pass `via` (n,), or `end`."""
+    """Returns the end (3, n) to aim at so as to pass `via` (n,), or `end`."""
     if left < 2.0 * _SOON:
         return end
     t = time_to_pass(start, end, left, via)
@@ -193,3 +176,85 @@ def _nearest_turn(yaw: float, reference: float) -> float:
     """Returns `yaw` plus the full turns that bring it nearest."""
     turns = round((reference - yaw) / (2.0 * math.pi))
     return yaw + 2.0 * math.pi * turns
+
+
+def quintic(
+    start: Array, end: Array, horizon: Array, t: float | Array
+) -> Array:
+    """Follows the quintic from `start` to `end` for the time `t`.
+
+    `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
+    the time from start to end, >= t > 0, one for each column.  The result is
+    (3, k, n) for k times of shape (k, 1).
+    """
+    return np.array(_follow(start, end, horizon, t))
+
+
+def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
+    """Returns quintic(...), six times as fast for few columns and one time."""
+    columns = zip(
+        start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
+    )
+    return np.array([_follow(a, b, h, t) for a, b, h in columns]).T
+
+
+def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
+    """Returns p, v, a of arguments that are numbers or arrays."""
+    p, v, a, c3, c4, c5 = _coefficients(start, end, h)
+    s = t / h
+    return (
+        p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5)))),
+        (v + s * (2 * a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
+        (2 * a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
+    )
+
+
+def _coefficients(start: Any, end: Any, h: Any) -> tuple[Any, ...]:
+    """Returns those of the powers 0 to 5 of t / h."""
+    (p0, v0, a0), (p1, v1, a1) = start, end
+    v0, a0, v1, a1 = v0 * h, a0 * h * h, v1 * h, a1 * h * h
+    gap = p1 - p0 - v0 - 0.5 * a0
+    dv, da = v1 - v0 - a0, a1 - a0
+    return (
+        *(p0, v0, 0.5 * a0),
+        10.0 * gap - 4.0 * dv + 0.5 * da,
+        -15.0 * gap + 7.0 * dv - da,
+        6.0 * gap - 3.0 * dv + 0.5 * da,
+    )
+
+
+def end_beyond(
+    start: Array, end: Array, horizon: float, via: Array, t: float
+) -> Array:
+    """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
+
+    That quintic is, until `t` in (0, horizon) [s], the motion of least jerk
+    from `start` through via to `end`, both (3, n).  At `t` its fifth
+    derivative jumps, and it goes on to end.
+    """
+    h = horizon - t
+    kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
+    times = np.full(via.size, horizon)
+    missed = via - quintic_at(start, end, times, t)[0]
+    moved = quintic_at(np.zeros((3, 1)), kink, times[:1], t)[0]
+    return np.asarray(end + kink * (missed / moved))
+
+
+def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
+    """Returns when to pass `via` (n,) on the way with the least jerk [s].
+
+    Of the times a multiple of `STEP` before `horizon` [s] > STEP, which are
+    the same ones seen from anywhere on the way.  The cost of the detour at t
+    is the squared distance from the quintic to via, over (t (horizon - t))^5.
+    """
+    before_end = np.arange(STEP, horizon - 1e-9, STEP)
+    t = horizon - before_end
+    missed, s = np.zeros_like(t), t / horizon
+    columns = zip(start.T.tolist(), end.T.tolist(), via.tolist(), strict=True)
+    for begin, finish, point in columns:
+        p, v, a, c3, c4, c5 = _coefficients(begin, finish, horizon)
+        way = p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5))))
+        missed += (point - way) * (point - way)
+    flat = t * before_end
+    cost = missed / (flat * flat * flat * flat * flat)
+    return float(t[cost.argmin()])

@@ -12,6 +12,7 @@ import enum
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,15 @@ def read_only(values: object, size: int) -> Array:
     return array
 
 
+class Immutable:
+    """A frozen value, which clones of a Context share."""
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+
 @dataclass(frozen=True, eq=False)
-class FootPose:
+class FootPose(Immutable):
     """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
 
     The sole frame F is z-up with x along the foot and y to the left.
@@ -63,9 +71,6 @@ class FootPose:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
-
-    def __deepcopy__(self, memo: object) -> FootPose:
-        return self
 
     @cached_property
     def rotation(self) -> Array:
@@ -85,14 +90,11 @@ class FootPose:
 
 
 @dataclass(frozen=True)
-class FootPoses:
+class FootPoses(Immutable):
     """The poses of both soles in W."""
 
     left: FootPose
     right: FootPose
-
-    def __deepcopy__(self, memo: object) -> FootPoses:
-        return self
 
     def __getitem__(self, side: Side) -> FootPose:
         return self.left if side is Side.LEFT else self.right
@@ -103,7 +105,7 @@ class FootPoses:
 
 
 @dataclass(frozen=True)
-class Footstep:
+class Footstep(Immutable):
     """One foothold, and how long it takes to get there.
 
     `side` is the foot that moves; `transfer_duration` [s] is the weight shift
@@ -115,12 +117,9 @@ class Footstep:
     transfer_duration: float
     swing_duration: float
 
-    def __deepcopy__(self, memo: object) -> Footstep:
-        return self
-
 
 @dataclass(frozen=True, eq=False)
-class ReferencePoint:
+class ReferencePoint(Immutable):
     """A sample of the reference motion, each (2,) in W: [m], [m/s]."""
 
     com: Array
@@ -131,12 +130,9 @@ class ReferencePoint:
         for name in ("com", "com_velocity", "cop"):
             object.__setattr__(self, name, read_only(getattr(self, name), 2))
 
-    def __deepcopy__(self, memo: object) -> ReferencePoint:
-        return self
-
 
 @dataclass(frozen=True)
-class ContactSchedule:
+class ContactSchedule(Immutable):
     """All that the ICP plan depends on; replaced only when it is re-planned.
 
     The plan starts with the present phase, at time 0.  `support_side` is the
@@ -155,9 +151,6 @@ class ContactSchedule:
     start: ReferencePoint
     final_transfer_duration: float = 0.8  # after the last step [s]
 
-    def __deepcopy__(self, memo: object) -> ContactSchedule:
-        return self
-
     def in_contact(self, side: Side) -> bool:
         """True if the foot of `side` is meant to carry weight."""
         return self.phase is not Phase.SWING or side is self.support_side
@@ -171,7 +164,7 @@ class ContactSchedule:
 
 
 @dataclass(frozen=True)
-class Adjustment:
+class Adjustment(Immutable):
     """Where the step in the air goes instead of where it was to go.
 
     `region` names the reachability region that was chosen: base, forward or
@@ -184,12 +177,9 @@ class Adjustment:
     region: str = "base"
     covered_ticks: int = 0
 
-    def __deepcopy__(self, memo: object) -> Adjustment:
-        return self
-
 
 @dataclass(frozen=True)
-class WalkingState:
+class WalkingState(Immutable):
     """The only walking clock: the schedule, and where we are in it.
 
     `commanded` are the user's footsteps that have not landed yet;
@@ -206,9 +196,6 @@ class WalkingState:
     commanded: tuple[Footstep, ...] = ()
     adjustment: Adjustment | None = None  # of the step in the air
 
-    def __deepcopy__(self, memo: object) -> WalkingState:
-        return self
-
     @property
     def remaining_time(self) -> float:
         """Planned time [s] until the present phase ends."""
@@ -219,3 +206,11 @@ def rectangle(length: float, width: float) -> Array:
     """Corners (4, 2) [m] of a rectangle about 0, counter-clockwise."""
     x, y = 0.5 * length, 0.5 * width
     return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
+
+
+def number_of_ticks(duration: float, period: float) -> int:
+    """Returns how many ticks of `period` [s] last for `duration` [s].
+
+    To the nearest, and at least one: nothing happens faster than that.
+    """
+    return max(round(duration / period), 1)

@@ -5,13 +5,15 @@ that the papers leave to the reader; see also the Atlas paper, Sec. II).
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from nadia_balance.core.footstep_plan import within_reach
+import numpy as np
+
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.gait import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.lift_off import LiftOffParams, may_lift
-from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -23,47 +25,57 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
+_HUGE = 700.0  # of which e to the power is still finite [-]
+
+
+@dataclass(kw_only=True)
+class LiftOffParams:
+    """How near the ICP must be to lift a foot, and how long to wait for it."""
+
+    # The foot is lifted when the ICP error is within this ellipse of the sole
+    # frame: forward, toward the other foot, and away from it.
+    icp_error_forward: float = bounded(0.035, above=0.0, unit="m")
+    icp_error_inward: float = bounded(0.015, above=0.0, unit="m")
+    icp_error_outward: float = bounded(0.012, above=0.0, unit="m")
+    # How far outside the support the eCMP can be.
+    ecmp_outside: float = bounded(0.03, least=0.0, unit="m")
+    # The longest wait, if the footholds can be adjusted; infinite otherwise.
+    max_wait: float = bounded(0.2, least=0.0, finite=False, unit="s")
+    # The wait is longer while the eCMP can be held so far beyond the ICP within
+    # the support: the ICP will come.  Not if the feet are farther apart than
+    # this: on the way to one foot, the ankle of the other meets its limit, and
+    # the pelvis tilts.
+    max_held_wait: float = bounded(1.0, least=0.0, finite=False, unit="s")
+    held_room: float = bounded(0.08, least=0.0, finite=False, unit="m")
+    held_stance: float = bounded(0.45, least=0.0, finite=False, unit="m")
+
 
 @dataclass(kw_only=True)
 class WalkingStateMachineParams:
     """When a phase ends."""
 
-    standing_duration: float = 0.5  # before the first step [s]
-    earliest_touchdown: float = 0.5  # fraction of the swing [-]
-    # The foot has landed when forces above the former have, without a break,
-    # brought the latter: it is pressed down for a few ms, or has hit hard, and
-    # may bounce.
-    contact_force: float = 0.034  # of the robot's weight [-]
-    contact_impulse: float = 3.4e-4  # per weight [s]
+    # Before the first step.
+    standing_duration: float = bounded(0.5, least=0.0, unit="s")
+    # Share of the swing before which no contact counts as touchdown.
+    earliest_touchdown: float = bounded(0.5, least=0.0, below=1.0)
+    # The foot has landed when forces above the former, as a share of the
+    # robot's weight, have without a break accumulated the latter, per weight:
+    # it is pressed down for a few ms, or has hit hard, and may bounce.
+    contact_force: float = bounded(0.034, least=0.0, below=1.0)
+    contact_impulse: float = bounded(3.4e-4, least=0.0, unit="s")
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
-
-    def validate(self) -> None:
-        """Raises ValueError if a field is out of range."""
-        for name in (
-            "standing_duration",
-            "earliest_touchdown",
-            "contact_force",
-            "contact_impulse",
-        ):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} = {value}: must be finite and >= 0")
-        for name in ("earliest_touchdown", "contact_force"):
-            if not (value := getattr(self, name)) < 1.0:
-                raise ValueError(f"{name} = {value}: must be < 1")
-        self.lift_off.validate()
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What is measured of the robot: sole poses, forces, ICP [m], in W."""
+    """What is measured of the robot: sole poses, forces, ICP, in W."""
 
-    feet: Callable[[], FootPoses]  # asked for only when the contacts change
-    forces: Array  # (2,) normal, left and right, of the robot's weight [-]
-    icp: Array  # (2,)
+    feet: FootPoses
+    forces: Array  # (2,) normal, left and right, as a share of the weight [-]
+    icp: Array  # (2,) [m]
 
     def force(self, side: Side) -> float:
-        """Normal force on the foot of `side`, of the weight [-]."""
+        """Normal force on the foot of `side`, as a share of the weight."""
         return float(self.forces[0 if side is Side.LEFT else 1])
 
 
@@ -73,7 +85,7 @@ class Proposal:
 
     # To advance the clock by, on top of the tick; negative: to hold it [s].
     time_gain: float = 0.0
-    adjustment: Adjustment | None = None
+    adjustment: Adjustment | None = None  # None: no foothold can be adjusted
 
 
 KEEP = Proposal()
@@ -83,27 +95,25 @@ def advance(
     state: WalkingState,
     plan: IcpPlan,
     measured: Measurement,
-    period: float,
-    sole: Array,
-    reach: ReachabilityParams,
     params: WalkingStateMachineParams,
+    model: PointMassModel,
+    period: float,
     proposal: Proposal = KEEP,
 ) -> WalkingState:
     """Returns the walking state one `period` [s] later.
 
     `plan` is the ICP plan of `state.schedule`: it tells where the reference
-    is when a phase ends, so that the next plan continues from there.  `sole`
-    (n, 2) [m] are the sole's corners in the sole frame, `reach` is where
-    later footsteps must be after the feet have landed elsewhere.
+    is when a phase ends, so that the next plan continues from there.
     """
-    state = _tick(state, measured, period, params, proposal)
-    schedule = state.schedule
-    match schedule.phase:
+    state = _tick(state, measured, params, period, proposal)
+    match state.schedule.phase:
         case Phase.STANDING if state.waiting:
-            return _start_transfer(state, plan, measured, reach)
+            return _start_transfer(state, plan, measured, model)
         case Phase.TRANSFER if state.waiting:
-            icp, waited = measured.icp, state.waited
-            if may_lift(schedule, plan, icp, sole, waited, params.lift_off):
+            lift_off = params.lift_off
+            if proposal.adjustment is None:  # then only waiting helps
+                lift_off = replace(lift_off, max_wait=math.inf)
+            if may_lift(state, plan, measured.icp, lift_off, model):
                 return _end_transfer(state, plan, measured)
         case Phase.SWING if state.contact_impulse > params.contact_impulse:
             landed = replace(
@@ -112,18 +122,75 @@ def advance(
                 steps_taken=state.steps_taken + 1,
             )
             command = next(iter(state.commanded), None)
-            return _start_transfer(landed, plan, measured, reach, command)
+            return _start_transfer(landed, plan, measured, model, command)
     return state
+
+
+def may_lift(
+    state: WalkingState,
+    plan: IcpPlan,
+    icp: Array,
+    params: LiftOffParams,
+    model: PointMassModel,
+) -> bool:
+    """True if the ICP is near its reference, or if no waiting brings it there.
+
+    `icp` (2,) [m] in W, measured past the end of the transfer of `state`.
+    With both feet down, the eCMP can be held beyond the ICP, on the far side
+    of the support.  If not even that returns the ICP within what is left of
+    the wait, the foot is lifted at once.  Crossed legs are always uncrossed at
+    once: while the CoM moves on, the thigh behind nears the other shin.
+    """
+    schedule, waited = state.schedule, state.waited
+    if schedule.legs_crossed or not schedule.footsteps:
+        return True
+    error = icp - plan.at(schedule.duration).icp
+    excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
+    if excess < 0.0:
+        return True
+    length = math.hypot(*error)
+    support = support_polygon(schedule, model.sole)
+    room = float(np.max((support - icp) @ (error / length)))
+    if _is_held(schedule, room, waited, params):
+        return False
+    room += params.ecmp_outside
+    left = params.max_wait - waited
+    # Eq. 3: the ICP moves back by room (e^wt - 1).
+    growth = math.expm1(min(model.omega * left, _HUGE))
+    return room <= 0.0 or room * growth < length * excess
+
+
+def _is_held(
+    schedule: ContactSchedule, room: float, waited: float, params: LiftOffParams
+) -> bool:
+    """True if the ICP, with `room` [m] beyond it, can wait for longer."""
+    left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
+    return (
+        room >= params.held_room
+        and waited < params.max_held_wait
+        and math.dist(left[:2], right[:2]) <= params.held_stance
+    )
+
+
+def _size(
+    error: Array, schedule: ContactSchedule, params: LiftOffParams
+) -> float:
+    """The ICP `error`, where 1 is the edge of the ellipse."""
+    side = schedule.support_side
+    x, y = schedule.feet[side].rotation.T @ error
+    inward = -side.sign * y > 0.0
+    width = params.icp_error_inward if inward else params.icp_error_outward
+    return math.hypot(x / params.icp_error_forward, y / width)
 
 
 def _tick(
     state: WalkingState,
     measured: Measurement,
-    period: float,
     params: WalkingStateMachineParams,
+    period: float,
     proposal: Proposal,
 ) -> WalkingState:
-    """The same phase one `period` [s] later; one value, as each takes time."""
+    """The same phase one `period` [s] later."""
     schedule, adjustment = _adjusted(state, proposal.adjustment)
     time = state.time_in_phase + max(period + proposal.time_gain, 0.0)
     done = time >= schedule.duration - 0.5 * period
@@ -169,7 +236,7 @@ def _contact_force(
     params: WalkingStateMachineParams,
 ) -> float:
     """Force of the ground on the foot in the air; 0 if it may not land."""
-    # Of the swing as it really is: a clock that was advanced has passed half
+    # Of the real time of the swing: a clock that was advanced has passed half
     # of the plan before the foot has left the ground.
     earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)
     force = measured.force(schedule.support_side.other)
@@ -181,11 +248,11 @@ def _start_transfer(
     state: WalkingState,
     plan: IcpPlan,
     measured: Measurement,
-    reach: ReachabilityParams,
+    model: PointMassModel,
     landed: Footstep | None = None,
 ) -> WalkingState:
-    old, feet = state.schedule, measured.feet()
-    steps = within_reach(state.commanded, feet, reach, landed)
+    old, feet = state.schedule, measured.feet
+    steps = within_reach(state.commanded, feet, model.reach, landed)
     schedule = replace(
         old,
         phase=Phase.TRANSFER,
@@ -210,7 +277,7 @@ def _end_transfer(
         old,
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
-        feet=measured.feet(),
+        feet=measured.feet,
         start=plan.at(state.time_in_phase).point(),
     )
     return _begin(state, schedule)

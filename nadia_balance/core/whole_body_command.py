@@ -1,31 +1,189 @@
-"""From the walking state to what the whole body is to do."""
-
-from __future__ import annotations
+"""From the walking state to the command of the whole-body QP."""
 
 import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.crossing_turn import crossing_turn
-from nadia_balance.core.walking import Phase, Side, WalkingState
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_terms import WholeBodyCommand
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.lipm import GRAVITY
+from nadia_balance.core.qp import SOLVERS
+from nadia_balance.core.walking import Array, Phase, Side, WalkingState
 
-Array = NDArray[np.float64]
+# Rows of WholeBodyTerms: those of the joints come in between.
+LEFT_SOLE = slice(0, 6)
+RIGHT_SOLE = slice(6, 12)
+BASE = slice(12, 18)
+TORSO = slice(-6, -3)
+PELVIS = slice(-3, None)
+SOLES = (LEFT_SOLE, RIGHT_SOLE)
+
+
+@dataclass(kw_only=True)
+class CrossingTurnParams:
+    """How far the pelvis turns when the feet come close, and cross."""
+
+    # It turns while the soles are closer than this, sideways.
+    width: float = bounded(0.25, least=0.0, unit="m")
+    # Turn per squared closeness and step length.
+    gain: float = bounded(20.0, least=0.0, unit="rad/m^3")
+    # Approached, never reached.
+    max_turn_deg: float = bounded(30.0, above=0.0, most=60.0, unit="deg")
+
+
+@dataclass(kw_only=True)
+class WholeBodyQpParams:
+    """Parameters of the whole-body QP.
+
+    Weights multiply squared accelerations, of the CoM [m/s^2], of bodies
+    [rad/s^2], [m/s^2] and of joints [rad/s^2].  Forces and moments are per
+    unit of the robot's mass, [m/s^2] and [m^2/s^2], so that the same weights
+    serve robots of any size.  Gains are kp [1/s^2].
+    """
+
+    # Soft tasks: horizontal and vertical linear momentum / mass, angular
+    # momentum about the CoM / mass, orientation of pelvis and torso.
+    momentum_weight: float = bounded(1e3, least=0.0)
+    height_weight: float = bounded(30.0, least=0.0)
+    angular_momentum_weight: float = bounded(0.1, least=0.0)
+    angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
+    pelvis_weight: float = bounded(0.5, least=0.0)
+    torso_weight: float = bounded(0.5, least=0.0)
+    orientation_gain: float = bounded(80.0, least=0.0)
+    swing_position_weight: float = bounded(100.0, least=0.0)
+    swing_position_gain: float = bounded(150.0, least=0.0)
+    swing_orientation_weight: float = bounded(10.0, least=0.0)
+    swing_orientation_gain: float = bounded(200.0, least=0.0)
+    posture_weight: float = bounded(0.03, above=0.0)
+    # Pelvis and feet determine the legs: this one only breaks ties.
+    leg_posture_weight: float = bounded(1e-4, above=0.0)
+    posture_gain: float = bounded(80.0, least=0.0)
+    # Of all these tasks: kd = 2 ratio sqrt(kp).
+    damping_ratio: float = bounded(1.0, least=0.0)
+    # Regularisation of sole moments, horizontal and normal forces / mass: it
+    # shares the load so that sole moments are small.  The normal one biases
+    # the height.
+    moment_weight: float = bounded(1e-2, above=0.0)
+    tangential_weight: float = bounded(1e-3, above=0.0)
+    normal_weight: float = bounded(1e-6, above=0.0)
+    acceleration_weight: float = bounded(1e-4, above=0.0)  # of all vdot
+    # Soles on the ground: damping of the sole's velocity, and a gain that
+    # brings it level.
+    stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
+    stance_tilt_gain: float = bounded(100.0, least=0.0)
+    friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
+    # How far inside the sole's edge the CoP stays.
+    sole_margin: float = bounded(0.005, least=0.0, unit="m")
+    # Of a foot in contact.
+    min_normal_force: float = bounded(2.0, least=0.0, unit="N")
+    # Last share of a transfer in which the trailing foot unloads, and the
+    # force that is allowed at its end.
+    unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
+    unloaded_force: float = bounded(50.0, least=0.0, unit="N")
+    # By joint [rad]; tighter than those of the URDF.
+    joint_lower_limits: dict[str, float] = field(default_factory=dict)
+    # How far ahead joint limits are kept, and with which acceleration.
+    joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
+    max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
+    # Of the actuators' limits.
+    max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
+    crossing_turn: CrossingTurnParams = field(
+        default_factory=CrossingTurnParams
+    )
+    solver: str = bounded("active_set", one_of=SOLVERS)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if a foot would carry more when unloaded."""
+        if not self.unloaded_force > self.min_normal_force:
+            raise ValueError(
+                f"unloaded_force = {self.unloaded_force}: must be > "
+                f"min_normal_force = {self.min_normal_force} N"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class WholeBodyModel:
+    """Constants of a robot with nj joints, in the plant's order.
+
+    `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
+    `max_torque` (nj,) [N m]; `is_leg_joint` (nj,); sole size [m].
+    """
+
+    mass: float
+    sole_length: float
+    sole_width: float
+    posture: Array
+    position_lower: Array
+    position_upper: Array
+    max_torque: Array
+    is_leg_joint: NDArray[np.bool_]
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints, all actuated."""
+        return self.posture.size
+
+
+class WholeBodyTerms(NamedTuple):
+    """The robot's motion; nv = 6 + nj, v = [w_WB, v_WB, joints].
+
+    The floating base B is the pelvis, its velocity expressed in W.
+
+    `rows` (24 + nj, nv + 1) are [A, a] of all that is A vdot + a: the
+    accelerations of the left and of the right sole ([w, v] at its centre), the
+    generalised forces on base and joints, and the angular accelerations of
+    torso and pelvis, all in W.  `velocities` (24 + nj,) are A v.  The forces,
+    M vdot + bias with gravity and damping, are per unit of the robot's mass.
+
+    `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
+    `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad]; `com_state` (6,)
+    = [p_WC, v_WC] [m, m/s] of the centre of mass.
+    """
+
+    rows: Array
+    velocities: Array
+    rotations: Array
+    sole_positions: Array
+    positions: Array
+    v: Array
+    com_state: Array
+
+    @property
+    def forces(self) -> Array:
+        """[M, bias] (nv, nv + 1), per unit of mass."""
+        return self.rows[BASE.start : TORSO.start]
+
+
+class WholeBodyCommand(NamedTuple):
+    """What the whole-body QP is to bring about.
+
+    `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
+    yawdot, yawddot) of the torso, and `turn` that of the pelvis on top of it;
+    `contacts`: whether the (left, right) sole carries, at least one does;
+    `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
+    a, yaw, yawdot, yawddot] of the sole that does not carry.
+    """
+
+    momentum_rate: Array
+    heading: tuple[float, float, float]
+    turn: tuple[float, float, float]
+    contacts: tuple[bool, bool]
+    max_normal_forces: tuple[float, float]
+    swing: Array
 
 
 def whole_body_command(
-    params: WholeBodyQpParams,
     state: WalkingState,
     momentum_rate: Array,
     swing: Array,
-    weight: float,
+    params: WholeBodyQpParams,
+    model: WholeBodyModel,
 ) -> WholeBodyCommand:
     """Returns contacts, heading and force bounds of a walking state.
 
-    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
-    `weight` [N] of the robot.
+    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole.
     """
     schedule = state.schedule
     left, right = (schedule.in_contact(s) for s in (Side.LEFT, Side.RIGHT))
@@ -35,10 +193,51 @@ def whole_body_command(
         turn=crossing_turn(state, swing, params.crossing_turn),
         contacts=(left, right),
         max_normal_forces=(
-            max_normal_force(params, state, Side.LEFT, weight),
-            max_normal_force(params, state, Side.RIGHT, weight),
+            max_normal_force(state, Side.LEFT, params, model),
+            max_normal_force(state, Side.RIGHT, params, model),
         ),
         swing=swing,
+    )
+
+
+def crossing_turn(
+    state: WalkingState, swing: Array, params: CrossingTurnParams
+) -> tuple[float, float, float]:
+    """Returns the pelvis' yaw, yawdot, yawddot relative to the feet's [rad].
+
+    With the other sole x in front of the support sole and c closer to it
+    than `width`, sideways: gain c^2 x, bounded softly; positive to the left.
+    `swing` (12,) is the reference of the swing sole (see SwingFootPlanner),
+    which makes the turn as smooth as the swing.
+    """
+    schedule = state.schedule
+    side = schedule.support_side
+    stance = schedule.feet[side]
+    if schedule.phase is Phase.SWING:
+        p, v, a = swing[:9].reshape(3, 3)[:, :2].tolist()
+    else:
+        p = schedule.feet[side.other].p_WF[:2].tolist()
+        v = a = (0.0, 0.0)
+    p = p[0] - float(stance.p_WF[0]), p[1] - float(stance.p_WF[1])
+    cos, sin = math.cos(stance.yaw), math.sin(stance.yaw)
+    x, dx, ddx = (cos * e[0] + sin * e[1] for e in (p, v, a))
+    c, dc, ddc = (side.sign * (cos * e[1] - sin * e[0]) for e in (p, v, a))
+    c += params.width
+    if c <= 0.0:
+        return 0.0, 0.0, 0.0
+    most = math.radians(params.max_turn_deg)
+    gain = side.sign * params.gain / most
+    u = gain * c * c * x
+    du = gain * c * (2.0 * dc * x + c * dx)
+    ddu = gain * (
+        2.0 * (dc * dc + c * ddc) * x + 4.0 * c * dc * dx + c * c * ddx
+    )
+    turn = math.tanh(u)
+    slope = 1.0 - turn * turn
+    return (
+        most * turn,
+        most * slope * du,
+        most * slope * (ddu - 2.0 * turn * du * du),
     )
 
 
@@ -56,11 +255,14 @@ def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
 
 
 def max_normal_force(
-    params: WholeBodyQpParams, state: WalkingState, side: Side, weight: float
+    state: WalkingState,
+    side: Side,
+    params: WholeBodyQpParams,
+    model: WholeBodyModel,
 ) -> float:
     """Upper bound [N] of a sole's force: the trailing foot unloads.
 
-    The bound falls linearly from `weight` [N] in the last part of a transfer
+    The bound falls linearly from the weight in the last part of a transfer
     to a step.  A transfer that waits for the ICP needs both feet.
     """
     schedule = state.schedule
@@ -74,4 +276,4 @@ def max_normal_force(
     if not unloads or state.remaining_time >= part:
         return math.inf
     left = state.remaining_time / part
-    return left * weight + (1.0 - left) * params.unloaded_force
+    return left * (model.mass * GRAVITY) + (1.0 - left) * params.unloaded_force

@@ -1,28 +1,168 @@
 """Whole-body inverse dynamics as one quadratic program."""
 
-from __future__ import annotations
-
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.qp_programs import Mask, QpProblem
-from nadia_balance.core.qp_solver import DenseQp, QpResult
-from nadia_balance.core.whole_body_limits import WholeBodyLimits
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_tasks import WholeBodyTasks
-from nadia_balance.core.whole_body_terms import (
+from nadia_balance.core.qp import DenseQp, Mask, QpProblem, QpResult
+from nadia_balance.core.walking import Array
+from nadia_balance.core.whole_body_command import (
     BASE,
     LEFT_SOLE,
     RIGHT_SOLE,
     WholeBodyCommand,
     WholeBodyModel,
+    WholeBodyQpParams,
     WholeBodyTerms,
 )
+from nadia_balance.core.whole_body_tasks import WholeBodyTasks
 
-Array = NDArray[np.float64]
+NUM_CONE_ROWS = 16
+
+
+def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
+    """Returns U (16, 6) of the cone U [tau, f] <= 0, at the sole's centre.
+
+    tau (3,) [N m] and f (3,) [N] act on the sole, in the sole frame: z up, x
+    along `length` [m].  The cone is exact for four corners with a friction
+    pyramid |f_x|, |f_y| <= friction * f_z each.  Rows: 4 friction, 4 centre
+    of pressure, 8 yaw moment (Caron, Pham, Nakamura, Stability of surface
+    contacts for humanoid robots, ICRA 2015, Eqs. 15-19).
+
+    Raises:
+        ValueError: an argument is not positive.
+    """
+    for name, value in (
+        ("length", length),
+        ("width", width),
+        ("friction", friction),
+    ):
+        if not value > 0.0:
+            raise ValueError(f"{name} = {value}: must be > 0")
+    x, y, mu = 0.5 * length, 0.5 * width, friction
+    signs = list(itertools.product((1.0, -1.0), repeat=2))
+    force = [[0, 0, 0, s, 0, -mu] for s in (1.0, -1.0)]
+    force += [[0, 0, 0, 0, s, -mu] for s in (1.0, -1.0)]
+    pressure = [[s, 0, 0, 0, 0, -y] for s in (1.0, -1.0)]
+    pressure += [[0, s, 0, 0, 0, -x] for s in (1.0, -1.0)]
+    # tau_z <= mu (x + y) f_z - |y f_x + mu tau_x| - |x f_y + mu tau_y|, and
+    # -tau_z <= mu (x + y) f_z - |y f_x - mu tau_x| - |x f_y - mu tau_y|.
+    yaw = [
+        [s * a * mu, s * b * mu, s, a * y, b * x, -mu * (x + y)]
+        for s in (1.0, -1.0)
+        for a, b in signs
+    ]
+    return np.array(force + pressure + yaw)
+
+
+_FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
+_SIGNS = np.array([[-1.0], [1.0]])
+
+
+class WholeBodyLimits:
+    """Rows lower <= C [vdot, wrenches] <= upper.
+
+    Wrenches [tau, f] and torques are per unit of the robot's mass; there are
+    wrenches of those soles only that carry.  In this order: torques, joint
+    accelerations, the cone and the normal force of the left and of the right
+    sole.
+    """
+
+    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
+        """The limits of `model`, as tightened by `params`.
+
+        Raises:
+            ValueError: the margin leaves nothing of the sole.
+        """
+        self._params, self._mass = params, model.mass
+        n = model.num_joints
+        self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
+        self._joints = np.eye(n)
+        margin = 2.0 * params.sole_margin
+        sides = model.sole_length - margin, model.sole_width - margin
+        if min(sides) <= 0.0:
+            raise ValueError(
+                f"sole_margin = {params.sole_margin}: must leave some of the "
+                "sole"
+            )
+        cone = np.zeros((_FOOT_ROWS, 6))
+        cone[:NUM_CONE_ROWS] = contact_wrench_cone(*sides, params.friction)
+        cone[-1, 5] = 1.0
+        self._cone = cone.reshape(-1, 3)  # tau and f in turn, to rotate both
+        # The first axis of all bounds is lower, upper.
+        self._least_force = params.min_normal_force / model.mass
+        self._wrench = np.zeros((2, _FOOT_ROWS))
+        self._wrench[0] = -np.inf
+        self._wrench[0, -1] = self._least_force
+        self._torques = (
+            params.max_effort_ratio / model.mass * model.max_torque * _SIGNS
+        )
+        self._positions = np.stack((model.position_lower, model.position_upper))
+
+    def num_rows(self, num_soles: int) -> int:
+        """Returns how many rows there are if so many soles carry."""
+        return self._joint_rows.stop + num_soles * _FOOT_ROWS
+
+    def rows_of(self, contacts: tuple[bool, bool]) -> NDArray[np.bool_]:
+        """Marks those of all rows that there are with these `contacts`."""
+        marks = np.ones(self.num_rows(2), dtype=bool)
+        for carries, rows in zip(
+            contacts, marks[self._joint_rows.stop :].reshape(2, -1), strict=True
+        ):
+            rows[:] = carries
+        return marks
+
+    def bounds(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand, C: Array
+    ) -> tuple[Array, Array]:
+        """Returns lower and upper (m,), and completes the rows `C` (m, n).
+
+        Those of the torques, M vdot - sum J' w, are there already; all others
+        are zero.
+        """
+        bounds = np.empty((2, len(C)))
+        bounds[:, self.torque_rows] = self._torques - terms.forces[6:, -1]
+        bounds[:, self._joint_rows] = self._braking(terms)
+        nv = terms.v.size
+        C[self._joint_rows, 6:nv] = self._joints
+        row, column = self._joint_rows.stop, nv
+        for side, carries in enumerate(command.contacts):
+            if carries:
+                rows = slice(row, row + _FOOT_ROWS)
+                C[rows, column : column + 6] = self._rotated_cone(terms, side)
+                bounds[:, rows] = self._wrench
+                most = command.max_normal_forces[side] / self._mass
+                bounds[1, rows.stop - 1] = max(most, self._least_force)
+                row, column = rows.stop, column + 6
+        return bounds[0], bounds[1]
+
+    def stop_braking(self, lower: Array, upper: Array) -> None:
+        """Widens `lower` and `upper` (m,) in place: no joint brakes early."""
+        most = self._params.max_joint_acceleration
+        lower[self._joint_rows], upper[self._joint_rows] = -most, most
+
+    def _rotated_cone(self, terms: WholeBodyTerms, side: int) -> Array:
+        """Rows (_FOOT_ROWS, 6) for the wrench of a sole, which is in W."""
+        R_FW = terms.rotations[side].T
+        return np.asarray((self._cone @ R_FW).reshape(_FOOT_ROWS, 6))
+
+    def _braking(self, terms: WholeBodyTerms) -> Array:
+        """Bounds (2, nj) of joint accelerations that keep position limits.
+
+        Each q + T v + T^2/2 vdot stays within the limits for a horizon T,
+        unless that takes more than the acceleration allowed for it.
+        """
+        horizon, most = (
+            self._params.joint_limit_horizon,
+            self._params.max_joint_acceleration,
+        )
+        ahead = terms.positions + horizon * terms.v[6:]
+        bounds = (self._positions - ahead) * (2.0 / horizon**2)
+        return np.asarray(np.minimum(np.maximum(bounds, -most), most))
+
 
 # Rows of J of the soles that carry.
 _CARRYING = {
@@ -65,8 +205,7 @@ class WholeBodyQp:
     """
 
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """Builds the program; raises ValueError for parameters out of range."""
-        params.validate()
+        """Builds the program for robots that are this `model`."""
         self._params, self._model = params, model
         self._tasks = WholeBodyTasks(params, model)
         self._limits = WholeBodyLimits(params, model)
@@ -79,16 +218,19 @@ class WholeBodyQp:
         }
         self._rows_of = {c: self._limits.rows_of(c) for c in _CARRYING}
         # The posture's PD law, and the costs that are always the same: those
-        # of [vdot, 1], and those of the wrenches.
-        weights, kp = _posture_weights(params, model), params.posture_gain
+        # of vdot, and those of the wrenches.
+        weights = np.where(
+            model.is_leg_joint, params.leg_posture_weight, params.posture_weight
+        )
+        kp = params.posture_gain
         kd = 2.0 * params.damping_ratio * math.sqrt(kp)
         self._posture_kp, self._posture_kd = weights * kp, weights * kd
-        self._vdot_cost = np.diag(
-            np.concatenate((np.zeros(6), weights, np.zeros(1)))
-            + params.acceleration_weight
-        )
-        wrench = _wrench_weights(params)
-        self._H = np.diag(np.concatenate((np.zeros(nv), wrench, wrench)))
+        vdot = np.concatenate((np.zeros(6), weights))
+        vdot += params.acceleration_weight
+        wrench = np.full(6, params.moment_weight)  # [tau, f] of a sole
+        wrench[3:5] = params.tangential_weight
+        wrench[5] = params.normal_weight
+        self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
 
     @property
     def num_inequalities(self) -> int:
@@ -113,7 +255,7 @@ class WholeBodyQp:
         qp = solver.solve(problem, guess)
         if not qp.solved:
             # At the touchdown of a long step, soles, torques and friction may
-            # leave no room for braking, which is a wish, not a law.
+            # leave no room for braking, which is no law of physics.
             self._limits.stop_braking(problem.lower, problem.upper)
             again = solver.solve(problem, guess)
             solves = qp.iterations + again.iterations
@@ -164,24 +306,12 @@ class WholeBodyQp:
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)
         tasks = self._tasks.rows(terms, command)
-        square = tasks.T @ tasks + self._vdot_cost
+        square = tasks.T @ tasks
         H, g = self._H[:n, :n].copy(), np.zeros(n)
-        H[:nv, :nv], g[:nv] = square[:-1, :-1], square[:-1, -1]
-        g[6:nv] += self._posture_kp * (terms.positions - self._model.posture)
-        g[6:nv] += self._posture_kd * terms.v[6:]
+        H[:nv, :nv] += square[:-1, :-1]
+        g[:nv] = square[:-1, -1]
+        g[6:nv] += (
+            self._posture_kp * (terms.positions - self._model.posture)
+            + self._posture_kd * terms.v[6:]
+        )
         return H, g
-
-
-def _posture_weights(params: WholeBodyQpParams, model: WholeBodyModel) -> Array:
-    """Returns the weights of the joints' accelerations (nj,)."""
-    return np.where(
-        model.is_leg_joint, params.leg_posture_weight, params.posture_weight
-    )
-
-
-def _wrench_weights(params: WholeBodyQpParams) -> Array:
-    """Returns the weights of [tau, f] of a sole (6,)."""
-    weights = np.full(6, params.moment_weight)
-    weights[3:5] = params.tangential_weight
-    weights[5] = params.normal_weight
-    return weights

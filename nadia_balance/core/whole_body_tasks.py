@@ -1,25 +1,21 @@
 """Soft tasks of the whole-body QP: desired accelerations and their rows."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_terms import (
+from nadia_balance.core.walking import Array
+from nadia_balance.core.whole_body_command import (
     BASE,
     PELVIS,
     SOLES,
     TORSO,
     WholeBodyCommand,
     WholeBodyModel,
+    WholeBodyQpParams,
     WholeBodyTerms,
 )
-
-Array = NDArray[np.float64]
 
 # Rows of the tasks.
 _LINEAR = slice(0, 3)
@@ -32,11 +28,11 @@ _NUM_ROWS = 18
 
 _MOMENT = slice(BASE.start, BASE.start + 3)
 _FORCE = slice(BASE.start + 3, BASE.stop)
-_NOTHING = (0.0,) * 6  # the momentum has no error, and no velocity wished for
+_NOTHING = (0.0,) * 6  # the momentum has no error, and no desired velocity
 
 
 class WholeBodyTasks:
-    """Rows [S, r] with the wish that S vdot + r = 0.
+    """Rows [S, r] of the soft tasks S vdot + r = 0.
 
     In this order: linear and angular momentum per mass (about the CoM), the
     orientations of torso and pelvis, and the pose of the sole that swings, if
@@ -46,10 +42,27 @@ class WholeBodyTasks:
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
         """The tasks of `model`, weighted and tuned by `params`."""
         self._mass = model.mass
-        self._weights = _root_weights(params)[:, None]
-        self._kp, self._kd = _gains(params)
-        # What the tasks are made of: none, the left or the right sole swings.
-        trunk = _selection(model.num_joints)
+        # What picks the tasks from the rows of WholeBodyTerms.
+        trunk = np.zeros((_NUM_ROWS, 24 + model.num_joints))
+        weights, kp = np.zeros(_NUM_ROWS), np.zeros(_NUM_ROWS)
+        p = params
+        for task, picked, weight, gain in (
+            (_LINEAR, _FORCE, p.momentum_weight, 0.0),
+            (_ANGULAR, _MOMENT, p.angular_momentum_weight, 0.0),
+            (_TORSO, TORSO, p.torso_weight, p.orientation_gain),
+            (_PELVIS, PELVIS, p.pelvis_weight, p.orientation_gain),
+        ):
+            trunk[task, picked] = np.eye(3)
+            weights[task], kp[task] = weight, gain
+        weights[_LINEAR.stop - 1] = p.height_weight
+        weights[_SWING_TURN] = p.swing_orientation_weight
+        weights[_SWING_MOVE] = p.swing_position_weight
+        kp[_SWING_TURN] = p.swing_orientation_gain
+        kp[_SWING_MOVE] = p.swing_position_gain
+        self._weights, self._kp = np.sqrt(weights)[:, None], kp
+        self._kd = 2.0 * p.damping_ratio * np.sqrt(kp)
+        self._kd[_ANGULAR] = p.angular_momentum_damping
+        # With no sole that swings, or with the left or the right one.
         self._trunk = trunk[: _SWING_TURN.start]
         self._trunk_and_sole = [trunk.copy(), trunk.copy()]
         for selection, sole in zip(self._trunk_and_sole, SOLES, strict=True):
@@ -106,43 +119,6 @@ class WholeBodyTasks:
             velocity += 0.0, 0.0, foot_yaw[1], *v
             wanted += 0.0, 0.0, foot_yaw[2], *a
         return np.array((error, velocity, wanted))
-
-
-def _selection(num_joints: int) -> Array:
-    """Returns what picks the tasks from the rows of WholeBodyTerms."""
-    selection = np.zeros((_NUM_ROWS, 24 + num_joints))
-    for task, rows in (
-        (_LINEAR, _FORCE),
-        (_ANGULAR, _MOMENT),
-        (_TORSO, TORSO),
-        (_PELVIS, PELVIS),
-    ):
-        selection[task, rows] = np.eye(3)
-    return selection
-
-
-def _gains(params: WholeBodyQpParams) -> tuple[Array, Array]:
-    """Returns kp and kd of the tasks (18,)."""
-    kp = np.zeros(_NUM_ROWS)
-    kp[_TORSO] = kp[_PELVIS] = params.orientation_gain
-    kp[_SWING_TURN] = params.swing_orientation_gain
-    kp[_SWING_MOVE] = params.swing_position_gain
-    kd = 2.0 * params.damping_ratio * np.sqrt(kp)
-    kd[_ANGULAR] = params.angular_momentum_damping
-    return kp, kd
-
-
-def _root_weights(params: WholeBodyQpParams) -> Array:
-    """Returns the square roots of the weights of the tasks (18,)."""
-    weights = np.empty(_NUM_ROWS)
-    weights[_LINEAR] = params.momentum_weight
-    weights[_LINEAR.stop - 1] = params.height_weight
-    weights[_ANGULAR] = params.angular_momentum_weight
-    weights[_TORSO] = params.torso_weight
-    weights[_PELVIS] = params.pelvis_weight
-    weights[_SWING_TURN] = params.swing_orientation_weight
-    weights[_SWING_MOVE] = params.swing_position_weight
-    return np.sqrt(weights)
 
 
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:

@@ -1,28 +1,50 @@
-"""What the controller thinks, drawn into Meshcat."""
+"""What the controller plans and measures, drawn into Meshcat."""
+
+from itertools import zip_longest
 
 import numpy as np
-from pydrake.common.value import Value
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance import palette
 from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.support_polygon import support_polygon
-from nadia_balance.core.walking import (
-    ContactSchedule,
-    Phase,
-    Side,
-    WalkingState,
+from nadia_balance.core.polygon import support_polygon
+from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.systems.centroidal_estimator import ComState
+from nadia_balance.systems.icp_planner import IcpReference
+from nadia_balance.systems.momentum_qp import EcmpCommand
+from nadia_balance.systems.overlay import (
+    Arrow,
+    Footprints,
+    Marker,
+    PolygonOutline,
+    RegionOverlay,
+    SoleOutline,
 )
-from nadia_balance.systems import palette
-from nadia_balance.systems.overlay import Arrow, Marker, PolygonOutline
-from nadia_balance.systems.overlay_regions import RegionOverlay
-from nadia_balance.systems.overlay_soles import Footprints, SoleOutline
-from nadia_balance.systems.ports import eval_typed
+from nadia_balance.systems.ports import ValueInput
 
 ROOT = "/overlay"
 MIDDLE = f"{ROOT}/middle"  # no object: where a camera may look
+PERIOD = 1.0 / 32.0  # of the frames [s]
 REGIONS_PERIOD = 1.0 / 16.0  # they have many edges: not in every frame [s]
 STEPS_PER_SIDE = 2  # of the footsteps still to land, so many are drawn
+_DISC = Cylinder(0.028, 0.012)
+_MARKERS = {
+    "com": (Sphere(0.04), palette.COM),
+    "com_ground": (_DISC, palette.COM),
+    "icp_reference": (Sphere(0.024), palette.ICP_REFERENCE),
+    "icp": (Sphere(0.034), palette.ICP),
+    "cop": (_DISC, palette.COP),
+    "ecmp": (Box(0.046, 0.046, 0.014), palette.ECMP),
+}
+# Of the markers on the ground: the port, and the point (2,) in its value.
+_ON_GROUND = {
+    "com_ground": ("com_state", lambda value: ComState(value).position[:2]),
+    "icp_reference": ("icp_reference", lambda value: IcpReference(value).icp),
+    "icp": ("icp", lambda value: value),
+    "cop": ("ecmp_command", lambda value: EcmpCommand(value).cop),
+    "ecmp": ("ecmp_command", lambda value: EcmpCommand(value).ecmp),
+}
 
 
 class BalanceVisualizer(LeafSystem):
@@ -45,110 +67,72 @@ class BalanceVisualizer(LeafSystem):
         output_ports: []
     """
 
-    def __init__(
-        self,
-        meshcat: Meshcat,
-        sole: np.ndarray,
-        publish_period: float = 1.0 / 32.0,
-        regions_period: float = REGIONS_PERIOD,
-    ):
-        """`sole` (n, 2) [m] are the corners of either sole in its frame.
-
-        Draws every `publish_period` [s], regions every `regions_period`.
-        """
+    def __init__(self, meshcat: Meshcat, sole: np.ndarray):
+        """`sole` (n, 2) [m] are the corners of either sole in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        self._walking_state = self.DeclareAbstractInputPort(
-            "walking_state", Value(object())
-        )
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._com = self.DeclareVectorInputPort("com_state", 6)
-        self._icp = self.DeclareVectorInputPort("icp", 2)
-        self._reference = self.DeclareVectorInputPort("icp_reference", 8)
-        self._ecmp = self.DeclareVectorInputPort("ecmp_command", 4)
+        self.DeclareVectorInputPort("icp", 2)
+        self.DeclareVectorInputPort("icp_reference", 8)
+        self.DeclareVectorInputPort("ecmp_command", 4)
         self._push = self.DeclareVectorInputPort("push_force", 3)
-        self._regions = self.DeclareAbstractInputPort(
-            "capture_regions", Value(object())
+        self._regions = ValueInput(
+            self, "capture_regions", CaptureRegions, None
         )
-        self._add_feet(publish_period)
-        self._add_points()
-        self._region_overlay = RegionOverlay(
-            self._meshcat, f"{ROOT}/capture_regions", self._sole
-        )
-        self.DeclareInitializationPublishEvent(self._forget)
-        self.DeclarePeriodicPublishEvent(publish_period, 0.0, self._draw)
-        self.DeclarePeriodicPublishEvent(
-            regions_period, 0.0, self._draw_regions
-        )
-        self.DeclareForcedPublishEvent(self._draw)
-        self.DeclareForcedPublishEvent(self._draw_regions)
-
-    def _add_feet(self, publish_period: float) -> None:
         self._footprints = Footprints(
-            self._meshcat, f"{ROOT}/footprints", self._sole, publish_period
+            meshcat, f"{ROOT}/footprints", self._sole, PERIOD
         )
         self._footsteps = {
             side: [
                 SoleOutline(
-                    self._meshcat,
+                    meshcat,
                     f"{ROOT}/footsteps/{side.value}_{i}",
                     self._sole,
-                    palette.rgba(palette.foot_color(side)),
+                    palette.foot_color(side),
                 )
                 for i in range(STEPS_PER_SIDE)
             ]
             for side in Side
         }
         self._support = PolygonOutline(
-            self._meshcat,
-            f"{ROOT}/support_polygon",
-            2 * len(self._sole),
-            palette.rgba(palette.SUPPORT),
+            meshcat, f"{ROOT}/support_polygon", 2 * len(sole), palette.SUPPORT
         )
-
-    def _add_points(self) -> None:
-        def marker(name, shape, color):
-            path = f"{ROOT}/{name}"
-            return Marker(self._meshcat, path, shape, color)
-
-        disc, square = Cylinder(0.028, 0.012), Box(0.046, 0.046, 0.014)
-        self._com_ball = marker("com", Sphere(0.04), palette.COM)
-        # Port, the columns that are the point, and what shows it.
-        self._points = [
-            (self._com, slice(0, 2), marker("com_ground", disc, palette.COM)),
-            (
-                self._reference,
-                slice(0, 2),
-                marker("icp_reference", Sphere(0.024), palette.ICP_REFERENCE),
-            ),
-            (
-                self._icp,
-                slice(0, 2),
-                marker("icp", Sphere(0.034), palette.ICP),
-            ),
-            (self._ecmp, slice(0, 2), marker("cop", disc, palette.COP)),
-            (self._ecmp, slice(2, 4), marker("ecmp", square, palette.ECMP)),
-        ]
-        self._arrow = Arrow(self._meshcat, f"{ROOT}/push", palette.PUSH)
+        self._region_overlay = RegionOverlay(
+            meshcat, f"{ROOT}/capture_regions", self._sole
+        )
+        self._markers = {
+            name: Marker(meshcat, f"{ROOT}/{name}", *look)
+            for name, look in _MARKERS.items()
+        }
+        self._arrow = Arrow(meshcat, f"{ROOT}/push", palette.PUSH)
+        self.DeclareInitializationPublishEvent(self._forget)
+        for period, draw in (
+            (PERIOD, self._draw),
+            (REGIONS_PERIOD, self._draw_regions),
+        ):
+            self.DeclarePeriodicPublishEvent(period, 0.0, draw)
+            self.DeclareForcedPublishEvent(draw)
 
     def _forget(self, context):
         """A new run: what the last one left behind is not its own."""
         self._footprints.forget()
-        self._arrow.forget(context.get_time())
+        self._arrow.hide(context.get_time())
         return EventStatus.Succeeded()
 
     def _draw(self, context):
         time = context.get_time()
-        state = eval_typed(self, context, self._walking_state, WalkingState)
+        state = self._walking_state(context)
         schedule = state.schedule
         ground = float(schedule.feet[schedule.support_side].p_WF[2])
-        self._draw_footprints(state, time)
-        self._draw_footsteps(schedule, time)
+        self._draw_feet(state, time)
         self._support.draw(
             support_polygon(schedule, self._sole), ground + 0.006, time
         )
-        for port, columns, marker in self._points:
-            if port.HasValue(context):
-                marker.draw([*port.Eval(context)[columns], ground], time)
+        for name, (signal, point) in _ON_GROUND.items():
+            if (port := self.GetInputPort(signal)).HasValue(context):
+                p_W = [*point(port.Eval(context)), ground]
+                self._markers[name].draw(p_W, time)
         if self._com.HasValue(context):
             self._draw_com_and_push(context, time)
         if schedule.phase is not Phase.SWING:
@@ -156,51 +140,42 @@ class BalanceVisualizer(LeafSystem):
         return EventStatus.Succeeded()
 
     def _draw_regions(self, context):
-        state = eval_typed(self, context, self._walking_state, WalkingState)
+        state = self._walking_state(context)
         schedule = state.schedule
-        if schedule.phase is not Phase.SWING or not self._regions.HasValue(
-            context
-        ):
+        found = None
+        if schedule.phase is Phase.SWING:
+            found = self._regions(context)
+        if found is None:
             return EventStatus.DidNothing()
-        x, y, z = schedule.feet[schedule.support_side].p_WF
+        p_W = schedule.feet[schedule.support_side].p_WF
         self._region_overlay.draw(
-            eval_typed(self, context, self._regions, CaptureRegions),
-            np.array([x, y]),
-            float(z),
-            context.get_time(),
+            found, p_W[:2], float(p_W[2]), context.get_time()
         )
         return EventStatus.Succeeded()
 
-    def _draw_footprints(self, state: WalkingState, time: float) -> None:
+    def _draw_feet(self, state: WalkingState, time: float) -> None:
         """Each foot that carries leaves a print, numbered by its step."""
         schedule = state.schedule
         landed = schedule.support_side
         if schedule.footsteps:
             landed = schedule.footsteps[0].side.other
-        for side in Side:
+        for side, outlines in self._footsteps.items():
             if schedule.in_contact(side):
                 number = state.steps_taken - (side is not landed)
                 self._footprints.draw(side, number, schedule.feet[side], time)
-
-    def _draw_footsteps(self, schedule: ContactSchedule, time: float) -> None:
-        for side, outlines in self._footsteps.items():
-            steps = [s for s in schedule.footsteps if s.side is side]
-            for i, outline in enumerate(outlines):
-                if i < len(steps):
-                    outline.draw(steps[i].pose, time)
-                else:
-                    outline.hide(time)
+            poses = [s.pose for s in schedule.footsteps if s.side is side]
+            for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
+                outline.draw(pose, time)
 
     def _draw_com_and_push(self, context, time: float) -> None:
-        com = self._com.Eval(context)[:3]
-        self._com_ball.draw(com, time)
-        self._meshcat.SetProperty(
-            MIDDLE, "position", [com[0], com[1], 0.0], time
-        )
+        com = ComState(self._com.Eval(context)).position
+        self._markers["com"].draw(com, time)
+        middle = [com[0], com[1], 0.0]
+        self._meshcat.SetProperty(MIDDLE, "position", middle, time)
         if not self._push.HasValue(context):
             return
         force = self._push.Eval(context)
         if np.linalg.norm(force) > 1e-6:
             self._arrow.draw(com, force, time)
         else:
-            self._arrow.hide()
+            self._arrow.hide(None)  # a recording lets it linger

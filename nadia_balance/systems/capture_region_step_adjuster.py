@@ -2,10 +2,14 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import LeafSystem, ValueProducer
+from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.bounds import check
+from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    geometry_key,
+    swing_geometry,
+)
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -15,21 +19,16 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.foothold_adjustment_params import (
-    CaptureRegionStepAdjusterParams,
+from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.walking import Adjustment, Phase, WalkingState
+from nadia_balance.systems.ports import (
+    MechanismsInput,
+    ValueInput,
+    VectorInput,
+    declare_cache,
+    declare_output,
 )
-from nadia_balance.core.mechanisms import switched_adjuster
-from nadia_balance.core.swing_geometry import geometry_key, swing_geometry
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPose,
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-)
-from nadia_balance.systems.ports import eval_finite, eval_typed
-from nadia_balance.systems.switched_params import SwitchedParams
 
 
 class Tick(NamedTuple):
@@ -39,7 +38,7 @@ class Tick(NamedTuple):
     """
 
     state: WalkingState | None = None
-    params: CaptureRegionStepAdjusterParams | None = None
+    on: Mechanisms | None = None
     key: tuple[object, ...] = ()
     landing: Landing | None = None
 
@@ -50,11 +49,14 @@ class Tick(NamedTuple):
 class CaptureRegionStepAdjuster(LeafSystem):
     """Proposes where the swing foot should land (Nadia paper, Sec. IV, V).
 
-    What it has to remember is in the `Adjustment` that it reads back from the
-    walking state.  Outside of a swing it proposes the next foothold as it is,
-    and the capture regions are empty; switched off, by its parameters or by
-    the optional `mechanisms` (see SwitchedParams), it proposes None.  Without
-    a `time_adjustment` [s] the clock keeps its pace.
+    `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
+    (1,) [s] is about to be added to the clock, 0 if not connected;
+    `mechanisms` (4,), all if not connected.  `adjustment` is an Adjustment:
+    outside of a swing the next foothold as it is, None while `step` is off.
+    `capture_regions` are CaptureRegions, empty outside of a swing.
+
+    It has no state: what it has to remember is in the Adjustment that it reads
+    back from the walking state.
 
     .. pydrake_system::
 
@@ -66,97 +68,65 @@ class CaptureRegionStepAdjuster(LeafSystem):
     def __init__(
         self,
         params: CaptureRegionStepAdjusterParams,
-        sole: np.ndarray,
-        omega: float,
-        control_period: float,
+        model: PointMassModel,
+        period: float,
     ):
-        """For soles with the corners `sole` (n, 2) [m]; omega [rad/s].
+        """The proposal is taken once per `period` [s].
 
-        The proposal is taken once per `control_period` [s].
+        Raises ValueError for `params` that are out of range.
         """
         super().__init__()
-        params.validate()
-        params.usable_foot(sole)  # raises if nothing is left of it
-        self._sole, self._omega = sole, omega
-        self._period = control_period
-        self._icp = self.DeclareVectorInputPort("icp", 2)
-        self._walking_state = self.DeclareAbstractInputPort(
-            "walking_state", Value(object())
+        check(params)
+        params.usable_foot(model.sole)  # raises if nothing is left of it
+        self._params, self._model, self._period = params, model, period
+        self._icp = VectorInput(self, "icp", 2)
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._mechanisms = MechanismsInput(self)
+        self._tick = declare_cache(
+            self, "tick", self._calc_tick, {self.all_input_ports_ticket()}
         )
-        self._time_adjustment = self.DeclareVectorInputPort(
-            "time_adjustment", 1
+        needs = {self._tick.ticket()}
+        self._adjustment = declare_output(
+            self, "adjustment", self._calc_adjustment, needs
         )
-        self._params = SwitchedParams(self, params, switched_adjuster)
-        # A pure function of the inputs.  Keeping the last one only saves
-        # making its geometry anew while the footsteps are the same.
-        self._tick = self.DeclareCacheEntry(
-            "tick",
-            ValueProducer(lambda: Value(Tick()), self._calc_tick),
-            {
-                self._icp.ticket(),
-                self._walking_state.ticket(),
-                self._time_adjustment.ticket(),
-                self._params.ticket,
-            },
-        )
-        step = Footstep(Side.LEFT, FootPose(), 0.0, 0.0)
-        self._adjustment = self.DeclareAbstractOutputPort(
-            "adjustment",
-            lambda: Value(Adjustment(step, step.pose)),
-            self._calc_adjustment,
-        )
-        self.DeclareAbstractOutputPort(
-            "capture_regions",
-            lambda: Value(CaptureRegions()),
-            self._calc_capture_regions,
+        declare_output(
+            self, "capture_regions", self._calc_capture_regions, needs
         )
 
-    def _time_gain(self, context) -> float:
-        port = self._time_adjustment
-        if not port.HasValue(context):
-            return 0.0
-        return float(eval_finite(self, context, port)[0])
-
-    def _calc_tick(self, context, tick):
-        state = eval_typed(self, context, self._walking_state, WalkingState)
-        params = self._params(context)
-        key, landing = (), None
-        if state.schedule.phase is Phase.SWING:
-            key, last = geometry_key(state.schedule, params), tick.get_value()
-            geometry = (
-                last.landing.geometry
-                if key == last.key
-                else swing_geometry(
-                    state.schedule, self._sole, params, self._omega
-                )
-            )
-            landing = Landing(
-                geometry,
-                eval_finite(self, context, self._icp),
-                self._omega,
-                touchdown_interval(state, self._time_gain(context), params),
-            )
-        tick.set_value(Tick(state, params, key, landing))
-
-    def _calc_adjustment(self, context, output):
-        now = self._tick.Eval(context)
-        if not now.params.enabled:
-            proposal = None
-        elif now.landing is None:
-            proposal = unadjusted(now.state.schedule)
+    def _calc_tick(self, context, last: Tick | None) -> Tick:
+        state, on = self._walking_state(context), self._mechanisms(context)
+        if state.schedule.phase is not Phase.SWING:
+            return Tick(state, on)
+        key = geometry_key(state.schedule, on)
+        if last is not None and key == last.key:
+            geometry = last.landing.geometry
         else:
-            proposal = propose_adjustment(
-                now.state, now.landing, now.params, self._period
+            geometry = swing_geometry(
+                state.schedule, self._params, self._model, on
             )
-        output.set_value(proposal)
+        touchdown = touchdown_interval(
+            state, float(self._time(context)[0]), self._params
+        )
+        landing = Landing(geometry, self._icp(context), touchdown)
+        return Tick(state, on, key, landing)
 
-    def _calc_capture_regions(self, context, output):
+    def _calc_adjustment(self, context) -> Adjustment | None:
+        now = self._tick.Eval(context)
+        if not now.on.step:
+            return None
+        if now.landing is None:
+            return unadjusted(now.state.schedule)
+        return propose_adjustment(
+            now.state, now.landing, self._params, self._period
+        )
+
+    def _calc_capture_regions(self, context) -> CaptureRegions:
         now = self._tick.Eval(context)
         if now.landing is None:
-            output.set_value(CaptureRegions())
-            return
-        # None if it is switched off: that of before holds.
+            return CaptureRegions()
+        # While `step` is off, the adjustment of before holds.
         adjustment = self._adjustment.Eval(context) or current_adjustment(
             now.state
         )
-        output.set_value(capture_regions(now.landing, adjustment))
+        return capture_regions(now.landing, adjustment)

@@ -1,22 +1,33 @@
-"""Centre of mass, ICP and feet, from the state of all joints."""
+"""Centre of mass, ICP, feet, terms of motion, from the state of all joints."""
 
 import math
 
 import numpy as np
+from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.lipm import icp
-from nadia_balance.core.walking import FootPose, FootPoses, Side
+from nadia_balance.core.walking import FootPose, FootPoses
+from nadia_balance.core.whole_body_command import WholeBodyTerms
 from nadia_balance.robot import RobotModel
+from nadia_balance.systems.ports import declare_output, entries, size
+from nadia_balance.whole_body_kinematics import WholeBodyKinematics
+
+
+class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
+    """Position and velocity of the centre of mass, (3,) in W [m], [m/s]."""
+
+    position, velocity = entries(0, 3), entries(3, 6)
 
 
 class CentroidalEstimator(LeafSystem):
-    """Computes what the capture-point controller knows of the robot.
+    """Computes all that the controllers know of the robot, once a tick.
 
-    `estimated_state` is [q, v] of the robot's `control_plant`; `com_state` is
-    [p_WC, v_WC] [m, m/s]; `icp` follows from it by the Nadia paper's Eq. 1;
-    `foot_poses` are the poses of both sole frames in W.
+    `estimated_state` is [q, v] of the robot's `control_plant`;
+    `whole_body_terms` are WholeBodyTerms, from which all else is taken:
+    `com_state` is a ComState, `icp` (2,) [m] in W follows from it by the Nadia
+    paper's Eq. 1, `foot_poses` are FootPoses.
 
     Evaluating any output raises RuntimeError if the state is not finite.
 
@@ -24,21 +35,15 @@ class CentroidalEstimator(LeafSystem):
 
         name: CentroidalEstimator
         input_ports: [estimated_state]
-        output_ports: [com_state, icp, foot_poses]
+        output_ports: [whole_body_terms, com_state, icp, foot_poses]
     """
 
     def __init__(self, robot: RobotModel):
         """Estimates with a private plant of `robot`."""
         super().__init__()
         self._plant = plant = robot.control_plant()
-        self._omega = robot.omega
-        self._soles = [
-            (
-                plant.GetBodyByName(robot.foot_bodies[side]),
-                robot.X_FootSole[side].GetAsMatrix4(),
-            )
-            for side in (Side.LEFT, Side.RIGHT)
-        ]
+        self._kinematics = WholeBodyKinematics(robot, plant)
+        self._omega = robot.point_mass.omega
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
         )
@@ -50,22 +55,18 @@ class CentroidalEstimator(LeafSystem):
             ),
             prerequisites_of_calc={self._estimated_state.ticket()},
         )
-        needs = {self._plant_context.ticket()}
-        self._com_state = self.DeclareVectorOutputPort(
-            "com_state", 6, self._calc_com_state, prerequisites_of_calc=needs
+        self._terms = declare_output(
+            self,
+            "whole_body_terms",
+            self._calc_terms,
+            {self._plant_context.ticket()},
         )
+        needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
-            "icp",
-            2,
-            self._calc_icp,
-            prerequisites_of_calc=needs,
+            "com_state", size(ComState), self._calc_com_state, needs
         )
-        self.DeclareAbstractOutputPort(
-            "foot_poses",
-            alloc=lambda: Value(FootPoses(FootPose(), FootPose())),
-            calc=self._calc_foot_poses,
-            prerequisites_of_calc=needs,
-        )
+        self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
+        declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
     def _set_state(self, context, cache):
         state = self._estimated_state.Eval(context)
@@ -78,22 +79,22 @@ class CentroidalEstimator(LeafSystem):
             )
         self._plant.SetPositionsAndVelocities(cache.get_mutable_value(), state)
 
+    def _calc_terms(self, context) -> WholeBodyTerms:
+        return self._kinematics.calc(self._plant_context.Eval(context))
+
     def _calc_com_state(self, context, output):
-        plant, at = self._plant, self._plant_context.Eval(context)
-        p_WC = plant.CalcCenterOfMassPositionInWorld(at)
-        v_WC = plant.CalcCenterOfMassTranslationalVelocityInWorld(at)
-        output.set_value(np.concatenate((p_WC, v_WC)))
+        output.set_value(self._terms.Eval(context).com_state)
 
     def _calc_icp(self, context, output):
-        state = self._com_state.Eval(context)
-        output.set_value(icp(state[:2], state[3:5], self._omega))
+        com = ComState(self._terms.Eval(context).com_state)
+        output.set_value(icp(com.position[:2], com.velocity[:2], self._omega))
 
-    def _calc_foot_poses(self, context, output):
-        at = self._plant_context.Eval(context)
-        poses = []
-        for body, X_BodySole in self._soles:
-            X_WB = self._plant.EvalBodyPoseInWorld(at, body)
-            X_WF = X_WB.GetAsMatrix34() @ X_BodySole
-            yaw = math.atan2(X_WF[1, 0], X_WF[0, 0])
-            poses.append(FootPose(X_WF[:, 3], yaw))
-        output.set_value(FootPoses(*poses))
+    def _calc_foot_poses(self, context) -> FootPoses:
+        terms = self._terms.Eval(context)
+        left, right = (
+            FootPose(
+                terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0])
+            )
+            for i, R_WF in enumerate(terms.rotations[:2].tolist())
+        )
+        return FootPoses(left, right)

@@ -1,22 +1,22 @@
 """How much weight each foot carries."""
 
+import numpy as np
+from pydrake.common.containers import namedview
 from pydrake.common.value import AbstractValue
-from pydrake.multibody.plant import (
-    ContactModel,
-    ContactResults,
-    MultibodyPlant,
-)
+from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.walking import Side
 from nadia_balance.robot import RobotModel
 
+FootForces = namedview("FootForces", [side.value for side in Side])
+
 
 class FootForceSensor(LeafSystem):
     """Measures the force on each foot, the mean over the last period.
 
-    `foot_forces` (left, right) [N] is the component along z of W, which is
+    `foot_forces`, a FootForces [N], is the component along z of W, which is
     the normal force on level ground, and never negative.  Contact among the
     robot's own bodies does not count.  A foot that hits the ground hard
     bounces within one step of the plant, so every step is measured.  The
@@ -45,16 +45,21 @@ class FootForceSensor(LeafSystem):
                 f"time_step = {step} s"
             )
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
-        self._row = {int(foot.index()): i for i, foot in enumerate(feet)}
-        self._own = {
-            int(i) for i in plant.GetBodyIndices(feet[0].model_instance())
-        }
+        own = plant.GetBodyIndices(feet[0].model_instance())
+        bodies = [BodyIndex(i) for i in range(plant.num_bodies())]
+        # Which foot is one of the bodies A and B in contact, and the sign of
+        # the force on it: what is listed acts on B.
+        self._foot_of = {}
+        for i, foot in enumerate(feet):
+            for other in (int(body) for body in bodies if body not in own):
+                self._foot_of[other, int(foot.index())] = i, 1.0
+                self._foot_of[int(foot.index()), other] = i, -1.0
         self._has_patches = plant.get_contact_model() != ContactModel.kPoint
         self._body_of = {
-            geometry: i
-            for i in self._own
+            geometry: int(body)
+            for body in bodies
             for geometry in plant.GetCollisionGeometriesForBody(
-                plant.get_body(BodyIndex(i))
+                plant.get_body(body)
             )
         }
         self._contact_results = self.DeclareAbstractInputPort(
@@ -62,37 +67,40 @@ class FootForceSensor(LeafSystem):
         )
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
+        # What makes the mean of the samples.
+        self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=step, offset_sec=0.0, update=self._measure
         )
 
     def _measure(self, context, state):
-        results = self._contact_results.Eval(context)
-        forces = [0.0] * len(self._row)
+        left, right = self._forces(self._contact_results.Eval(context))
+        samples = np.empty(2 * self._steps)
+        samples[:2] = max(left, 0.0), max(right, 0.0)
+        samples[2:] = context.get_discrete_state(self._samples).value()[:-2]
+        state.set_value(self._samples, samples)
+        state.set_value(self._mean, self._average @ samples)
+        return EventStatus.Succeeded()
+
+    def _forces(self, results: ContactResults) -> list[float]:
+        """The vertical forces on left and right foot, in this step."""
+        forces, foot_of = [0.0, 0.0], self._foot_of
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
-            a, b = int(pair.bodyA_index()), int(pair.bodyB_index())
-            self._add(forces, a, b, pair.contact_force()[2])
+            bodies = int(pair.bodyA_index()), int(pair.bodyB_index())
+            if found := foot_of.get(bodies):
+                foot, sign = found
+                forces[foot] += sign * pair.contact_force()[2]
         patches = self._has_patches and results.num_hydroelastic_contacts()
         for i in range(patches):
             patch = results.hydroelastic_contact_info(i)
             surface = patch.contact_surface()
-            a = self._body_of.get(surface.id_M(), -1)
-            b = self._body_of.get(surface.id_N(), -1)
-            self._add(forces, a, b, -patch.F_Ac_W().translational()[2])
-        last = context.get_discrete_state(self._samples).value().tolist()
-        samples = [max(force, 0.0) for force in forces] + last[:-2]
-        means = [sum(samples[i::2]) / self._steps for i in range(2)]
-        state.set_value(self._samples, samples)
-        state.set_value(self._mean, means)
-        return EventStatus.Succeeded()
-
-    def _add(self, forces: list[float], a: int, b: int, f_z: float) -> None:
-        """Books the force `f_z` that the body `a` exerts on the body `b`."""
-        if a in self._own and b in self._own:
-            return
-        if b in self._row:
-            forces[self._row[b]] += f_z
-        elif a in self._row:
-            forces[self._row[a]] -= f_z
+            bodies = (
+                self._body_of[surface.id_M()],
+                self._body_of[surface.id_N()],
+            )
+            if found := foot_of.get(bodies):
+                foot, sign = found
+                forces[foot] -= sign * patch.F_Ac_W().translational()[2]
+        return forces

@@ -1,6 +1,4 @@
-"""What the user may do in the Meshcat tab while the robot walks."""
-
-from dataclasses import astuple
+"""Buttons and sliders in Meshcat, for the user while the robot walks."""
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import EventStatus, LeafSystem
@@ -12,7 +10,7 @@ SIZE = "size [m/s]"
 DIRECTION = "direction [deg]"
 # The sliders, each with its largest value, its steps, and how it begins.
 SLIDERS = {SIZE: (1.5, 0.01, 0.3), DIRECTION: (355.0, 5.0, 90.0)}
-# The fields of Mechanisms, with their names in the tab.
+# The fields of Mechanisms, with the names of their buttons.
 LABELS = {
     "step": "step adjustment",
     "swing": "swing timing",
@@ -22,7 +20,7 @@ LABELS = {
 
 
 class LiveControls(LeafSystem):
-    """Turns buttons and sliders of the Meshcat tab into signals.
+    """Turns buttons and sliders in Meshcat into signals.
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg]]; 0 deg is
     forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms; each has
@@ -39,7 +37,7 @@ class LiveControls(LeafSystem):
     def __init__(
         self, meshcat: Meshcat, mechanisms: Mechanisms, period: float = 0.02
     ):
-        """Looks at the tab every `period` [s]; begins with `mechanisms`."""
+        """Polls every `period` [s]; begins with `mechanisms`."""
         super().__init__()
         self._meshcat = meshcat
         meshcat.AddButton(PUSH, PUSH_KEY)
@@ -47,27 +45,14 @@ class LiveControls(LeafSystem):
             if name not in meshcat.GetSliderNames():
                 meshcat.AddSlider(name, 0.0, largest, step, value)
             meshcat.SetSliderValue(name, value)
-        on = astuple(mechanisms)
+        on = mechanisms.as_vector()
         self._show_mechanisms(on)
-        self._state = self.DeclareDiscreteState([0.0, *self._sliders(), *on])
-        self._declare_output("live_push", slice(0, 3))
-        self._declare_output("mechanisms", slice(3, 7))
+        self._push = self.DeclareDiscreteState([0.0, *self._sliders()])
+        self._on = self.DeclareDiscreteState(on)
+        self.DeclareStateOutputPort("live_push", self._push)
+        self.DeclareStateOutputPort("mechanisms", self._on)
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
-
-    def _declare_output(self, name: str, columns: slice) -> None:
-        """Declares an output that is these `columns` of the state."""
-
-        def calc(context, output):
-            state = context.get_discrete_state_vector()
-            output.SetFromVector(state.value()[columns])
-
-        self.DeclareVectorOutputPort(
-            name,
-            columns.stop - columns.start,
-            calc,
-            prerequisites_of_calc={self.discrete_state_ticket(self._state)},
-        )
 
     def _sliders(self) -> list[float]:
         return [self._meshcat.GetSliderValue(s) for s in SLIDERS]
@@ -83,25 +68,22 @@ class LiveControls(LeafSystem):
 
     def _begin(self, context, state):
         """A new run: what was clicked in the last one is not its own."""
-        values = context.get_discrete_state_vector().value().copy()
-        values[0] = 0.0
         self._meshcat.AddButton(PUSH, PUSH_KEY)  # again: forgets the clicks
-        self._show_mechanisms(values[3:])
-        state.set_value(values)
+        self._show_mechanisms(context.get_discrete_state(self._on).value())
+        state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()
 
     def _poll(self, context, state):
-        values = context.get_discrete_state_vector().value().copy()
-        values[0] = self._meshcat.GetButtonClicks(PUSH)
-        values[1:3] = self._sliders()
+        pushes = self._meshcat.GetButtonClicks(PUSH)
+        state.set_value(self._push, [pushes, *self._sliders()])
+        on = context.get_discrete_state(self._on).value()
         clicks = [
-            self._meshcat.GetButtonClicks(_label(name, on))
-            for name, on in zip(LABELS, values[3:], strict=True)
+            self._meshcat.GetButtonClicks(_label(name, is_on))
+            for name, is_on in zip(LABELS, on, strict=True)
         ]
         if any(clicks):
-            values[3:] = (values[3:] + clicks) % 2.0
-            self._show_mechanisms(values[3:])
-        state.set_value(values)
+            state.set_value(self._on, (on + clicks) % 2.0)
+            self._show_mechanisms((on + clicks) % 2.0)
         return EventStatus.Succeeded()
 
 

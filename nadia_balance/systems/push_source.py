@@ -3,22 +3,48 @@
 import math
 
 import numpy as np
+from pydrake.common.containers import namedview
 from pydrake.common.value import AbstractValue
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     MultibodyPlant,
 )
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    LeafSystem,
+)
 
+from nadia_balance.core.bounds import check
 from nadia_balance.core.push import Push
-from nadia_balance.core.ticks import number_of_ticks
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.core.walking import WalkingState, number_of_ticks
+from nadia_balance.systems.ports import ValueInput, declare_cache
 
-# Numbers of ticks left of a push that is not yet due: its phase has not begun,
+
+class PushSignal(
+    namedview(
+        "PushSignal",
+        [
+            "number",  # of the push that acts, from 1 on; 0: none
+            "delta_v",  # of that push [m/s]
+            *("force_x", "force_y", "force_z"),
+            "waiting",  # scripted pushes that have not begun, or not ended
+        ],
+    )
+):
+    """Whether and how the robot is pushed now."""
+
+    @property
+    def force(self) -> np.ndarray:
+        """Of all pushes that act, in W (3,) [N]."""
+        return self[2:5]
+
+
+# Numbers of ticks left of a push that has not begun: its phase has not either,
 # or it has.
-PENDING, EXPECTED = -1.0, -2.0
+_PENDING, _EXPECTED = -1.0, -2.0
 
 
 class PushSource(LeafSystem):
@@ -27,21 +53,25 @@ class PushSource(LeafSystem):
     A push whose phase is over before its time, because the clock was advanced
     or the foot landed early, begins in the first tick after it.
     The force acts at the centre of mass of the pushed body.  `push_force` is
-    the sum of the forces [N] in W, shape (3,).  Whenever the count in the
-    optional input `live_push`, [count, delta_v [m/s], direction [deg]], has
-    increased, one more such push begins; it replaces the last of its kind.
+    the sum of the forces [N] in W, shape (3,); `push_signal` is a PushSignal.
+    Whenever the count in the optional input `live_push`, [count, delta_v [m/s],
+    direction [deg]], has increased, one more such push begins, with the number
+    after those of the others; it replaces the last of its kind.
 
-    State, for each push and then for the live one: [ticks left, its angle
-    [rad] in W since it was due]; in the end [the live force while it acts [N],
-    last count].  The outputs depend on nothing else.  A push is decided on in
-    the update at one tick and felt by a discrete plant from its next step on.
-    Without a plant (a point mass) there is no port `spatial_forces`.
+    Numeric parameter i: [force [N], direction [deg]] of push i, so that copies
+    of one Context can be pushed in different ways (see `set_push`).
+    State, for each push and then for the live one: [ticks left, heading [rad]
+    in W (of the support foot until the push begins, of the force from then
+    on), force [N]]; in the end the last count.  The outputs depend on it only.
+    A push is decided on in the update at one tick and felt by a discrete plant
+    from its next step on.  Without a plant (a point mass) there is no port
+    `spatial_forces`.
 
     .. pydrake_system::
 
         name: PushSource
         input_ports: [walking_state, live_push]
-        output_ports: [push_force, spatial_forces]
+        output_ports: [push_force, push_signal, spatial_forces]
     """
 
     def __init__(
@@ -62,98 +92,132 @@ class PushSource(LeafSystem):
         """
         super().__init__()
         for push in pushes:
-            push.validate()
-        self._pushes, self._mass, self._period = list(pushes), mass, period
+            check(push)
+        self._pushes, self._mass, self.period = list(pushes), mass, period
+        # The last is the live one.
+        self._durations = [*(p.duration for p in pushes), Push.duration]
         self._ticks = [_ticks("duration", p.duration, period) for p in pushes]
+        self._ticks.append(number_of_ticks(Push.duration, period))
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
-        self._newtons = [p.newtons(mass) for p in pushes]
-        self._walking_state = declare_input(self, "walking_state", object())
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._live_push = self.DeclareVectorInputPort("live_push", 3)
+        for push in pushes:
+            size = [push.newtons(mass), push.direction_deg]
+            self.DeclareNumericParameter(BasicVector(size))
         self._state = self.DeclareDiscreteState(
-            [*np.tile([PENDING, 0.0], len(pushes)), 0.0, 0.0, 0.0, 0.0]
+            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(4)]
         )
-        state_only = {self.discrete_state_ticket(self._state)}
+        needs = {self.discrete_state_ticket(self._state)}
+        self._active = declare_cache(
+            self, "active pushes", self._calc_active, needs
+        )
+        needs = needs | {self._active.ticket()}
+        self.DeclareVectorOutputPort("push_force", 3, self._calc_force, needs)
+        size = len(PushSignal.get_fields())
         self.DeclareVectorOutputPort(
-            "push_force", 3, self._calc_total, prerequisites_of_calc=state_only
+            "push_signal", size, self._calc_signal, needs
         )
         if plant is not None:
             names = [p.body or base_body for p in pushes] + [base_body]
             self._bodies = [_body(plant, name) for name in names]
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
-                alloc=lambda: AbstractValue.Make(
-                    [ExternallyAppliedSpatialForce()]
-                ),
-                calc=self._calc_spatial,
-                prerequisites_of_calc=state_only,
+                lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
+                self._calc_spatial,
+                needs,
             )
-        self.DeclarePeriodicDiscreteUpdateEvent(
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
             period_sec=period, offset_sec=0.0, update=self._update
         )
 
-    def _rows(self, context) -> np.ndarray:
+    def set_push(
+        self, context: Context, delta_v: float, direction_deg: float, i: int = 0
+    ) -> None:
+        """Makes push `i`, before it begins, one of `delta_v` [m/s], [deg].
+
+        `context` is that of this system.
+        """
+        newtons = self._mass * delta_v / self._durations[i]
+        parameter = context.get_mutable_numeric_parameter(i)
+        parameter.SetFromVector([newtons, direction_deg])
+
+    def begins(self, context: Context, i: int = 0) -> bool:
+        """True if push `i` begins in an update of this `context`."""
+        row = self._rows(context)[i].copy()
+        if row[0] < 0.0:
+            self._await(context, i, row)
+        return row[0] > 0.0
+
+    def _rows(self, context: Context) -> np.ndarray:
+        """Ticks, heading and force of each push: a view of the state."""
         state = context.get_discrete_state(self._state).value()
-        return state.reshape(-1, 2)
+        return state[:-1].reshape(-1, 3)
 
     def _update(self, context, state):
-        rows = self._rows(context).copy()
-        for i, push in enumerate(self._pushes):
-            if rows[i, 0] > 0.0:
-                rows[i, 0] -= 1.0
-            elif rows[i, 0] < 0.0:
-                ticks = self._delays[i] + self._ticks[i]
-                self._await(context, push, ticks, rows[i])
+        now = state.get_mutable_discrete_state(self._state)
+        rows, count = self._rows(context).copy(), now.value()[-1]
+        for i, row in enumerate(rows):
+            if row[0] > 0.0:
+                row[0] -= 1.0
+            elif row[0] < 0.0:
+                self._await(context, i, row)
         if self._live_push.HasValue(context):
-            self._update_live(context, rows[-2], rows[-1])
-        state.set_value(self._state, rows.ravel())
+            clicks, delta_v, direction_deg = self._live_push.Eval(context)
+            if clicks > count:
+                push = Push(
+                    delta_v=delta_v, at="0 s", direction_deg=direction_deg
+                )
+                check(push)
+                yaw = _yaw(self._walking_state(context))
+                newtons = push.newtons(self._mass)
+                self._begin(-1, rows[-1], yaw, newtons, direction_deg)
+            count = clicks
+        now.set_value([*rows.ravel(), count])
         return EventStatus.Succeeded()
 
-    def _await(self, context, push: Push, ticks: int, row) -> None:
-        """Changes the `row` of a push that has not begun."""
-        walking = eval_typed(self, context, self._walking_state, WalkingState)
-        due = push.is_due(context.get_time(), walking, self._period)
-        if due or push.is_in_phase(walking):
-            row[:] = ticks if due else EXPECTED, _angle(push, walking)
-        elif row[0] == EXPECTED:  # over too soon
-            row[0] = ticks
+    def _await(self, context, i: int, row) -> None:
+        """Changes the `row` of push `i`, which has not begun."""
+        push, walking = self._pushes[i], self._walking_state(context)
+        due = push.is_due(context.get_time(), walking, self.period)
+        in_phase = push.is_in_phase(walking)
+        if due or in_phase:
+            row[:2] = _EXPECTED, _yaw(walking)
+        if due or row[0] == _EXPECTED and not in_phase:  # now, or too late
+            size = context.get_numeric_parameter(i).value()
+            self._begin(i, row, row[1], *size)
+            row[0] += self._delays[i]
 
-    def _update_live(self, context, push_row, live_row) -> None:
-        """Changes the last two rows of the state."""
-        count, delta_v, direction_deg = self._live_push.Eval(context)
-        if push_row[0] > 0.0:
-            push_row[0] -= 1.0
-        if count > live_row[1]:
-            push = Push(delta_v=delta_v, time=0.0, direction_deg=direction_deg)
-            push.validate()
-            walking = eval_typed(
-                self, context, self._walking_state, WalkingState
-            )
-            ticks = number_of_ticks(push.duration, self._period)
-            push_row[:] = ticks, _angle(push, walking)
-            live_row[0] = push.newtons(self._mass)
-        elif push_row[0] == 0.0:
-            live_row[0] = 0.0
-        live_row[1] = count
+    def _begin(self, i: int, row, yaw, newtons, direction_deg) -> None:
+        heading = yaw + math.radians(direction_deg)
+        row[:] = self._ticks[i], heading, newtons
 
-    def _forces(self, context) -> list[tuple[int, np.ndarray]]:
-        """The pushes that act now, as (number, force (3,) [N] in W)."""
-        *rows, (live_newtons, _) = self._rows(context).tolist()
-        newtons = [*self._newtons, live_newtons]
-        longest = [*self._ticks, math.inf]  # what is more is a delay
+    def _calc_active(self, context, _) -> list[tuple[int, float, np.ndarray]]:
+        """The pushes that act now: index, newtons, force (3,) [N] in W."""
         active = []
-        for i, (left, angle) in enumerate(rows):
-            if 0.0 < left <= longest[i]:
-                heading = np.array([math.cos(angle), math.sin(angle), 0.0])
-                active.append((i, newtons[i] * heading))
+        for i, (left, heading, newtons) in enumerate(
+            self._rows(context).tolist()
+        ):
+            if 0.0 < left <= self._ticks[i]:  # what is more is a delay
+                along = [math.cos(heading), math.sin(heading), 0.0]
+                active.append((i, newtons, newtons * np.array(along)))
         return active
 
-    def _calc_total(self, context, output):
-        forces = (force for _, force in self._forces(context))
+    def _calc_force(self, context, output):
+        forces = (force for *_, force in self._active.Eval(context))
         output.set_value(sum(forces, np.zeros(3)))
+
+    def _calc_signal(self, context, output):
+        signal = PushSignal(np.zeros(len(PushSignal.get_fields())))
+        for i, newtons, force in self._active.Eval(context):
+            signal.number = i + 1
+            signal.delta_v = newtons * self._durations[i] / self._mass
+            signal[2:5] += force
+        signal.waiting = np.count_nonzero(self._rows(context)[:-1, 0])
+        output.set_value(signal[:])
 
     def _calc_spatial(self, context, output):
         forces = []
-        for i, f_W in self._forces(context):
+        for i, _, f_W in self._active.Eval(context):
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = self._bodies[i]
             applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=f_W)
@@ -161,11 +225,10 @@ class PushSource(LeafSystem):
         output.set_value(forces)
 
 
-def _angle(push: Push, state: WalkingState) -> float:
-    """The direction in W [rad]: that of the push, from the support foot's."""
+def _yaw(state: WalkingState) -> float:
+    """That of the support foot in W [rad]."""
     schedule = state.schedule
-    yaw = schedule.feet[schedule.support_side].yaw
-    return yaw + math.radians(push.direction_deg)
+    return schedule.feet[schedule.support_side].yaw
 
 
 def _ticks(name: str, time: float, period: float) -> int:

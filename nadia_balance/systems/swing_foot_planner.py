@@ -1,22 +1,52 @@
 """The swing foot's reference, continuous whatever is re-planned."""
 
-from pydrake.systems.framework import EventStatus, LeafSystem
+import numpy as np
+from pydrake.common.containers import namedview
+from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.bounds import check
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
 )
 from nadia_balance.core.walking import WalkingState
-from nadia_balance.systems.ports import declare_input, eval_typed
+from nadia_balance.systems.ports import (
+    Outcome,
+    ValueInput,
+    entries,
+    size,
+)
+
+
+class SwingFootReference(
+    namedview(
+        "SwingFootReference",
+        [
+            *("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"),
+            *("yaw", "yaw_rate", "yaw_acceleration"),
+        ],
+    )
+):
+    """The motion of a sole in W: [m], [rad] and their time derivatives [s].
+
+    The same twelve numbers as those of core's FootMotion.
+    """
+
+    position, velocity, acceleration = (
+        entries(0, 3),
+        entries(3, 6),
+        entries(6, 9),
+    )
 
 
 class SwingFootPlanner(LeafSystem):
     """Continues the swing foot's reference from its last value.
 
-    Output: [p(3), v(3), a(3), yaw, yawdot, yawddot] of the sole of the foot
-    that swings, or that will swing next, in W.  The discrete state is the
-    output of the last tick.
+    `walking_state` is a WalkingState; `swing_foot_reference` the
+    SwingFootReference of the foot that swings, or that will swing next.  The
+    discrete state is the output of the last tick.
 
     .. pydrake_system::
 
@@ -26,42 +56,33 @@ class SwingFootPlanner(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: SwingFootParams,
-        initial: WalkingState,
-        control_period: float,
+        self, params: SwingFootParams, model: PointMassModel, period: float
     ):
-        """Starts at rest in `initial`; `control_period` [s]."""
+        """Follows the walking state every `period` [s].
+
+        Raises ValueError for `params` that are out of range.
+        """
         super().__init__()
-        params.validate()
-        self._params, self._period = params, control_period
-        self._walking_state = declare_input(self, "walking_state", initial)
-        schedule = initial.schedule
-        rest = FootMotion.at_rest(schedule.feet[schedule.support_side.other])
-        self._previous = self.DeclareDiscreteState(rest.as_vector())
-        self._reference = self.DeclareVectorOutputPort(
-            "swing_foot_reference",
-            12,
+        check(params)
+        self._params, self._model, self._period = params, model, period
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        # The last one is not used before the first swing, which begins where
+        # the foot stands.
+        Outcome(
+            self,
+            {"swing_foot_reference": size(SwingFootReference)},
+            1,
             self._calc,
-            prerequisites_of_calc={
-                self._walking_state.ticket(),
-                self.discrete_state_ticket(self._previous),
-            },
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=control_period, offset_sec=0.0, update=self._remember
+            {self._walking_state.ticket()},
+            period,
         )
 
-    def _calc(self, context, output):
-        previous = context.get_discrete_state(self._previous).value()
+    def _calc(self, context, last) -> np.ndarray:
         motion = swing_foot_motion(
-            FootMotion.from_vector(previous),
-            eval_typed(self, context, self._walking_state, WalkingState),
+            FootMotion.from_vector(last["swing_foot_reference"]),
+            self._walking_state(context),
             self._period,
             self._params,
+            self._model,
         )
-        output.SetFromVector(motion.as_vector())
-
-    def _remember(self, context, state):
-        state.set_value(self._previous, self._reference.Eval(context))
-        return EventStatus.Succeeded()
+        return motion.as_vector()

@@ -1,27 +1,30 @@
 """How fast the walking clock is to run."""
 
-import numpy as np
-from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.mechanisms import switched_timing
-from nadia_balance.core.swing_detour import SwingDetourParams
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.time_adjustment import (
     TimingAdapterParams,
     time_adjustment,
 )
 from nadia_balance.core.walking import FootPoses, WalkingState
-from nadia_balance.systems.ports import eval_finite, eval_typed
-from nadia_balance.systems.switched_params import SwitchedParams
+from nadia_balance.systems.ports import (
+    MechanismsInput,
+    ValueInput,
+    VectorInput,
+)
 
 
 class TimingAdapter(LeafSystem):
     """Proposes by how much to advance the walking clock (Nadia, Sec. VI).
 
-    `time_adjustment` [s] is ready to be added to the clock in this tick, on
-    top of the control period; if negative, the clock is to be held.  With the
-    optional `mechanisms` it can be switched off and on (see SwitchedParams).
+    `icp` (2,) [m] in W; `walking_state` is a WalkingState, `icp_plan` the
+    IcpPlan of its schedule; `foot_poses` are FootPoses, measured;
+    `mechanisms` (4,), all if not connected.  `time_adjustment` (1,) [s] is to
+    be added to the clock in this tick, on top of the control period; if
+    negative, the clock is to be held.
 
     .. pydrake_system::
 
@@ -31,38 +34,30 @@ class TimingAdapter(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: TimingAdapterParams,
-        sole: np.ndarray,
-        detour: SwingDetourParams,
-        control_period: float,
+        self, params: TimingAdapterParams, model: PointMassModel, period: float
     ):
-        """For a foot that swings as `detour` says.
+        """The clock is advanced once per `period` [s].
 
-        `sole` (n, 2) [m] are the corners of either sole in its frame; the
-        clock is advanced once per `control_period` [s].
+        Raises ValueError for `params` that are out of range.
         """
         super().__init__()
-        params.validate()
-        detour.validate()
-        self._sole, self._detour = sole, detour
-        self._period = control_period
-        self._icp = self.DeclareVectorInputPort("icp", 2)
-        self._plan, self._state, self._feet = (
-            self.DeclareAbstractInputPort(name, Value(object()))
-            for name in ("icp_plan", "walking_state", "foot_poses")
-        )
-        self._params = SwitchedParams(self, params, switched_timing)
+        check(params)
+        self._params, self._model, self._period = params, model, period
+        self._icp = VectorInput(self, "icp", 2)
+        self._plan = ValueInput(self, "icp_plan", IcpPlan)
+        self._state = ValueInput(self, "walking_state", WalkingState)
+        self._feet = ValueInput(self, "foot_poses", FootPoses)
+        self._mechanisms = MechanismsInput(self)
         self.DeclareVectorOutputPort("time_adjustment", 1, self._calc)
 
     def _calc(self, context, output):
         output[0] = time_adjustment(
-            eval_finite(self, context, self._icp),
-            eval_typed(self, context, self._plan, IcpPlan),
-            eval_typed(self, context, self._state, WalkingState),
-            lambda: eval_typed(self, context, self._feet, FootPoses),
-            self._sole,
-            self._detour,
-            self._params(context),
+            self._icp(context),
+            self._plan(context),
+            self._state(context),
+            self._feet(context),
+            self._params,
+            self._model,
             self._period,
+            self._mechanisms(context),
         )

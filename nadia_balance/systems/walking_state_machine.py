@@ -1,14 +1,16 @@
 """The owner of the walking clock, phase and contacts."""
 
 import math
-from dataclasses import replace
 
-import numpy as np
+from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core.bounds import check
+from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.lipm import GRAVITY
+from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -23,26 +25,51 @@ from nadia_balance.core.walking_state_machine import (
     advance,
 )
 from nadia_balance.systems.ports import (
-    declare_input,
-    eval_finite,
-    eval_optional,
-    eval_typed,
+    ValueInput,
+    VectorInput,
+    declare_output,
+    entries,
+    size,
 )
 
-PHASES = [Phase.STANDING, Phase.TRANSFER, Phase.SWING]
+PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
+
+
+class WalkingSignal(
+    namedview(
+        "WalkingSignal",
+        [
+            *("phase", "support_side", "time_in_phase", "duration"),
+            *("waiting", "steps_taken"),
+            *("left_x", "left_y", "left_yaw"),
+            *("right_x", "right_y", "right_yaw"),
+            *("target_x", "target_y", "target_yaw", "target_side"),
+        ],
+    )
+):
+    """The walking state as numbers, for logs.
+
+    `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
+    left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
+    are the soles that stand, or stood last, `target` is the next foothold (NaN,
+    and side 0, if there is none), each (x, y, yaw) in W [m], [rad].
+    """
+
+    left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
 
 
 class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
-    `time_adjustment` [s] and `adjustment` are proposals; what is not
-    connected is not used.  If nobody proposes an adjustment, the feet go where
-    they are told, and only waiting helps: then there is no end of `patience`.
+    `foot_poses` are FootPoses, measured; `foot_forces` (2,) [N] are those of
+    the left and the right foot; `icp` (2,) [m] in W; `icp_plan` is the IcpPlan
+    of the schedule.  `time_adjustment` (1,) [s] and `adjustment`, an Adjustment
+    or None, are proposals; what is not connected is not used.  If nobody
+    proposes an adjustment, the feet go where they are told, and only waiting
+    helps: then it has no limit (`max_wait`).
 
-    `walking_signal` is the walking state as numbers, for logs: [phase
-    (0 standing, 1 transfer, 2 swing), support side (+1 left, -1 right), time
-    in phase [s], duration [s], waiting, steps taken, left sole x, y, yaw,
-    right sole x, y, yaw, next foothold x, y, yaw (NaN if none), its side].
+    `walking_state` is the WalkingState before the update of a tick, and
+    `walking_signal` the same as a WalkingSignal.
 
     .. pydrake_system::
 
@@ -55,53 +82,34 @@ class WalkingStateMachine(LeafSystem):
     def __init__(
         self,
         params: WalkingStateMachineParams,
-        initial: WalkingState,
-        sole: np.ndarray,
-        reach: ReachabilityParams,
-        weight: float,
-        control_period: float,
+        model: PointMassModel,
+        period: float,
+        start: WalkingState | None = None,
     ):
-        """Starts in `initial`, for a robot of this `weight` [N].
+        """Begins with `start`, by default standing; a tick takes `period` [s].
 
-        `sole` (n, 2) [m] are its corners, `control_period` [s].
+        Raises ValueError for `params` that are out of range.
         """
         super().__init__()
-        params.validate()
-        self._params, self._sole, self._reach = params, sole, reach
-        self._patient = replace(
-            params, lift_off=replace(params.lift_off, patience=math.inf)
-        )
-        self._weight, self._period = weight, control_period
-        poses = FootPoses(FootPose(), FootPose())
-        self._foot_poses = declare_input(self, "foot_poses", poses)
-        self._foot_forces = self.DeclareVectorInputPort("foot_forces", 2)
-        self._icp = self.DeclareVectorInputPort("icp", 2)
-        self._icp_plan = self.DeclareAbstractInputPort(
-            "icp_plan", Value(object())
-        )
-        self._time = self.DeclareVectorInputPort("time_adjustment", 1)
-        self._adjustment = self.DeclareAbstractInputPort(
-            "adjustment", Value(object())
-        )
-        self._state = self.DeclareAbstractState(Value(initial))
+        check(params)
+        start = start or walking_start(Gait(), model)
+        self._params, self._model = params, model
+        self._weight, self._period = model.mass * GRAVITY, period
+        self._foot_poses = ValueInput(self, "foot_poses", FootPoses)
+        self._foot_forces = VectorInput(self, "foot_forces", 2)
+        self._icp = VectorInput(self, "icp", 2)
+        self._icp_plan = ValueInput(self, "icp_plan", IcpPlan)
+        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._adjustment = ValueInput(self, "adjustment", Adjustment, None)
+        self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
         state_only = {self.abstract_state_ticket(self._state)}
-        self.DeclareAbstractOutputPort(
-            "walking_state",
-            alloc=lambda: Value(initial),
-            calc=lambda context, output: output.set_value(
-                self._walking_state(context)
-            ),
-            prerequisites_of_calc=state_only,
-        )
+        declare_output(self, "walking_state", self._walking_state, state_only)
         self.DeclareVectorOutputPort(
-            "walking_signal",
-            16,
-            self._calc_signal,
-            prerequisites_of_calc=state_only,
+            "walking_signal", size(WalkingSignal), self._calc_signal, state_only
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=control_period, offset_sec=0.0, update=self._advance
+            period_sec=period, offset_sec=0.0, update=self._advance
         )
 
     def _walking_state(self, context) -> WalkingState:
@@ -109,39 +117,31 @@ class WalkingStateMachine(LeafSystem):
 
     def _advance(self, context, state):
         measured = Measurement(
-            lambda: eval_typed(self, context, self._foot_poses, FootPoses),
-            eval_finite(self, context, self._foot_forces) / self._weight,
-            eval_finite(self, context, self._icp),
+            self._foot_poses(context),
+            self._foot_forces(context) / self._weight,
+            self._icp(context),
         )
-        proposal = self._proposal(context)
+        proposal = Proposal(
+            float(self._time(context)[0]), self._adjustment(context)
+        )
         now = advance(
             self._walking_state(context),
-            eval_typed(self, context, self._icp_plan, IcpPlan),
+            self._icp_plan(context),
             measured,
+            self._params,
+            self._model,
             self._period,
-            self._sole,
-            self._reach,
-            self._params if proposal.adjustment else self._patient,
             proposal,
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
-
-    def _proposal(self, context) -> Proposal:
-        """What is connected of the adapters; the rest stays as it is."""
-        gain = 0.0
-        if self._time.HasValue(context):
-            gain = float(eval_finite(self, context, self._time)[0])
-        return Proposal(
-            gain, eval_optional(self, context, self._adjustment, Adjustment)
-        )
 
     def _calc_signal(self, context, output):
         output.SetFromVector(walking_signal(self._walking_state(context)))
 
 
 def walking_signal(state: WalkingState) -> list[float]:
-    """The walking state as 16 numbers (see WalkingStateMachine)."""
+    """The walking state as the numbers of a WalkingSignal."""
     schedule = state.schedule
     target = [math.nan, math.nan, math.nan, 0.0]
     if schedule.footsteps:

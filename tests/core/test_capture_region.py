@@ -4,6 +4,7 @@ To our knowledge nobody has published numeric tests of N-step capture regions.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
     capture_region,
+    geometry_key,
     later_steps,
     one_step_region,
-    one_step_region_in_disc,
+    swing_geometry,
     transfer_factor,
 )
 from nadia_balance.core.lipm import icp_after
@@ -28,21 +31,17 @@ from nadia_balance.core.polygon import (
     project,
 )
 from nadia_balance.core.reachability import (
-    BACKWARD,
-    BASE,
     FORWARD,
-    ReachabilityParams,
     base_region,
     circle,
     in_world,
-    step_regions,
     total_region,
 )
 from nadia_balance.core.walking import FootPose, Side, rectangle
+from tests.example_walks import ALL, MODEL, OMEGA, SOLE, UNCROSSED, moved, swing
 
-OMEGA = 3.15  # of the numbers in algorithms.md, section 5
 FOOT = convex_hull(rectangle(0.22, 0.11))
-CROSSING = ReachabilityParams(cross_over=True)
+REACH = MODEL.reach
 ICPS = [[0.22, -0.02], [0.0, 0.04], [-0.1, 0.09], [0.03, -0.2]]
 
 
@@ -56,7 +55,7 @@ def random_points(rng, polygon, count):
 
 
 @pytest.mark.parametrize("icp", ICPS)
-@pytest.mark.parametrize("earliest", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("earliest", [0.0, 0.4])
 def test_whatever_the_cop_does_the_foot_lands_in_the_one_step_region(
     icp, earliest
 ):
@@ -85,97 +84,31 @@ def test_every_corner_of_the_one_step_region_is_reached(icp):
         assert np.min(np.linalg.norm(reached - vertex, axis=1)) < 1e-12
 
 
-def hausdorff_distance(first, second):
-    """Exact for convex polygons: the farthest point is a vertex."""
-    return max(
-        math.dist(vertex, project(vertex, other))
-        for polygon, other in ((first, second), (second, first))
-        for vertex in polygon
-    )
-
-
 def test_the_one_step_region_does_not_jump_at_the_edge_of_the_foot():
-    """Oracle: moving the ICP by d moves no point by more than e^wt d.
+    """Oracle: moving the ICP by d moves no corner by more than e^wt d.
 
     The region with the circle of the paper jumps from a half-plane.
     """
-    disc = circle(1.5, 200)
-    jumps = {"bounded": 0.0, "disc": 0.0}
-    regions = {}
-    for x in np.arange(0.1095, 0.1106, 1e-4):  # the edge is at 0.11 m
-        icp = np.array([x, 0.01])
-        now = {
-            "bounded": one_step_region(icp, FOOT, OMEGA, (0.3, 0.8)),
-            "disc": one_step_region_in_disc(icp, FOOT, OMEGA, 0.3, disc),
-        }
-        for name, region in now.items():
-            if name in regions:
-                moved = hausdorff_distance(region, regions[name])
-                jumps[name] = max(jumps[name], moved)
-        regions = now
-    assert jumps["bounded"] < 1e-4 * math.exp(OMEGA * 0.8) * 1.01
-    assert jumps["disc"] > 1.0
+    inside, outside = np.array([0.1099, 0.01]), np.array([0.1101, 0.01])
+    regions = [
+        one_step_region(icp, FOOT, OMEGA, (0.3, 0.8))
+        for icp in (inside, outside)
+    ]
+    most = 2.02e-4 * math.exp(OMEGA * 0.8)
+    for first, second in regions, regions[::-1]:
+        assert all(contains(p, second, most) for p in first)
+    disc = circle(1.5)
+    areas = [
+        area(intersection(one_step_region(icp, FOOT, OMEGA, (0.3, 9.0)), disc))
+        for icp in (inside, outside)
+    ]
+    assert areas[0] > 2.0 * areas[1]
 
 
 def test_a_transfer_that_takes_no_time_costs_nothing():
-    """Oracle: the limit; the notes' numbers for omega = 3."""
+    """Oracle: the limit of wT / (1 - e^-wT)."""
     assert transfer_factor(3.0, 0.0) == 1.0
     assert transfer_factor(3.0, 1e-9) == pytest.approx(1.0, abs=1e-8)
-    for duration, factor in (0.03, 1.046), (0.1, 1.157), (0.3, 1.517):
-        assert transfer_factor(3.0, duration) == pytest.approx(factor, abs=5e-4)
-
-
-def shifted(icp, start, end, duration):
-    """The ICP after a linear shift of the CoP, by numeric integration."""
-
-    def rate(t, xi):
-        return OMEGA * (xi - start - t / duration * (end - start))
-
-    found = solve_ivp(rate, (0.0, duration), icp, rtol=1e-11, atol=1e-13)
-    return found.y[:, -1]
-
-
-@pytest.mark.parametrize("transfer", [0.05, 0.3])
-def test_after_a_transfer_the_icp_is_on_the_new_foot(transfer):
-    """Oracle: numeric integration of swing and transfer.
-
-    The foothold is the point of the region that belongs to the CoP q of the
-    swing, from where the transfer starts.
-    """
-    rng = np.random.default_rng(2)
-    icp, swing = np.array([0.05, 0.1]), 0.3
-    factor = transfer_factor(OMEGA, transfer)
-    region = one_step_region(icp, FOOT, OMEGA, (swing, swing), factor)
-    for q in random_points(rng, FOOT, 30):
-        landing = icp_after(icp, q, OMEGA, swing)
-        foothold = q + factor * (landing - q)
-        assert shifted(landing, q, foothold, transfer) == pytest.approx(
-            foothold, abs=1e-8
-        )
-        assert contains(foothold, region, 1e-12)
-
-
-def test_the_disc_cuts_the_rays_of_the_visible_corners():
-    """Oracle: shapely: all ICPs at any later time, as many sums, cut."""
-    icp, disc = np.array([0.2, 0.15]), circle(1.0, 360)
-    region = one_step_region_in_disc(icp, FOOT, OMEGA, 0.2, disc)
-    landings = [
-        icp_after(icp, q, OMEGA, t) for q in FOOT for t in (0.2, 1.0, 5.0)
-    ]
-    wedge = shapely.MultiPoint(landings).convex_hull
-    expected = wedge.intersection(shapely.Polygon(disc))
-    difference = shapely.Polygon(region).symmetric_difference(expected)
-    assert difference.area < 1e-6
-    assert expected.area > 0.1
-
-
-def test_in_the_disc_there_may_be_nothing_or_everything():
-    """Oracle: an ICP that is gone by touchdown; one above the foot."""
-    disc = circle(1.0)
-    gone = one_step_region_in_disc(np.array([0.9, 0.0]), FOOT, OMEGA, 1, disc)
-    assert len(gone) == 0
-    held = one_step_region_in_disc(np.array([0.1, 0.0]), FOOT, OMEGA, 1, disc)
-    np.testing.assert_array_equal(held, disc)
 
 
 # More steps.
@@ -227,28 +160,22 @@ def can_recover(foothold, one_step, reaches, contractions, feet):
     return found.status == 0
 
 
-POINT = np.zeros((1, 2))
-
-
 @pytest.mark.parametrize("finite", [False, True])
-@pytest.mark.parametrize("crossing", [False, True])
 @pytest.mark.parametrize("num_steps", [1, 2, 3, 4])
-def test_recoverable_in_n_steps_if_and_only_if_inside(
-    num_steps, crossing, finite
-):
+def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps, finite):
     """Oracle: a linear program over the steps, for points on both sides.
 
     At 0.1 % from the boundary, seen from the middle; two of the steps are
     quicker than the others.
     """
     rng = np.random.default_rng(num_steps)
-    params = ReachabilityParams(cross_over=crossing)
-    reaches = mirrored_reaches(total_region(params), num_steps - 1)
+    reaches = mirrored_reaches(total_region(REACH, True), num_steps - 1)
     durations = [0.9, 0.5, 0.45][: num_steps - 1]
     contractions = [math.exp(-OMEGA * T) for T in durations]
     foot = FOOT + [0.0, 0.005]
     feet = [foot * [1.0, (-1.0) ** n] for n in range(num_steps)]
     feet = [convex_hull(f) for f in feet] if finite else ()
+    at_rest = [np.zeros((1, 2))] * num_steps
     one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
     offsets = later_steps(reaches, contractions, feet)
     region = capture_region(one_step, offsets[-1])
@@ -261,28 +188,8 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(
             foothold = middle + scale * (point - middle)
             assert contains(foothold, region) == expected
             assert expected == can_recover(
-                foothold, one_step, reaches, contractions, feet or [POINT] * 9
+                foothold, one_step, reaches, contractions, feet or at_rest
             )
-
-
-def test_random_steps_that_end_above_the_foot_started_inside():
-    """Oracle: the ICP's flow, step after step, in absolute positions."""
-    rng = np.random.default_rng(7)
-    reach = total_region(CROSSING)
-    reaches, T = mirrored_reaches(reach, 2), 0.6
-    E = math.exp(-OMEGA * T)
-    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
-    region = capture_region(one_step, later_steps(reaches, [E, E])[-1])
-    for _ in range(300):
-        icp = random_points(rng, one_step, 1)[0]
-        steps = [random_points(rng, r, 1)[0] for r in reaches]
-        foothold = icp - E * steps[0] - E * E * steps[1]
-        stance = foothold
-        for step in steps:
-            icp = icp_after(icp, stance, OMEGA, T)
-            stance = stance + step
-        assert icp == pytest.approx(stance, abs=1e-9)
-        assert contains(foothold, region, 1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.08])
@@ -303,22 +210,9 @@ def test_discs_grow_as_koolen_says(radius):
     assert expected == pytest.approx(limit, rel=1e-3)
 
 
-@pytest.mark.parametrize("crossing", [False, True])
-def test_regions_nest(crossing):
-    """Oracle: each vertex is within the next region."""
-    params = ReachabilityParams(cross_over=crossing)
-    reaches = mirrored_reaches(total_region(params), 4)
-    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
-    offsets = later_steps(reaches, [0.2] * 4)
-    regions = [capture_region(one_step, d) for d in offsets]
-    for inner, outer in zip(regions, regions[1:], strict=False):
-        assert all(contains(vertex, outer, 1e-12) for vertex in inner)
-        assert area(outer) > 1.001 * area(inner)
-
-
 def test_without_the_stance_foot_the_paper_s_regions_do_not_nest():
-    """Oracles: w_min times E is lost on the inner side (Errata 5); shapely."""
-    reach = convex_hull(in_world(base_region(CROSSING), FootPose(), Side.RIGHT))
+    """Oracles: w_min times E is lost on the inner side; shapely."""
+    reach = convex_hull(in_world(base_region(REACH), FootPose(), Side.RIGHT))
     one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
     printed = capture_region(one_step, 0.2 * reach)
     ours = capture_region(one_step, later_steps([reach], [0.2])[1])
@@ -330,47 +224,183 @@ def test_without_the_stance_foot_the_paper_s_regions_do_not_nest():
     assert all(within(shapely.Point(vertex)) for vertex in one_step)
 
 
-# The numbers of algorithms.md, section 5, in the stance frame with y toward
-# the swing side (there: y to the left, and the right foot swings).
+PARAMS = CaptureRegionStepAdjusterParams()
 
 
-def shared_with(icp, earliest, num_steps):
-    """What the regions share with C_N, by name: F .22 x .11, R = 1.5 l_max."""
-    one_step = one_step_region_in_disc(
-        np.array(icp), FOOT, OMEGA, earliest, circle(1.5, 360)
-    )
-    E = math.exp(-OMEGA * (0.7 + 0.3))
-    reaches = mirrored_reaches(total_region(CROSSING), num_steps - 1)
-    offsets = later_steps(reaches, [E] * (num_steps - 1))
-    region = capture_region(one_step, offsets[-1])
-    return {
-        name: intersection(reach, region)
-        for name, reach in step_regions(CROSSING).items()
-    }
+def geometry(schedule, params=PARAMS, on=ALL):
+    return swing_geometry(schedule, params, MODEL, on)
 
 
-@pytest.mark.parametrize(
-    ("icp", "earliest", "num_steps", "region", "expected_area", "foothold"),
-    [
-        ([0.22, -0.02], 0.2, 2, BASE, 0.0042, [0.665, 0.159]),
-        ([0.22, -0.02], 0.2, 2, FORWARD, 0.1081, None),
-        ([0.22, -0.02], 0.2, 1, BASE, 0.0, None),
-        ([0.22, -0.02], 0.2, 1, FORWARD, None, [0.3165, 0.0107]),
-        ([-0.22, 0.0], 0.2, 1, BASE, 0.0346, [-0.524, 0.152]),
-        ([-0.22, 0.0], 0.2, 1, BACKWARD, 0.0758, None),
-        ([0.0, -0.065], 0.2, 1, FORWARD, None, [0.338, -0.096]),
-        ([0.2, -0.1], 0.25, 3, BASE, 0.0, None),
-        ([0.2, -0.1], 0.25, 3, FORWARD, 0.0, None),
-        ([0.2, -0.1], 0.25, 3, BACKWARD, 0.0, None),
-    ],
-)
-def test_the_numbers_of_the_notes(
-    icp, earliest, num_steps, region, expected_area, foothold
+def test_n_is_no_more_than_the_steps_in_the_queue():
+    """Oracle: three, or fewer if there are fewer."""
+    for queued, expected in (1, 1), (2, 2), (5, 3):
+        assert len(geometry(swing(num_steps=queued)).offsets) == expected
+
+
+@pytest.mark.parametrize("finite_foot", [False, True])
+@pytest.mark.parametrize("transfer_aware", [False, True])
+def test_random_turning_steps_that_recover_start_in_the_region(
+    transfer_aware, finite_foot
 ):
-    """Oracle: algorithms.md, section 5, to the digits that it prints."""
-    shared = shared_with(icp, earliest, num_steps)[region]
-    if expected_area is not None:
-        assert area(shared) == pytest.approx(expected_area, abs=5.1e-5)
-    if foothold is not None:
-        found = project(np.array([0.0, 0.25]), shared)
-        assert found == pytest.approx(foothold, abs=5.1e-4)
+    """Oracle: the ICP's flow, with transfers by numeric integration.
+
+    The CoP rests at q of the stance foot, then at the point g_n of each new
+    foot, where it comes to at once, or in a straight line that takes all of
+    the transfer.  The steps are in the reach of the foot that stands, with
+    its own yaw, and the ICP has to be above the point g_3 in the end.
+    """
+    rng, icp = np.random.default_rng(3), np.array([0.1, 0.05])
+    params = replace(
+        PARAMS, transfer_aware=transfer_aware, finite_foot=finite_foot
+    )
+    schedule = swing(length=0.2, turn=0.4, num_steps=4, transfer=0.2, swing=0.5)
+    # The third step is quicker: not all contractions are alike.
+    steps = list(schedule.footsteps)
+    steps[2] = replace(steps[2], transfer_duration=0.1, swing_duration=0.4)
+    schedule = replace(schedule, footsteps=tuple(steps))
+    found = geometry(schedule, params)
+    reach, foot = total_region(REACH, True), params.usable_foot(SOLE)
+    transfers = [step.transfer_duration for step in steps[1:4]]
+    swings = [step.swing_duration for step in steps[1:3]]
+
+    def transferred(icp, start, end, duration):
+        if not transfer_aware:
+            return icp_after(icp, end, OMEGA, duration)
+        flow = solve_ivp(
+            lambda t, xi: OMEGA * (xi - start - t / duration * (end - start)),
+            (0.0, duration),
+            icp,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        return flow.y[:, -1]
+
+    for _ in range(15):
+        abouts = [FootPose(yaw=step.pose.yaw) for step in steps[:3]]
+        cops = np.zeros((3, 2))
+        if finite_foot:
+            cops = [
+                random_points(rng, in_world(foot, about, step.side.other), 1)[0]
+                for about, step in zip(abouts, steps, strict=False)
+            ]
+        moves = [
+            random_points(rng, in_world(reach, about, step.side.other), 1)[0]
+            for about, step in zip(abouts[:2], steps, strict=False)
+        ]
+        q = random_points(rng, found.foot, 1)[0]
+
+        def outcome(foothold, q=q, moves=moves, cops=cops):
+            """How far the ICP is from the last foot's CoP in the end."""
+            xi, cop = icp_after(icp, q, OMEGA, 0.3), q
+            for n in range(3):
+                xi = transferred(xi, cop, foothold + cops[n], transfers[n])
+                cop = foothold + cops[n]
+                if n < 2:
+                    xi = icp_after(xi, cop, OMEGA, swings[n])
+                    foothold = foothold + moves[n]
+            return xi - cop
+
+        # The outcome is linear in the first foothold: find its zero.
+        rates = [outcome(np.eye(2)[k]) - outcome(np.zeros(2)) for k in (0, 1)]
+        foothold = np.linalg.solve(np.array(rates).T, -outcome(np.zeros(2)))
+        one_step = found.one_step_region(icp, (0.3, 0.3))
+        assert contains(foothold, found.capture_region(one_step), 1e-6)
+
+
+def test_quicker_steps_capture_more():
+    """Oracle: e^-wT of the shorter times."""
+    schedule = swing(num_steps=2)
+    hurried = replace(PARAMS, shortest_transfer=0.05, shortest_swing=0.4)
+    slow, quick = (
+        geometry(schedule, params).offsets[1] for params in (PARAMS, hurried)
+    )
+    ratio = math.exp(OMEGA * (1.0 - 0.45))
+    np.testing.assert_allclose(quick, ratio * slow, atol=1e-12)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -0.7])
+def test_a_foothold_is_blocked_where_the_soles_would_meet(yaw):
+    """Oracle: shapely's distance of the soles, in front, behind, inside."""
+    rng = np.random.default_rng(5)
+    schedule = moved(swing(num_steps=1), 0.3, [1.0, 2.0])
+    step = schedule.footsteps[0]
+    step = replace(step, pose=FootPose(step.pose.p_WF, 0.3 + yaw))
+    schedule = replace(schedule, footsteps=(step,))
+    clearance = 0.01
+    found = geometry(schedule, replace(PARAMS, sole_clearance=clearance))
+    stance = schedule.feet.left
+    sole = shapely.Polygon(stance.to_world(SOLE))
+    blocked = 0
+    for _ in range(500):
+        p = stance.to_world(rng.uniform([-0.4, -0.4], [0.4, 0.05], (1, 2)))[0]
+        foot = FootPose([*p, 0.0], 0.3 + yaw)
+        gap = shapely.Polygon(foot.to_world(SOLE)).distance(sole)
+        if gap < clearance * (1.0 - 1e-9):
+            assert found.blocked(p)
+        elif found.blocked(p):  # near a corner, or to the outer side
+            outside = stance.to_sole(p)[1] > 0.0
+            assert outside or gap < clearance * math.sqrt(2.0) * 1.01
+        blocked += found.blocked(p)
+    assert 50 < blocked < 300
+
+
+def test_the_foot_that_lands_is_cut_on_its_proper_sides():
+    """Oracle: by hand: the right foot's inner side is then its left one."""
+    found = geometry(swing(num_steps=1), replace(PARAMS, finite_foot=True))
+    (foot,) = found.offsets
+    np.testing.assert_allclose(foot.max(axis=0), [0.105, 0.04], atol=1e-12)
+    np.testing.assert_allclose(foot.min(axis=0), [-0.075, -0.03], atol=1e-12)
+
+
+def test_the_free_parts_are_what_is_not_blocked():
+    """Oracle: shapely: the polygon without the blocked footholds."""
+    found = geometry(swing(length=0.0, num_steps=1))
+    region = found.regions[FORWARD]
+    parts = [shapely.Polygon(part) for part in found.free_parts(region)]
+    # Blocked: |x| < 0.255 and y > 0 (the swing side is below 0).
+    strip = shapely.box(-0.255, -0.0, 0.255, 9.0)
+    expected = shapely.Polygon(region).difference(strip)
+    assert shapely.union_all(parts).symmetric_difference(
+        expected
+    ).area == pytest.approx(0.0, abs=1e-9)
+    assert len(parts) == 2  # nothing is behind the foot
+
+
+def test_the_key_changes_with_all_that_the_geometry_depends_on():
+    """Oracle: by hand; an adjusted foothold of the same yaw is no change."""
+    schedule = swing()
+    step, *later = schedule.footsteps
+
+    def same(other, on=ALL):
+        return geometry_key(schedule, ALL) == geometry_key(other, on)
+
+    pose = FootPose([0.5, -0.3, 0.0], step.pose.yaw)
+    adjusted = (replace(step, pose=pose), *later)
+    assert same(replace(schedule, footsteps=adjusted))
+    turned = (replace(step, pose=replace(pose, yaw=0.3)), *later)
+    assert not same(replace(schedule, footsteps=turned))
+    quicker = (step, replace(later[0], swing_duration=0.4), *later[1:])
+    assert not same(replace(schedule, footsteps=quicker))
+    feet = schedule.feet.with_foot(Side.LEFT, FootPose([0.1, 0.1, 0.0]))
+    assert not same(replace(schedule, feet=feet))
+    assert not same(replace(schedule, footsteps=(step,)))
+    assert not same(schedule, UNCROSSED)
+
+
+def test_the_foot_is_cut_on_its_proper_sides():
+    """Oracle: by hand: x -0.125..0.125, y -0.06 (outside)..0.06 (inside)."""
+    params = CaptureRegionStepAdjusterParams(
+        foot_front=0.01, foot_back=0.02, foot_inside=0.03, foot_outside=0.04
+    )
+    foot = convex_hull(params.usable_foot(rectangle(0.25, 0.12)))
+    corners = [[-0.105, -0.02], [0.115, -0.02], [0.115, 0.03], [-0.105, 0.03]]
+    np.testing.assert_allclose(foot, corners, atol=1e-15)
+
+
+def test_some_of_the_sole_must_be_left():
+    """Oracle: 0.06 + 0.06 is all of 0.12 m."""
+    params = CaptureRegionStepAdjusterParams(
+        foot_inside=0.06, foot_outside=0.06
+    )
+    with pytest.raises(ValueError, match=r"foot_outside = 0\.06"):
+        params.usable_foot(rectangle(0.25, 0.12))

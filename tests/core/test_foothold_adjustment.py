@@ -1,5 +1,6 @@
 """Oracles: shapely's distances, the plan's own ICP, by hand."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -7,6 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
+from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    swing_geometry,
+)
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -16,19 +21,8 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.foothold_adjustment_params import (
-    CaptureRegionStepAdjusterParams,
-)
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import contains, convex_hull
-from nadia_balance.core.reach_rules import ReachRulesParams
-from nadia_balance.core.reachability import (
-    BASE,
-    FORWARD,
-    ReachabilityParams,
-)
-from nadia_balance.core.swing_geometry import swing_geometry
+from nadia_balance.core.reachability import BASE, FORWARD
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -37,29 +31,26 @@ from nadia_balance.core.walking import (
     rectangle,
 )
 from tests.example_walks import (
+    ALL,
+    MODEL,
     OMEGA,
     SOLE,
+    UNCROSSED,
     mirrored,
     moved,
     phases,
+    planned,
     standing,
+    swing,
     walk,
 )
 
 TICK = 0.002
-CROSSING = ReachabilityParams(cross_over=True)
-PARAMS = CaptureRegionStepAdjusterParams(reachability=CROSSING)
+PARAMS = CaptureRegionStepAdjusterParams()
 
 
-def swing(**gait):
-    """The first swing of a walk: the right foot's."""
-    schedule = walk(**gait)
-    duration = schedule.footsteps[0].swing_duration
-    return replace(schedule, phase=Phase.SWING, duration=duration)
-
-
-def geometry(schedule, params=PARAMS):
-    return swing_geometry(schedule, SOLE, params, OMEGA)
+def geometry(schedule, params=PARAMS, on=ALL):
+    return swing_geometry(schedule, params, MODEL, on)
 
 
 IN_PLACE = swing(length=0.0)
@@ -86,25 +77,22 @@ def state_at(t, schedule=IN_PLACE, adjustment=None):
 
 def landing(state, icp, found=GEOMETRY, params=PARAMS, time_adjustment=0.0):
     times = touchdown_interval(state, time_adjustment, params)
-    return Landing(found, np.array(icp), OMEGA, times)
+    return Landing(found, np.array(icp), times)
 
 
-def propose(state, icp, params=PARAMS, time_adjustment=0.0):
-    found = geometry(state.schedule, params)
+def propose(state, icp, params=PARAMS, time_adjustment=0.0, on=ALL):
+    found = geometry(state.schedule, params, on)
     return propose_adjustment(
-        state,
-        landing(state, icp, found, params, time_adjustment),
-        params,
-        TICK,
+        state, landing(state, icp, found, params, time_adjustment), params, TICK
     )
 
 
-def region_at(t, icp, params=PARAMS):
+def region_at(t, icp, params=PARAMS, on=ALL):
     """C_N of IN_PLACE at the time `t` of its swing."""
     times = IN_PLACE.duration - t
-    found = geometry(IN_PLACE, params)
+    found = geometry(IN_PLACE, params, on)
     one_step = found.one_step_region(
-        np.array(icp), OMEGA, (times, times + params.waiting_time)
+        np.array(icp), (times, times + params.waiting_time)
     )
     return found.capture_region(one_step)
 
@@ -116,59 +104,43 @@ def is_adjusted(adjustment):
 # Where to.
 
 
-def depth_of(region, reach):
-    """How deep the reach goes into the region [m], to 1e-6; both shapely's."""
-    low, high = 0.0, 1.0
-    while high - low > 1e-6:
-        depth = 0.5 * (low + high)
-        inner = region.buffer(-depth, join_style="mitre")
-        low, high = (depth, high) if inner.intersects(reach) else (low, depth)
-    return low
-
-
-@pytest.mark.parametrize("margin", [0.0, 0.04])
-@pytest.mark.parametrize("push", PUSHES)
-def test_the_foot_goes_to_the_closest_good_foothold(push, margin):
-    """Oracle: shapely: region shrunk by the margin, cut with the reach.
-
-    Where the region is less deep, as deep as can be but for margin / 16;
-    where it is out of reach, as near as can be.
-    """
-    params = CaptureRegionStepAdjusterParams(margin=margin, dead_band=0.0)
+@pytest.mark.parametrize("push", PUSHES[1::2])
+def test_the_foot_goes_to_the_closest_good_foothold(push):
+    """Oracle: shapely: the region, cut with the reach; else the least gap."""
+    params = CaptureRegionStepAdjusterParams(margin=0.0, dead_band=0.0)
     icp = np.array([0.0, 0.07]) + push
-    found = shapely.Point(propose(state_at(0.35), icp, params).pose.p_WF[:2])
-    region = shapely.Polygon(region_at(0.35, icp, params))
+    proposal = propose(state_at(0.35), icp, params, on=UNCROSSED)
+    found = shapely.Point(proposal.pose.p_WF[:2])
+    region = shapely.Polygon(region_at(0.35, icp, params, UNCROSSED))
     reach = shapely.Polygon(GEOMETRY.regions[BASE])
     assert reach.distance(found) < 1e-9
-    if not region.intersects(reach):
+    goal = region.intersection(reach)
+    if goal.is_empty:
         expected = region.distance(reach)
         assert region.distance(found) == pytest.approx(expected, abs=1e-9)
         return
-    margin = min(margin, depth_of(region, reach) - margin / 16)
-    goal = region.buffer(-margin, join_style="mitre").intersection(reach)
     assert goal.distance(found) < 1e-7
-    expected = goal.distance(shapely.Point(NOMINAL.p_WF[:2]))
-    distance = found.distance(shapely.Point(NOMINAL.p_WF[:2]))
-    slack = 1e-7 if margin == params.margin else 0.01
-    assert distance == pytest.approx(expected, abs=slack)
+    nominal = shapely.Point(NOMINAL.p_WF[:2])
+    expected = goal.distance(nominal)
+    assert found.distance(nominal) == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.parametrize("push", PUSHES)
 @pytest.mark.parametrize("yaw", [0.0, 0.3, -0.5])
-def test_the_foot_is_never_put_on_the_other_one(push, yaw):
+def test_the_foot_is_never_put_on_the_other_one(yaw):
     """Oracle: shapely: the soles' distance; the point is within reach."""
     schedule = swing(length=0.0, turn=yaw)
     found = geometry(schedule)
     stance = shapely.Polygon(schedule.feet.left.to_world(SOLE))
-    for t in 0.1, 0.3, 0.5, 0.6:
-        for scale in 0.5, 1.0, 2.0:
-            icp = np.array([0.0, 0.07]) + scale * np.array(push)
-            adjustment = propose(state_at(t, schedule), icp)
-            sole = shapely.Polygon(adjustment.pose.to_world(SOLE))
-            assert sole.distance(stance) > PARAMS.sole_clearance * 0.999
-            reach = found.regions[adjustment.region]
-            p = adjustment.pose.p_WF[:2]
-            assert contains(p, reach, 1e-9) or not is_adjusted(adjustment)
+    for push, t, scale in itertools.product(
+        PUSHES, (0.1, 0.5, 0.6), (0.5, 1.0, 2.0)
+    ):
+        icp = np.array([0.0, 0.07]) + scale * np.array(push)
+        adjustment = propose(state_at(t, schedule), icp)
+        sole = shapely.Polygon(adjustment.pose.to_world(SOLE))
+        assert sole.distance(stance) > PARAMS.sole_clearance * 0.999
+        reach = found.regions[adjustment.region]
+        p = adjustment.pose.p_WF[:2]
+        assert contains(p, reach, 1e-9) or not is_adjusted(adjustment)
 
 
 def test_a_push_inward_crosses_the_legs_only_if_they_may_be_crossed():
@@ -178,61 +150,40 @@ def test_a_push_inward_crosses_the_legs_only_if_they_may_be_crossed():
     assert crossed.region == FORWARD
     x, y, _ = crossed.pose.p_WF
     assert x > 0.25 and y > -0.125 + 0.125
-    base_only = CaptureRegionStepAdjusterParams()
-    uncrossed = propose(state_at(0.3), icp, base_only)
+    assert crossed.pose.yaw == NOMINAL.yaw
+    uncrossed = propose(state_at(0.3), icp, on=UNCROSSED)
     assert uncrossed.region == BASE
     assert uncrossed.pose.p_WF[1] <= 0.125 - 0.125 + 1e-12
 
 
-def test_yaw_and_height_stay():
-    """Oracle: the nominal foothold's."""
-    step = replace(
-        IN_PLACE.footsteps[0], pose=FootPose([0.0, -0.125, 0.07], 0.2)
-    )
-    schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
-    found = propose(state_at(0.3, schedule), [0.3, 0.0])
-    assert is_adjusted(found)
-    assert found.pose.p_WF[2] == 0.07
-    assert found.pose.yaw == 0.2
-
-
-@pytest.mark.parametrize("push", PUSHES)
-def test_left_and_right_are_mirror_images(push):
-    """Oracle: y and yaw change sign."""
-    schedule = swing(length=0.1, turn=0.2)
-    icp = np.array([0.05, 0.07]) + push
-    here = propose(state_at(0.3, schedule), icp)
-    there = propose(state_at(0.3, mirrored(schedule)), icp * [1.0, -1.0])
-    assert here.region == there.region
-    assert there.pose.yaw == -here.pose.yaw
-    np.testing.assert_allclose(
-        there.pose.p_WF, here.pose.p_WF * [1.0, -1.0, 1.0], atol=1e-9
-    )
-
-
-@pytest.mark.parametrize("push", PUSHES)
-def test_a_walk_elsewhere_is_adjusted_alike(push):
-    """Oracle: the same walk, turned and moved.
+def test_the_mirror_and_a_turned_world_change_nothing():
+    """Oracle: symmetry.
 
     By rule 3, short edges of the region, which are those of the reach times
     E^2, may be parallel to the reach: then the point is open by their length.
     """
     angle, shift = 2.5, np.array([10.0, -20.0])
     c, s = math.cos(angle), math.sin(angle)
-    R = np.array([[c, -s], [s, c]])
-    icp = np.array([0.0, 0.07]) + push
-    here = propose(state_at(0.3), icp)
-    there = propose(
-        state_at(0.3, moved(IN_PLACE, angle, shift)), R @ icp + shift
-    )
-    assert here.region == there.region
-    lost = not contains(here.pose.p_WF[:2], region_at(0.3, icp))
-    np.testing.assert_allclose(
-        there.pose.p_WF[:2],
-        R @ here.pose.p_WF[:2] + shift,
-        atol=1e-3 if lost else 1e-9,
-        rtol=0.0,
-    )
+    R, flip = np.array([[c, -s], [s, c]]), np.array([1.0, -1.0])
+    schedule = swing(length=0.1, turn=0.2)
+    elsewhere = moved(schedule, angle, shift)
+    for push in PUSHES:
+        icp = np.array([0.05, 0.07]) + push
+        here = propose(state_at(0.3, schedule), icp)
+        there = propose(state_at(0.3, mirrored(schedule)), icp * flip)
+        moved_on = propose(state_at(0.3, elsewhere), R @ icp + shift)
+        assert here.region == there.region == moved_on.region
+        assert there.pose.yaw == -here.pose.yaw
+        p = here.pose.p_WF[:2]
+        np.testing.assert_allclose(there.pose.p_WF[:2], p * flip, atol=1e-9)
+        now = landing(state_at(0.3, schedule), icp, geometry(schedule))
+        lost = not contains(p, now.capture_region)
+        np.testing.assert_allclose(
+            moved_on.pose.p_WF[:2],
+            R @ p + shift,
+            atol=1e-3 if lost else 1e-9,
+            rtol=0.0,
+        )
 
 
 def test_a_nominal_foothold_out_of_reach_is_brought_within():
@@ -240,27 +191,9 @@ def test_a_nominal_foothold_out_of_reach_is_brought_within():
     step = IN_PLACE.footsteps[0]  # legs that are crossed already
     step = replace(step, pose=FootPose([0.0, 0.05, 0.0]))
     schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
-    base_only = CaptureRegionStepAdjusterParams()
-    found = propose(state_at(0.1, schedule), [0.0, 0.085], base_only)
+    found = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
     assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))
     assert found.pose.p_WF[1] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_the_region_of_the_last_tick_is_kept_if_it_is_nearly_as_good():
-    """Oracle: the same ICP with either past, and with none.
-
-    Here a cross-over in front shares three times the area of the base region,
-    which is more than twice, but not by the hysteresis of 4.
-    """
-    rules = ReachRulesParams(area_margin=2.0, hysteresis=4.0)
-    params = replace(PARAMS, rules=rules)
-    icp, step = [0.15, 0.13], IN_PLACE.footsteps[0]
-    assert propose(state_at(0.3), icp, params).region == FORWARD
-    elsewhere = FootPose([0.3, -0.1, 0.0])
-    for region in BASE, FORWARD:
-        before = Adjustment(step, elsewhere, region)
-        state = state_at(0.3, adjustment=before)
-        assert propose(state, icp, params).region == region
 
 
 # When.
@@ -301,10 +234,8 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
     assert (after is before) == (not moves)
 
 
-def test_nothing_moves_when_it_is_switched_off_or_nothing_swings():
+def test_nothing_moves_when_nothing_swings():
     """Oracle: the nominal pose; a rest for a robot without footsteps."""
-    off = replace(PARAMS, enabled=False)
-    assert not is_adjusted(propose(state_at(0.3), OUT, off))
     transfer = replace(IN_PLACE, phase=Phase.TRANSFER)
     assert not is_adjusted(propose(state_at(0.1, transfer), OUT))
     rest = unadjusted(standing())
@@ -312,19 +243,16 @@ def test_nothing_moves_when_it_is_switched_off_or_nothing_swings():
     assert rest.nominal.side.value == "right"
 
 
-def test_the_gain_of_time_is_that_much_less_time():
-    """Oracle: the same swing, so much later."""
-    found = propose(state_at(0.3), OUT, PARAMS, 0.2)
-    later = propose(replace(state_at(0.5), elapsed=0.3), OUT)
-    np.testing.assert_array_equal(found.pose.p_WF, later.pose.p_WF)
+def shifted_region(x):
+    """A region whose edge, less the margin, is at `x`."""
+    edge = x - PARAMS.margin
+    return convex_hull(rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
 
 
 def test_within_the_dead_band_nothing_moves():
     """Oracle: by hand: a target just less, and just more, than 1 cm off."""
     for off, moves in (0.0098, False), (0.0102, True):
-        # The region's edge, less the margin, is `off` ahead of the foothold.
-        x = off - PARAMS.margin
-        region = convex_hull(rectangle(2.0, 2.0) + [1.0 + x, -0.125])
+        region = shifted_region(off)
         current = unadjusted(IN_PLACE)
         found = adjust_foothold(current, region, GEOMETRY, PARAMS, TICK)
         assert is_adjusted(found) == moves
@@ -334,25 +262,8 @@ def test_within_the_dead_band_nothing_moves():
         assert again.pose is found.pose
 
 
-def shifted_region(x):
-    """A region whose edge, less the margin, is at `x`."""
-    edge = x - PARAMS.margin
-    return convex_hull(rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
-
-
-def test_the_foot_follows_the_region_and_is_no_ratchet():
-    """Oracle: by hand: 10, 20 and 5 cm ahead, to within the dead-band."""
-    current = unadjusted(IN_PLACE)
-    for x in 0.1, 0.2, 0.05:
-        current = adjust_foothold(
-            current, shifted_region(x), GEOMETRY, PARAMS, TICK
-        )
-        assert current.pose.p_WF[0] == pytest.approx(x)
-        assert current.nominal is IN_PLACE.footsteps[0]
-
-
 @pytest.mark.parametrize(
-    ("period", "count"), [(0.001, 50), (0.002, 25), (0.01, 5), (0.05, 1)]
+    ("period", "count"), [(0.002, 25), (0.01, 5), (0.05, 1)]
 )
 def test_the_foot_returns_when_it_could_for_50_ms(period, count):
     """Oracle: the count of the ticks, from the start after a gap."""
@@ -390,13 +301,10 @@ def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
 # Noise.
 
 GAITS = [
-    {"length": 0.0},
-    {"length": 0.3},
     {"length": 0.5},
     {"length": -0.2},
     {"length": 0.0, "sideways": 0.1},
-    {"length": 0.0, "turn": math.radians(15.0)},
-    {"length": 0.0, "transfer": 0.2, "swing": 0.6},
+    {"length": 0.0, "turn": 0.26, "transfer": 0.2, "swing": 0.6},
 ]
 
 
@@ -408,11 +316,8 @@ def test_a_walk_as_planned_is_left_alone(gait):
     """
     rng = np.random.default_rng(6)
 
-    def plan_of(schedule):
-        return plan_icp(schedule, SOLE, IcpPlanParams(), OMEGA)
-
     swings = 0
-    for schedule, plan in phases(walk(**gait), plan_of):
+    for schedule, plan in phases(walk(**gait), planned):
         if schedule.phase is not Phase.SWING:
             continue
         swings += 1
@@ -430,36 +335,6 @@ def test_a_walk_as_planned_is_left_alone(gait):
                 assert adjustment.pose is schedule.footsteps[0].pose
                 assert adjustment.region == BASE
     assert swings == 3
-
-
-@pytest.mark.parametrize("push", PUSHES[1:])
-def test_noise_neither_flips_the_region_nor_shakes_the_foothold(push):
-    """Oracle: the same swing without noise: as many moves, but for one or two.
-
-    The CoP rests, so that the ICP flows away from it; the noise is that of a
-    CoM velocity of 1 mm/s, which the flow until touchdown amplifies.
-    """
-    rng, cop = np.random.default_rng(8), np.array([0.0, 0.125])
-    outcomes = []
-    for noise in 0.0, 1e-3 / OMEGA:
-        start = np.array([0.0, 0.085]) + push
-        adjustment, moves, flips = None, 0, 0
-        for t in np.arange(0.3, 0.7, TICK):
-            icp = icp_after(start, cop, OMEGA, float(t) - 0.3)
-            icp = icp + rng.normal(0.0, noise, 2)
-            state = state_at(float(t), adjustment=adjustment)
-            found = propose_adjustment(state, landing(state, icp), PARAMS, TICK)
-            if adjustment is not None:
-                moves += found.pose is not adjustment.pose
-                flips += found.region != adjustment.region
-            adjustment = found
-        outcomes.append((moves, flips, adjustment))
-    (moves, flips, calm), (noisy_moves, noisy_flips, noisy) = outcomes
-    assert noisy_flips == flips
-    assert noisy_moves <= moves + 2
-    assert noisy.region == calm.region
-    gap = math.dist(noisy.pose.p_WF, calm.pose.p_WF)
-    assert gap < 2.0 * PARAMS.dead_band
 
 
 # To draw.

@@ -1,5 +1,6 @@
-"""Oracles: quadprog, closed forms with and without limits."""
+"""Oracles: Algorithm 1 of the Atlas paper, quadprog, formulas, the ICP plan."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +9,88 @@ import quadprog
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.cop_waypoints import CopWaypointParams
+from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.icp_step_qp import (
+    IcpStepQp,
+    IcpStepQpParams,
+    footholds,
+    may_move,
+    propose_by_qp,
+    recursive_multipliers,
+    step_plan,
+)
 from nadia_balance.core.polygon import halfspaces
-from nadia_balance.core.walking import rectangle
+from nadia_balance.core.walking import (
+    FootPose,
+    Phase,
+    Side,
+    WalkingState,
+    rectangle,
+)
+from tests.example_walks import MODEL, OMEGA, random_walks, swing, walk
 
 PARAMS = IcpStepQpParams()
+AT_ONCE = 1e-9  # [s], from heel to toe: the paper's CMP jumps
+
+
+def knots_of_jumps(durations):
+    """The CMP stays for each of these durations [s], and jumps."""
+    knots = [0.0]
+    for duration in durations:
+        knots += [knots[-1] + duration - AT_ONCE, knots[-1] + duration]
+    return np.array(knots)
+
+
+def algorithm_1(toe, heel, num_steps, omega, swing):
+    """gamma_H,0, gamma_T,0, gamma_H,1, ..., gamma_f as printed.
+
+    In a swing only `toe` [s] is left of the present foot.
+    """
+    whole = toe + heel
+    before = toe if swing else whole  # until the first step
+    gammas = [] if swing else [1.0 - math.exp(-omega * heel)]
+    shift = 0.0 if swing else heel
+    gammas.append(math.exp(-omega * shift) * (1.0 - math.exp(-omega * toe)))
+    for i in range(num_steps):
+        start = before + i * whole
+        gammas.append(math.exp(-omega * start) * (1 - math.exp(-omega * heel)))
+        start += heel
+        gammas.append(math.exp(-omega * start) * (1 - math.exp(-omega * toe)))
+    return [*gammas, math.exp(-omega * (before + num_steps * whole))]
+
+
+@pytest.mark.parametrize("swing", [True, False])
+def test_multipliers_of_a_cmp_that_jumps_are_those_of_algorithm_1(swing):
+    """Oracle: Algorithm 1 as printed, both branches."""
+    toe, heel, omega = 0.4, 0.45, 3.0
+    stays = [toe, heel, toe, heel, toe] if swing else [heel, toe] * 3
+    found = recursive_multipliers(knots_of_jumps(stays), 0.0, omega)
+    summed = [*found[:-1].reshape(-1, 2).sum(axis=1), found[-1]]
+    expected = algorithm_1(toe, heel, 2, omega, swing)
+    assert summed == pytest.approx(expected, abs=1e-8)
+
+
+times = st.floats(0.0, 3.0)
+
+
+@given(random_walks(), times)
+def test_multipliers_add_up_to_the_reference_icp(schedule, t):
+    """Oracle: plan_icp, by Eq. 4 of the Nadia paper, which ends in the same."""
+    params = IcpPlanParams(continuous=False)
+    plan = plan_icp(schedule, params, MODEL)
+    found = recursive_multipliers(plan.knots, t, OMEGA) @ plan.cop_waypoints
+    assert found == pytest.approx(plan.at(t).icp, abs=1e-9)
+
+
+def test_what_has_been_passed_counts_no_more():
+    """Oracle: the ICP depends on the future alone."""
+    knots = np.array([0.0, 0.2, 0.5, 1.0])
+    found = recursive_multipliers(knots, 0.6, OMEGA)
+    assert found[:2].tolist() == [0.0, 0.0]
+    assert recursive_multipliers(knots, 2.0, OMEGA).tolist() == [0, 0, 0, 1]
+
+
 GAMMA = 0.15
 CMP_ROOM = halfspaces(rectangle(0.24, 0.11))
 STEP_ROOM = halfspaces(rectangle(1.6, 0.7) + [0.1, 0.2])
@@ -47,29 +125,6 @@ def test_finds_what_another_solver_finds(error, gamma):
     assert found.slack == pytest.approx(x[2:], abs=1e-6)
 
 
-def test_the_ankles_take_what_they_can():
-    """Oracle: the least squares between both, by hand."""
-    found = solve([0.02, 0.01], cmp=ANYWHERE, step=ANYWHERE)
-    k, p = PARAMS.feedback_gain, PARAMS
-    # Stationary in step: Q_f s = lambda k Gamma; R delta = lambda;
-    # Q_eta eta = lambda k.
-    pull = 1.0 / p.feedback_weight + k**2 * (
-        GAMMA**2 / p.step_weight + 1.0 / p.slack_weight
-    )
-    multiplier = k * np.array([0.02, 0.01]) / pull
-    assert found.delta == pytest.approx(multiplier / p.feedback_weight)
-    assert found.step == pytest.approx(multiplier * k * GAMMA / p.step_weight)
-    assert np.linalg.norm(found.step) < 0.01  # half of the dead-band
-
-
-def test_the_foothold_takes_the_rest():
-    """Oracle: Eq. 18: the reference ICP moves by Gamma times the step."""
-    found = solve([0.12, 0.0])
-    assert found.delta[0] == pytest.approx(0.12)  # at the sole's edge
-    rest = 0.12 - 0.12 / PARAMS.feedback_gain
-    assert GAMMA * found.step[0] == pytest.approx(rest, rel=0.01)
-
-
 def test_what_neither_takes_is_left_over():
     """Oracle: both at their limits; what is missing in Eq. 19."""
     found = solve([0.5, 0.0])
@@ -79,37 +134,128 @@ def test_what_neither_takes_is_left_over():
     assert found.slack == pytest.approx([rest, 0.0], abs=1e-9)
 
 
-def test_without_room_for_the_cmp_she_walks_on_points():
-    """Oracle: Sec. IV-B: delta = 0, balance by stepping alone."""
-    nowhere = halfspaces(rectangle(1e-9, 1e-9))
-    found = solve([0.03, -0.02], cmp=nowhere)
-    assert np.abs(found.delta).max() < 1e-8
-    assert GAMMA * found.step == pytest.approx([0.03, -0.02], rel=0.01)
+COP = CopWaypointParams()
+WALKS = [{"length": 0.0}, {"length": 0.3}, {"length": 0.1, "turn": 0.26}]
+PHASES = [Phase.SWING, Phase.TRANSFER]
+MIDDLE = 0.35  # of the swing [s]
+
+
+def in_phase(phase, **gait):
+    return walk(**gait) if phase is Phase.TRANSFER else swing(**gait)
+
+
+def with_foothold(schedule, shift):
+    """The same, the first foothold moved by `shift` (2,) [m] in W."""
+    step, *later = schedule.footsteps
+    pose = FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
+    steps = (replace(step, pose=pose), *later)
+    return replace(schedule, footsteps=steps)
+
+
+def icp_of(schedule, t):
+    """Of the plan by Eq. 4 of the Nadia paper, which ends in the same."""
+    params = IcpPlanParams(continuous=False)
+    return plan_icp(schedule, params, MODEL).at(t).icp
+
+
+def plan_of(schedule, nominal=None, params=PARAMS):
+    nominal = nominal or schedule.footsteps[0]
+    return step_plan(schedule, nominal, COP, params, MODEL)
+
+
+def proposed(icp, schedule, adjustment=None, params=PARAMS):
+    state = WalkingState(schedule, MIDDLE, MIDDLE, adjustment=adjustment)
+    nominal = adjustment.nominal if adjustment else schedule.footsteps[0]
+    plan = plan_of(schedule, nominal, params)
+    return propose_by_qp(state, plan, icp, IcpStepQp(params))
+
+
+@pytest.mark.parametrize("gait", WALKS)
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_reference_is_that_of_the_icp_plan(gait, phase):
+    """Oracle: plan_icp, ICP and eCMP."""
+    schedule = in_phase(phase, **gait)
+    expected = plan_icp(schedule, IcpPlanParams(continuous=False), MODEL)
+    for t in 0.0, 0.12, 0.3:
+        icp, cmp, _ = plan_of(schedule).at(t)
+        assert icp == pytest.approx(expected.at(t).icp, abs=1e-9)
+        assert cmp == pytest.approx(expected.at(t).ecmp, abs=1e-9)
+
+
+@pytest.mark.parametrize("gait", WALKS[:2])
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_reference_moves_with_the_foothold(gait, phase, t=0.2):
+    """Oracle: central differences of plan_icp, sideways.
+
+    If a step gets longer, its CoP also moves within the sole.
+    """
+    schedule = in_phase(phase, **gait)
+    ahead, behind = (
+        icp_of(with_foothold(schedule, [0.0, y]), t) for y in (1e-3, -1e-3)
+    )
+    _, _, gamma = plan_of(schedule).at(t)
+    found = (ahead - behind) / 2e-3
+    assert found == pytest.approx([0.0, gamma], abs=1e-9)
+    assert 0.005 < gamma < 0.3
+
+
+@pytest.mark.parametrize("side", Side)
+def test_a_foothold_is_within_reach_and_clear_of_the_stance_foot(side):
+    """Oracle: the reach and the width of the soles, point by point."""
+    stance = FootPose([0.3, -0.2, 0.0], 0.4)
+    A, b = footholds(stance, side, replace(PARAMS, sole_clearance=0.01), MODEL)
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-1.2, 1.2, (2000, 2))
+    inside = (points @ A.T <= b).all(axis=1)
+    assert np.sum(inside) > 100
+    for x, y in stance.to_sole(points[inside]):
+        assert MODEL.reach.in_base_region(x, side.sign * y)
+        assert side.sign * y >= 0.12 + 0.01
+
+
+def test_the_shift_counts_from_the_nominal_foothold():
+    """Oracle: the same answer with the new foothold; back without error."""
+    schedule = swing(length=0.0)
+    icp = icp_of(schedule, MIDDLE) + [0.1, 0.0]
+    first = proposed(icp, schedule)
+    way = first.pose.p_WF - schedule.footsteps[0].pose.p_WF
+    assert way[0] > 0.1
+    moved = with_foothold(schedule, way[:2])
+    again = proposed(icp, moved, first)
+    assert again.pose is first.pose
+    assert again.nominal is schedule.footsteps[0]
+    back = proposed(icp_of(schedule, MIDDLE), moved, first)
+    assert back.pose is schedule.footsteps[0].pose
+
+
+def test_a_change_within_the_dead_band_moves_no_foothold():
+    """Oracle: the dead-band; by Eq. 18, 1 mm of ICP is 1 mm / Gamma."""
+    schedule = swing(length=0.0)
+    icp = icp_of(schedule, MIDDLE) + [0.1, 0.0]
+    gamma = plan_of(schedule).at(MIDDLE)[2]
+    first = proposed(icp, schedule)
+    near, far = (
+        proposed(icp + [gamma * way, 0.0], schedule, first)
+        for way in (0.5 * PARAMS.dead_band, 2.0 * PARAMS.dead_band)
+    )
+    assert near.pose is first.pose
+    way = far.pose.p_WF[0] - first.pose.p_WF[0]
+    assert way == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
 
 
 @pytest.mark.parametrize(
-    "field, value",
+    "phase, t, elapsed, may",
     [
-        ("feedback_gain", 1.0),
-        ("feedback_gain", np.nan),
-        ("step_weight", 0.0),
-        ("feedback_weight", -1.0),
-        ("slack_weight", np.inf),
-        ("cop_safe_distance", -0.01),
-        ("sole_clearance", np.nan),
-        ("dead_band", -0.1),
-        ("freeze_time", np.inf),
-        ("settling_time", -0.1),
-        ("solver", "magic"),
+        (Phase.SWING, 0.35, 0.35, True),
+        (Phase.SWING, 0.002, 0.002, False),  # just lifted
+        (Phase.SWING, 0.35, 0.005, False),  # the clock was advanced
+        (Phase.SWING, 0.66, 0.66, False),  # about to land
+        (Phase.TRANSFER, 0.1, 0.1, False),
     ],
 )
-def test_refuses_what_is_out_of_range(field, value):
-    """Oracle: the message names the field and the value."""
-    with pytest.raises(ValueError, match=f"{field} = .*{value}"):
-        IcpStepQp(replace(PARAMS, **{field: value}))
-
-
-def test_refuses_what_is_not_finite():
-    """Oracle: the message."""
-    with pytest.raises(ValueError, match="must be finite"):
-        solve([np.nan, 0.0], params=replace(PARAMS, solver="clarabel"))
+def test_a_foothold_moves_only_while_the_foot_can_follow(
+    phase, t, elapsed, may
+):
+    """Oracle: settling and freeze time, by hand."""
+    state = WalkingState(in_phase(phase, length=0.0), t, elapsed)
+    assert may_move(state, PARAMS) is may

@@ -1,13 +1,17 @@
 """Oracles: the time and the gait by hand."""
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from nadia_balance.core.push import Push
+from nadia_balance.core.bounds import check
+from nadia_balance.core.push import Moment, Push
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -37,14 +41,14 @@ class Pushes:
 
 def test_the_impulse_is_mass_times_delta_v():
     """Oracle: F dt = m dv."""
-    push = Push(delta_v=0.6, duration=0.1, time=1.0)
+    push = Push(delta_v=0.6, duration=0.1, at="1 s")
     assert push.newtons(90.0) * push.duration == pytest.approx(54.0)
-    assert Push(force=200.0, time=1.0).newtons(90.0) == 200.0
+    assert Push(force=200.0, at="1 s").newtons(90.0) == 200.0
 
 
 def test_a_time_is_due_from_then_on():
     """Oracle: comparison, with the rounding error of a clock."""
-    push = Push(force=1.0, time=0.3)
+    push = Push(force=1.0, at="0.3 s")
     times = (0.298, 3 * 0.1, 0.302)
     due = [push.is_due(t, RIGHT_SWING, PERIOD) for t in times]
     assert due == [False, True, True]
@@ -55,17 +59,17 @@ def test_a_time_is_due_from_then_on():
 @pytest.mark.parametrize(
     ("push", "due"),
     [
-        (Push(force=1.0, phase="swing"), True),
-        (Push(force=1.0, phase="swing", fraction=0.26), False),
-        (Push(force=1.0, phase="swing", side="left"), False),
-        (Push(force=1.0, phase="transfer"), False),
-        (Push(force=1.0, phase="swing", after_steps=4), True),
-        (Push(force=1.0, phase="swing", after_steps=5), False),
+        (Push(force=1.0, at="right swing 25 %"), True),
+        (Push(force=1.0, at="right swing 26 %"), False),
+        (Push(force=1.0, at="left swing 25 %"), False),
+        (Push(force=1.0, at="right transfer 25 %"), False),
+        (Push(force=1.0, at="right swing 25 %", after_steps=4), True),
+        (Push(force=1.0, at="right swing 25 %", after_steps=5), False),
     ],
 )
 def test_a_phase_is_due_at_its_fraction_of_its_side(push, due):
     """Oracle: 25 % into the right foot's swing, after four steps."""
-    push.validate()
+    check(push)
     assert push.is_due(100.0, RIGHT_SWING, PERIOD) is due
 
 
@@ -73,43 +77,39 @@ def test_the_side_of_a_transfer_is_the_foot_that_swings_next():
     """Oracle: the left foot receives the weight, the right one will swing."""
     schedule = replace(RIGHT_SWING.schedule, phase=Phase.TRANSFER, duration=0.3)
     state = replace(RIGHT_SWING, schedule=schedule)
-    right = Push(force=1.0, phase="transfer", fraction=0.5)
+    right = Push(force=1.0, at="right transfer 50 %")
     assert right.is_due(0.0, state, PERIOD)
-    left = Push(force=1.0, phase="transfer", fraction=0.5, side="left")
+    left = Push(force=1.0, at="left transfer 50 %")
     assert not left.is_due(0.0, state, PERIOD)
 
 
 @pytest.mark.parametrize("phase", [Phase.SWING, Phase.TRANSFER])
-@pytest.mark.parametrize("period", [0.002, 0.004, 0.02])
 @pytest.mark.parametrize("duration", [0.3, 0.7, 0.25])
-@pytest.mark.parametrize("fraction", [0.0, 0.25, 0.99, 0.999, 1.0])
-def test_is_due_once_the_fraction_is_there_or_never_will_be(
-    phase, period, duration, fraction
-):
+def test_is_due_once_the_fraction_is_there_or_never_will_be(phase, duration):
     """Oracle: the ticks of the state machine's rule, listed one by one."""
     schedule = replace(RIGHT_SWING.schedule, phase=phase, duration=duration)
-    push = Push(force=1.0, phase=phase.value, fraction=fraction)
-    clock = [k * period for k in range(1000)]
-    # The tick that comes within half a period of the end begins what follows.
-    ticks = [t for t in clock if t < duration - 0.5 * period - 1e-12]
-    there = [t >= fraction * duration - 1e-9 for t in ticks]
-    there[-1] = True
-    due = [
-        push.is_due(
-            0.0,
-            replace(RIGHT_SWING, schedule=schedule, time_in_phase=t),
-            period,
-        )
-        for t in ticks
-    ]
-    assert due == there
+    for period, percent in itertools.product(
+        (0.002, 0.004, 0.02), (0.0, 25.0, 99.0, 99.9, 100.0)
+    ):
+        push = Push(force=1.0, at=f"right {phase.value} {percent:g} %")
+        clock = [k * period for k in range(1000)]
+        # The tick within half a period of the end begins what follows.
+        ticks = [t for t in clock if t < duration - 0.5 * period - 1e-12]
+        there = [t >= 0.01 * percent * duration - 1e-9 for t in ticks]
+        there[-1] = True
+        state = replace(RIGHT_SWING, schedule=schedule)
+        due = [
+            push.is_due(0.0, replace(state, time_in_phase=t), period)
+            for t in ticks
+        ]
+        assert due == there, (period, percent)
 
 
 def test_can_be_written_in_yaml():
     """Oracle: round trip through Drake's loader, and a hand-written text."""
-    text = "pushes: [{delta_v: 0.6, phase: swing, side: right, fraction: 0.25}]"
+    text = "pushes: [{delta_v: 0.6, at: right swing 25 %}]"
     loaded = yaml_load_typed(schema=Pushes, data=text, defaults=Pushes())
-    assert loaded.pushes == [Push(delta_v=0.6, phase="swing")]
+    assert loaded.pushes == [Push(delta_v=0.6, at="right swing 25 %")]
     again = yaml_load_typed(
         schema=Pushes, data=yaml_dump_typed(loaded), defaults=Pushes()
     )
@@ -117,39 +117,68 @@ def test_can_be_written_in_yaml():
 
 
 @pytest.mark.parametrize(
+    ("text", "moment"),
+    [
+        ("right swing 25 %", Moment(Phase.SWING, Side.RIGHT, 0.25)),
+        (" left transfer 12.5% ", Moment(Phase.TRANSFER, Side.LEFT, 0.125)),
+        ("2.5 s", Moment(time=2.5)),
+        ("0s", Moment(time=0.0)),
+    ],
+)
+def test_a_moment_is_what_its_text_says_and_back(text, moment):
+    """Oracle: by hand; the text is parsed, and the one of its own again."""
+    assert Moment.parse(text) == moment
+    assert Moment.parse(str(moment)) == moment
+    assert str(Moment.parse("left swing 100.00 %")) == "left swing 100 %"
+
+
+@given(
+    fraction=st.floats(0.0, 1.0),
+    phase=st.sampled_from([Phase.SWING, Phase.TRANSFER]),
+    side=st.sampled_from(Side),
+)
+def test_the_text_of_a_moment_is_exact_to_nine_decimals(fraction, phase, side):
+    """Oracle: the fraction itself."""
+    found = Moment.parse(str(Moment(phase, side, fraction)))
+    assert found.fraction == pytest.approx(fraction, abs=1e-11)
+    assert (found.phase, found.swing) == (phase, side)
+
+
+@pytest.mark.parametrize(
+    "at",
+    [
+        *("", "noon", "25 %", "right swing", "right standing 25 %", "-1 s"),
+        *("right swing 101 %", "right swing nan %", "2.5", "1e3 s"),
+    ],
+)
+def test_refuses_what_is_no_moment(at):
+    with pytest.raises(ValueError) as refused:
+        check(Push(force=1.0, at=at))
+    assert str(refused.value).startswith(
+        f'at = {at!r}: must be like "right swing 25 %"'
+    )
+
+
+@pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"time": 1.0}, "delta_v = None, force = None: must give exactly one"),
+        ({}, "delta_v = None, force = None: must give exactly one"),
         (
-            {"force": 1.0, "delta_v": 1.0, "time": 1.0},
+            {"force": 1.0, "delta_v": 1.0},
             "delta_v = 1.0, force = 1.0: must give exactly one",
         ),
-        ({"force": 1.0}, "time = None, phase = None: must give exactly one"),
-        ({"force": -1.0, "time": 1.0}, "force = -1.0: must be finite"),
-        ({"delta_v": math.nan, "time": 1.0}, "delta_v = nan: must be finite"),
-        ({"force": 1.0, "time": math.inf}, "time = inf: must be finite"),
-        ({"force": 1.0, "time": 1.0, "delay": -1.0}, "delay = -1.0: must be"),
-        ({"force": 1.0, "time": 1.0, "duration": 0.0}, "duration = 0.0: must"),
+        ({"force": -1.0}, "force = -1.0: must be >= 0"),
+        ({"delta_v": math.nan}, "delta_v = nan: must be finite"),
+        ({"force": 1.0, "delay": -1.0}, "delay = -1.0: must be"),
+        ({"force": 1.0, "duration": 0.0}, "duration = 0.0: must"),
         (
-            {"force": 1.0, "time": 1.0, "direction_deg": math.nan},
+            {"force": 1.0, "direction_deg": math.nan},
             "direction_deg = nan: must be finite",
         ),
-        ({"force": 1.0, "phase": "jump"}, "phase = 'jump': must be one of"),
-        (
-            {"force": 1.0, "phase": "swing", "side": "up"},
-            "side = 'up': must be left or right",
-        ),
-        (
-            {"force": 1.0, "phase": "swing", "fraction": 1.5},
-            r"fraction = 1.5: must be in \[0, 1\]",
-        ),
-        (
-            {"force": 1.0, "phase": "swing", "after_steps": -1},
-            "after_steps = -1: must be >= 0",
-        ),
+        ({"force": 1.0, "after_steps": -1}, "after_steps = -1: must be >= 0"),
     ],
 )
 def test_refuses_bad_pushes(fields, message):
     """Oracle: the message names field, value and what is allowed."""
     with pytest.raises(ValueError, match=message):
-        Push(**fields).validate()
+        check(Push(**fields, at="1 s"))

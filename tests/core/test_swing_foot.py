@@ -1,22 +1,19 @@
-"""Oracles: boundary values, finite differences, shapely's distances."""
+"""Oracles: boundary values, the integral of the jerk, the soles' distance."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from nadia_balance.core.quintic import quintic
-from nadia_balance.core.reachability import (
-    BACKWARD,
-    FORWARD,
-    ReachabilityParams,
-    cross_over_region,
-)
+from nadia_balance.core.reachability import BACKWARD, FORWARD, cross_over_region
 from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
+    end_beyond,
+    quintic,
     swing_foot_motion,
 )
 from nadia_balance.core.walking import (
@@ -29,9 +26,89 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
+from tests.example_walks import MODEL
+
+HORIZON = 0.6
+TIMES = np.array([HORIZON])
+# From and to anywhere, at any rate, and a point far from the straight way.
+BEGIN = np.array([[0.0, 0.25], [0.3, -0.2], [2.0, 1.0]])
+FINISH = np.array([[0.35, -0.1], [0.1, 0.0], [0.0, -1.0]])
+VIA, AT = np.array([0.28, 0.15]), 0.34
+
+
+def jerk(start, end, duration):
+    """Integral of the squared jerk, all axes.
+
+    Exact but for rounding: the acceleration is a cubic, so that a difference
+    of four points is its derivative, and three Gauss points integrate the
+    square of that.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    t = 0.5 * duration * (1.0 + nodes)
+    d = 0.04 * duration
+
+    def acceleration(t):
+        return quintic(start, end, np.array([duration]), t[:, None])[2]
+
+    far = acceleration(t + 2.0 * d) - acceleration(t - 2.0 * d)
+    near = acceleration(t + d) - acceleration(t - d)
+    squared = np.sum(((8.0 * near - far) / (12.0 * d)) ** 2, axis=1)
+    return 0.5 * duration * weights @ squared
+
+
+def jerk_through(rates):
+    """The cost of passing VIA at AT with the `rates` v, a, shape (2, 2)."""
+    middle = np.vstack([VIA, rates])
+    return jerk(BEGIN, middle, AT) + jerk(middle, FINISH, HORIZON - AT)
+
+
+def test_meets_both_ends():
+    """Oracle: the boundary values."""
+    rng = np.random.default_rng(0)
+    start, end = rng.normal(size=(2, 3, 4))
+    horizon = np.array([0.3, 0.5, 0.7, 0.9])
+    for column, h in enumerate(horizon):
+        arrived = quintic(start, end, horizon, h)[:, column]
+        assert arrived == pytest.approx(end[:, column], abs=1e-9)
+    begun = quintic(start, end, horizon, 0.0)
+    assert begun == pytest.approx(start, abs=1e-12)
+
+
+def test_rates_are_its_derivatives():
+    """Oracle: central differences."""
+    rng = np.random.default_rng(1)
+    start, end = rng.normal(size=(2, 3, 4))
+    horizon, step = np.full(4, 0.8), 1e-5
+    before, here, after = (
+        quintic(start, end, horizon, 0.3 + d) for d in (-step, 0.0, step)
+    )
+    rates = (after[:2] - before[:2]) / (2 * step)
+    assert rates == pytest.approx(here[1:], abs=1e-6)
+
+
+def test_passes_the_point_with_the_least_jerk():
+    """Oracle: the cost does not change with the rates there, to first order.
+
+    It is quadratic in the rates, so that central differences are exact; the
+    changes are compared with those that a unit off the optimum would make.
+    """
+    aimed = end_beyond(BEGIN, FINISH, HORIZON, VIA, AT)
+    passing = quintic(BEGIN, aimed, TIMES, AT)
+    assert passing[0] == pytest.approx(VIA, abs=1e-12)
+    best = jerk_through(passing[1:])
+    for k in range(4):
+        unit = np.zeros(4)
+        unit[k] = 1.0
+        unit = unit.reshape(2, 2)
+        up, down = (jerk_through(passing[1:] + s * unit) for s in (1, -1))
+        curvature = up + down - 2.0 * best
+        assert curvature > 0.0
+        assert up - down == pytest.approx(0.0, abs=1e-9 * curvature)
+
 
 PERIOD = 0.002
 PARAMS = SwingFootParams()
+DETOUR = SwingDetourParams()
 NOMINAL = (0.0, -0.25)  # beside the stance foot
 
 
@@ -61,12 +138,12 @@ def crossing(t, goal, start=NOMINAL, **kwargs):
     )
 
 
-def follow(states, params=PARAMS):
+def follow(states, params=PARAMS, detour=DETOUR):
     """All references along `states`, shape (n, 3, 4)."""
     motion = FootMotion.at_rest(states[0].schedule.feet[Side.RIGHT])
-    path = []
+    model, path = replace(MODEL, detour=detour), []
     for state in states:
-        motion = swing_foot_motion(motion, state, PERIOD, params)
+        motion = swing_foot_motion(motion, state, PERIOD, params, model)
         path.append(motion.pva)
     return np.array(path)
 
@@ -107,26 +184,6 @@ def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
     assert z.max() == pytest.approx(height, abs=2e-3)
 
 
-def test_apex_is_the_swing_height():
-    """Oracle: the parameter."""
-    z = follow([swing_state(t) for t in times()])[:, 0, 2]
-    assert z.max() == pytest.approx(PARAMS.height, abs=2e-3)
-    assert z.min() > -1e-4
-
-
-def test_a_moved_goal_and_a_jumping_clock_leave_no_jump():
-    """Oracle: position and velocity differ by less than their rates allow."""
-    states = [swing_state(t) for t in times() if t < 0.3]
-    # Then the goal moves by 0.3 m, and the clock jumps by 0.15 s.
-    late = [t + 0.15 for t in times() if 0.3 <= t < 0.549]
-    states += [swing_state(t, goal=(0.6, -0.4, 0.0)) for t in late]
-    path = follow(states)
-    p, v, a = path[:, 0], path[:, 1], path[:, 2]
-    assert np.abs(np.diff(p, axis=0) - v[1:] * PERIOD).max() < 1e-3
-    assert np.abs(np.diff(v, axis=0)).max() <= np.abs(a).max() * PERIOD * 1.5
-    assert p[-1, :2] == pytest.approx([0.6, -0.4], abs=2e-3)
-
-
 def test_a_late_foot_goes_on_downward():
     """Oracle: constant velocity."""
     states = [swing_state(t) for t in times()] + [swing_state(0.7)] * 50
@@ -135,18 +192,8 @@ def test_a_late_foot_goes_on_downward():
     assert z[-1] - z[-51] == pytest.approx(way, abs=1e-9)
 
 
-def test_a_swing_hurried_from_the_start_still_lifts_the_foot():
-    """Oracle: the parameters; the clock jumps by 0.3 s in the first tick."""
-    states = [swing_state(t, gained=0.3) for t in times() if t > 0.3]
-    z = follow(states)[:, 0, 2]
-    assert len(z) * PERIOD == pytest.approx(0.4)
-    assert z.max() == pytest.approx(PARAMS.height, abs=1e-3)
-    assert z.min() > -1e-4
-    assert z[-2] == pytest.approx(0.0, abs=1e-3)
-
-
-@pytest.mark.parametrize("lost", [0.1, 0.2, 0.28])
-@pytest.mark.parametrize("at", [0.02, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("lost", [0.1, 0.28])
+@pytest.mark.parametrize("at", [0.02, 0.1, 0.3])
 def test_a_hurried_foot_goes_neither_too_high_nor_below_the_ground(at, lost):
     """Oracle: the parameter; three times the peak of the shortest swing.
 
@@ -167,12 +214,12 @@ def gap(points):
     return np.hypot(*np.maximum(apart, 0.0).T)
 
 
-def footholds_across(region, spacing=0.085):
-    """Footholds (n, 2) of a cross-over region that leave the stance foot be.
+def footholds_across(region, spacing=0.12):
+    """Footholds (n, 2) of a cross-over region off the stance foot.
 
     For the right foot, which comes from y < 0, beside a sole in the origin.
     """
-    vertices = cross_over_region(ReachabilityParams(), region)
+    vertices = cross_over_region(MODEL.reach, region)
     grid = np.arange(-1.0, 1.0, spacing)
     points = np.array([[x, y] for x in grid for y in grid])
     inside = [Polygon(vertices).covers(Point(p)) for p in points]
@@ -183,16 +230,17 @@ def footholds_across(region, spacing=0.085):
 
 
 # What is kept free, less what the way cuts off the corners.
-FREE = min(PARAMS.detour.ahead - 0.25, PARAMS.detour.beside - 0.12) - 2e-3
+FREE = min(DETOUR.ahead - 0.25, DETOUR.beside - 0.12) - 2e-3
 
 
-@pytest.mark.parametrize("duration", [0.4, 0.7])
-@pytest.mark.parametrize("region", [FORWARD, BACKWARD])
-@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize(
+    ("region", "back", "duration"),
+    [(FORWARD, False, 0.4), (BACKWARD, False, 0.7), (FORWARD, True, 0.7)],
+)
 def test_crossing_feet_stay_clear_of_each_other(region, back, duration):
     """Oracle: the distance of two rectangles, to each foothold and back."""
     holds = footholds_across(region)
-    assert len(holds) > 20
+    assert len(holds) > 10
     for hold in holds:
         start, goal = (hold, NOMINAL) if back else (NOMINAL, hold)
         path = follow(
@@ -204,29 +252,6 @@ def test_crossing_feet_stay_clear_of_each_other(region, back, duration):
         least = min(gap(hold[None])[0], FREE)
         assert gap(path[:, 0, :2]).min() >= least - 1e-4
         assert path[-2, 0, :2] == pytest.approx(goal, abs=1e-3)
-
-
-def test_a_straight_way_would_hit_the_stance_foot():
-    """Oracle: the test above fails without the detour."""
-    nothing = SwingDetourParams(ahead=0.0, beside=0.0)
-    states = [crossing(t, (0.34, 0.1)) for t in times()]
-    path = follow(states, SwingFootParams(detour=nothing))
-    assert gap(path[:, 0, :2]).min() == 0.0
-
-
-def test_crossing_takes_no_more_than_the_way_round_asks_for():
-    """Oracle: the peaks of a straight swing, over the length of the detour.
-
-    1.875 L / T and 5.77 L / T^2; it is braked again while it turns in.
-    """
-    path = follow([crossing(t, (0.34, 0.1), duration=0.4) for t in times(0.4)])
-    corner = [PARAMS.detour.ahead, -PARAMS.detour.beside]
-    length = math.dist(NOMINAL, corner) + math.dist(corner, (0.34, 0.1))
-    speed, acceleration = (
-        np.linalg.norm(path[:, i, :2], axis=1) for i in (1, 2)
-    )
-    assert speed.max() < 1.875 * length / 0.4
-    assert acceleration.max() < 1.5 * 5.77 * length / 0.4**2
 
 
 def retargeted(rng):
@@ -269,20 +294,6 @@ def test_turns_the_short_way_round():
     assert far == pytest.approx(near, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("height", 0.0),
-        ("uncrossing_height", 0.6),
-        ("touchdown_velocity", -1.0),
-    ],
-)
-def test_refuses_bad_parameters(field, value):
-    """Oracle: the message names the field and the value."""
-    with pytest.raises(ValueError, match=f"{field} = {value}"):
-        SwingFootParams(**{field: value}).validate()
-
-
 def test_a_foot_that_is_sent_away_too_late_comes_later():
     """Oracle: the time that full thrust takes; the last centimetre is slow.
 
@@ -298,10 +309,10 @@ def test_a_foot_that_is_sent_away_too_late_comes_later():
     there = np.hypot(*(late[:, 0, :2] - goal[:2]).T) < 0.01
     arrival = np.flatnonzero(there)[0]
     way = math.dist(goal[:2], (0.4, -0.15))
-    least = 2.0 * math.sqrt(way / PARAMS.detour.max_acceleration)
+    least = 2.0 * math.sqrt(way / DETOUR.max_acceleration)
     assert 0.1 + arrival * PERIOD == pytest.approx(least, abs=0.04)
     assert late[:arrival, 0, 2].min() > 0.0
     assert late[-1, 0, 2] < 0.0
     # Twice full thrust: a quintic peaks at 1.44 times it, and it turns round.
-    most = 2.0 * PARAMS.detour.max_acceleration
+    most = 2.0 * DETOUR.max_acceleration
     assert np.hypot(*path[:, 2, :2].T).max() < most

@@ -1,8 +1,12 @@
+"""Oracles: by hand; finite differences along a swing, mirror images."""
+
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -13,10 +17,18 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.core.whole_body_command import whole_body_command
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_command import (
+    CrossingTurnParams,
+    WholeBodyModel,
+    WholeBodyQpParams,
+    crossing_turn,
+    whole_body_command,
+)
+from tests.example_walks import standing
 
-WEIGHT = 900.0
+MASS = 900.0 / GRAVITY
+NO_JOINTS = [np.zeros(0)] * 5
+MODEL = WholeBodyModel(MASS, 0.25, 0.12, *NO_JOINTS)
 REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
@@ -33,11 +45,11 @@ def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):
 
 def command(walking_state, swing=None, **params):
     return whole_body_command(
-        WholeBodyQpParams(**params),
         walking_state,
         np.zeros(3),
         np.zeros(12) if swing is None else swing,
-        WEIGHT,
+        WholeBodyQpParams(**params),
+        MODEL,
     )
 
 
@@ -99,8 +111,67 @@ def test_no_foot_unloads_that_is_not_about_to_leave(both_stay):
     assert command(both_stay).max_normal_forces == (math.inf, math.inf)
 
 
-def test_unloading_can_be_switched_off():
-    """Oracle: no bound until the very end."""
-    late = state(Phase.TRANSFER, time_in_phase=0.999)
-    bounds = command(late, unloading_fraction=0.0).max_normal_forces
-    assert bounds == (math.inf, math.inf)
+PARAMS = CrossingTurnParams()
+
+
+def turn_of(
+    offset, side=Side.RIGHT, yaw=0.0, v=(0, 0), a=(0, 0), phase=Phase.SWING
+):
+    """The turn for a sole of `side` at `offset` from the stance sole."""
+    stance = FootPose(np.array([0.7, -0.4, 0.0]), yaw)
+    offset, v, a = (stance.rotation @ np.array(e) for e in (offset, v, a))
+    other = FootPose(np.append(stance.p_WF[:2] + offset, 0.0), yaw)
+    feet = FootPoses(stance, other)
+    if side is Side.LEFT:
+        feet = FootPoses(other, stance)
+    schedule = replace(
+        standing(),
+        phase=phase,
+        support_side=side.other,
+        feet=feet,
+        footsteps=(Footstep(side, other, 0.3, 0.7),),
+    )
+    swing = np.zeros(12)
+    swing[:2], swing[3:5], swing[6:8] = other.p_WF[:2], v, a
+    return crossing_turn(WalkingState(schedule), swing, PARAMS)
+
+
+def test_rates_are_the_derivatives_of_the_turn():
+    """Oracle: central differences of a sole on a parabola that crosses."""
+    p, v, a = (np.array(e) for e in ([0.2, 0.0], [1.0, 1.5], [-3.0, 2.0]))
+
+    def at(t):
+        return turn_of(p + v * t + 0.5 * a * t * t, v=v + a * t, a=a)
+
+    h = 1e-5
+    for t in (0.0, 0.05, 0.1):
+        (before, *rates), (after, *later) = at(t - h), at(t + h)
+        _, rate, acceleration = at(t)
+        assert rate == pytest.approx((after - before) / (2 * h), rel=1e-6)
+        assert acceleration == pytest.approx(
+            (later[0] - rates[0]) / (2 * h), rel=1e-6
+        )
+
+
+def test_the_hip_of_the_crossing_leg_goes_ahead():
+    """Oracle: by hand; a right leg in front turns to the left."""
+    assert turn_of((0.3, 0.1))[0] > math.radians(15.0)
+    assert turn_of((-0.4, 0.0))[0] < -math.radians(10.0)
+    assert turn_of((0.3, -0.05))[0] < 0.5 * turn_of((0.3, 0.1))[0]
+    assert turn_of((5.0, 5.0))[0] == pytest.approx(math.radians(30.0))
+
+
+@pytest.mark.parametrize("offset", [(0.0, -0.25), (0.5, -0.25), (-0.5, -0.4)])
+def test_feet_that_are_apart_do_not_turn_it(offset):
+    """Oracle: zero, whatever the speed; side by side, or a long step."""
+    assert turn_of(offset, v=(2.0, 1.0)) == (0.0, 0.0, 0.0)
+
+
+def test_does_not_depend_on_which_foot_supports_nor_on_the_heading():
+    """Oracle: the same two soles, so that a landing changes nothing."""
+    swing = turn_of((0.3, 0.1))
+    transfer = turn_of((0.3, 0.1), phase=Phase.TRANSFER, v=(9.0, 9.0))
+    other = turn_of((-0.3, -0.1), Side.LEFT)
+    turned = turn_of((0.3, 0.1), yaw=2.0)
+    for same in transfer, other, turned:
+        assert same == pytest.approx(swing, abs=1e-12)

@@ -1,4 +1,7 @@
+"""Oracles: Drake's inverse dynamics, quadprog, daqp, corner forces, by hand."""
+
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -6,10 +9,15 @@ import pytest
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
+from scipy.optimize import linprog
 
 from nadia_balance.core.walking import Side
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyQp
+from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_qp import (
+    WholeBodyLimits,
+    WholeBodyQp,
+    contact_wrench_cone,
+)
 from tests.qp_examples import by_daqp, by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
@@ -23,6 +31,136 @@ from tests.whole_body_examples import (
     standing_state,
     terms_at,
 )
+
+LENGTH, WIDTH, FRICTION = 0.25, 0.12, 0.6
+
+
+def wrench_of(forces):
+    """[tau, f] about the centre of forces (4, 3) at the sole's corners."""
+    corners = np.array(
+        [
+            [a * 0.5 * LENGTH, b * 0.5 * WIDTH, 0.0]
+            for a, b in itertools.product((1, -1), repeat=2)
+        ]
+    )
+    return np.concatenate([np.cross(corners, forces).sum(0), forces.sum(0)])
+
+
+def generators():
+    """Wrenches (16, 6) of the edges of the four corners' pyramids."""
+    wrenches = []
+    for corner, a, b in itertools.product(range(4), (1, -1), (1, -1)):
+        forces = np.zeros((4, 3))
+        forces[corner] = [a * FRICTION, b * FRICTION, 1.0]
+        wrenches.append(wrench_of(forces))
+    return np.array(wrenches)
+
+
+def test_holds_what_forces_at_the_corners_can_do():
+    """Oracle: random corner forces inside their friction pyramids."""
+    U = contact_wrench_cone(LENGTH, WIDTH, FRICTION)
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        forces = np.empty((4, 3))
+        forces[:, 2] = rng.exponential(size=4) * (rng.random(4) < 0.7)
+        most = FRICTION * forces[:, 2:]
+        forces[:, :2] = most * rng.uniform(-1.0, 1.0, size=(4, 2))
+        assert np.all(U @ wrench_of(forces) <= 1e-12)
+
+
+def test_holds_nothing_else():
+    """Oracle: linear programs that look for corner forces, near the edge."""
+    U = contact_wrench_cone(LENGTH, WIDTH, FRICTION)
+    edges = generators()
+    rng = np.random.default_rng(1)
+    verdicts = []
+    for _ in range(400):
+        inside = rng.exponential(size=16) @ edges
+        wrench = inside + rng.normal(size=6) * [0.4, 0.8, 0.5, 5, 5, 1]
+        slack = (U @ wrench).max()
+        if abs(slack) < 1e-7:
+            continue
+        found = linprog(np.zeros(16), A_eq=edges.T, b_eq=wrench)
+        assert (found.status == 0) == (slack < 0.0)
+        verdicts.append(found.status == 0)
+    assert 50 < sum(verdicts) < 350
+
+
+def test_refuses_what_is_no_sole():
+    """Oracle: the message names the argument."""
+    with pytest.raises(ValueError, match="width = 0.0: must be > 0"):
+        contact_wrench_cone(0.2, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_wrenches_are_possible(contacts):
+    """Oracle: CoP in the sole, friction and force by their definitions."""
+    params = WholeBodyQpParams()
+    length, width = nadia().sole_length, nadia().sole_width
+    for seed in range(5):
+        hard_push = (300.0, 150.0, -100.0)
+        terms, found = solve(
+            random_state(seed), contacts, momentum_rate=hard_push
+        )
+        for side, carries in enumerate(contacts):
+            wrench = found.wrenches[6 * side : 6 * side + 6]
+            if not carries:
+                assert wrench == pytest.approx(np.zeros(6), abs=ROUNDING)
+                continue
+            R_FW = terms.rotations[side].T
+            tau, f = R_FW @ wrench[:3], R_FW @ wrench[3:]
+            cop = np.array([-tau[1], tau[0]]) / f[2]
+            reach = np.array([length, width]) / 2 - params.sole_margin
+            assert np.all(np.abs(cop) * f[2] < reach * f[2] + ROUNDING)
+            assert np.all(np.abs(f[:2]) < params.friction * f[2] + ROUNDING)
+            assert f[2] > params.min_normal_force - ROUNDING
+
+
+def test_refuses_a_margin_that_leaves_nothing_of_the_sole():
+    """Oracle: half of Nadia's sole is 0.06 m wide."""
+    WholeBodyLimits(WholeBodyQpParams(sole_margin=0.059), model())
+    message = "^sole_margin = 0.061: must leave some of the sole$"
+    with pytest.raises(ValueError, match=message):
+        WholeBodyLimits(WholeBodyQpParams(sole_margin=0.061), model())
+
+
+def test_keeps_to_the_torque_limits():
+    """Oracle: the limits; without them the knees would take more."""
+    wish = {"momentum_rate": (0.0, 0.0, 500.0)}
+    _, free = solve(standing_state(), **wish)
+    limits = model().max_torque
+    ratio = 0.5 * np.max(np.abs(free.torques) / limits)
+    params = WholeBodyQpParams(max_effort_ratio=ratio)
+    _, found = solve(standing_state(), params=params, **wish)
+    used = np.abs(found.torques) / (ratio * limits)
+    assert used.max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_joints_brake_before_their_limits():
+    """Oracle: the position that the horizon leads to, by hand."""
+    params = WholeBodyQpParams()
+    state, horizon = standing_state(), params.joint_limit_horizon
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    state[30 + knee] = -3.0  # straightens, and fast
+    lowest = state[knee + 1] - 0.005
+    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest))
+    terms = terms_at(state)
+    found = qp.solve(terms, command(terms, (False, True)))
+    ahead = state[knee + 1] + horizon * (-3.0)
+    ahead += 0.5 * horizon**2 * found.vdot[knee]
+    assert ahead == pytest.approx(lowest, abs=1e-9)
+    free = WholeBodyQp(params, model()).solve(
+        terms, command(terms, (False, True))
+    )
+    assert free.vdot[knee] < found.vdot[knee] - 1.0
+
+
+def test_a_foot_carries_no_more_than_it_may():
+    """Oracle: the bound; the other foot takes the rest of the weight."""
+    _, found = solve(standing_state(), max_normal_forces=(100.0, math.inf))
+    assert found.wrenches[5] == pytest.approx(100.0, abs=1e-6)
+    assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
+
 
 SIDES = (Side.LEFT, Side.RIGHT)
 
@@ -49,7 +187,7 @@ def inverse_dynamics(plant: MultibodyPlant, state, found):
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)
 def test_torques_wrenches_and_accelerations_belong_together(contacts):
     """Oracle: Drake's inverse dynamics with the wrenches applied."""
-    for seed in range(10):
+    for seed in range(5):
         state = random_state(seed)
         _, found = solve(state, contacts, momentum_rate=(30.0, -20.0, 10.0))
         expected = np.concatenate([np.zeros(6), found.torques])
@@ -61,7 +199,7 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
 def test_agrees_with_independent_solvers(contacts):
     """Oracles: quadprog and daqp on the same matrices, torques in N m."""
     qp = WholeBodyQp(WholeBodyQpParams(), model())
-    for seed in range(10):
+    for seed in range(5):
         terms = terms_at(random_state(seed))
         wish = command(terms, contacts, (200.0, -100.0, 50.0))
         found = qp.solve(terms, wish)
@@ -74,8 +212,8 @@ def test_agrees_with_independent_solvers(contacts):
             )
 
 
-def test_a_still_robot_needs_the_torques_of_gravity_alone():
-    """Oracle: the whole weight on the soles, no acceleration at all."""
+def test_a_still_robot_in_its_posture_needs_no_acceleration():
+    """Oracle: the whole weight on the soles; gravity alone loads the joints."""
     at_rest = dataclasses.replace(model(), posture=standing_state()[7:30])
     terms = terms_at(standing_state())
     # The normal forces' regularisation lowers the CoM a little, and the IK
@@ -129,36 +267,20 @@ def test_a_tilted_sole_is_brought_level():
     assert turn == pytest.approx([-gain * math.sin(0.02), 0, 0], abs=1e-6)
 
 
-def test_the_load_is_shared_so_that_the_cop_stays_in_the_middle():
-    """Oracle: symmetric, so half of the weight each and no moment about x."""
-    _, found = solve(standing_state())
-    assert found.wrenches[5] == pytest.approx(found.wrenches[11], rel=0.01)
-    assert np.all(np.abs(found.wrenches[[0, 6]]) < 0.1)
-
-
-def test_starts_warm():
-    """Oracle: the active rows of the same problem need one solve."""
-    terms = terms_at(random_state(3))
-    qp = WholeBodyQp(WholeBodyQpParams(), model())
-    wish = command(terms, momentum_rate=(300.0, 150.0, 0.0))
-    cold = qp.solve(terms, wish)
-    warm = qp.solve(terms, wish, cold.qp.active)
-    assert cold.qp.iterations > 1
-    assert warm.qp.iterations == 1
-    assert warm.torques == pytest.approx(cold.torques, abs=1e-7)
-
-
-def test_rows_of_a_foot_that_has_left_are_forgotten():
+def test_starts_warm_without_the_rows_of_a_foot_that_has_left():
     """Oracle: the optimum without a guess."""
     terms = terms_at(random_state(3))
     qp = WholeBodyQp(WholeBodyQpParams(), model())
     pushed = (300.0, 150.0, 0.0)
     both = qp.solve(terms, command(terms, momentum_rate=pushed))
     one = command(terms, (True, False), pushed)
-    warm = qp.solve(terms, one, both.qp.active)
+    warm = qp.solve(terms, command(terms, momentum_rate=pushed), both.qp.active)
+    assert both.qp.iterations > 1 == warm.qp.iterations
     assert np.any(both.qp.active[63:])
+    warm = qp.solve(terms, one, both.qp.active)
     assert not np.any(warm.qp.active[63:])
-    assert warm.torques == pytest.approx(qp.solve(terms, one).torques, abs=1e-6)
+    cold = qp.solve(terms, one)
+    assert warm.torques == pytest.approx(cold.torques, abs=ROUNDING)
 
 
 def test_gives_up_braking_if_nothing_else_is_possible():

@@ -1,9 +1,9 @@
-"""A point mass whose brain sees it through noise."""
+"""A point mass whose controller sees it through noise."""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.systems.ports import connect
 
 
@@ -37,7 +37,7 @@ class VelocityNoise(LeafSystem):
 
 
 class NoisyLipmDiagram(LipmDiagram):
-    """The LIPM diagram with noise on the velocity that the brain gets."""
+    """The LIPM diagram with noise on the velocity that the controller gets."""
 
     def __init__(self, scenario, deviation: float, seed: int = 1):
         """`deviation` [m/s] is the noise's standard deviation, per axis."""
@@ -50,7 +50,7 @@ class NoisyLipmDiagram(LipmDiagram):
         rng = np.random.default_rng(self._seed)
         noise = self._deviation * rng.standard_normal((ticks, 2))
         sensor = builder.AddNamedSystem(
-            "sensor", VelocityNoise(noise, self.robot.omega, period)
+            "sensor", VelocityNoise(noise, self.robot.point_mass.omega, period)
         )
         connect(builder, self.plant, sensor, "com_state", "icp")
         return sensor

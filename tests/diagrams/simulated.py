@@ -2,12 +2,12 @@
 
 import functools
 
-from diagrams.humanoid import HumanoidDiagram
-from diagrams.lipm import LipmDiagram
-from diagrams.run_info import run_info
-from diagrams.scenario import Scenario, load_scenario
-from diagrams.simulation import Run, simulate
-from diagrams.summary import summarize
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.summary import Run, summarize
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 
@@ -40,4 +40,4 @@ def _simulated(text: str, plant: str) -> Run:
 def figures(text: str = "{}", plant: str = "humanoid") -> dict:
     """The summary of that scenario."""
     run = simulated(text, plant)
-    return summarize(run.logs, run_info(scenario_of(text), run, plant))
+    return summarize(run, run_info(scenario_of(text), run, plant))

@@ -15,7 +15,7 @@ def shoved(delta_v, direction):
     return (
         "{robot: atlas, mechanisms: all_with_cross_over, duration: 8.0, "
         "gait: {num_steps: 5}, required_steps: 4, pushes: ["
-        f"{{delta_v: {delta_v}, phase: swing, side: right, "
+        f"{{delta_v: {delta_v}, at: right swing 25 %, "
         f"direction_deg: {direction}}}]}}"
     )
 
@@ -34,8 +34,11 @@ def test_walks_in_place():
     [(1.15, 0.0), (0.41, 90.0), (0.91, 180.0), (0.85, 270.0)],
 )
 def test_recovers_from_what_the_paper_shows_for_nadia(delta_v, direction):
-    """Oracle: Fig. 10 of the Nadia paper, all mechanisms [m/s]."""
+    """Oracle: Fig. 10 of the Nadia paper, all mechanisms [m/s].
+
+    The QP meets its torque limits to 1e-8 (core/qp.py).
+    """
     found = figures(shoved(delta_v, direction))
     assert found["recovered"], found["reason"]
     assert found["steps_after_push"] >= 4
-    assert found["max_torque_ratio"] <= 1.0 + 1e-9
+    assert found["max_torque_ratio"] <= 1.0 + 1e-8

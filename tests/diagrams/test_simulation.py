@@ -2,57 +2,42 @@
 
 import contextlib
 import signal
-import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from diagrams.simulation import advance, simulate, start
+from nadia_balance.diagrams.simulation import (
+    advance,
+    pushed,
+    simulate,
+    start,
+    until_ctrl_c,
+    walk_to_push,
+)
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002
 PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
 
 
-def test_ends_in_time():
-    run = simulate(diagram_of(plant="lipm"), 0.5)
-    assert (run.fell_at, run.fall_reason, run.interrupted) == (None, "", False)
-    assert run.simulated_time == 0.5
-    assert len(run.logs["t"]) == 250
-
-
-def test_ends_with_a_fall():
-    """Oracle: the diagram, asked by hand; it is watched every 0.01 s."""
-    diagram = diagram_of(plant="lipm")
-    diagram.fall_reason = falls_at(0.305)
-    run = simulate(diagram, 1.0)
-    assert run.fell_at == pytest.approx(0.31, abs=1.01 * PERIOD)
-    assert run.fall_reason == "made up"
-    assert run.simulated_time == run.fell_at
-    assert run.logs["t"][-1] == pytest.approx(run.fell_at, abs=1.01 * PERIOD)
-
-
 @pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.61)])
 def test_ends_with_an_improper_contact_if_it_is_told_to(stops, end):
     """Oracle: the diagram, asked by hand; without being told, the fall."""
     diagram = diagram_of(plant="lipm")
-    diagram.improper_contacts = touches_at(0.305)
-    diagram.fall_reason = falls_at(0.605)
+    diagram.improper_contacts = lambda context: (
+        {"hand - ground"} if context.get_time() >= 0.305 else set()
+    )
+    diagram.fall_reason = lambda context: (
+        "made up" if context.get_time() >= 0.605 else ""
+    )
     run = simulate(diagram, 1.0, stop_at_improper_contact=stops)
     assert run.improper_contacts == ("hand - ground",)
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
     assert run.fell_at == (None if stops else run.simulated_time)
+    assert run.fall_reason == ("" if stops else "made up")
+    assert run.logs["t"][-1] == pytest.approx(end, abs=2.01 * PERIOD)
     assert (run.error, run.interrupted) == ("", False)
-
-
-def touches_at(begin):
-    return lambda context: (
-        {"hand - ground"} if context.get_time() >= begin else set()
-    )
-
-
-def falls_at(end):
-    return lambda context: "made up" if context.get_time() >= end else ""
 
 
 def test_ctrl_c_keeps_what_was_logged():
@@ -75,7 +60,7 @@ def test_ctrl_c_keeps_what_was_logged():
     # Pressed in one tick, seen in the next.
     assert run.simulated_time == pytest.approx(0.3, abs=2.01 * PERIOD)
     rows = len(run.logs["t"])
-    assert rows == round(run.simulated_time / PERIOD)
+    assert rows == round(run.simulated_time / PERIOD) + 1
     whole = simulate(diagram_of(plant="lipm"), 1.0).logs
     for name in ("t", "icp", "walking_signal"):
         assert np.array_equal(
@@ -87,11 +72,9 @@ def test_ctrl_c_keeps_what_was_logged():
 @pytest.mark.parametrize(
     ("when", "row", "where"),
     [
-        (0.3, 0, "walking_state_machine: input port 'icp'"),
         (1.6, 4, "walking_state_machine: input port 'icp'"),  # in a swing
         # The height is not in the ICP.
         (0.3, 2, "momentum_qp: input port 'com_state'"),
-        (1.6, 5, "momentum_qp: input port 'com_state'"),
     ],
 )
 def test_a_number_that_is_none_stops_the_point_mass(bad, when, row, where):
@@ -109,49 +92,22 @@ def test_a_number_that_is_none_stops_the_point_mass(bad, when, row, where):
     diagram.fall_reason = poison
     run = advance(simulator, 2.0)
     assert run.error == f"{where} is not finite"
-    assert (run.fell_at, run.fall_reason) == (None, "")  # she did not fall
+    assert (run.fell_at, run.fall_reason) == (None, "")  # it did not fall
     # The fall is looked for, and so the number put in, every 0.01 s.
     assert run.simulated_time == pytest.approx(when, abs=0.013)
-    assert len(run.logs["t"]) == round(run.simulated_time / PERIOD)
+    # The row of that very tick is there unless it cannot be computed.
+    rows = round(run.simulated_time / PERIOD)
+    assert len(run.logs["t"]) in (rows, rows + 1)
     assert np.isfinite(run.logs["ecmp_command"]).all()
-
-
-def test_an_error_is_one_line_and_never_empty():
-    """Oracle: without a message, the kind of error has to do."""
-    for error, line in (
-        (RuntimeError("two\n  lines"), "two lines"),
-        (ValueError(), "ValueError"),
-    ):
-        diagram = diagram_of(plant="lipm")
-        diagram.fall_reason = raises_at(0.1, error)
-        assert simulate(diagram, 0.2).error == line
-
-
-def raises_at(end, error):
-    def look(context):
-        if context.get_time() >= end:
-            raise error
-        return ""
-
-    return look
-
-
-def test_an_error_of_the_program_is_not_hidden():
-    diagram = diagram_of(plant="lipm")
-    diagram.fall_reason = None  # no function: a TypeError
-    with pytest.raises(TypeError):
-        simulate(diagram, 1.0)
 
 
 @pytest.mark.parametrize(
     ("when", "missed"),
     [
-        ("time: 0.5", 0),
-        ("time: 0.9", 0),  # ends with the run
-        ("time: 0.95", 1),  # is cut off by the end
-        ("phase: swing, side: right", 1),
-        ("phase: transfer, side: right", 0),
-        ("phase: transfer, side: right, fraction: 1.0", 1),
+        ("at: 0.9 s", 0),  # ends with the run
+        ("at: 0.95 s", 1),  # is cut off by the end
+        ("at: right swing 25 %", 1),
+        ("at: right transfer 100 %", 1),
     ],
 )
 def test_counts_the_pushes_that_did_not_come(when, missed):
@@ -160,17 +116,73 @@ def test_counts_the_pushes_that_did_not_come(when, missed):
     assert run.missed_pushes == missed
 
 
-def test_a_diagram_has_no_memory_of_an_earlier_run():
-    """Oracle: two simulators of one diagram give the same bits."""
-    diagram = diagram_of(PUSHED.format("time: 0.2"), "lipm")
-    first, second = (simulate(diagram, 2.0).logs for _ in range(2))
-    for name, values in first.items():
-        assert np.array_equal(values, second[name], equal_nan=True), name
+WALKS = {
+    "at: right swing 25 %": 1.475,
+    "at: right transfer 100 %": 1.3,
+    "at: 1.301 s": 1.302,
+    "at: right swing 25 %, delay: 0.03": 1.475,
+}
 
 
-def test_can_be_held_back_to_real_time():
-    """Oracle: the clock on the wall; a lower bound holds on any machine."""
+@pytest.mark.parametrize("when", WALKS)
+@pytest.mark.parametrize("period", [0.002, 0.01])
+def test_from_a_walk_one_goes_on_as_in_one_go(when, period):
+    """Oracle: all arrays of the log of one run from start to end.
+
+    From one walk, with a push of nothing, two pushes of different sizes.
+    """
+    text = f"{{mechanisms: all_with_cross_over, seed: 3, lipm_period: {period}"
+    text += f", gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
+    diagram = diagram_of(text.replace("SIZE", "delta_v: 0"), "lipm")
+    walked, run = walk_to_push(diagram, 3.0, until=lambda context: False)
+    assert run.until
+    assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * period)
+    for delta_v, direction in (0.3, 40.0), (0.6, -130.0):
+        size = f"delta_v: {delta_v}, direction_deg: {direction}"
+        other = diagram_of(text.replace("SIZE", size), "lipm")
+        whole = simulate(other, 3.0)
+        after = advance(pushed(diagram, walked, delta_v, direction), 3.0)
+        assert whole.missed_pushes == after.missed_pushes == 0
+        for name, values in whole.logs.items():
+            assert np.array_equal(values, after.logs[name], equal_nan=True)
+
+
+def test_a_walk_may_come_to_no_push():
+    """Oracle: the run ends before; or somebody has seen enough."""
+    text = PUSHED.format("at: right swing 25 %")
+    for until, end in (lambda context: False, 1.2), (lambda context: True, 0):
+        _, run = walk_to_push(diagram_of(text, "lipm"), 1.2, until)
+        assert run.until == (end == 0)
+        assert run.missed_pushes == 1
+        assert run.simulated_time == end
+
+
+def test_ends_when_it_is_told_to_and_can_go_on():
+    """Oracle: the run in one go; the rows of the log, none of them twice."""
     simulator = start(diagram_of(plant="lipm"))
-    began = time.perf_counter()
-    advance(simulator, 0.2, realtime_rate=1.0)
-    assert time.perf_counter() - began > 0.15
+    first = advance(simulator, 0.5, until=lambda c: c.get_time() >= 0.2)
+    assert first.until
+    assert first.simulated_time == pytest.approx(0.2, abs=1.01 * PERIOD)
+    second = advance(simulator, 0.5)
+    assert not second.until
+    whole = simulate(diagram_of(plant="lipm"), 0.5)
+    for name in ("t", "icp"):
+        assert np.array_equal(second.logs[name], whole.logs[name])
+
+
+def test_ctrl_c_is_a_question_at_first():
+    """Oracles: real signals; in the end, all is as before."""
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), until_ctrl_c() as pressed:
+        assert not pressed()
+        signal.raise_signal(signal.SIGINT)
+        assert pressed()
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_is_not_for_another_thread():
+    """Oracle: Python's own rule: signals are of the main thread."""
+    with ThreadPoolExecutor() as pool:
+        diagram = diagram_of(plant="lipm")
+        assert not pool.submit(simulate, diagram, 0.1).result().interrupted

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-from diagrams.humanoid import HumanoidDiagram
-from diagrams.run_info import run_info
-from diagrams.run_log import (
+from nadia_balance.core.reachability import (
+    FORWARD,
+    ReachabilityParams,
+    cross_over_region,
+)
+from nadia_balance.core.walking import FootPose, Phase, Side
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.log import (
     Log,
     PushSpan,
     Step,
@@ -17,17 +25,9 @@ from diagrams.run_log import (
     sole_pose,
     steps,
 )
-from diagrams.scenario import load_scenario
-from diagrams.simulation import simulate
-from diagrams.summary import summarize
-from nadia_balance.core.reachability import (
-    FORWARD,
-    ReachabilityParams,
-    cross_over_region,
-)
-from nadia_balance.core.walking import FootPose, Phase, Side
+from nadia_balance.results.summary import summarize
 
-CROSSING = ReachabilityParams(cross_over=True)
+CROSSING = ReachabilityParams()
 HALF_WIDTH, BACK = 0.125, 0.03  # of a stance; back at its foothold [m]
 
 
@@ -59,7 +59,7 @@ def tell(name: str, duration: float) -> Story:
     """Simulates a scenario, no longer than it takes to see it out."""
     scenario = load_scenario(name, text=f"{{duration: {duration}}}")
     run = simulate(HumanoidDiagram(scenario), duration)
-    return Story(run.logs, summarize(run.logs, run_info(scenario, run)))
+    return Story(run.logs, summarize(run, run_info(scenario, run)))
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def distance(step: Step, x: float) -> float:
 @pytest.mark.parametrize(
     "name", ["backward_shove", "cross_over", "atlas_steps"]
 )
-def test_she_recovers_by_her_feet_alone(name, request):
+def test_recovers_by_its_feet_alone(name, request):
     """Oracle: the summary: upright, the ICP back, no contact but the soles'."""
     summary = request.getfixturevalue(name).summary
     # No longer than it takes to see it out is too short for all 8 steps.
@@ -102,7 +102,7 @@ def test_she_recovers_by_her_feet_alone(name, request):
     assert summary["required_steps"] >= 2
 
 
-def test_she_is_shoved_backward_at_the_very_end_of_a_right_swing(
+def test_is_shoved_backward_at_the_very_end_of_a_right_swing(
     backward_shove,
 ):
     """Oracle: the paper, Sec. VII: swing 0.6 s, transfer 0.2 s, forward."""
@@ -121,7 +121,7 @@ def test_she_is_shoved_backward_at_the_very_end_of_a_right_swing(
 def test_after_a_backward_shove_the_next_transfer_shrinks(backward_shove):
     """Oracle: Fig. 12: 0.03 s in place of 0.2 s; the swing 0.4 s, not 0.6 s.
 
-    She stepped back by about 0.3 m from where she was to step.
+    It stepped back by about 0.3 m from where it was to step.
     """
     hurried = backward_shove.steps[1]
     assert hurried.side is Side.LEFT
@@ -131,7 +131,7 @@ def test_after_a_backward_shove_the_next_transfer_shrinks(backward_shove):
     assert backward_shove.seen_from_stance(hurried)[0] < -0.1
 
 
-def test_after_a_backward_shove_she_walks_on(backward_shove):
+def test_after_a_backward_shove_it_walks_on(backward_shove):
     """Oracle: the n-th of the gait's footholds is n times 0.1 m ahead.
 
     The bar of the project: back within 3 cm, at most 6 steps after the push.
@@ -142,13 +142,13 @@ def test_after_a_backward_shove_she_walks_on(backward_shove):
         assert distance(step, 0.1 * step.number) < BACK
 
 
-def test_she_is_shoved_inward_while_stepping_in_place(cross_over):
+def test_is_shoved_inward_while_stepping_in_place(cross_over):
     """Oracle: the paper, Sec. VII: 25 % of a right swing, 0.7 s and 0.3 s."""
     side, part = pushed_in(cross_over)
     assert side is Side.RIGHT
     assert part == pytest.approx(0.25, abs=0.01)
     force = cross_over.push.force
-    assert force[1] > 0.0, "toward the left foot, on which she stands"
+    assert force[1] > 0.0, "toward the left foot, on which it stands"
     assert force[0] == pytest.approx(0.0, abs=1e-3 * force[1])
     before = steps(cross_over.log)[1]
     assert before.swing.duration == pytest.approx(0.7, abs=0.02)
@@ -156,7 +156,7 @@ def test_she_is_shoved_inward_while_stepping_in_place(cross_over):
     assert distance(before, 0.0) < 0.02
 
 
-def test_her_right_foot_crosses_in_front_within_reach(cross_over):
+def test_the_right_foot_crosses_in_front_within_reach(cross_over):
     """Oracle: R_fwd of Fig. 8; the stance foot's centre line is its x axis.
 
     A sole may land 1 cm beside where it was to.
@@ -172,17 +172,17 @@ def test_her_right_foot_crosses_in_front_within_reach(cross_over):
     assert planned == pytest.approx(-HALF_WIDTH, abs=0.01)
 
 
-def test_the_next_step_uncrosses_her_legs(cross_over):
+def test_the_next_step_uncrosses_the_legs(cross_over):
     """Oracle: the base region: no nearer to the other foot than w_min."""
     uncrossing = cross_over.steps[1]
     assert uncrossing.side is Side.LEFT
     forward, out = cross_over.seen_from_stance(uncrossing)
     assert out > CROSSING.width_min - 0.01
     assert np.hypot(forward, out) > 0.2, "the soles, 0.12 m wide, are apart"
-    assert uncrossing.achieved.p_WF[1] > HALF_WIDTH + 0.1, "she steps out"
+    assert uncrossing.achieved.p_WF[1] > HALF_WIDTH + 0.1, "it steps out"
 
 
-def test_after_crossing_her_feet_go_back_to_their_footholds(cross_over):
+def test_after_crossing_the_feet_go_back_to_their_footholds(cross_over):
     """Oracle: the bar of the project: 3 cm, in at most 6 steps."""
     last = cross_over.steps[2:6]
     assert {step.side for step in last} == set(Side)

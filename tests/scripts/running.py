@@ -41,17 +41,28 @@ def summary_of(folder: Path) -> dict:
     return json.loads((folder / "summary.json").read_text("utf-8"))
 
 
-def as_program(module: str, *argv, cwd: Path) -> subprocess.CompletedProcess:
-    """Runs a module of the scripts as a program of its own in `cwd`."""
+def as_program(
+    module: str, *argv, cwd: Path, path: Path = ROOT
+) -> subprocess.CompletedProcess:
+    """Runs a module of the scripts as a program of its own in `cwd`.
+
+    It finds the modules in `path` before all others.
+    """
     return subprocess.run(
-        [sys.executable, "-m", f"scripts.{module}", *map(str, argv)],
+        [
+            sys.executable,
+            "-m",
+            f"nadia_balance.scripts.{module}",
+            *map(str, argv),
+        ],
         cwd=cwd,
-        env=environment(),
+        env=environment(path),
         capture_output=True,
         text=True,
     )
 
 
-def environment() -> dict[str, str]:
-    """Finds our modules from anywhere."""
-    return {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+def environment(path: Path = ROOT) -> dict[str, str]:
+    """Finds our modules from anywhere, after those in `path`."""
+    paths = f"{path}{os.pathsep}{ROOT}"
+    return {**os.environ, "PYTHONPATH": paths, "MPLBACKEND": "Agg"}

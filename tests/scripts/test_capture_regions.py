@@ -7,7 +7,6 @@ from matplotlib.patches import Polygon
 from shapely import MultiPoint
 from shapely import Polygon as Shape
 
-from diagrams.plots import feedback, regions
 from nadia_balance.core.reachability import (
     BACKWARD,
     BASE,
@@ -15,7 +14,10 @@ from nadia_balance.core.reachability import (
     cross_over_region,
     step_regions,
 )
-from scripts.capture_regions import FIGURES, main
+from nadia_balance.results.plots import capture_regions as regions
+from nadia_balance.scripts import capture_regions
+from nadia_balance.scripts.capture_regions import FIGURES
+from tests.scripts.running import assert_refused, run_script
 
 
 def polygons(ax, label):
@@ -37,42 +39,30 @@ def dot(ax, label):
     return np.array([line.get_xdata()[0], line.get_ydata()[0]])
 
 
-@pytest.mark.parametrize("number", FIGURES)
-def test_draws_each_figure(tmp_path, capsys, number):
-    """Oracle: a picture with more than one colour, where it says."""
-    assert main(["--figure", str(number), "--out", str(tmp_path)]) == 0
-    path = tmp_path / f"figure_{number}.png"
-    assert capsys.readouterr().out == f"wrote {path}\n"
-    pixels = imread(path)[:, :, :3].reshape(-1, 3)
-    assert len(pixels) > 500_000
-    assert len(np.unique(pixels, axis=0)) > 100
-
-
-def test_draws_all_of_them_unless_told(tmp_path):
-    assert main(["--out", str(tmp_path)]) == 0
-    names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == [f"figure_{n}.png" for n in FIGURES]
+@pytest.mark.parametrize("flags", [["--figure", "4", "9"], []])
+def test_draws_the_figures_that_it_is_told_or_all(tmp_path, capsys, flags):
+    """Oracle: pictures with more than one colour, where it says."""
+    argv = [*flags, "--out", tmp_path]
+    outcome = run_script(capture_regions, argv, capsys)
+    names = [f"figure_{n}.png" for n in flags[1:] or FIGURES]
+    assert outcome.code == 0
+    assert outcome.out == [f"wrote {tmp_path / name}" for name in names]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    for name in names:
+        pixels = imread(tmp_path / name)[:, :, :3].reshape(-1, 3)
+        assert len(pixels) > 500_000
+        assert len(np.unique(pixels, axis=0)) > 100
 
 
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (["--figure", "5"], "invalid choice: 5"),
-        (["--figure", "four"], "invalid int value: 'four'"),
-        (["--colour", "red"], "unrecognized arguments: --colour"),
+        (["--figure", "5"], "argument --figure: invalid choice: 5"),
         (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
     ],
 )
 def test_says_what_is_wrong_on_one_line(argv, message, capsys):
-    """Oracle: exit code 2, and the line."""
-    try:
-        code = main(argv)
-    except SystemExit as ended:
-        code = ended.code
-    assert code == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+    assert_refused(run_script(capture_regions, argv, capsys), message)
 
 
 def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
@@ -83,12 +73,12 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
     without, with_it = FIGURES[3]().axes
     limit = polygon(without, "limit of the CoP")
     low, high = np.array(limit.bounds).reshape(2, 2)
-    asked = feedback.COP_R + 3.0 * feedback.ERROR
+    asked = regions.COP_R + 3.0 * regions.ERROR
     assert dot(without, "eCMP asked for") == pytest.approx(asked)
     nearest = np.clip(asked, low, high)
     assert dot(without, "eCMP") == pytest.approx(nearest, abs=1e-3)
-    way = dot(with_it, "eCMP") - feedback.COP_R
-    across = way[0] * feedback.ERROR[1] - way[1] * feedback.ERROR[0]
+    way = dot(with_it, "eCMP") - regions.COP_R
+    across = way[0] * regions.ERROR[1] - way[1] * regions.ERROR[0]
     assert abs(across) < 1e-2 * np.linalg.norm(way) * 0.065
     assert limit.exterior.distance(
         MultiPoint([dot(with_it, "eCMP")])
@@ -104,13 +94,13 @@ def test_figure_4_nests_the_regions():
         assert one.area < two.area < three.area
 
 
-def test_figure_4_shows_what_crossing_over_is_worth():
+def test_figure_4_shows_what_crossing_over_gains():
     """Oracle: the paper's text on Fig. 4; the scaled reach, by hand.
 
     Inward, that is to the left: w_min forbids the next step any correction,
     crossing over allows w_fwd, the circle all of l_max.
     """
-    contraction = np.exp(-regions.OMEGA * regions.STEP_DURATION)
+    contraction = np.exp(-regions.MODEL.omega * regions.STEP_DURATION)
     gains = []
     for ax in FIGURES[4]().axes:
         tops = [polygon(ax, name).bounds[3] for name in regions.NAMES[:2]]
@@ -143,14 +133,14 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
 def test_figure_8_shows_the_regions_and_how_far_they_go():
     """Oracle: the polygons of the core, mirrored by hand."""
     together, *alone = FIGURES[8]().axes
-    expected = step_regions(regions.CROSSING)
+    expected = step_regions(regions.REACH, cross_over=True)
     assert len(polygons(together, "reachable")) == 3
     for ax, name in zip(alone, (BASE, FORWARD, BACKWARD), strict=True):
         mirrored = Shape(expected[name] * [1.0, -1.0])
         drawn = polygon(ax, "reachable")
         assert drawn.symmetric_difference(mirrored).area < 1e-12
     written = [t.get_text() for ax in alone for t in ax.texts]
-    tip = cross_over_region(regions.CROSSING, FORWARD)
+    tip = cross_over_region(regions.REACH, FORWARD)
     tip = tip[np.argmin(tip[:, 1])]
     for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.125 m"):
         assert any(text.endswith(f"= {figure}") for text in written)
@@ -161,7 +151,7 @@ def test_figure_9_obeys_the_three_rules():
     mirror = [1.0, -1.0]
     reach = {
         name: Shape(region * mirror)
-        for name, region in step_regions(regions.CROSSING).items()
+        for name, region in step_regions(regions.REACH, cross_over=True).items()
     }
     for rule, ax in enumerate(FIGURES[9]().axes, start=1):
         capture = polygon(ax, "capture region C₃")

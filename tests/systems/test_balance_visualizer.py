@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from pydrake.common.value import Value
 from pydrake.geometry import Meshcat
-from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.support_polygon import support_polygon
+from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -20,7 +18,8 @@ from nadia_balance.core.walking import (
     rectangle,
 )
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
-from tests.fake_meshcat import FakeMeshcat
+from tests.blocks import asked, fix, running
+from tests.fake_meshcat import FakeMeshcat, drawn_edges
 
 SOLE = rectangle(0.25, 0.12)
 GROUND = 0.1
@@ -50,19 +49,12 @@ def state(phase=Phase.SWING, steps_taken=1, num_footsteps=5):
     return WalkingState(schedule, steps_taken=steps_taken)
 
 
-def draw(walking, time=0.0, meshcat=None, regions=None, **vectors):
+def draw(walking, time=0.0, meshcat=None, **inputs):
     """Draws one frame; returns the Meshcat that remembers it."""
     meshcat = meshcat or FakeMeshcat()
     visualizer = BalanceVisualizer(meshcat, SOLE)
-    context = visualizer.CreateDefaultContext()
+    context = asked(visualizer, walking_state=walking, **inputs)
     context.SetTime(time)
-    port = visualizer.GetInputPort("walking_state")
-    port.FixValue(context, Value(walking))
-    if regions is not None:
-        port = visualizer.GetInputPort("capture_regions")
-        port.FixValue(context, Value(regions))
-    for name, value in vectors.items():
-        visualizer.GetInputPort(name).FixValue(context, value)
     visualizer.ForcedPublish(context)
     return meshcat
 
@@ -76,23 +68,20 @@ def shown(meshcat, prefix):
     )
 
 
-@pytest.mark.parametrize(
-    ("marker", "expected"),
-    [
-        ("icp", [0.3, 0.02, GROUND]),
-        ("icp_reference", [0.29, 0.01, GROUND]),
-        ("cop", [0.1, 0.11, GROUND]),
-        ("ecmp", [0.12, 0.13, GROUND]),
-        ("com_ground", [0.2, 0.05, GROUND]),
-        ("com", [0.2, 0.05, 1.0]),
-    ],
-)
-def test_marks_each_point_where_the_port_says(marker, expected):
-    """Oracle: the columns of the port table, at the height of the soles."""
+def test_marks_each_point_where_the_port_says():
+    """Oracle: the columns of the ports, at the height of the soles."""
     meshcat = draw(state(), **POINTS)
-    path = f"/overlay/{marker}"
-    assert meshcat.live[path, "visible"]
-    assert meshcat.live[path, "position"] == pytest.approx(expected)
+    for marker, expected in {
+        "icp": [0.3, 0.02, GROUND],
+        "icp_reference": [0.29, 0.01, GROUND],
+        "cop": [0.1, 0.11, GROUND],
+        "ecmp": [0.12, 0.13, GROUND],
+        "com_ground": [0.2, 0.05, GROUND],
+        "com": [0.2, 0.05, 1.0],
+    }.items():
+        path = f"/overlay/{marker}"
+        assert meshcat.live[path, "visible"]
+        assert meshcat.live[path, "position"] == pytest.approx(expected)
 
 
 def test_draws_nothing_that_is_not_connected():
@@ -100,39 +89,6 @@ def test_draws_nothing_that_is_not_connected():
     for marker in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
         assert not meshcat.live[f"/overlay/{marker}", "visible"]
     assert shown(meshcat, "footprints") == ["left_1"]
-
-
-@pytest.mark.parametrize("phase", [Phase.SWING, Phase.TRANSFER])
-def test_outlines_the_support_polygon(phase):
-    """Oracle: core.support_polygon, corner by corner."""
-    walking = state(phase)
-    meshcat = draw(walking)
-    starts = []
-    for i in map(int, shown(meshcat, "support_polygon")):
-        X = meshcat.live[f"/overlay/support_polygon/{i}", "transform"]
-        path = f"/overlay/support_polygon/{i}/<object>"
-        length, width, _ = meshcat.live[path, "scale"]
-        starts.append(X[:2, 3] - 0.5 * (length - width) * X[:2, 0])
-    expected = support_polygon(walking.schedule, SOLE)
-    assert starts == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("count", "names"),
-    [
-        (0, []),
-        (1, ["right_0"]),
-        (3, ["left_0", "right_0", "right_1"]),
-        (5, ["left_0", "left_1", "right_0", "right_1"]),
-    ],
-)
-def test_outlines_the_next_footsteps_of_each_side(count, names):
-    meshcat = draw(state(num_footsteps=count))
-    feet = [n for n in shown(meshcat, "footsteps") if "/" not in n]
-    assert feet == names
-    if count > 0:
-        X = meshcat.live["/overlay/footsteps/right_0", "transform"]
-        assert X[:3, 3] == pytest.approx([0.6, -0.125, GROUND])
 
 
 @pytest.mark.parametrize(
@@ -143,33 +99,55 @@ def test_outlines_the_next_footsteps_of_each_side(count, names):
         (Phase.STANDING, ["left_1", "right_0"]),
     ],
 )
-def test_feet_that_carry_leave_prints_numbered_by_their_steps(phase, prints):
-    """Oracle: step 1 was the left foot's, so the right print is older."""
-    assert shown(draw(state(phase)), "footprints") == prints
+def test_feet_that_carry_leave_prints_and_are_in_the_polygon(phase, prints):
+    """Oracle: step 1 was the left foot's; core.support_polygon."""
+    meshcat = draw(state(phase))
+    assert shown(meshcat, "footprints") == prints
+    starts, _, _ = drawn_edges(meshcat, "/overlay/support_polygon", 0.0)
+    expected = support_polygon(state(phase).schedule, SOLE)
+    assert np.array(starts) == pytest.approx(expected, abs=1e-12)
 
 
-def test_the_arrow_points_at_the_centre_of_mass():
-    meshcat = draw(state(), com_state=COM, push_force=[0.0, 500.0, 0.0])
-    assert meshcat.live["/overlay/push", "visible"]
-    X = meshcat.live["/overlay/push", "transform"]
-    assert X[:3, 3] == pytest.approx(COM[:3])
-    assert X[:3, 2] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+@pytest.mark.parametrize(
+    ("count", "names"),
+    [
+        (0, []),
+        (3, ["left_0", "right_0", "right_1"]),
+        (5, ["left_0", "left_1", "right_0", "right_1"]),
+    ],
+)
+def test_outlines_the_next_footsteps_of_each_side(count, names):
+    """Oracle: two of each side at the most; the first is at 0.6."""
+    meshcat = draw(state(num_footsteps=count))
+    feet = [n for n in shown(meshcat, "footsteps") if "/" not in n]
+    assert feet == names
+    if count > 0:
+        X = meshcat.live["/overlay/footsteps/right_0", "transform"]
+        assert X[:3, 3] == pytest.approx([0.6, -0.125, GROUND])
 
 
-def test_there_is_no_arrow_without_a_push():
-    meshcat = draw(state(), com_state=COM, push_force=np.zeros(3))
-    assert not meshcat.live["/overlay/push", "visible"]
+@pytest.mark.parametrize("pushed", [True, False])
+def test_the_arrow_points_at_the_centre_of_mass_during_a_push(pushed):
+    """Oracle: the CoM, and the direction of the force."""
+    force = [0.0, 500.0 * pushed, 0.0]
+    meshcat = draw(state(), com_state=COM, push_force=force)
+    assert meshcat.live["/overlay/push", "visible"] == pushed
+    if pushed:
+        X = meshcat.live["/overlay/push", "transform"]
+        assert X[:3, 3] == pytest.approx(COM[:3])
+        assert X[:3, 2] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
 
 
 def test_every_frame_is_recorded_at_its_time():
+    """Oracle: frame 48 at 1.5 s; a new print is hidden the frame before."""
     meshcat = draw(state(), time=1.5, **POINTS)
-    frames = {
+    recorded = {
         frame
         for (path, name), track in meshcat.tracks.items()
         for frame in track
         if (path, name) != ("/overlay/footprints/left_1", "visible")
     }
-    assert frames == {48}
+    assert recorded == {48}
 
 
 REGION = np.array([0.3, 0.1]) + rectangle(0.6, 0.4)
@@ -184,20 +162,21 @@ REGIONS = CaptureRegions(
         (Phase.SWING, REGIONS, True),
         (Phase.SWING, None, False),
         (Phase.TRANSFER, REGIONS, False),
-        (Phase.STANDING, REGIONS, False),
     ],
 )
 def test_outlines_capture_regions_in_swings_only(phase, regions, seen):
-    meshcat = draw(state(phase), regions=regions)
+    """Oracle: two rectangles, just above the soles."""
+    given = {} if regions is None else {"capture_regions": regions}
+    meshcat = draw(state(phase), **given)
     path = "/overlay/capture_regions"
     assert meshcat.live[path, "visible"] == seen
     if seen:
         heights = [
-            meshcat.live[p, "transform"][2, 3]
-            for p in meshcat.objects
-            if p.startswith(f"{path}/c_") and meshcat.live[p, "visible"]
+            z
+            for i in (1, 2, 3)
+            for z in drawn_edges(meshcat, f"{path}/c_{i}", 0.0)[2]
         ]
-        assert len(heights) == 8, "two rectangles"
+        assert len(heights) == 8
         assert all(GROUND < z < GROUND + 0.006 for z in heights)
         X = meshcat.live[f"{path}/nominal", "transform"]
         assert X[:3, 3] == pytest.approx([0.3, -0.125, GROUND])
@@ -207,72 +186,49 @@ def test_capture_regions_vanish_with_the_frame_that_ends_the_swing():
     """Oracle: the swing ends at 1/32 s, between two of their own frames."""
     meshcat = FakeMeshcat()
     visualizer = BalanceVisualizer(meshcat, SOLE)
-    simulator = Simulator(visualizer)
-    context = simulator.get_mutable_context()
-    walking = visualizer.GetInputPort("walking_state")
-    visualizer.GetInputPort("capture_regions").FixValue(context, Value(REGIONS))
-    walking.FixValue(context, Value(state(Phase.SWING)))
+    simulator, context = running(
+        visualizer, walking_state=state(Phase.SWING), capture_regions=REGIONS
+    )
     simulator.AdvanceTo(0.03)
-    walking.FixValue(context, Value(state(Phase.TRANSFER)))
+    fix(visualizer, context, walking_state=state(Phase.TRANSFER))
     simulator.AdvanceTo(0.1)
     path = "/overlay/capture_regions"
     seen = [meshcat.at(path, "visible", k / 32.0) for k in range(4)]
     assert seen == [True, False, False, False]
 
 
-def test_draws_capture_regions_16_times_a_second():
-    """Oracle: 17 frames in [0, 1] s, the first at 0."""
+def test_draws_32_times_a_second_and_capture_regions_16_times():
+    """Oracle: 33 and 17 frames in [0, 1] s, the first at 0."""
     meshcat = FakeMeshcat()
     visualizer = BalanceVisualizer(meshcat, SOLE)
-    context = visualizer.CreateDefaultContext()
-    for name, value in ("walking_state", state()), ("capture_regions", REGIONS):
-        visualizer.GetInputPort(name).FixValue(context, Value(value))
-    Simulator(visualizer, context).AdvanceTo(1.0)
-    tracks = [
+    simulator, context = running(
+        visualizer,
+        walking_state=state(),
+        capture_regions=REGIONS,
+        icp=POINTS["icp"],
+    )
+    simulator.AdvanceTo(1.0)
+    assert context.num_total_states() == context.num_abstract_states() == 0
+    tracks = meshcat.tracks
+    assert sorted(tracks["/overlay/icp", "position"]) == list(range(33))
+    edges = [
         sorted(track)
-        for (path, name), track in meshcat.tracks.items()
+        for (path, name), track in tracks.items()
         if path.startswith("/overlay/capture_regions/c_1")
         and name == "transform"
     ]
-    assert tracks == [list(range(0, 33, 2))] * 4
-
-
-def test_refuses_anything_but_capture_regions():
-    message = "'capture_regions' got a FootPose"
-    with pytest.raises(TypeError, match=message):
-        draw(state(), regions=FootPose())
-
-
-def test_refuses_anything_but_a_walking_state():
-    with pytest.raises(TypeError, match="'walking_state' got a FootPose"):
-        draw(FootPose())
-
-
-def test_publishes_32_times_a_second_and_has_no_state():
-    """Oracle: 33 frames in [0, 1] s, the first at 0."""
-    meshcat = FakeMeshcat()
-    visualizer = BalanceVisualizer(meshcat, SOLE)
-    context = visualizer.CreateDefaultContext()
-    visualizer.GetInputPort("walking_state").FixValue(context, Value(state()))
-    for name, value in POINTS.items():
-        visualizer.GetInputPort(name).FixValue(context, value)
-    Simulator(visualizer, context).AdvanceTo(1.0)
-    track = meshcat.tracks["/overlay/icp", "position"]
-    assert sorted(track) == list(range(33))
-    assert context.num_total_states() == 0
-    assert context.num_abstract_states() == 0
+    assert edges == [list(range(0, 33, 2))] * 4
 
 
 def test_a_new_run_starts_with_a_clean_floor():
     """Oracle: prints of the first run are gone when the second begins."""
     meshcat = FakeMeshcat()
     visualizer = BalanceVisualizer(meshcat, SOLE)
-    context = visualizer.CreateDefaultContext()
-    port = visualizer.GetInputPort("walking_state")
     for steps_taken in (7, 1):
-        port.FixValue(context, Value(state(steps_taken=steps_taken)))
-        context.SetTime(0.0)
-        Simulator(visualizer, context).AdvanceTo(0.1)
+        simulator, _ = running(
+            visualizer, walking_state=state(steps_taken=steps_taken)
+        )
+        simulator.AdvanceTo(0.1)
     prints = [p for p in meshcat.objects if "footprints" in p]
     assert prints == ["/overlay/footprints/left_1"]
 

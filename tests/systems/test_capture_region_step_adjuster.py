@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    swing_geometry,
+)
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -13,11 +17,6 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.foothold_adjustment_params import (
-    CaptureRegionStepAdjusterParams,
-)
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.swing_geometry import swing_geometry
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -28,13 +27,13 @@ from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
-from tests.example_walks import OMEGA, SOLE, standing, walk
+from tests.blocks import answer, asked, fix
+from tests.example_walks import ALL, MODEL, UNCROSSED, standing, walk
 
-PARAMS = CaptureRegionStepAdjusterParams(
-    reachability=ReachabilityParams(cross_over=True)
-)
+PARAMS = CaptureRegionStepAdjusterParams()
 PERIOD = 0.002  # [s]
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
+ACROSS = np.array([0.1, 0.35])  # an ICP that no uncrossed step captures
 
 
 def swing(**gait):
@@ -45,11 +44,13 @@ def swing(**gait):
 
 IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
+FORWARD = replace(IN_AIR, schedule=swing(length=0.3))
+NEAR = FootPose([0.03, -0.15, 0.0])
 
 
 @pytest.fixture
 def adjuster():
-    return CaptureRegionStepAdjuster(PARAMS, SOLE, OMEGA, PERIOD)
+    return CaptureRegionStepAdjuster(PARAMS, MODEL, PERIOD)
 
 
 @pytest.fixture
@@ -67,31 +68,23 @@ def made(monkeypatch):
     return schedules
 
 
-def fix(adjuster, context, state, icp=OUT, time_adjustment=None):
-    adjuster.GetInputPort("walking_state").FixValue(context, state)
-    adjuster.GetInputPort("icp").FixValue(context, icp)
-    if time_adjustment is not None:
-        port = adjuster.GetInputPort("time_adjustment")
-        port.FixValue(context, [time_adjustment])
-
-
 def adjustment(adjuster, context):
-    return adjuster.GetOutputPort("adjustment").Eval(context)
+    return answer(adjuster, context, "adjustment")
 
 
 def drawn(adjuster, context):
-    return adjuster.GetOutputPort("capture_regions").Eval(context)
+    return answer(adjuster, context, "capture_regions")
 
 
-def landing(state, icp, time_adjustment):
-    geometry = swing_geometry(state.schedule, SOLE, PARAMS, OMEGA)
+def landing(state, icp, time_adjustment=0.0, on=ALL):
+    geometry = swing_geometry(state.schedule, PARAMS, MODEL, on)
     touchdown = touchdown_interval(state, time_adjustment, PARAMS)
-    return Landing(geometry, icp, OMEGA, touchdown)
+    return Landing(geometry, icp, touchdown)
 
 
-def expected(state, icp=OUT, time_adjustment=0.0):
+def expected(state, icp=OUT, time_adjustment=0.0, on=ALL):
     return propose_adjustment(
-        state, landing(state, icp, time_adjustment), PARAMS, PERIOD
+        state, landing(state, icp, time_adjustment, on), PARAMS, PERIOD
     )
 
 
@@ -105,107 +98,82 @@ def assert_same(found, wanted):
 
 
 @pytest.mark.parametrize("time_adjustment", [None, 0.0, 0.15])
-def test_proposes_what_the_core_proposes(adjuster, time_adjustment):
-    """Oracle: propose_adjustment(); unconnected, the clock keeps its pace."""
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, IN_AIR, OUT, time_adjustment)
+def test_proposes_and_draws_what_the_core_does(adjuster, time_adjustment):
+    """Oracle: propose_adjustment() and capture_regions().
+
+    If the time is not connected, the clock keeps its pace.
+    """
+    context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
+    if time_adjustment is not None:
+        fix(adjuster, context, time_adjustment=[time_adjustment])
     found = adjustment(adjuster, context)
-    assert_same(found, expected(IN_AIR, OUT, time_adjustment or 0.0))
+    wanted = expected(IN_AIR, OUT, time_adjustment or 0.0)
+    assert_same(found, wanted)
     assert found.pose is not IN_PLACE.footsteps[0].pose
+    ours = drawn(adjuster, context)
+    theirs = capture_regions(landing(IN_AIR, OUT, time_adjustment or 0), wanted)
+    for one, other in zip(ours.regions, theirs.regions, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(ours.reach, theirs.reach)
+    assert ours.nominal is theirs.nominal
+    np.testing.assert_array_equal(ours.adjusted.p_WF, theirs.adjusted.p_WF)
 
 
-def switch(adjuster, context, *, step=1, cross_over=1):
-    port = adjuster.GetInputPort("mechanisms")
-    port.FixValue(context, [step, 0, 0, cross_over])
-
-
-ACROSS = np.array([0.1, 0.35])  # an ICP that no uncrossed step captures
-
-
-@pytest.mark.parametrize("built_with", [False, True])
-def test_the_switch_of_cross_over_does_what_the_parameter_would(built_with):
-    """Oracle: adjusters that were made with or without it, on, off, on."""
-    reach = ReachabilityParams(cross_over=built_with)
-    params = replace(PARAMS, reachability=reach)
-    adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA, PERIOD)
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, IN_AIR, ACROSS)
+def test_crosses_the_legs_only_while_that_is_on(adjuster):
+    """Oracle: the core, on, off, on; all is on if it is not connected."""
+    context = asked(adjuster, walking_state=IN_AIR, icp=ACROSS)
+    assert_same(adjustment(adjuster, context), expected(IN_AIR, ACROSS))
     regions = []
-    for on in True, False, True:
-        reach = ReachabilityParams(cross_over=on)
-        other = CaptureRegionStepAdjuster(
-            replace(PARAMS, reachability=reach), SOLE, OMEGA, PERIOD
-        )
-        made = other.CreateDefaultContext()
-        fix(other, made, IN_AIR, ACROSS)
-        switch(adjuster, context, cross_over=on)
+    for on in ALL, UNCROSSED, ALL:
+        fix(adjuster, context, mechanisms=on.as_vector())
         found = adjustment(adjuster, context)
-        assert_same(found, adjustment(other, made))
-        np.testing.assert_array_equal(
-            drawn(adjuster, context).reach, drawn(other, made).reach
-        )
+        wanted = expected(IN_AIR, ACROSS, on=on)
+        assert_same(found, wanted)
+        reach = capture_regions(landing(IN_AIR, ACROSS, on=on), wanted).reach
+        np.testing.assert_array_equal(drawn(adjuster, context).reach, reach)
         regions.append(found.region)
     assert regions == ["forward", "base", "forward"]
 
 
-def test_switched_off_it_proposes_nothing():
-    """Oracle: None, by the parameter or the switch; the switch comes first."""
-    for enabled in False, True:
-        params = replace(PARAMS, enabled=enabled)
-        adjuster = CaptureRegionStepAdjuster(params, SOLE, OMEGA, PERIOD)
-        context = adjuster.CreateDefaultContext()
-        fix(adjuster, context, IN_AIR)
-        assert (adjustment(adjuster, context) is not None) is enabled
-        for on in True, False, True:
-            switch(adjuster, context, step=on)
-            found = adjustment(adjuster, context)
-            assert (found is not None) is on
-        assert_same(found, expected(IN_AIR))
+def test_proposes_nothing_while_it_is_switched_off(adjuster):
+    """Oracle: None; the first of the mechanisms is its switch."""
+    context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
+    for on in True, False, True:
+        fix(adjuster, context, mechanisms=[on, 0, 0, 1])
+        found = adjustment(adjuster, context)
+        assert (found is not None) is on
+    assert_same(found, expected(IN_AIR))
 
 
-def test_switched_off_it_draws_what_there_is(adjuster):
+def test_draws_what_there_is_while_it_is_switched_off(adjuster):
     """Oracle: the foothold that stays; its region is gone with cross-over."""
-    context = adjuster.CreateDefaultContext()
-    near = FootPose([0.03, -0.15, 0.0])
-    before = Adjustment(IN_PLACE.footsteps[0], near, "forward")
-    fix(adjuster, context, replace(IN_AIR, adjustment=before))
+    before = Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
+    state = replace(IN_AIR, adjustment=before)
+    context = asked(adjuster, walking_state=state, icp=OUT)
     on = drawn(adjuster, context)
-    switch(adjuster, context, step=0, cross_over=0)
+    fix(adjuster, context, mechanisms=[0, 0, 0, 0])
     off = drawn(adjuster, context)
-    assert (off.adjusted, off.nominal) == (near, IN_PLACE.footsteps[0].pose)
+    assert (off.adjusted, off.nominal) == (NEAR, IN_PLACE.footsteps[0].pose)
     assert len(off.regions) == len(on.regions) == 3
-    fix(adjuster, context, IN_AIR)
+    fix(adjuster, context, walking_state=IN_AIR)
     never = drawn(adjuster, context)
     assert never.adjusted is never.nominal is IN_PLACE.footsteps[0].pose
     np.testing.assert_array_equal(off.reach, never.reach)
 
 
-def test_reads_its_memory_back_from_the_walking_state(adjuster):
-    """Oracle: the count of covered ticks goes on where the state has it."""
-    context = adjuster.CreateDefaultContext()
-    near = FootPose([0.03, -0.15, 0.0])
-    for ticks in 0, 7:
-        before = Adjustment(IN_PLACE.footsteps[0], near, "forward", ticks)
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
+def test_a_foothold_goes_back_after_50_ms(period):
+    """Oracle: the number of ticks, counted in the walking state."""
+    adjuster = CaptureRegionStepAdjuster(PARAMS, MODEL, period)
+    context = asked(adjuster, icp=[0.0, 0.07])
+    last = round(0.05 / period)
+    for ticks in 1, last - 1, last:
+        before = Adjustment(IN_PLACE.footsteps[0], NEAR, "forward", ticks - 1)
         state = replace(IN_AIR, adjustment=before)
-        fix(adjuster, context, state, np.array([0.0, 0.07]))
+        fix(adjuster, context, walking_state=state)
         found = adjustment(adjuster, context)
-        assert found.pose is near
-        assert (found.region, found.covered_ticks) == ("forward", ticks + 1)
-
-
-def test_draws_what_the_core_draws(adjuster):
-    """Oracle: capture_regions()."""
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, IN_AIR, OUT, 0.1)
-    found = drawn(adjuster, context)
-    wanted = capture_regions(
-        landing(IN_AIR, OUT, 0.1), expected(IN_AIR, OUT, 0.1)
-    )
-    for ours, theirs in zip(found.regions, wanted.regions, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_array_equal(found.reach, wanted.reach)
-    assert found.nominal is wanted.nominal
-    np.testing.assert_array_equal(found.adjusted.p_WF, wanted.adjusted.p_WF)
+        assert (found.pose is NEAR) is (ticks < last)
+        assert found.covered_ticks == (ticks if ticks < last else 0)
 
 
 @pytest.mark.parametrize(
@@ -215,8 +183,7 @@ def test_draws_what_the_core_draws(adjuster):
 )
 def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
     """Oracle: unadjusted(), and no regions; no foothold is needed."""
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, WalkingState(schedule))
+    context = asked(adjuster, walking_state=WalkingState(schedule), icp=OUT)
     assert_same(adjustment(adjuster, context), unadjusted(schedule))
     found = drawn(adjuster, context)
     assert isinstance(found, CaptureRegions)
@@ -225,85 +192,58 @@ def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
 
 def test_makes_the_geometry_of_a_swing_once(adjuster, made):
     """Oracle: the count, while clock, ICP and adjusted foothold change."""
-    context = adjuster.CreateDefaultContext()
-    state = IN_AIR
+    context, state = asked(adjuster), IN_AIR
     for k in range(5):
-        fix(adjuster, context, state, OUT - [0.03 * k, 0.0])
+        icp = OUT - [0.03 * k, 0.0]
+        fix(adjuster, context, walking_state=state, icp=icp)
         found = adjustment(adjuster, context)
         drawn(adjuster, context)
         assert found.pose is not state.schedule.footsteps[0].pose
         step, *later = state.schedule.footsteps
         steps = (replace(step, pose=found.pose), *later)
         schedule = replace(state.schedule, footsteps=steps)
+        time = state.time_in_phase + PERIOD
         state = replace(
-            state,
-            schedule=schedule,
-            adjustment=found,
-            time_in_phase=state.time_in_phase + 0.002,
+            state, schedule=schedule, adjustment=found, time_in_phase=time
         )
     assert len(made) == 1
-    fix(adjuster, context, replace(IN_AIR, schedule=swing(length=0.2)))
+    fix(adjuster, context, walking_state=FORWARD)
     adjustment(adjuster, context)
     assert len(made) == 2
 
 
 def test_the_memory_changes_no_output(adjuster, made):
     """Oracle: a context that has seen nothing else before."""
-    context = adjuster.CreateDefaultContext()
+    context = asked(adjuster, icp=OUT)
     states = [
         IN_AIR,
-        replace(IN_AIR, schedule=swing(length=0.3)),
+        FORWARD,
         replace(IN_AIR, schedule=swing(length=0.3, num_steps=1)),
         WalkingState(walk()),
         replace(IN_AIR, schedule=swing(length=0.3, turn=0.3)),
     ]
     for state in [*states, *reversed(states)]:
-        fresh = adjuster.CreateDefaultContext()
-        fix(adjuster, fresh, state)
-        fix(adjuster, context, state)
+        fresh = asked(adjuster, walking_state=state, icp=OUT)
+        fix(adjuster, context, walking_state=state)
         assert_same(adjustment(adjuster, context), adjustment(adjuster, fresh))
 
 
 def test_a_cloned_context_goes_on_by_itself(adjuster, made):
     """Oracle: the original's output stays; the clone makes its own."""
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, IN_AIR)
+    context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
     original = adjustment(adjuster, context)
     clone = context.Clone()
-    fix(adjuster, clone, replace(IN_AIR, schedule=swing(length=0.3)))
-    other = adjustment(adjuster, clone)
-    assert other.nominal is not original.nominal
+    fix(adjuster, clone, walking_state=FORWARD)
+    assert adjustment(adjuster, clone).nominal is not original.nominal
     assert adjustment(adjuster, context) is original
     assert len(made) == 2
-
-
-@pytest.mark.parametrize("port", ["adjustment", "capture_regions"])
-def test_a_wrong_type_raises(adjuster, port):
-    """Oracle: the message names the port and both types."""
-    context = adjuster.CreateDefaultContext()
-    fix(adjuster, context, IN_PLACE)
-    with pytest.raises(
-        TypeError, match="'walking_state' got a ContactSchedule, needs a Walk"
-    ):
-        adjuster.GetOutputPort(port).Eval(context)
 
 
 @pytest.mark.parametrize(
     ("bad", "message"),
     [({"margin": -1.0}, "margin = -1.0"), ({"foot_front": 0.3}, "foot_front")],
 )
-def test_bad_parameters_are_refused_at_once(bad, message):
+def test_refuses_bad_parameters_at_once(bad, message):
     """Oracle: the message names the field."""
     with pytest.raises(ValueError, match=message):
-        CaptureRegionStepAdjuster(replace(PARAMS, **bad), SOLE, OMEGA, PERIOD)
-
-
-def test_the_ports_have_examples_of_their_types(adjuster):
-    """Oracle: the types."""
-    for name, kind in (
-        ("adjustment", Adjustment),
-        ("capture_regions", CaptureRegions),
-    ):
-        assert isinstance(
-            adjuster.GetOutputPort(name).Allocate().get_value(), kind
-        )
+        CaptureRegionStepAdjuster(replace(PARAMS, **bad), MODEL, PERIOD)

@@ -1,110 +1,234 @@
-"""Shapes that move in recordings, against a Meshcat that remembers."""
+"""What is drawn over the robot, against a Meshcat that remembers."""
+
+import math
 
 import numpy as np
 import pytest
-from pydrake.geometry import Sphere
 
-from nadia_balance.systems import palette
-from nadia_balance.systems.overlay import Arrow, Marker, PolygonOutline
-from tests.fake_meshcat import FakeMeshcat
+from nadia_balance import palette
+from nadia_balance.core.capture_region import one_step_region
+from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.polygon import area, contains, convex_hull
+from nadia_balance.core.reachability import circle
+from nadia_balance.core.walking import FootPose, Side, rectangle
+from nadia_balance.systems.overlay import (
+    BOXES,
+    EDGES,
+    Arrow,
+    Footprints,
+    PolygonOutline,
+    RegionOverlay,
+    SoleOutline,
+    boxes_of_edges,
+    edges_near,
+    thinned,
+)
+from tests.fake_meshcat import FakeMeshcat, drawn_edges
 
-COLOR = palette.rgba(palette.SUPPORT)
 PENTAGON = np.array(
     [[0.3, 0.0], [0.2, 0.4], [-0.1, 0.5], [-0.3, 0.1], [0.0, -0.3]]
 )
+SOLE = rectangle(0.25, 0.12)
+POSE = FootPose([1.0, 2.0, 0.3], math.radians(30.0))
+PERIOD = 1.0 / 32.0
+CENTRE = np.array([1.0, 0.5])
+SMALL = CENTRE + rectangle(0.6, 0.4)
+LARGE = CENTRE + rectangle(0.8, 0.6)
+NOMINAL, ADJUSTED = FootPose([1.0, 0.3, 0.0]), FootPose([1.2, 0.2, 0.0])
 
 
-def drawn_edges(meshcat, count, time, width):
-    """The visible edges as (start, end) pairs (n, 2, 2), from the boxes."""
-    edges = []
-    for i in range(count):
-        if meshcat.at(f"/p/{i}", "visible", time):
-            X = meshcat.at(f"/p/{i}", "transform", time)
-            length = meshcat.at(f"/p/{i}/<object>", "scale", time)[0]
-            half = 0.5 * (length - width) * X[:2, 0]
-            edges.append([X[:2, 3] - half, X[:2, 3] + half])
-    return np.array(edges)
+def sides(polygon):
+    """The edges of a polygon as {(start, end)}, to a millimetre."""
+    return rounded(polygon, np.roll(polygon, -1, axis=0))
 
 
-def test_the_boxes_of_an_outline_are_the_edges_of_the_polygon():
-    """Oracle: the polygon's own vertices, from the boxes' poses and sizes."""
+def rounded(starts, ends):
+    lines = np.round(np.hstack([starts, ends]), 3) + 0.0
+    return set(map(tuple, lines.tolist()))
+
+
+def edges(meshcat, path, time=0.0):
+    """The visible edges of an outline, in the same form."""
+    starts, ends, _ = drawn_edges(meshcat, path, time)
+    return rounded(np.reshape(starts, (-1, 2)), np.reshape(ends, (-1, 2)))
+
+
+def test_an_outline_is_the_polygon_now_and_in_earlier_frames():
+    """Oracle: the vertices; one object an edge, as recordings add none."""
     meshcat = FakeMeshcat()
-    outline = PolygonOutline(meshcat, "/p", 8, COLOR, width=0.01)
-    outline.draw(PENTAGON, z=0.02, time=1.0)
-    edges = drawn_edges(meshcat, 8, 1.0, width=0.01)
-    expected = np.stack([PENTAGON, np.roll(PENTAGON, -1, axis=0)], axis=1)
-    assert edges == pytest.approx(expected, abs=1e-12)
-    assert meshcat.at("/p/0", "transform", 1.0)[2, 3] == 0.02
-
-
-def test_an_outline_keeps_its_old_shape_in_earlier_frames():
-    """Oracle: what was drawn at that time."""
-    meshcat = FakeMeshcat()
-    outline = PolygonOutline(meshcat, "/p", 5, COLOR, width=0.01)
-    outline.draw(PENTAGON, 0.0, time=1.0)
-    outline.draw(PENTAGON[:3] + 1.0, 0.0, time=2.0)
-    outline.draw(np.zeros((0, 2)), 0.0, time=3.0)
-    counts = [len(drawn_edges(meshcat, 5, t, 0.01)) for t in (1, 2, 3)]
-    assert counts == [5, 3, 0]
-    first = drawn_edges(meshcat, 5, 1.0, 0.01)[:, 0]
-    assert first == pytest.approx(PENTAGON, abs=1e-12)
-
-
-def test_an_outline_adds_its_objects_only_once():
-    """Oracle: a recording cannot hold new objects (users.md)."""
-    meshcat = FakeMeshcat()
-    outline = PolygonOutline(meshcat, "/p", 5, COLOR)
-    for i in range(10):
-        outline.draw(PENTAGON[: 3 + i % 3], 0.0, i / 32.0)
+    outline = PolygonOutline(meshcat, "/p", 5, palette.SUPPORT)
+    polygons = PENTAGON, PENTAGON[:3] + 1.0, np.zeros((0, 2))
+    for time, polygon in enumerate(polygons, start=1):
+        outline.draw(polygon, z=0.02, time=float(time))
+    for time, polygon in enumerate(polygons, start=1):
+        assert edges(meshcat, "/p", time) == sides(polygon)
+        assert set(drawn_edges(meshcat, "/p", time)[2]) <= {0.02}
     assert meshcat.objects == {f"/p/{i}": 1 for i in range(5)}
+    with pytest.raises(ValueError, match="edges = 6: must be at most 5"):
+        outline.draw(circle(1.0, 6), 0.0, 0.0)
 
 
-def test_an_outline_refuses_a_polygon_with_too_many_edges():
-    outline = PolygonOutline(FakeMeshcat(), "/p", 4, COLOR)
-    with pytest.raises(ValueError, match="edges = 5: must be at most 4"):
-        outline.draw(PENTAGON, 0.0, 0.0)
-
-
-def test_a_marker_appears_where_and_when_it_is_drawn():
-    meshcat = FakeMeshcat()
-    marker = Marker(meshcat, "/m", Sphere(0.1), palette.ICP)
-    assert not meshcat.live["/m", "visible"]
-    marker.draw(np.array([1.0, 2.0, 3.0]), time=0.5)
-    assert meshcat.at("/m", "visible", 0.5)
-    assert meshcat.at("/m", "position", 0.5) == [1.0, 2.0, 3.0]
-
-
-@pytest.mark.parametrize(
-    "force", [[300.0, 0.0, 0.0], [0.0, -2.0, 0.0], [-1.0, 1.0, 0.0]]
-)
-def test_an_arrow_points_along_the_force_at_the_place(force):
-    """Oracle: its z axis is the unit force, its origin the place."""
+def test_an_arrow_lingers_in_the_recording_only():
+    """Oracle: pushed from 1.0 to 1.1 s at 32 Hz; LINGER is 0.5 s."""
     meshcat = FakeMeshcat()
     arrow = Arrow(meshcat, "/a", palette.PUSH)
-    place, force = np.array([0.1, 0.2, 1.0]), np.array(force)
-    arrow.draw(place, force, time=1.0)
-    X = meshcat.at("/a", "transform", 1.0)
-    unit = force / np.linalg.norm(force)
-    assert X[:3, 2] == pytest.approx(unit, abs=1e-12)
-    assert X[:3, 3] == pytest.approx(place)
     shaft, head = (
         meshcat.live[f"/a/{part}", "transform"][2, 3]
         for part in ("shaft", "head")
     )
     assert shaft < head < 0.0, "it must come from behind the place"
-
-
-def test_an_arrow_lingers_in_the_recording_but_not_in_the_live_view():
-    """Oracle: pushed from 1.0 to 1.1 s at 32 Hz; LINGER is 0.5 s."""
-    meshcat = FakeMeshcat()
-    arrow = Arrow(meshcat, "/a", palette.PUSH)
-    arrow.forget(time=0.0)
+    arrow.hide(time=0.0)
     for frame in range(64):
-        if 32 <= frame < 36:
+        if pushed := 32 <= frame < 36:
             arrow.draw(np.ones(3), np.ones(3), frame / 32.0)
-            assert meshcat.live["/a", "visible"]
         else:
-            arrow.hide()
-            assert not meshcat.live["/a", "visible"]
+            arrow.hide(None)
+        assert meshcat.live["/a", "visible"] == pushed
     shown = [meshcat.at("/a", "visible", t) for t in (0.9, 1.0, 1.1, 1.4, 1.7)]
     assert shown == [False, True, True, True, False]
+
+
+def test_a_sole_is_outlined_at_its_pose_and_hides_again():
+    """Oracle: FootPose.to_world of the corners."""
+    meshcat = FakeMeshcat()
+    outline = SoleOutline(meshcat, "/s", SOLE, palette.LEFT)
+    outline.draw(POSE, 1.0)
+    outline.draw(None, 2.0)
+    starts, _, _ = drawn_edges(meshcat, "/s", 1.0)
+    X = meshcat.at("/s", "transform", 1.0)
+    corners = np.array(starts) @ X[:2, :2].T + X[:2, 3]
+    assert corners == pytest.approx(POSE.to_world(SOLE), abs=1e-12)
+    seen = [meshcat.at("/s", "visible", time) for time in (1.5, 2.0)]
+    assert seen == [True, False]
+
+
+def test_a_footprint_appears_with_its_step_and_stays():
+    """Oracle: the second step lands at 1 s; two soles of 0.25 m x 0.12 m."""
+    triangles = []
+
+    class Spy(FakeMeshcat):
+        def SetTriangleMesh(self, path, vertices, faces, rgba):
+            super().SetTriangleMesh(path, vertices, faces, rgba)
+            triangles.extend(vertices.T[f] for f in faces.T)
+
+    meshcat = Spy()
+    prints = Footprints(meshcat, "/f", SOLE, PERIOD)
+    for frame in range(64):
+        step = (Side.LEFT, 1, POSE) if frame < 32 else (Side.RIGHT, 2, NOMINAL)
+        prints.draw(*step, frame * PERIOD)
+    seen = [meshcat.at("/f/right_2", "visible", t) for t in (0.0, 0.96, 1.0)]
+    assert seen == [False, False, True]
+    for t in (0.0, 1.9):
+        assert meshcat.at("/f/left_1", "visible", t)
+        X = meshcat.at("/f/left_1", "transform", t)
+        assert X[:2, 3] == pytest.approx([1.0, 2.0])
+        assert X[:2, :2] == pytest.approx(POSE.rotation)
+        assert 0.3 < X[2, 3] < 0.31, "just above the floor"
+    assert meshcat.objects == {"/f/left_1": 1, "/f/right_2": 1}
+    for path, side in ("/f/left_1", Side.LEFT), ("/f/right_2", Side.RIGHT):
+        color, rgb = meshcat.colors[path], palette.rgb(palette.foot_color(side))
+        assert [color.r(), color.g(), color.b()] == pytest.approx(rgb)
+    areas = [np.cross(b - a, c - a)[2] / 2 for a, b, c in triangles]
+    assert min(areas) > 0.0
+    assert sum(areas) == pytest.approx(2 * 0.25 * 0.12)
+    prints.forget()
+    assert meshcat.objects == {}
+
+
+def test_regions_are_outlined_and_vanish_when_they_are_gone():
+    """Oracle: the sides of the very polygons; N is 2, then 5, then 1."""
+    meshcat = FakeMeshcat()
+    overlay = RegionOverlay(meshcat, "/r", SOLE)
+    count = len(meshcat.objects)
+    assert not meshcat.live["/r", "visible"]
+    for time, regions in (
+        (0.0, (SMALL, LARGE)),
+        (1.0, (SMALL,) * 5),
+        (2.0, (LARGE,)),
+    ):
+        found = CaptureRegions(regions, SMALL + 0.1, NOMINAL, ADJUSTED)
+        overlay.draw(found, CENTRE, 0.0, time)
+        drawn = [edges(meshcat, f"/r/c_{i}", time) for i in (1, 2, 3)]
+        expected = [*map(sides, regions), set(), set()][:3]
+        assert drawn == expected
+        assert edges(meshcat, "/r/reach", time) == sides(SMALL + 0.1)
+    overlay.hide(time=3.0)
+    seen = [meshcat.at("/r", "visible", t) for t in (0.0, 2.9, 3.0)]
+    assert seen == [True, True, False]
+    assert set(meshcat.objects.values()) == {1}
+    assert len(meshcat.objects) == count
+
+
+@pytest.mark.parametrize(
+    ("nominal", "adjusted", "seen"),
+    [
+        (NOMINAL, ADJUSTED, True),
+        (NOMINAL, FootPose(NOMINAL.p_WF), False),
+        (None, None, False),
+    ],
+)
+def test_the_nominal_foothold_is_seen_when_the_foot_lands_elsewhere(
+    nominal, adjusted, seen
+):
+    """Oracle: NOMINAL and ADJUSTED are 0.22 m apart."""
+    meshcat = FakeMeshcat()
+    found = CaptureRegions((SMALL,), LARGE, nominal, adjusted)
+    RegionOverlay(meshcat, "/r", SOLE).draw(found, CENTRE, 0.0, 0.0)
+    assert meshcat.live["/r/nominal", "visible"] == seen
+    if seen:
+        X = meshcat.live["/r/nominal", "transform"]
+        assert X[:3, 3] == pytest.approx(nominal.p_WF)
+
+
+def test_edges_end_at_the_circle():
+    """Oracle: Pythagoras; outside of it nothing is left."""
+    square = rectangle(4.0, 1.2)  # its sides at y = +-0.6 cross the circle
+    starts, ends = edges_near(square, np.zeros(2), 1.0)
+    assert starts[0] == pytest.approx([0.8, 0.6])
+    assert ends[0] == pytest.approx([-0.8, 0.6])
+    assert (starts[[1, 3]] == ends[[1, 3]]).all()
+    meshcat = FakeMeshcat()
+    found = CaptureRegions((CENTRE + rectangle(9.0, 2 * 0.72),))
+    RegionOverlay(meshcat, "/r", SOLE).draw(found, CENTRE, 0.0, 0.0)
+    assert edges(meshcat, "/r/c_1") == {  # sqrt(1.2^2 - 0.72^2) = 0.96
+        (1.96, 1.22, 0.04, 1.22),
+        (0.04, -0.22, 1.96, -0.22),
+    }
+
+
+def test_the_least_vertices_go_first():
+    """Oracle: a square with a corner cut off by a millimetre; a circle."""
+    square = rectangle(1.0, 1.0)
+    cut = np.insert(square, 1, square[0] - [1e-3, 0.0], axis=0)
+    cut[0] -= [0.0, 1e-3]
+    assert thinned(cut, 4) == pytest.approx(square, abs=1.1e-3)
+    wheel = circle(1.0, 64)
+    inner = thinned(wheel, EDGES)
+    assert len(inner) == EDGES
+    assert area(inner) > 0.97 * area(wheel)
+    assert all(contains(p, wheel, 1e-9) for p in inner)
+    assert thinned(wheel, 64) is wheel
+
+
+def test_every_edge_has_a_box_of_its_own():
+    """Oracle: no number twice, none out of range."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        polygon = thinned(convex_hull(rng.normal(size=(60, 2))), EDGES)
+        boxes = set(boxes_of_edges(polygon, BOXES).tolist())
+        assert len(boxes) == len(polygon)
+        assert boxes <= set(range(BOXES))
+
+
+def test_the_sides_of_the_foot_keep_their_boxes_while_the_icp_moves():
+    """Oracle: C_1 has the foot's four sides, and two more or none."""
+    foot = rectangle(0.18, 0.07)
+    common, counts = set(range(BOXES)), set()
+    for angle in np.linspace(0.0, 2.0 * math.pi, 60):
+        for distance in (0.0, 0.05, 0.1, 0.3):
+            icp = distance * np.array([math.cos(angle), math.sin(angle)])
+            region = one_step_region(icp, foot, 3.3, (0.2, 0.7))
+            common &= set(boxes_of_edges(region, BOXES).tolist())
+            counts.add(len(region))
+    assert len(common) == 4
+    assert counts >= {4, 6}

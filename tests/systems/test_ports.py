@@ -1,21 +1,21 @@
-"""Oracles: Drake's own report of what is connected; error messages."""
+"""Oracles: what comes out of a diagram; error messages."""
 
 import numpy as np
 import pytest
-from pydrake.common.value import Value
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
+from nadia_balance.core.mechanisms import MECHANISMS
 from nadia_balance.core.walking import FootPose, Footstep, Side
+from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.ports import (
+    MechanismsInput,
+    ValueInput,
+    VectorInput,
     connect,
-    declare_input,
-    eval_finite,
-    eval_optional,
-    eval_typed,
-    export_input,
-    export_outputs,
-    feed_input,
+    require_outputs,
+    wire,
 )
+from tests.blocks import answer, asked, fix
 
 POSE = FootPose([1.0, 2.0, 3.0], 0.5)
 
@@ -23,83 +23,156 @@ POSE = FootPose([1.0, 2.0, 3.0], 0.5)
 class Sink(LeafSystem):
     """Takes a pose and two numbers."""
 
-    def __init__(self):
+    def __init__(self, output="twice"):
         super().__init__()
-        self.pose = declare_input(self, "pose", POSE)
-        self.DeclareVectorInputPort("pair", 2)
+        self.set_name("my_sink")
+        self.pose = ValueInput(self, "pose", FootPose)
+        self.pair = VectorInput(self, "pair", 2)
+        self.mechanisms = MechanismsInput(self)
         self.DeclareVectorOutputPort(
-            "same_pair",
+            output,
             2,
             lambda context, output: output.SetFromVector(
-                self.GetInputPort("pair").Eval(context)
+                2.0 * self.pair(context)
             ),
+            {self.pair.ticket()},
         )
 
 
-def test_hands_out_the_value_itself():
-    """Oracle: identity; nothing is copied."""
-    sink = Sink()
-    context = sink.CreateDefaultContext()
-    sink.pose.FixValue(context, Value(POSE))
-    found = eval_typed(sink, context, sink.pose, FootPose)
-    assert found == POSE
-    assert found.p_WF is POSE.p_WF
+class Ones(LeafSystem):
+    """Gives a pair of ones, or of another size."""
+
+    def __init__(self, size=2):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "pair", size, lambda _, output: output.SetFromVector(np.ones(size))
+        )
 
 
-def test_names_system_port_and_both_types():
-    """Oracle: the message."""
-    sink = Sink()
-    sink.set_name("my_sink")
-    context = sink.CreateDefaultContext()
-    step = Footstep(Side.LEFT, POSE, 0.3, 0.7)
-    sink.pose.FixValue(context, Value(step))
-    message = "my_sink: input port 'pose' got a Footstep, needs a FootPose"
+@pytest.fixture
+def sink():
+    return Sink()
+
+
+def test_hands_out_the_value_itself_and_checks_its_type(sink):
+    """Oracle: identity; the message names system, port and both types."""
+    context = asked(sink, pose=POSE)
+    assert sink.pose(context) is POSE
+    fix(sink, context, pose=Footstep(Side.LEFT, POSE, 0.3, 0.7))
+    message = "^my_sink: input port 'pose' got a Footstep, needs a FootPose$"
     with pytest.raises(TypeError, match=message):
-        eval_typed(sink, context, sink.pose, FootPose)
+        sink.pose(context)
 
 
 @pytest.mark.parametrize("bad", [[np.nan, 0.0], [0.0, np.inf], [-np.inf, 1]])
-def test_names_system_and_port_of_what_is_not_finite(bad):
+def test_names_system_and_port_of_what_is_not_finite(sink, bad):
     """Oracle: the message; what is finite is handed out as it is."""
-    sink = Sink()
-    sink.set_name("my_sink")
-    context = sink.CreateDefaultContext()
-    pair = sink.GetInputPort("pair")
-    pair.FixValue(context, [1e150, -1e-150])
-    assert eval_finite(sink, context, pair).tolist() == [1e150, -1e-150]
-    pair.FixValue(context, bad)
+    context = asked(sink, pair=[1e150, -1e-150])
+    assert sink.pair(context).tolist() == [1e150, -1e-150]
+    fix(sink, context, pair=bad)
     message = "^my_sink: input port 'pair' is not finite$"
     with pytest.raises(RuntimeError, match=message):
-        eval_finite(sink, context, pair)
+        sink.pair(context)
 
 
-def test_an_optional_value_may_be_missing():
-    """Oracle: not connected, None, a pose; the message for all else."""
-    sink = Sink()
-    context = sink.CreateDefaultContext()
-    assert eval_optional(sink, context, sink.pose, FootPose) is None
+def test_a_port_with_a_default_may_stay_open(sink):
+    """Oracle: the default, itself or as a value; the message for all else."""
+    pose = ValueInput(sink, "maybe", FootPose, None)
+    context = asked(sink)
+    assert pose(context) is None
     for value in None, POSE:
-        sink.pose.FixValue(context, Value(value))
-        assert eval_optional(sink, context, sink.pose, FootPose) == value
-    sink.pose.FixValue(context, Value(Side.LEFT))
-    with pytest.raises(TypeError, match="'pose' got a Side, needs a FootPose"):
-        eval_optional(sink, context, sink.pose, FootPose)
+        fix(sink, context, maybe=value)
+        assert pose(context) is value
+    fix(sink, context, maybe=Side.LEFT)
+    with pytest.raises(TypeError, match="'maybe' got a Side, needs a FootPose"):
+        pose(context)
 
 
-def test_connects_and_exports_by_name():
-    """Oracle: a value that goes in comes out, through all sinks."""
+def test_a_vector_can_have_names(sink):
+    """Oracle: the namedview's entries; its size is that of the port."""
+    command = VectorInput(sink, "command", EcmpCommand)
+    context = asked(sink, command=[1.0, 2.0, 3.0, 4.0])
+    assert command(context).ecmp.tolist() == [3.0, 4.0]
+
+
+def test_all_mechanisms_are_on_unless_they_are_told(sink):
+    """Oracle: the table of names."""
+    context = asked(sink)
+    assert sink.mechanisms(context) == MECHANISMS["all_with_cross_over"]
+    for on in MECHANISMS.values():
+        fix(sink, context, mechanisms=on.as_vector())
+        assert sink.mechanisms(context) == on
+
+
+def test_connects_by_name():
+    """Oracle: a value that goes in comes out four times as large."""
     builder = DiagramBuilder()
-    first, second = builder.AddSystem(Sink()), builder.AddSystem(Sink())
-    third = builder.AddSystem(Sink())
-    with pytest.raises(RuntimeError, match="same_pair"):
-        connect(builder, first, second, "same_pair")  # is no input
-    export_input(builder, "pair", first, second)
-    feed_input(builder, third, "pair")
-    export_outputs(builder, second, "same_pair")
-    builder.ExportOutput(third.GetOutputPort("same_pair"), "third")
+    first = builder.AddNamedSystem("first", Sink("pair"))
+    second = builder.AddNamedSystem("second", Sink())
+    connect(builder, first, second, "pair")
+    with pytest.raises(RuntimeError, match="twice"):
+        connect(builder, second, first, "twice")  # is no input
+    builder.ExportInput(first.GetInputPort("pair"), "in")
+    builder.ExportOutput(second.get_output_port(), "out")
     diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    diagram.GetInputPort("pair").FixValue(context, [4.0, 5.0])
-    for name in "same_pair", "third":
-        port = diagram.GetOutputPort(name)
-        np.testing.assert_array_equal(port.Eval(context), [4.0, 5.0])
+    context = asked(diagram, **{"in": [4.0, 5.0]})
+    assert answer(diagram, context, "out").tolist() == [16.0, 20.0]
+
+
+def wired(inputs=("pose", "pair", "mechanisms"), **blocks):
+    builder = DiagramBuilder()
+    wire(builder, blocks, inputs)
+    return builder.Build()
+
+
+def test_wires_by_name_and_exports_the_rest():
+    """Oracle: by hand; one input for both, and the outputs of both."""
+    diagram = wired(a=Sink("once"), b=Sink("twice"))
+    context = asked(diagram, pair=[4.0, 5.0])
+    for name in "once", "twice":
+        assert answer(diagram, context, name).tolist() == [8.0, 10.0]
+    assert diagram.num_input_ports() == 3
+    chained = wired(inputs=("pose", "mechanisms"), a=Ones(), b=Sink())
+    context = chained.CreateDefaultContext()
+    assert answer(chained, context, "twice").tolist() == [2.0, 2.0]
+
+
+def test_refuses_to_wire_what_does_not_fit():
+    """Oracle: one line that names block and port."""
+    for message, inputs, blocks in (
+        (
+            "must not have the output port 'twice', another block has it",
+            {"pose", "pair", "mechanisms"},
+            {"a": Sink(), "b": Sink()},
+        ),
+        (
+            "input port 'pair' must be one of mechanisms, pose, twice",
+            {"pose", "mechanisms"},
+            {"b": Sink()},
+        ),
+        (
+            "input port 'pair' must be a vector of 3, as a's output; it is a "
+            "vector of 2",
+            {"pose", "mechanisms"},
+            {"a": Ones(3), "b": Sink()},
+        ),
+        (
+            "input port 'pose' must be a vector of 2, as b's output; it is "
+            "abstract",
+            {"pair", "mechanisms"},
+            {"b": Sink("pose")},
+        ),
+    ):
+        with pytest.raises(ValueError, match=f"^b = Sink: {message}$"):
+            wired(inputs, **blocks)
+
+
+def test_requires_outputs_by_name():
+    """Oracle: one line that names role and port; a system, not its class."""
+    require_outputs("role", Sink(), "twice")
+    with pytest.raises(
+        ValueError, match="^role = Sink: must have the output port 'once'$"
+    ):
+        require_outputs("role", Sink(), "once")
+    with pytest.raises(ValueError, match="^role = .*Sink'>: must be a System"):
+        require_outputs("role", Sink, "twice")

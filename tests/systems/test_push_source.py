@@ -5,12 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import (
@@ -22,7 +20,9 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.ports import connect
+from nadia_balance.systems.push_source import PushSignal, PushSource
+from tests.blocks import answer, asked, fix, running
 
 PERIOD = 0.002
 MASS = 90.0
@@ -41,17 +41,15 @@ def run(
     pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None
 ) -> np.ndarray:
     """The force that acts after each tick (ticks, 3) [N]."""
-    source = PushSource(pushes, MASS, PERIOD)
-    simulator = Simulator(source)
-    context = simulator.get_mutable_context()
-    port, forces = source.GetInputPort("walking_state"), []
+    source, found = PushSource(pushes, MASS, PERIOD), []
+    simulator, context = running(source)
     for k in range(ticks):
-        port.FixValue(context, Value(state_at(k * PERIOD)))
+        fix(source, context, walking_state=state_at(k * PERIOD))
         if live_at is not None:
-            source.GetInputPort("live_push").FixValue(context, live_at(k))
+            fix(source, context, live_push=live_at(k))
         simulator.AdvanceTo((k + 0.5) * PERIOD)
-        forces.append(source.GetOutputPort("push_force").Eval(context))
-    return np.array(forces)
+        found.append(answer(source, context, "push_force"))
+    return np.array(found)
 
 
 def active(forces) -> list[int]:
@@ -69,45 +67,30 @@ def free_body() -> MultibodyPlant:
     return plant
 
 
-@pytest.mark.parametrize("duration", [0.002, 0.1, 0.3])
-def test_pushes_once_for_exactly_its_ticks(duration):
-    """Oracle: from tick time / T on, duration / T ticks."""
-    forces = run([Push(force=50.0, time=0.05, duration=duration)], 400)
-    first, count = 25, round(duration / PERIOD)
-    assert active(forces) == list(range(first, first + count))
+@pytest.mark.parametrize(
+    ("at", "delay", "duration", "first", "count"),
+    [
+        ("0.0 s", 0.0, 0.1, 0, 50),
+        ("0.05 s", 0.0, 0.002, 25, 1),
+        ("0.01 s", 0.006, 0.3, 8, 150),
+    ],
+)
+def test_pushes_once_for_exactly_its_ticks(at, delay, duration, first, count):
+    """Oracle: from tick (time + delay) / T on, duration / T ticks."""
+    push = Push(force=50.0, at=at, delay=delay, duration=duration)
+    assert active(run([push], 400)) == list(range(first, first + count))
 
 
-def test_a_push_at_time_zero_acts_from_the_first_tick():
-    """Oracle: tick 0."""
-    assert active(run([Push(force=1.0, time=0.0)], 60)) == list(range(50))
-
-
-def test_a_delay_shifts_the_push():
-    """Oracle: three ticks."""
-    forces = run([Push(force=1.0, time=0.01, delay=0.006)], 100)
-    assert active(forces) == list(range(8, 58))
-
-
-def test_a_phase_push_begins_in_that_phase_and_only_the_first_time():
-    """Oracle: 25 % of a swing of 0.7 s is in tick 88."""
-
-    def walking(t):
-        return replace(RIGHT_SWING, time_in_phase=t % 0.7)
-
-    forces = run([Push(force=1.0, phase="swing")], 800, walking)
-    assert active(forces) == list(range(88, 138))
-
-
-def steps(t, swing=0.7, transfer=0.3, skips=()):
+def steps(t, skips=()):
     """A right swing, a transfer to the right foot, a left swing, ...
 
     The clock leaves out the times of the phase [s] that are in `skips`.
     """
     phases = [
-        (Phase.SWING, Side.LEFT, swing),
-        (Phase.TRANSFER, Side.RIGHT, transfer),
-        (Phase.SWING, Side.RIGHT, swing),
-        (Phase.TRANSFER, Side.LEFT, transfer),
+        (Phase.SWING, Side.LEFT, 0.7),
+        (Phase.TRANSFER, Side.RIGHT, 0.3),
+        (Phase.SWING, Side.RIGHT, 0.7),
+        (Phase.TRANSFER, Side.LEFT, 0.3),
     ]
     ticks = round(t / PERIOD)
     for k in range(100):
@@ -130,57 +113,42 @@ def steps(t, swing=0.7, transfer=0.3, skips=()):
 
 
 @pytest.mark.parametrize(
-    ("push", "tick"),
+    ("at", "skips", "tick"),
     [
-        (Push(force=1.0, phase="swing", fraction=1.0), 349),
-        (Push(force=1.0, phase="transfer", side="left", fraction=1.0), 499),
-        (Push(force=1.0, phase="swing", side="left", fraction=1.0), 849),
-        (Push(force=1.0, phase="transfer", fraction=1.0), 999),
+        ("right swing 25 %", [], 88),
+        ("right swing 100 %", [], 349),
+        ("left transfer 100 %", [], 499),
+        ("left swing 100 %", [], 849),
+        # 40 / 0.7 % of 0.7 s are 0.4 s: the clock jumps over it, to a later
+        # time of the phase or to the next phase, or over earlier times.
+        (f"right swing {40.0 / 0.7} %", [(0.3, 0.5)], 150),
+        (f"right swing {40.0 / 0.7} %", [(0.3, 1.0)], 150),
+        (f"right swing {40.0 / 0.7} %", [(0.1, 0.2), (0.3, 0.35)], 125),
     ],
 )
-def test_the_whole_of_a_phase_is_its_last_tick(push, tick):
-    """Oracle: 350 ticks of swing, 150 of transfer, counted by hand."""
-    forces = run([push], 2200, steps)
-    assert active(forces) == list(range(tick, tick + 50))
+def test_a_push_begins_once_at_its_point_of_the_gait(at, skips, tick):
+    """Oracle: 350 ticks of swing, 150 of transfer, counted by hand.
 
-
-@pytest.mark.parametrize(
-    ("skips", "tick"),
-    [
-        ([(0.3, 0.5)], 150),  # over it, to a later time: at once
-        ([(0.3, 1.0)], 150),  # over it and the end: in the next phase
-        ([(0.1, 0.2), (0.3, 0.35)], 100 + 25),  # over other times
-    ],
-)
-def test_a_clock_that_jumps_over_the_fraction_starts_the_push_once(skips, tick):
-    """Oracle: 57 % of 0.7 s is 0.4 s; the ticks that are left, by hand."""
-
-    def walking(t):
-        return steps(t, skips=skips)
-
-    push = Push(force=1.0, phase="swing", fraction=0.4 / 0.7)
-    forces = run([push], 1500, walking)
+    All of a phase is its last tick.
+    """
+    forces = run([Push(force=1.0, at=at)], 2200, lambda t: steps(t, skips))
     assert active(forces) == list(range(tick, tick + 50))
 
 
 def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
     """Oracle: the left foot's yaw; the next phase has the right foot's."""
-
-    def walking(t):
-        return steps(t, skips=[(0.3, 1.0)])
-
-    push = Push(force=1.0, phase="swing", fraction=0.9)
-    force = run([push], 200, walking)[160]
+    push = Push(force=1.0, at="right swing 90 %")
+    force = run([push], 200, lambda t: steps(t, [(0.3, 1.0)]))[160]
     assert force == pytest.approx([math.cos(YAW), math.sin(YAW), 0.0])
 
 
 @pytest.mark.parametrize(
     ("degrees", "left_foot_frame"),
-    [(0, (1, 0)), (90, (0, 1)), (180, (-1, 0)), (-90, (0, -1))],
+    [(0, (1, 0)), (-90, (0, -1))],
 )
 def test_the_direction_is_that_of_the_support_foot(degrees, left_foot_frame):
     """Oracle: rotation of the left foot, times m dv / dt."""
-    push = Push(delta_v=0.5, time=0.0, direction_deg=degrees)
+    push = Push(delta_v=0.5, at="0.0 s", direction_deg=degrees)
     force = run([push], 1)[0]
     expected = 90.0 * 0.5 / 0.1 * FEET.left.rotation @ left_foot_frame
     assert force[:2] == pytest.approx(expected, abs=1e-10)
@@ -196,26 +164,27 @@ def test_the_direction_stays_although_the_foot_turns():
             RIGHT_SWING, schedule=replace(RIGHT_SWING.schedule, feet=feet)
         )
 
-    forces = run([Push(force=1.0, time=0.1)], 100, turning)
+    forces = run([Push(force=1.0, at="0.1 s")], 100, turning)
     assert len(np.unique(forces[active(forces)], axis=0)) == 1
     assert forces[60] == pytest.approx([math.cos(1.0), math.sin(1.0), 0.0])
 
 
 def test_pushes_that_overlap_add_up():
-    """Oracle: sum."""
+    """Oracle: sum; the last is a click."""
+    along_x = math.degrees(-YAW)
     pushes = [
-        Push(force=10.0, time=0.0, direction_deg=math.degrees(-YAW)),
-        Push(force=4.0, time=0.05, direction_deg=math.degrees(-YAW)),
+        Push(force=10.0, at="0.0 s", direction_deg=along_x),
+        Push(force=4.0, at="0.05 s", direction_deg=along_x),
     ]
-    along_x = run(pushes, 100)[:, 0]
-    assert along_x == pytest.approx(
-        [10.0] * 25 + [14.0] * 25 + [4.0] * 25 + [0.0] * 25
+    forces = run(pushes, 100, live_at=lambda k: [k >= 75, 0.1, along_x])
+    assert forces[:, 0] == pytest.approx(
+        [10.0] * 25 + [14.0] * 25 + [4.0] * 25 + [90.0] * 25
     )
 
 
 def test_a_live_push_acts_like_a_scripted_one():
     """Oracle: the very same push, scripted for the tick of the click."""
-    scripted = run([Push(delta_v=0.4, time=0.02, direction_deg=30.0)], 100)
+    scripted = run([Push(delta_v=0.4, at="0.02 s", direction_deg=30.0)], 100)
     live = run([], 100, live_at=lambda k: [k >= 10, 0.4, 30.0])
     assert active(live) == list(range(10, 60))
     assert np.array_equal(live, scripted)
@@ -249,53 +218,31 @@ def test_a_count_that_begins_anew_is_no_push():
     assert active(forces) == [*range(0, 50), *range(120, 170)]
 
 
-def test_live_and_scripted_pushes_add_up():
-    """Oracle: sum."""
-    scripted = run([Push(delta_v=0.4, time=0.02)], 100)
-    live = run([], 100, live_at=lambda k: [k >= 20, 0.2, 90.0])
-    both = run(
-        [Push(delta_v=0.4, time=0.02)],
-        100,
-        live_at=lambda k: [k >= 20, 0.2, 90.0],
-    )
-    assert both == pytest.approx(scripted + live)
-
-
-@pytest.mark.parametrize("live", [[1, math.nan, 0.0], [1, 0.3, math.inf]])
-def test_refuses_a_live_push_that_is_not_finite(live):
-    """Oracle: the message of Push.validate."""
-    with pytest.raises(ValueError, match="must be finite"):
-        run([], 1, live_at=lambda k: live)
+def test_refuses_a_live_push_that_is_not_finite():
+    """Oracle: the field, its value, what is allowed."""
+    with pytest.raises(ValueError, match="delta_v = nan: must be"):
+        run([], 1, live_at=lambda k: [1, math.nan, 0.0])
 
 
 @pytest.mark.parametrize("body", ["", "base", "live"])
 def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     """Oracle: Newton; the force is constant, so rounding only."""
+    push = Push(body=body, delta_v=0.5, at="0.05 s", direction_deg=90.0)
+    pushes = [] if body == "live" else [push]
     builder = DiagramBuilder()
     plant = builder.AddSystem(free_body())
-    pushes = [Push(body=body, delta_v=0.5, time=0.05, direction_deg=90.0)]
-    if body == "live":
-        pushes = []
     source = builder.AddSystem(
         PushSource(pushes, MASS, PERIOD, plant, base_body="base")
     )
-    if body == "live":
-        click = builder.AddSystem(ConstantVectorSource([1.0, 0.5, 90.0]))
-        builder.Connect(
-            click.get_output_port(), source.GetInputPort("live_push")
-        )
-    state = builder.AddSystem(ConstantValueSource(Value(RIGHT_SWING)))
-    builder.Connect(
-        state.get_output_port(), source.GetInputPort("walking_state")
-    )
-    builder.Connect(
-        source.GetOutputPort("spatial_forces"),
-        plant.get_applied_spatial_force_input_port(),
-    )
+    assert not source.HasAnyDirectFeedthrough()
+    connect(builder, source, plant, spatial_forces="applied_spatial_force")
+    builder.ExportInput(source.GetInputPort("walking_state"), "walking_state")
+    builder.ExportInput(source.GetInputPort("live_push"), "live_push")
     diagram = builder.Build()
-    simulator = Simulator(diagram)
+    simulator, root = running(diagram, walking_state=RIGHT_SWING)
+    if not pushes:
+        fix(diagram, root, live_push=[1.0, 0.5, 90.0])
     simulator.AdvanceTo(0.3)
-    root = simulator.get_context()
     v_WB = plant.EvalBodySpatialVelocityInWorld(
         plant.GetMyContextFromRoot(root), plant.GetBodyByName("base")
     )
@@ -305,42 +252,81 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     assert v_WB.rotational() == pytest.approx(np.zeros(3), abs=1e-12)
 
 
-def test_the_outputs_depend_on_the_state_only():
-    """Oracle: Drake's own dependency graph."""
-    source = PushSource([], MASS, PERIOD, free_body(), "base")
-    assert not source.HasAnyDirectFeedthrough()
-    context = source.CreateDefaultContext()
-    assert source.GetOutputPort("spatial_forces").Eval(context) == []
-    assert source.GetOutputPort("push_force").Eval(context).tolist() == [0] * 3
+def advanced(source, ticks, context=None):
+    """The context of that source, so many ticks on, in a right swing."""
+    simulator = Simulator(source, context)
+    context = simulator.get_mutable_context()
+    fix(source, context, walking_state=RIGHT_SWING)
+    simulator.AdvanceTo(context.get_time() + ticks * PERIOD)
+    return context
 
 
-def test_without_a_plant_there_is_only_the_vector():
-    """Oracle: the ports."""
-    assert PushSource([], MASS, PERIOD).num_output_ports() == 1
+def signal_of(source, context) -> PushSignal:
+    return PushSignal(answer(source, context, "push_signal"))
 
 
-def test_a_missing_or_wrong_walking_state_is_an_error():
-    """Oracle: the message names the port."""
-    source = PushSource([Push(force=1.0, time=0.0)], MASS, PERIOD)
-    with pytest.raises(RuntimeError, match="walking_state"):
-        Simulator(source).AdvanceTo(PERIOD)
-    simulator = Simulator(source)
-    port = source.GetInputPort("walking_state")
-    port.FixValue(simulator.get_mutable_context(), Value(FEET))
-    with pytest.raises(TypeError, match="'walking_state' got a FootPoses"):
-        simulator.AdvanceTo(PERIOD)
+def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
+    """Oracle: by hand; in ticks 10 to 59, 100 to 104, and one that never is."""
+    pushes = [
+        Push(delta_v=0.4, at="0.02 s"),
+        Push(force=90.0, at="0.2 s", duration=0.01, direction_deg=90.0),
+        Push(force=1.0, at="left swing 50 %"),
+    ]
+    source = PushSource(pushes, MASS, PERIOD)
+    expected = [
+        (5.5, 0, 0.0, 3),
+        (30.5, 1, 0.4, 3),
+        (70.5, 0, 0.0, 2),
+        (102.5, 2, 90.0 * 0.01 / MASS, 2),
+        (110.5, 0, 0.0, 1),
+    ]
+    for ticks, number, delta_v, waiting in expected:
+        context = advanced(source, ticks)
+        signal = signal_of(source, context)
+        assert (signal.number, signal.waiting) == (number, waiting)
+        assert signal.delta_v == pytest.approx(delta_v)
+        force = answer(source, context, "push_force")
+        assert np.array_equal(signal.force, force)
+
+
+def test_a_live_push_has_the_number_after_the_others():
+    """Oracle: by hand; nobody waits for it."""
+    source = PushSource([Push(force=1.0, at="9 s")], MASS, PERIOD)
+    context = asked(source, live_push=[1, 0.3, 0.0])
+    signal = signal_of(source, advanced(source, 3.5, context))
+    assert (signal.number, signal.waiting) == (2, 1)
+    assert signal.delta_v == pytest.approx(0.3)
+
+
+def test_copies_of_one_context_can_be_pushed_in_different_ways():
+    """Oracle: the sources that were built with those pushes."""
+    built = Push(delta_v=0.1, at="0.02 s", direction_deg=10.0)
+    source = PushSource([built], MASS, PERIOD)
+    walked = advanced(source, 9.5)
+    for delta_v, direction in (0.7, -120.0), (0.1, 10.0):
+        copy = walked.Clone()
+        source.set_push(copy, delta_v, direction)
+        push = replace(built, delta_v=delta_v, direction_deg=direction)
+        other = PushSource([push], MASS, PERIOD)
+        for ticks in (1, 20, 60):
+            ours = signal_of(source, advanced(source, ticks, copy.Clone()))
+            theirs = signal_of(other, advanced(other, 9.5 + ticks))
+            assert np.array_equal(ours[:], theirs[:])
+            assert (ours.number > 0) == (ticks <= 50)
+    assert signal_of(source, advanced(source, 1, walked)).delta_v == 0.1
 
 
 @pytest.mark.parametrize(
-    ("push", "message"),
+    ("field", "value", "message"),
     [
-        (Push(force=1.0, time=0.0, duration=0.0015), "duration = 0.0015: must"),
-        (Push(force=1.0, time=0.0, delay=0.001), "delay = 0.001: must be a mu"),
-        (Push(force=1.0, time=0.0, body="tail"), "body = 'tail': must be a bo"),
-        (Push(force=-1.0, time=0.0), "force = -1.0: must be finite"),
+        ("duration", 0.0015, "duration = 0.0015: must be a multiple"),
+        ("delay", 0.001, "delay = 0.001: must be a multiple"),
+        ("body", "tail", "body = 'tail': must be a body"),
+        ("force", -1.0, "force = -1.0: must be >= 0"),
     ],
 )
-def test_refuses_bad_pushes(push, message):
-    """Oracle: the message names field and value."""
+def test_refuses_bad_pushes(field, value, message):
+    """Oracle: field, value, what is allowed."""
+    push = replace(Push(force=1.0, at="0.0 s"), **{field: value})
     with pytest.raises(ValueError, match=message):
         PushSource([push], MASS, PERIOD, free_body(), "base")

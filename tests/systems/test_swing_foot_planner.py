@@ -1,75 +1,60 @@
 """Oracle: core.swing_foot, called with the same values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from pydrake.common.value import Value
-from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
 )
-from nadia_balance.core.walking import (
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
+from tests.blocks import answer, asked, running, tick
+from tests.example_walks import MODEL, walk
 
-PERIOD = 0.002
-PARAMS = SwingFootParams()
+PERIOD, PARAMS = 0.002, SwingFootParams()
+OUTPUT = "swing_foot_reference"
+
+
+@pytest.fixture
+def planner():
+    return SwingFootPlanner(PARAMS, MODEL, PERIOD)
 
 
 def swing(t):
     """The right foot swings 0.3 m forward."""
-    feet = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
-    step = Footstep(Side.RIGHT, FootPose([0.3, -0.125, 0.0]), 0.3, 0.7)
-    start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-    schedule = ContactSchedule(
-        Phase.SWING, Side.LEFT, 0.7, feet, (step,), start
-    )
+    schedule = replace(walk(), phase=Phase.SWING, duration=0.7)
     return WalkingState(schedule, t)
 
 
-def test_continues_from_the_last_reference():
+def test_continues_from_the_last_reference(planner):
     """Oracle: the core function, from the discrete state."""
-    planner = SwingFootPlanner(PARAMS, swing(0.0), PERIOD)
-    context = planner.CreateDefaultContext()
-    port = planner.GetInputPort("walking_state")
-    port.FixValue(context, Value(swing(0.2)))
-    previous = np.array([0.1, -0.1, 0.05, 0.5, 0, 0, 0, 0, 0, 0.1, 0, 0])
-    context.SetDiscreteState(previous)
+    context = asked(planner, walking_state=swing(0.2))
+    last = np.array([0.1, -0.1, 0.05, 0.5, 0, 0, 0, 0, 0, 0.1, 0, 0])
+    context.SetDiscreteState(last)
     expected = swing_foot_motion(
-        FootMotion.from_vector(previous), swing(0.2), PERIOD, PARAMS
-    ).as_vector()
-    assert planner.get_output_port().Eval(context) == pytest.approx(
-        expected, abs=1e-15
+        FootMotion.from_vector(last), swing(0.2), PERIOD, PARAMS, MODEL
     )
+    found = answer(planner, context, OUTPUT)
+    assert found == pytest.approx(expected.as_vector(), abs=1e-15)
 
 
-def test_remembers_what_it_said():
-    """Oracle: x+ = y."""
-    planner = SwingFootPlanner(PARAMS, swing(0.0), PERIOD)
-    simulator = Simulator(planner)
-    context = simulator.get_mutable_context()
-    port = planner.GetInputPort("walking_state")
-    port.FixValue(context, Value(swing(0.002)))
-    said = planner.get_output_port().Eval(context).copy()
-    simulator.AdvanceTo(0.5 * PERIOD)
-    assert context.get_discrete_state_vector().value() == pytest.approx(said)
+def test_remembers_what_it_said(planner):
+    """Oracle: x+ = y, in each of three ticks, and no sooner."""
+    simulator, context = running(planner, walking_state=swing(0.002))
+    before = np.zeros(12)
+    for _ in range(3):
+        state = context.get_discrete_state_vector().value()
+        assert np.array_equal(state, before)
+        before = answer(planner, context, OUTPUT).copy()
+        tick(simulator, PERIOD)
 
 
-def test_refuses_another_type():
-    """Oracle: the message names system, port and both types."""
-    planner = SwingFootPlanner(PARAMS, swing(0.0), PERIOD)
-    context = planner.CreateDefaultContext()
-    port = planner.GetInputPort("walking_state")
-    port.FixValue(context, Value(object()))
-    with pytest.raises(TypeError, match="walking_state.*object.*WalkingState"):
-        planner.get_output_port().Eval(context)
+def test_refuses_bad_params():
+    """Oracle: the message names the field."""
+    params = SwingFootParams(touchdown_velocity=-1.0)
+    with pytest.raises(ValueError, match=r"touchdown_velocity = -1\.0"):
+        SwingFootPlanner(params, MODEL, PERIOD)

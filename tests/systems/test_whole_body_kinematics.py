@@ -4,14 +4,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking import Side
-from nadia_balance.core.whole_body_terms import (
+from nadia_balance.core.whole_body_command import (
     BASE,
     LEFT_SOLE,
     PELVIS,
     RIGHT_SOLE,
     TORSO,
 )
-from nadia_balance.systems.whole_body_kinematics import (
+from nadia_balance.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
 )

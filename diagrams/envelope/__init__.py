@@ -1,1 +1,0 @@
-"""The push-recovery envelope of a robot: the largest push from any side."""

@@ -1,0 +1,114 @@
+"""The bounds of a parameter, written beside its default and checked together.
+
+@dataclass(kw_only=True)
+class Params:
+gain: float = bounded(3.0, above=1.0)
+
+check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+"""
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+
+class Bounds(NamedTuple):
+    """What is allowed: >= `least`, > `above`, <= `most`, < `below`, `one_of`.
+
+    As far as these are given, and `finite`; `unit` appears in the message.
+    """
+
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+    below: float | None = None
+    one_of: tuple[str, ...] = ()
+    finite: bool = True
+    unit: str = ""
+
+    def allow(self, value: float) -> bool:
+        """True if the number is within these bounds."""
+        return (
+            not math.isnan(value)
+            and (math.isfinite(value) or not self.finite)
+            and (self.least is None or value >= self.least)
+            and (self.above is None or value > self.above)
+            and (self.most is None or value <= self.most)
+            and (self.below is None or value < self.below)
+        )
+
+    def rule(self, value: float) -> str:
+        """What is allowed in place of the number `value`."""
+        low, high = self.least, self.most
+        opening, closing = "[", "]"
+        if self.above is not None:
+            low, opening = self.above, "("
+        if self.below is not None:
+            high, closing = self.below, ")"
+        unit = f" {self.unit}" if self.unit else ""
+        if low is not None and high is not None:
+            return f"in {opening}{low:g}, {high:g}{closing}{unit}"
+        rule = "a number"
+        if low is not None:
+            rule = f"{'>=' if opening == '[' else '>'} {low:g}{unit}"
+        elif high is not None:
+            rule = f"{'<=' if closing == ']' else '<'} {high:g}{unit}"
+        elif self.finite:
+            return "finite"
+        needs_to_be = self.finite and not math.isfinite(value)
+        return f"finite and {rule}" if needs_to_be else rule
+
+
+_UNBOUNDED = Bounds()
+
+
+def bounded(default: Any, **bounds: Any) -> Any:
+    """Returns a dataclass field with this default, and `Bounds` for `check`.
+
+    None is always allowed.
+    """
+    metadata = {"bounds": Bounds(**bounds)}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def check(params: object, name: str = "") -> None:
+    """Checks all fields of the dataclass `params` against their bounds.
+
+    Numbers without bounds must be finite.  Descends into dataclasses, lists
+    and mappings, then calls `params.validate_more()`, if there is one, for
+    conditions between fields.  `name` is that of `params` itself.
+
+    Raises:
+        ValueError: names the first field out of its bounds, its value and
+            what is allowed, such as `steps[1].length = nan: must be finite`.
+    """
+    for field in dataclasses.fields(params):  # type: ignore[arg-type]
+        bounds = field.metadata.get("bounds", _UNBOUNDED)
+        _check(getattr(params, field.name), _join(name, field.name), bounds)
+    if hasattr(params, "validate_more"):
+        try:
+            params.validate_more()
+        except ValueError as error:
+            raise ValueError(_join(name, str(error))) from None
+
+
+def _check(value: object, name: str, bounds: Bounds) -> None:
+    if dataclasses.is_dataclass(value):
+        check(value, name)
+    elif isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            _check(item, f"{name}[{i}]", bounds)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _check(item, _join(name, str(key)), bounds)
+    elif isinstance(value, str):
+        if bounds.one_of and value not in bounds.one_of:
+            words = ", ".join(bounds.one_of)
+            raise ValueError(f"{name} = {value!r}: must be one of {words}")
+    elif isinstance(value, float | int) and not isinstance(value, bool):
+        if not bounds.allow(value):
+            raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")
+
+
+def _join(name: str, part: str) -> str:
+    return f"{name}.{part}" if name else part

@@ -1,0 +1,40 @@
+"""The point-mass model: all that capture-point control knows of a robot."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.lipm import natural_frequency
+from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.swing_detour import SwingDetourParams
+from nadia_balance.core.walking import Array
+
+
+@dataclass(kw_only=True)
+class LegGeometry:
+    """How far the legs reach."""
+
+    # From the hip pitch axis to the ankle, the knee straight.
+    length: float = bounded(0.0, above=0.0, unit="m")
+    ankle_height: float = bounded(0.0, above=0.0, unit="m")  # above the sole
+    com_above_hip: float = 0.0  # vertical, in the nominal posture [m]
+    # Lateral, between the hip pitch axes.
+    hip_width: float = bounded(0.0, above=0.0, unit="m")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointMassModel:
+    """A linear inverted pendulum with two soles and legs of limited reach."""
+
+    mass: float  # [kg]
+    com_height: float  # of the CoM above the soles [m]
+    step_width: float  # between the sole centres, standing [m]
+    sole: Array  # (n, 2) corners of either sole, in its own frame [m]
+    legs: LegGeometry
+    reach: ReachabilityParams  # where the swing foot can be put
+    detour: SwingDetourParams  # how it gets there, past the stance leg
+
+    @cached_property
+    def omega(self) -> float:
+        """Natural frequency [rad/s] (Nadia paper, below Eq. 1)."""
+        return natural_frequency(self.com_height)

@@ -1,0 +1,159 @@
+"""The folder of a run: its log, summary, scenario, replay and plots."""
+
+import json
+import os
+import tempfile
+from datetime import datetime
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from nadia_balance import palette
+from nadia_balance.results.log import Log
+from nadia_balance.results.plots import effort, footsteps, icp, timeline
+from nadia_balance.results.plots.style import RC
+from nadia_balance.results.scene import FRAMES_PER_SECOND
+from nadia_balance.systems.balance_visualizer import MIDDLE
+
+PLOTS = {
+    "timeline.png": timeline.draw,
+    "footsteps.png": footsteps.draw,
+    "icp.png": icp.draw,
+    "effort.png": effort.draw,
+}
+
+_LEGEND = (
+    '<div id="legend" style="position:fixed; left:14px; bottom:12px; '
+    "padding:8px 12px; border-radius:8px; background:#ffffffc8; "
+    "font:13px/1.45 sans-serif; color:#2f3440; "
+    'pointer-events:none">%s</div>'
+)
+# Keeps the middle of the robot in view: when it leaves a band about its last
+# place, camera and target move along.  Turning and zooming remain the user's.
+_FOLLOW = """
+<script>
+(() => {
+  const path = "%s".split("/").filter((name) => name);
+  const node = viewer.scene_tree.find(path);
+  const band = 0.15;
+  let last = null;
+  viewer.follow = () => {
+    const p = node.object.position;
+    last = last || [p.x, p.y];
+    const move = [p.x - last[0], p.y - last[1]].map(
+        (d) => Math.sign(d) * Math.max(Math.abs(d) - band, 0));
+    last = [last[0] + move[0], last[1] + move[1]];
+    // The camera's axes are y up: its z is our -y.
+    for (const v of [viewer.camera.position, viewer.controls.target]) {
+      v.x += move[0];
+      v.z -= move[1];
+    }
+  };
+  viewer.set_render_callback("() => viewer.follow()");
+})();
+</script>
+"""
+
+
+def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
+    """Makes the folder `out`, by default runs/<date>_<time>_<name>.
+
+    Raises:
+        ValueError: it cannot be made, or nothing can be written into it.
+    """
+    if out is None:
+        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+        out = Path("runs") / f"{now}_{name}"
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # Permissions alone do not tell: disks fill up, and root may write.
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"x")
+            file.flush()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise ValueError(
+            f"out = {str(folder)!r}: must be a folder to write to ({why})"
+        ) from error
+    return folder
+
+
+def start_recording(meshcat: Meshcat, live: bool = False) -> None:
+    """Records from now on; if `live`, the scene is shown meanwhile, too."""
+    meshcat.DeleteRecording()
+    meshcat.StartRecording(
+        frames_per_second=FRAMES_PER_SECOND,
+        set_visualizations_while_recording=live,
+    )
+
+
+def write_run(
+    folder: Path,
+    log: Log,
+    summary: dict,
+    scenario: str,
+    meshcat: Meshcat | None = None,
+) -> list[str]:
+    """Writes all of a run into `folder`; returns the names of the files.
+
+    `scenario` is the YAML of what was simulated.  With a `meshcat`, its
+    recording becomes the replay.
+    """
+    written = []
+    if meshcat is not None:
+        write_replay(meshcat, folder / "replay.html")
+        written.append("replay.html")
+    np.savez(folder / "log.npz", **log)
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    (folder / "summary.json").write_text(f"{text}\n", encoding="utf-8")
+    (folder / "scenario.yaml").write_text(scenario, encoding="utf-8")
+    written += ["log.npz", "summary.json", "scenario.yaml"]
+    return written + write_plots(folder, log, summary)
+
+
+def write_replay(meshcat: Meshcat, path: Path) -> None:
+    """Ends the recording and writes it, with a legend, to `path`.
+
+    A browser that shows the scene gets the recording, too.
+    """
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+    page, end, rest = meshcat.StaticHtml().rpartition("</body>")
+    additions = _LEGEND % legend_entries("div") + _FOLLOW % MIDDLE
+    path.write_text(page + additions + end + rest, encoding="utf-8")
+
+
+def legend_entries(tag: str) -> str:
+    """What the colours mean, as HTML, each entry in a `tag`."""
+    return "".join(
+        f'<{tag}><b style="color:{color}">&#9632;</b> {name}</{tag}>'
+        for name, color in palette.LEGEND.items()
+    )
+
+
+def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
+    """Draws every plot that the log has the data for; returns their names."""
+    written = []
+    if len(log["t"]) < 2:
+        return written
+    with mpl.rc_context(RC):
+        for name, draw in PLOTS.items():
+            figure = draw(log, summary)
+            if figure is not None:
+                figure.savefig(folder / name)
+                written.append(name)
+    return written
+
+
+def read_run(folder: Path) -> tuple[dict[str, np.ndarray], dict]:
+    """Returns the log and the summary of a run."""
+    # Opened here: numpy would leave open what is no whole archive.
+    with (
+        open(folder / "log.npz", "rb") as file,
+        np.load(file, allow_pickle=False) as data,
+    ):
+        log = dict(data)
+    return log, json.loads((folder / "summary.json").read_text("utf-8"))

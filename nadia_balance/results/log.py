@@ -1,0 +1,243 @@
+"""The log of a run: named arrays, and the phases, steps and pushes in them.
+
+`t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is what
+holds at that instant; it has the name of the port that it was read from, and
+`signal` gives its parts by name.  `foot_poses` (n, 6) are FootPositions.
+Without a row for each tick are `sole` (4, 2) [m], `effort_limits` (nu,) [N m],
+`joint_speed_limit` () [rad/s], `actuator_names` (nu,), `num_positions` (), and
+`region_base`, `region_forward` and `region_backward` (n, 2) [m], the regions
+that a step can be put into (see nadia_balance.core.reachability): what else it
+takes to judge the run, and to draw all plots, from the log alone.
+
+`mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  A point
+mass has no `state`, `actuation`, `foot_wrenches` nor `whole_body_qp_status`;
+whoever reads a log copes without them.
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from pydrake.common.containers import namedview
+
+from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.walking import FootPose, Phase, Side
+from nadia_balance.systems.centroidal_estimator import ComState
+from nadia_balance.systems.foot_force_sensor import FootForces
+from nadia_balance.systems.icp_planner import IcpReference
+from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
+from nadia_balance.systems.ports import entries
+from nadia_balance.systems.push_source import PushSignal
+from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+
+Log = Mapping[str, np.ndarray]
+
+QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
+
+
+class FootPositions(
+    namedview(
+        "FootPositions",
+        [f"{side.value}_{axis}" for side in Side for axis in "xyz"],
+    )
+):
+    """The measured sole centres p_WF [m]."""
+
+    left, right = entries(0, 3), entries(3, 6)
+
+
+# A push is in the signal so many rows after it was decided on, and began.
+_FELT = 1
+
+_VIEWS = {
+    "com_state": ComState,
+    "ecmp_command": EcmpCommand,
+    "foot_forces": FootForces,
+    "foot_poses": FootPositions,
+    "icp_reference": IcpReference,
+    "push_signal": PushSignal,
+    "walking_signal": WalkingSignal,
+    **dict.fromkeys(QP_STATUS, QpStatus),
+}
+
+
+def signal(log: Log, name: str, rows: int | slice = slice(None)) -> Any:
+    """Returns the named view of a signal, at these rows of the log.
+
+    Its entries are arrays (n,), its parts (size, n): the ICP reference is
+    `signal(log, "icp_reference").icp`, of which `x, y = ...` takes both axes.
+    """
+    return _VIEWS[name](log[name][rows].T)
+
+
+@dataclass(frozen=True)
+class PhaseSpan:
+    """One phase as it really was."""
+
+    phase: Phase
+    support: Side  # stance foot, or the one that receives the weight
+    first: int  # row in the log
+    last: int  # row in the log
+    start: float  # [s]
+    end: float  # [s]
+    planned: float  # duration when it began [s]
+    complete: bool  # it ended before the log did
+
+    @property
+    def duration(self) -> float:
+        """How long it lasted [s]."""
+        return self.end - self.start
+
+    @property
+    def swing_side(self) -> Side:
+        """The foot in the air, or the one that will be."""
+        return self.support.other
+
+    def carries(self, side: Side) -> bool:
+        """True if the foot of `side` was meant to carry weight."""
+        return self.phase is not Phase.SWING or side is self.support
+
+
+def phase_spans(log: Log) -> list[PhaseSpan]:
+    """Returns the phases of the run, in order."""
+    t, walking = log["t"], signal(log, "walking_signal")
+    last = len(t) - 1
+    edges = [
+        *([0] if len(t) else []),
+        *_changes(walking.phase, walking.support_side, walking.steps_taken),
+        len(t),
+    ]
+    return [
+        PhaseSpan(
+            phase=PHASES[int(walking.phase[first])],
+            support=Side.LEFT
+            if walking.support_side[first] > 0
+            else Side.RIGHT,
+            first=first,
+            last=end - 1,
+            start=float(t[first]),
+            end=float(t[min(end, last)]),
+            planned=float(walking.duration[first]),
+            complete=end <= last,
+        )
+        for first, end in itertools.pairwise(edges)
+    ]
+
+
+def _changes(*signals: np.ndarray) -> list[int]:
+    """The rows in which any of the `signals` (n,) is not what it was before."""
+    differs = np.any(np.diff(np.stack(signals)) != 0.0, axis=0)
+    return (np.flatnonzero(differs) + 1).tolist()
+
+
+def span_at(log: Log, row: int) -> PhaseSpan:
+    """The phase at this row."""
+    return next(s for s in phase_spans(log) if s.first <= row <= s.last)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One foothold: commanded, adjusted, achieved."""
+
+    side: Side
+    commanded: FootPose  # when the step before had landed
+    adjusted: FootPose  # just before it landed
+    achieved: FootPose  # just after it landed
+    swing: PhaseSpan
+    transfer: PhaseSpan | None  # before the swing
+    number: int  # counted from 1
+
+    @property
+    def error(self) -> float:
+        """Horizontal distance [m] from where it was to land."""
+        offset = self.achieved.p_WF - self.adjusted.p_WF
+        return float(np.linalg.norm(offset[:2]))
+
+    @property
+    def adjustment(self) -> np.ndarray:
+        """Move (2,) [m] of the foothold since it was commanded, in W."""
+        return (self.adjusted.p_WF - self.commanded.p_WF)[:2]
+
+
+def steps(log: Log) -> list[Step]:
+    """Returns the steps that have landed, in order."""
+    spans = phase_spans(log)
+    found = []
+    for i, swing in enumerate(spans):
+        if swing.phase is not Phase.SWING or not swing.complete:
+            continue
+        before, landed = spans[i - 1] if i else None, swing.last + 1
+        found.append(
+            Step(
+                side=swing.swing_side,
+                commanded=target_pose(log, (before or swing).first),
+                adjusted=target_pose(log, swing.last),
+                achieved=sole_pose(log, landed, swing.swing_side),
+                swing=swing,
+                transfer=before,
+                number=int(signal(log, "walking_signal", landed).steps_taken),
+            )
+        )
+    return found
+
+
+def sole_pose(log: Log, row: int, side: Side) -> FootPose:
+    """The pose of a sole in the schedule at this row, on the ground."""
+    return _pose(getattr(signal(log, "walking_signal", row), side.value))
+
+
+def target_pose(log: Log, row: int) -> FootPose:
+    """Where the next step is to land, at this row; NaN if there is none."""
+    return _pose(signal(log, "walking_signal", row).target)
+
+
+def _pose(x_y_yaw: np.ndarray) -> FootPose:
+    x, y, yaw = x_y_yaw
+    return FootPose(np.array([x, y, 0.0]), float(yaw))
+
+
+def icp_error(log: Log) -> np.ndarray:
+    """Distance (n,) [m] of the ICP from its reference."""
+    reference = signal(log, "icp_reference").icp
+    return np.linalg.norm(log["icp"].T - reference, axis=0)
+
+
+@dataclass(frozen=True)
+class PushSpan:
+    """One push, from the row in which it begins."""
+
+    first: int  # row in the log
+    start: float  # [s]
+    end: float  # [s]
+    force: np.ndarray  # (3,) [N], in W
+    delta_v: float  # [m/s]
+
+
+def pushes(log: Log) -> list[PushSpan]:
+    """Returns the pushes of the run, in order."""
+    t, push = log["t"], signal(log, "push_signal")
+    edges = [0, *_changes(push.number), len(t)]
+    return [
+        PushSpan(
+            first=max(a - _FELT, 0),
+            start=float(t[max(a - _FELT, 0)]),
+            end=float(t[b - _FELT]),
+            force=push.force[:, a],
+            delta_v=float(push.delta_v[a]),
+        )
+        for a, b in itertools.pairwise(edges)
+        if b > a and np.any(push.force[:, a])
+    ]
+
+
+def switches(log: Log) -> list[tuple[float, list[str]]]:
+    """Returns when [s] mechanisms were switched, and what was on from then."""
+    if "mechanisms" not in log:
+        return []
+    on, names = log["mechanisms"], [f.name for f in fields(Mechanisms)]
+    return [
+        (float(log["t"][row]), list(itertools.compress(names, on[row] > 0.5)))
+        for row in _changes(*on.T)
+    ]

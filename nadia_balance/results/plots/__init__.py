@@ -1,0 +1,1 @@
+"""The plots of a run, and the figures of the papers."""

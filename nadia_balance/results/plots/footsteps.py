@@ -1,0 +1,239 @@
+"""Footholds and the paths of CoP, eCMP, ICP and CoM, seen from above.
+
+As Figs. 12 and 13 of the Nadia paper: planned footholds dashed, achieved ones
+solid and filled, where the feet were at first with a finer dash.
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from nadia_balance import palette
+from nadia_balance.core.polygon import contains
+from nadia_balance.core.reachability import BACKWARD, BASE, FORWARD, in_world
+from nadia_balance.core.walking import Array, FootPose, Side
+from nadia_balance.results.log import (
+    Log,
+    PushSpan,
+    Step,
+    pushes,
+    signal,
+    sole_pose,
+    span_at,
+    steps,
+)
+from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill, title
+from nadia_balance.results.story import recovered_at
+
+NEAR = 0.05  # footholds nearer than this are one to the eye [m]
+_MOST_LISTED = 8  # steps, in the legend [-]
+_ON_EDGE = 1e-3  # a foothold so far out of a region is on its edge [m]
+_LONGEST, _SHORTEST = 10.0, (8.0, 2.4)  # sides of the figure [in]
+_MARGIN = 0.12  # around everything [m]
+_ARROW, _BESIDE = 0.12, 0.03  # the push: length, distance from the ICP [m]
+_FILL = 0.16  # opacity of a foothold
+_MEANING = {
+    BASE: "feet side by side",
+    FORWARD: "crossing in front",
+    BACKWARD: "crossing behind",
+}
+
+
+def draw(log: Log, summary: dict) -> Figure:
+    """Draws the recovery from the last push, or the whole run without one."""
+    pushed = pushes(log)
+    first, last = window(log, pushed)
+    shown = [s for s in steps(log) if first <= s.swing.last < last]
+    rows = slice(first, last + 1)
+    low, high = _limits(log, first, rows, shown)
+    fig = Figure(figsize=_size(high - low), layout="constrained")
+    ax = fig.subplots()
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+    _draw_footholds(ax, log, first, shown)
+    _draw_paths(ax, log, rows)
+    for push in pushed[-1:]:
+        _draw_push(ax, log, push, rows)
+        _mark_touchdowns(ax, log, shown)
+        _draw_reach(ax, log, shown)
+    _key_to_footholds(ax, shown)
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
+    ax.set_title(title(summary, f"Footsteps, {times}"))
+    return fig
+
+
+def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
+    """First and last row to draw: from the push until both feet are back.
+
+    That is, the touchdown of the second step after the recovery.
+    """
+    last_row = len(log["t"]) - 1
+    if not pushed:
+        return 0, last_row
+    push, taken = pushed[-1], steps(log)
+    moved = filter(_is_moved, taken)
+    end = max([recovered_at(log, push), *(s.swing.end for s in moved)])
+    after = [s.swing.last + 1 for s in taken if s.swing.end > end]
+    return span_at(log, push.first).first, min([*after[1:2], last_row])
+
+
+def _limits(
+    log: Log, first: int, rows: slice, shown: list[Step]
+) -> tuple[Array, Array]:
+    """Least and largest x and y (2,) [m] of all that must be seen."""
+    points = np.concatenate(
+        [
+            log["icp"][rows],
+            signal(log, "ecmp_command", rows).cop.T,
+            *(s.achieved.to_world(log["sole"]) for s in shown),
+            *(s.commanded.to_world(log["sole"]) for s in shown),
+            *(sole_pose(log, first, s).to_world(log["sole"]) for s in Side),
+        ]
+    )
+    points = points[np.all(np.isfinite(points), axis=1)]
+    return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+
+
+def _size(extent: Array) -> Array:
+    """Width and height [in] of a figure, with room for the legend."""
+    scale = _LONGEST / max(extent[0], 1.4 * extent[1])
+    return np.maximum(scale * extent + [3.2, 1.0], _SHORTEST)
+
+
+def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
+    command = signal(log, "ecmp_command", rows)
+    com = signal(log, "com_state", rows).position[:2]
+    reference = signal(log, "icp_reference", rows).icp
+    dashed = {"lw": 1.6, "ls": (0, (3, 1.5))}
+    for path, color, label, style in (
+        (command.ecmp, palette.ECMP, "eCMP", {"lw": 1.0}),
+        (command.cop, palette.COP, "CoP", {"lw": 1.4}),
+        (com, palette.COM, "CoM", {"lw": 1.3}),
+        (reference, palette.ICP_REFERENCE, "ICP reference", dashed),
+        (log["icp"][rows].T, palette.ICP, "ICP", {"lw": 1.8}),
+    ):
+        ax.plot(*path, color=color, label=label, **style)
+
+
+def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
+    """Draws where the feet were at row `first`, and the steps from there."""
+
+    def draw_sole(pose: FootPose, side: Side, line: str, alpha: float) -> None:
+        corners, color = pose.to_world(log["sole"]), palette.foot_color(side)
+        fill(ax, corners, color, alpha=alpha, linestyle=line)
+
+    for side in Side:
+        draw_sole(sole_pose(log, first, side), side, ":", 0.06)
+    drawn: dict[Side, list[Array]] = {side: [] for side in Side}
+    for step in shown:
+        start, end = step.commanded.p_WF[:2], step.achieved.p_WF[:2]
+        near = [np.linalg.norm(end - p) < NEAR for p in drawn[step.side]]
+        draw_sole(step.commanded, step.side, "--", 0.0)
+        # Fills and numbers on top of each other would hide what is below.
+        draw_sole(step.achieved, step.side, "-", 0.0 if any(near) else _FILL)
+        if not any(near):
+            drawn[step.side].append(end)
+            _number(ax, step, log["sole"])
+        if _is_moved(step):
+            head = "->,head_width=0.25,head_length=0.5"
+            arrow(ax, start, end, FAINT, width=1.2, style=head)
+
+
+def _is_moved(step: Step) -> bool:
+    return bool(np.linalg.norm(step.adjustment) > NEAR)
+
+
+def _number(ax: Axes, step: Step, sole: Array) -> None:
+    """Writes the number of a step beside its outer edge."""
+    edge = step.side.sign * np.max(np.abs(sole[:, 1]))
+    ax.annotate(
+        str(step.number),
+        step.achieved.to_world(np.array([[0.0, edge]]))[0],
+        xytext=(0, 8 * step.side.sign),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        color=palette.foot_color(step.side),
+        fontsize=11,
+        weight="bold",
+        path_effects=[withStroke(linewidth=3, foreground="white")],
+    )
+
+
+def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
+    """Dots with the numbers of the steps: where the ICP was when they landed.
+
+    They link the path with the footholds.
+    """
+    label = "ICP when that step landed"
+    for step in shown:
+        point = log["icp"][step.swing.last + 1]
+        style = {"ms": 11, "mfc": "white", "mec": palette.ICP, "mew": 1.3}
+        ax.plot(*point, "o", zorder=4, label=label, **style)
+        label = None
+        where = {"ha": "center", "va": "center_baseline", "zorder": 5}
+        look = {"color": palette.ICP, "fontsize": 7.5, "weight": "bold"}
+        ax.text(*point, str(step.number), clip_on=True, **where, **look)
+
+
+def _draw_push(ax: Axes, log: Log, push: PushSpan, rows: slice) -> None:
+    """An arrow beside the ICP when the push began, where there is room."""
+    direction = push.force[:2] / np.linalg.norm(push.force)
+    across = _BESIDE * np.array([-direction[1], direction[0]])
+    tips = log["icp"][push.first] + np.array([across, -across])
+    com = signal(log, "com_state", rows).position[:2].T
+    cop = signal(log, "ecmp_command", rows).cop.T
+    paths = np.concatenate([log["icp"][rows], com, cop])
+    gaps = [
+        np.min(np.linalg.norm(paths - tip + 0.5 * _ARROW * direction, axis=1))
+        for tip in tips
+    ]
+    tip = tips[np.argmax(gaps)]
+    arrow(ax, tip - _ARROW * direction, tip, palette.PUSH, width=2.5)
+    ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
+
+
+def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
+    """Draws the region that the step respected whose foothold moved most."""
+    moved = list(filter(_is_moved, shown))
+    if not moved:
+        return
+    step = max(moved, key=lambda s: float(np.linalg.norm(s.adjustment)))
+    stance = sole_pose(log, step.swing.last, step.side.other)
+    for name, meaning in _MEANING.items():
+        region = in_world(log[f"region_{name}"], stance, step.side)
+        if contains(step.adjusted.p_WF[:2], region, _ON_EDGE):
+            label = f"reach of step {step.number} (sole centre),\n{meaning}"
+            edge = {"edgecolor": (*palette.rgb(palette.REACH), 0.7)}
+            edge |= {"linewidth": 1.2, "zorder": 0.5}
+            fill(ax, region, palette.REACH, label, alpha=0.07, **edge)
+            return
+
+
+def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
+    """Adds to the legend what the lines mean, and how long each step took."""
+    for style, label in (
+        (":", "foot at first"),
+        ("--", "foothold as planned"),
+        ("-", "foothold as achieved"),
+    ):
+        ax.plot([], [], color=TEXT, ls=style, lw=1.2, label=label)
+    if any(map(_is_moved, shown)):
+        head = {"marker": ">", "ms": 4, "markevery": [1]}
+        ax.plot([], [], color=FAINT, lw=1.2, label="foothold moved", **head)
+    feet = [(side, f"{side.value} foot") for side in Side]
+    if len(shown) <= _MOST_LISTED:
+        feet = [(step.side, _durations(step)) for step in shown]
+    for side, label in feet:
+        nowhere = np.full((1, 2), np.nan)
+        fill(ax, nowhere, palette.foot_color(side), label, alpha=_FILL)
+
+
+def _durations(step: Step) -> str:
+    transfer = step.transfer.duration if step.transfer else 0.0
+    return (
+        f"{step.number} {step.side.value}: {transfer:.2f} s transfer, "
+        f"{step.swing.duration:.2f} s swing"
+    )

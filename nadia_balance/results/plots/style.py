@@ -1,0 +1,141 @@
+"""What all plots have in common: colours, axes, titles, shapes."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from nadia_balance import palette
+from nadia_balance.core.walking import Phase
+from nadia_balance.results.log import Log, phase_spans, pushes
+
+TEXT = "#2f3440"
+FAINT = "#8a93a3"
+RC = {
+    "font.size": 9.0,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": TEXT,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10.5,
+    "axes.titlecolor": TEXT,
+    "axes.titlepad": 5.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e7eaef",
+    "grid.linewidth": 0.8,
+    "text.color": TEXT,
+    "xtick.color": TEXT,
+    "ytick.color": TEXT,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.5,
+    "savefig.bbox": "tight",
+    "savefig.dpi": 130,
+    "savefig.pad_inches": 0.12,
+}
+
+
+def time_axes(
+    log: Log,
+    summary: dict,
+    what: str,
+    heights: list[float],
+    label: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A figure of axes above each other, of `heights` [in], one time axis.
+
+    Swings and pushes are marked, these with a `label`; `what` it shows is in
+    the title.
+    """
+    fig = Figure(figsize=(10.0, sum(heights) + 0.6), layout="constrained")
+    axes = fig.subplots(
+        len(heights),
+        sharex=True,
+        squeeze=False,
+        gridspec_kw={"height_ratios": heights},
+    )[:, 0]
+    for ax in axes:
+        shade_swings(ax, log)
+        mark_pushes(ax, log, label and ax is axes[0])
+    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlim(log["t"][0], log["t"][-1])
+    set_title(fig, summary, what)
+    return fig, list(axes)
+
+
+def title(summary: dict, what: str) -> str:
+    """Says what is seen, of which run, with the size of each of its pushes."""
+    run = [summary["robot"], summary["mechanisms"]]
+    pushes = summary["pushes"]
+    run += [f"push {push['delta_v']:.2f} m/s" for push in pushes]
+    if len(pushes) == 1 and summary["direction_deg"] is not None:
+        run[-1] += f" at {summary['direction_deg']:.0f}°"
+    if summary["fell_at"] is not None:
+        run.append(f"fell at {summary['fell_at']:.2f} s")
+    elif pushes:
+        run.append("recovered" if summary["recovered"] else "not recovered")
+    return f"{what}   ·   {', '.join(run)}"
+
+
+def set_title(fig: Figure, summary: dict, what: str) -> None:
+    """Writes the title over a figure of several axes."""
+    fig.suptitle(
+        title(summary, what), x=0.01, ha="left", fontsize=10.5, color=TEXT
+    )
+
+
+def shade_swings(ax: Axes, log: Log) -> None:
+    """Shades each swing in the colour of the foot in the air."""
+    for span in phase_spans(log):
+        if span.phase is Phase.SWING:
+            color = palette.foot_color(span.swing_side)
+            ax.axvspan(span.start, span.end, color=color, alpha=0.08, lw=0)
+
+
+def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
+    """Marks when the robot was pushed; the `label` is above the axes."""
+    for push in pushes(log):
+        look = {"color": palette.PUSH, "alpha": 0.3, "lw": 0, "zorder": 0}
+        ax.axvspan(push.start, push.end, **look)
+        if label:
+            ax.annotate(
+                f"push {np.linalg.norm(push.force):.0f} N",
+                (0.5 * (push.start + push.end), 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                annotation_clip=True,  # only where the axes show that time
+                ha="center",
+                color=palette.PUSH,
+                fontsize=8.5,
+            )
+
+
+def fill(
+    ax: Axes,
+    polygon: np.ndarray,
+    color: str,
+    label: str | None = None,
+    alpha: float = 0.22,
+    **style,
+) -> None:
+    """Draws a polygon (n, 2) [m]: its inside transparent, its edge not."""
+    style = {"edgecolor": color, "linewidth": 1.4, **style}
+    face = (*palette.rgb(color), alpha)
+    ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))
+
+
+def arrow(
+    ax: Axes,
+    start: np.ndarray,
+    end: np.ndarray,
+    color: str,
+    width: float = 2.0,
+    style: str = "-|>,head_width=0.3,head_length=0.6",
+) -> None:
+    """Draws an arrow from `start` to `end` (2,) [m]."""
+    look = {"arrowstyle": style, "color": color, "linewidth": width}
+    look |= {"shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=end, xytext=start, arrowprops=look, zorder=5)

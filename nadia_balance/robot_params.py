@@ -1,0 +1,56 @@
+"""The fields of robot.yaml: what the controller needs to know of a robot."""
+
+from dataclasses import dataclass, field
+
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.model import LegGeometry
+from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.swing_detour import SwingDetourParams
+from nadia_balance.core.whole_body_command import WholeBodyQpParams
+
+
+@dataclass(kw_only=True)
+class SoleParams:
+    """The rectangle of either sole in the frame of its foot body."""
+
+    x_min: float = 0.0  # heel [m]
+    x_max: float = 0.0  # toe [m]
+    half_width: float = bounded(0.0, above=0.0, unit="m")
+    z: float = 0.0  # [m]
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the toe is not in front of the heel."""
+        if not self.x_max > self.x_min:
+            raise ValueError(
+                f"x_max = {self.x_max}: must be > x_min = {self.x_min} m"
+            )
+
+
+@dataclass(kw_only=True)
+class RobotParams:
+    """All that a URDF cannot say; bodies and joints by their URDF names."""
+
+    name: str = ""
+    urdf: str = ""  # relative to robot.yaml
+    pelvis_body: str = ""  # the floating base
+    torso_body: str = ""
+    left_foot_body: str = ""
+    right_foot_body: str = ""
+    sole: SoleParams = field(default_factory=SoleParams)
+    # Of the CoM above the soles, standing [m].
+    com_height: float = bounded(0.0, above=0.0, unit="m")
+    # Between the sole centres, standing [m].
+    step_width: float = bounded(0.0, above=0.0, unit="m")
+    posture: dict[str, float] = field(default_factory=dict)  # [rad]
+    legs: LegGeometry = field(default_factory=LegGeometry)
+    reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
+    swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
+    # Runs are checked against it [rad/s].
+    max_joint_speed: float = bounded(20.0, above=0.0, unit="rad/s")
+    whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the robot has no name, or no URDF."""
+        for name in ("name", "urdf"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} = '': must not be empty")

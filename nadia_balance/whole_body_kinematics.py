@@ -1,0 +1,189 @@
+"""Terms of the equations of motion, by Drake's cheapest calls."""
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.walking import Side
+from nadia_balance.core.whole_body_command import (
+    BASE,
+    PELVIS,
+    SOLES,
+    TORSO,
+    WholeBodyModel,
+    WholeBodyTerms,
+)
+from nadia_balance.robot import RobotModel
+
+SIDES = (Side.LEFT, Side.RIGHT)
+_V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
+
+
+class WholeBodyKinematics:
+    """Reads what the whole-body QP needs from a plant's context.
+
+    Needs a plant with one robot: the pelvis as floating base, then joints of
+    one degree of freedom, each with one actuator.
+    """
+
+    def __init__(self, robot: RobotModel, plant: MultibodyPlant):
+        """Raises ValueError if `plant` is built in another way."""
+        self.plant = plant
+        num_joints = plant.num_velocities() - 6
+        pelvis = plant.GetBodyByName(robot.pelvis_body)
+        if not (
+            pelvis.is_floating_base_body()
+            and pelvis.floating_positions_start() == 0
+            and plant.num_positions() == 7 + num_joints
+            and plant.num_actuators() == num_joints
+        ):
+            raise ValueError(
+                f"{robot.name}: needs a floating {robot.pelvis_body}, joints "
+                "of one degree of freedom, and one actuator for each"
+            )
+        self._damping = np.zeros(plant.num_velocities())
+        for i in plant.GetJointIndices():
+            joint = plant.get_joint(i)
+            if joint.num_velocities() == 1:  # neither welded nor floating
+                self._damping[joint.velocity_start()] = (
+                    joint.default_damping_vector()[0]
+                )
+        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in SIDES]
+        torso = plant.GetBodyByName(robot.torso_body)
+        self._bodies = [*feet, torso, pelvis]
+        # The frames of soles, torso and pelvis in these bodies (4, 4, 4).
+        self._X_BodyFrame = np.tile(np.eye(4), (4, 1, 1))
+        for i, side in enumerate(SIDES):
+            self._X_BodyFrame[i] = robot.X_FootSole[side].GetAsMatrix4()
+        # Rows of J, the frame of the body, and where its point is in it.
+        self._points = [
+            (rows, foot.body_frame(), robot.X_FootSole[side].translation())
+            for rows, foot, side in zip(SOLES, feet, SIDES, strict=True)
+        ]
+        self._torso, self._world = torso.body_frame(), plant.world_frame()
+        self._gravity = plant.gravity_field().gravity_vector()
+        self._mass = robot.mass
+        # What does not change: the base's velocity is that of the pelvis.
+        self._rows = np.zeros((24 + num_joints, 7 + num_joints))
+        self._rows[PELVIS, :3] = np.eye(3)
+
+    def calc(self, context: Context) -> WholeBodyTerms:
+        """Returns the terms of the state in the plant's `context`."""
+        plant, rows = self.plant, self._rows.copy()
+        state = plant.GetPositionsAndVelocities(context)
+        v = state[-self._damping.size :]
+        self._fill_forces(context, v, rows[BASE.start : TORSO.start])
+        self._fill_motions(context, rows)
+        poses = np.array(
+            [
+                plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
+                for body in self._bodies
+            ]
+        )
+        poses = poses @ self._X_BodyFrame
+        velocities = rows[:, :-1] @ v
+        return WholeBodyTerms(
+            rows=rows,
+            velocities=velocities,
+            rotations=poses[:, :, :3],
+            sole_positions=poses[:2, :, 3],
+            positions=state[7 : -v.size],
+            v=v,
+            com_state=_com_state(state[4:7], rows, velocities),
+        )
+
+    def _fill_forces(self, context, v, forces):
+        """[M, bias] (nv, nv + 1) per mass, with gravity and damping."""
+        M = self.plant.CalcMassMatrix(context)
+        bias = self.plant.CalcBiasTerm(context) + self._damping * v
+        # Gravity for free: the base's velocity is expressed in W.
+        bias -= M[:, 3:6] @ self._gravity
+        forces[:, :-1], forces[:, -1] = M, bias
+        forces /= self._mass
+
+    def _fill_motions(self, context, rows):
+        """[J, Jdot v] of soles and torso."""
+        plant, world = self.plant, self._world
+        for sole, frame, p_BP in self._points:
+            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
+                context, _V, frame, p_BP, world, world
+            )
+            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
+                context, _V, frame, p_BP, world, world
+            ).get_coeffs()
+        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+            context, _V, self._torso, world, world
+        )
+        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+            context, _V, self._torso, _ORIGIN, world, world
+        ).rotational()
+
+
+def _com_state(p_WB, rows, velocities) -> np.ndarray:
+    """The centre of mass for free: M has its arm and its velocity per mass.
+
+    The base's linear velocity, expressed in W, gives it the angular momentum
+    p_BC x v about the base's origin B.
+    """
+    (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
+    return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
+
+
+def whole_body_model(
+    robot: RobotModel,
+    plant: MultibodyPlant,
+    joint_lower_limits: dict[str, float],
+) -> WholeBodyModel:
+    """Returns the constants of `robot`, joints in the order of velocities.
+
+    Raises:
+        ValueError: a joint that is named does not exist.
+    """
+    n = plant.num_velocities() - 6
+    lower = plant.GetPositionLowerLimits()[7:].copy()
+    upper = plant.GetPositionUpperLimits()[7:]
+    posture = np.zeros(n)
+    for joint, value in robot.posture.items():
+        posture[_joint_index(plant, joint)] = value
+    for joint, value in joint_lower_limits.items():
+        index = _joint_index(plant, joint)
+        lower[index] = max(lower[index], value)
+    effort = np.zeros(n)
+    for i in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(i)
+        effort[actuator.joint().velocity_start() - 6] = actuator.effort_limit()
+    return WholeBodyModel(
+        mass=robot.mass,
+        sole_length=robot.sole_length,
+        sole_width=robot.sole_width,
+        posture=posture,
+        position_lower=lower,
+        position_upper=upper,
+        max_torque=effort,
+        is_leg_joint=_is_leg_joint(robot, plant),
+    )
+
+
+def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
+    """Marks (nj,) the joints between the pelvis and either foot."""
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    moves = np.zeros(plant.num_velocities(), dtype=bool)
+    for body in robot.foot_bodies.values():
+        J = plant.CalcJacobianSpatialVelocity(
+            context,
+            JacobianWrtVariable.kV,
+            plant.GetFrameByName(body),
+            np.zeros(3),
+            world,
+            world,
+        )
+        moves |= np.any(J != 0.0, axis=0)
+    return moves[6:]
+
+
+def _joint_index(plant: MultibodyPlant, name: str) -> int:
+    """Index of a joint among those of the robot."""
+    if not plant.HasJointNamed(name):
+        raise ValueError(f"joint = {name!r}: the robot has no such joint")
+    return plant.GetJointByName(name).velocity_start() - 6

@@ -1,0 +1,1 @@
+"""Finds the largest pushes that a robot recovers from."""

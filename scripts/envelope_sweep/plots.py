@@ -1,0 +1,297 @@
+"""The largest push that is recovered from, by direction, seen from above.
+
+As Fig. 10 of the Nadia paper: a point of a curve lies as far out as a push in
+its direction changes the velocity [m/s]; forward is up, left is left.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import withStroke
+
+from nadia_balance import palette
+from nadia_balance.core.walking import Array, Side
+from nadia_balance.results.plots.style import FAINT, TEXT
+from nadia_balance.scripts.envelope_sweep.limits import (
+    ORDER,
+    ROBOT,
+    Curve,
+    Envelope,
+    Limit,
+)
+from nadia_balance.scripts.envelope_sweep.plan import AT, SCENARIO, moment_of
+
+# Of directions [deg], relative to the heading of the stance foot.
+WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+# One hue, the darker the more mechanisms: told apart without colours, too.
+COLORS = dict(
+    zip(
+        ORDER,
+        ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78"),
+        strict=True,
+    )
+)
+NAMES = {
+    "icp_only": "ankles and hips only",
+    "step": "+ where to step",
+    "step_swing": "+ when to land",
+    "step_swing_transfer": "+ when to lift off",
+    "all_with_cross_over": "+ crossing the legs",
+}
+PLANTS = {"humanoid": "whole body", "lipm": "point mass"}
+PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
+PAPER_LABEL = "the Nadia paper's, Fig. 10"
+SEARCHED_LABEL = "still being searched"
+LIMIT = "#8a93a3"
+LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass 1 m high"
+BEYOND = "#eceef2"
+
+
+def title(envelope: Envelope, what: str) -> str:
+    """Says what is seen, of which robot."""
+    plant = PLANTS.get(envelope.plant, envelope.plant)
+    return f"{what}   ·   {envelope.robot}, {plant}"
+
+
+def key_name(envelope: Envelope, mechanisms: str) -> str:
+    """What it adds to those before it; its name if one of them is missing."""
+    before = ORDER[: ORDER.index(mechanisms)]
+    stacked = set(before) <= set(envelope.mechanisms)
+    return NAMES[mechanisms] if stacked else mechanisms
+
+
+def tint(color: str) -> list[float]:
+    """Red, green and blue of a pale, opaque version of a colour."""
+    return [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
+
+
+def inward(at: str) -> float:
+    """The direction [deg] that points from the swing foot to the other."""
+    return 90.0 if moment_of(at).swing is Side.RIGHT else 270.0
+
+
+def direction_name(direction: float, at: str) -> str:
+    """Words for the four main directions; degrees for the others."""
+    side = {inward(at): "inward", 360.0 - inward(at): "outward"}
+    if direction not in WORDS:
+        return f"{direction:g}°"
+    word = WORDS[direction]
+    return f"{word} ({side[direction]})" if direction in side else word
+
+
+def _draw_key(fig: Figure, envelope: Envelope) -> None:
+    """One legend for the whole figure, to its right."""
+    line = {"lw": 2, "marker": "o", "ms": 5}
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=COLORS[m], label=key_name(envelope, m), **line)
+        for m in envelope.mechanisms
+    ]
+    if envelope.missing:
+        dot = {"ls": "none", "marker": "o", "ms": 5, "mfc": "white"}
+        dot |= {"mec": FAINT, "mew": 1.4, "label": SEARCHED_LABEL}
+        handles.append(Line2D([], [], **dot))
+    known = [m for m in envelope.moments if envelope.known(m).paper]
+    if known:
+        handles += [
+            Line2D([], [], label=PAPER_LABEL, **PAPER_LINE),
+            Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),
+        ]
+    if len(known) < len(envelope.moments):
+        text = f"references: only for\n{ROBOT}, {SCENARIO}, {AT}"
+        handles.append(Line2D([], [], ls="none", label=text))
+    fig.legend(
+        handles=handles,
+        loc="outside right center",
+        fontsize=9.5,
+        labelspacing=0.8,
+        handlelength=2.2,
+    )
+
+
+_FARTHEST = 100.0  # directions farther apart are not joined [deg]
+_RINGS = (0.05, 0.1, 0.2, 0.5, 1.0)  # distances of rings [m/s]
+_MOST_RINGS = 5
+_RING_LABELS = 15.0  # where their labels are, backward of inward [deg]
+
+
+def points(values: Curve) -> Array:
+    """The corners (n, 2) [m/s], right and up in the picture, of a closed line.
+
+    A NaN breaks it where directions are too far apart to join.
+    """
+    corners = []
+    angles = sorted(values)
+    for here, after in zip(angles, [*angles[1:], angles[0] + 360], strict=True):
+        corners.append(point(here, values[here]))
+        if after - here > _FARTHEST:
+            corners.append(np.full(2, np.nan))
+    return np.array([*corners, corners[0]])
+
+
+def point(direction: float, size: float) -> Array:
+    """The point (2,) of the picture for a push in a direction [deg]."""
+    angle = math.radians(direction)
+    return size * np.array([-math.sin(angle), math.cos(angle)])
+
+
+def _draw_rings(ax: Axes, at: str) -> None:
+    """Rings at round velocities; the outer ones, with room, say which."""
+    ax.set(xticks=[], yticks=[])
+    ax.spines[:].set_visible(False)
+    (left, right), (_, top) = ax.get_xlim(), ax.get_ylim()
+    gap = next((g for g in _RINGS if top / g <= _MOST_RINGS), _RINGS[-1])
+    angle = 90.0 + _RING_LABELS
+    if inward(at) > 180.0:
+        angle = -angle
+    for ring in np.arange(gap, 1.5 * top, gap):
+        circle = Circle((0, 0), ring, fill=False, ec=FAINT, lw=0.6, alpha=0.5)
+        ax.add_patch(circle).set_zorder(1.0)
+        place = point(angle, ring)
+        if ring > 0.35 * top and 0.88 * left < place[0] < 0.88 * right:
+            text = ax.text(*place, f"{ring:g} m/s", ha="center", va="center")
+            text.set(color=FAINT, fontsize=8.5, zorder=1.2)
+
+
+def spoke_angle(directions: Sequence[float]) -> float:
+    """Between spokes [deg]: 45 if these are the directions, else 30."""
+    return 45.0 if all(d % 45.0 == 0.0 for d in directions) else 30.0
+
+
+def _draw_directions(ax: Axes, at: str, directions: Sequence[float]) -> None:
+    """Spokes: words for four of them, degrees for others."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    for angle in np.arange(0.0, 360.0, spoke_angle(directions)):
+        way = point(angle, 1.0)
+        sides = np.where(way > 0, [right, high], [left, low])
+        with np.errstate(divide="ignore"):
+            end = way * np.min(np.abs(sides / np.where(way == 0, 1e-9, way)))
+        ax.plot(*np.array([np.zeros(2), end]).T, color=FAINT, lw=0.5, alpha=0.5)
+        main = angle % 90.0 == 0.0
+        ax.annotate(
+            direction_name(angle, at).replace(" ", "\n"),
+            end,
+            xytext=-6.0 * np.sign(np.round(way, 6)),
+            textcoords="offset points",
+            ha=_anchor(way[0], "left", "center", "right"),
+            va=_anchor(way[1], "bottom", "center", "top"),
+            color=TEXT if main else FAINT,
+            fontsize=10 if main else 8.5,
+            linespacing=1.0,
+        )
+
+
+def _anchor(way: float, negative: str, zero: str, positive: str) -> str:
+    if abs(way) < 1e-6:
+        return zero
+    return positive if way > 0.0 else negative
+
+
+_HEIGHTS = 6.6, 5.0  # of one panel, and of each of several [in]
+_KEY = 2.5  # width of the key [in]
+_COLUMNS = 2  # of panels
+_MOST_NUMBERS = 16  # directions with the limit written beside them
+
+
+def draw_envelope(envelope: Envelope) -> Figure:
+    """Draws a panel for each moment, with the references where there are."""
+    moments = envelope.moments
+    columns = min(len(moments), _COLUMNS)
+    rows = math.ceil(len(moments) / columns)
+    (left, right), (low, high) = _window(envelope)
+    height = _HEIGHTS[0] if len(moments) == 1 else _HEIGHTS[1]
+    width = height * (right - left) / (high - low)
+    size = columns * width + _KEY, rows * (height + 0.25) + 0.4
+    fig = Figure(figsize=size, layout="constrained")
+    grid = list(fig.subplots(rows, columns, squeeze=False).flat)
+    for ax, at in zip(grid, moments, strict=False):
+        ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+        ax.set_title(at, fontsize=10.5)
+        _draw_panel(ax, envelope, at)
+    for ax in grid[len(moments) :]:
+        ax.remove()
+    _draw_key(fig, envelope)
+    what = title(envelope, "Largest recovered push [m/s], by direction")
+    fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
+    return fig
+
+
+def _window(envelope: Envelope) -> Array:
+    """What of the plane is seen, so that all curves are: x and y (2, 2)."""
+    most, curves = envelope.mechanisms[-1], []
+    for at in envelope.moments:
+        known = envelope.known(at)
+        curves += [known.paper.get(most, {}), known.limit.get(most, {})]
+        curves += [_recovered(envelope, m, at) for m in envelope.mechanisms]
+    seen = np.vstack([np.zeros(2), *(points(c) for c in curves if c)])
+    low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    half = max(0.5 * np.max(high - low), 2.0 * envelope.search.resolution)
+    left, right = np.maximum([-low[0], high[0]], 0.6 * half) + 0.45 * half
+    top = max(-low[1], high[1], 0.6 * half) + 0.3 * half
+    return np.array([[-left, right], [-top, top]])
+
+
+def _recovered(envelope: Envelope, mechanisms: str, at: str) -> Curve:
+    limits = envelope.curve(mechanisms, at)
+    return {angle: limit.recovered for angle, limit in limits.items()}
+
+
+def _draw_panel(ax: Axes, envelope: Envelope, at: str) -> None:
+    known = envelope.known(at)
+    most = envelope.mechanisms[-1]
+    if most in known.limit:
+        ax.set_facecolor(BEYOND)
+        ax.fill(*points(known.limit[most]).T, fc="white", ec=LIMIT, zorder=0.5)
+    _draw_rings(ax, at)
+    _draw_directions(ax, at, envelope.directions)
+    for mechanisms in reversed(envelope.mechanisms):
+        if limits := envelope.curve(mechanisms, at):
+            _draw_limits(ax, limits, mechanisms)
+    if most in known.paper:
+        ax.plot(*points(known.paper[most]).T, zorder=3.0, **PAPER_LINE)
+    _write_limits(ax, envelope, at)
+
+
+def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
+    """A line through the limits; a dot is hollow where the search goes on."""
+    color = COLORS[mechanisms]
+    curve = {angle: limit.recovered for angle, limit in limits.items()}
+    corners = points(curve)
+    if not np.any(np.isnan(corners)):
+        ax.fill(*corners.T, color=tint(color), lw=0, zorder=2.0)
+    line = {"color": color, "lw": 1.8, "label": mechanisms}
+    ax.plot(*corners.T, zorder=2.5, **line)
+    for complete, face in ((True, color), (False, "white")):
+        dots = [
+            point(angle, curve[angle])
+            for angle, limit in limits.items()
+            if limit.complete is complete
+        ]
+        if dots:
+            dot = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 1.4}
+            ax.plot(*np.array(dots).T, mfc=face, mec=color, zorder=3.1, **dot)
+
+
+def _write_limits(ax: Axes, envelope: Envelope, at: str) -> None:
+    """Writes the limits with the most mechanisms beside their dots, outward."""
+    most = envelope.mechanisms[-1]
+    limits = envelope.curve(most, at)
+    if len(limits) > _MOST_NUMBERS:
+        return
+    for angle, limit in limits.items():
+        ax.annotate(
+            envelope.limit_words(limit),
+            point(angle, limit.recovered),
+            xytext=point(angle, 13.0) * [1.25, 1.0],
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color=COLORS[most],
+            fontsize=9,
+            zorder=4.0,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )

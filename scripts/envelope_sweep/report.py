@@ -1,0 +1,301 @@
+"""Everything that a reader sees of a sweep: pictures and tables."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+
+from nadia_balance.results.plots.style import RC
+from nadia_balance.scripts.envelope_sweep.limits import (
+    AT_LEAST,
+    NO_ANSWER,
+    UNSURE,
+    Envelope,
+    Rates,
+    characteristic_speed,
+    confusion,
+    mark,
+)
+from nadia_balance.scripts.envelope_sweep.plots import (
+    NAMES,
+    PLANTS,
+    WORDS,
+    draw_envelope,
+)
+from nadia_balance.scripts.envelope_sweep.search import Limit
+
+PICTURE = "envelope.png"
+TABLES = "tables.md"
+NOTHING = "–"  # where there is no value
+OUTCOMES = ("recovered", "fell", "failed", *NO_ANSWER)
+_MOST_REASONS = 10
+
+_NOTES = f"""\
+A push changes the velocity of the robot's whole mass by so many m/s; direction
+0 is forward, 90 left, of the stance foot's heading. *recovered* is the largest
+push from which, as from every smaller one that was tried, the robot recovered
+(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was tried),
+*fails at* the smallest from which it did not. *paper* is Griffin et al. 2023,
+Fig. 10; *limit* is the best of any controller on a point mass 1 m high in up to
+four steps; z is the height of the centre of mass."""
+
+
+def write_report(folder: Path, envelope: Envelope) -> list[str]:
+    """Writes plots and tables into `folder`, and returns their names.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    with mpl.rc_context(RC):
+        draw_envelope(envelope).savefig(folder / PICTURE)
+    speed = characteristic_speed(envelope.robot)
+    text = report_text(envelope, speed)
+    (folder / TABLES).write_text(text, encoding="utf-8")
+    return [PICTURE, TABLES]
+
+
+def report_text(envelope: Envelope, speed: float | None) -> str:
+    """Returns tables.md; `speed` is sqrt(g z) [m/s], if it is known."""
+    limits = LimitTables(envelope=envelope, speed=speed)
+    parts = [
+        f"# Push-recovery envelope: {envelope.robot}, "
+        f"{PLANTS.get(envelope.plant, envelope.plant)}",
+        f"![envelope]({PICTURE})",
+        _NOTES,
+        what_was_done(envelope),
+        "## Largest recovered pushes",
+    ]
+    for at in envelope.moments:
+        parts += [f"### Pushed at {at}", limits.summary(at)]
+        for name in envelope.mechanisms:
+            parts += [f"`{name}`: {NAMES[name]}", limits.details(name, at)]
+    parts += ["## How the trials ended", outcomes_table(envelope)]
+    parts += ["## What the capture regions foretold"]
+    parts += [capturability_table(envelope)]
+    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Returns a table; the first column is aligned left, the others right."""
+    lines = [
+        [cell.replace("|", "\\|") for cell in line] for line in (head, *rows)
+    ]
+    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
+    text = []
+    for first, *others in lines:
+        cells = [first.ljust(widths[0])]
+        cells += map(str.rjust, others, widths[1:])
+        text.append(f"| {' | '.join(cells)} |")
+    rules = [f":{'-' * (widths[0] + 1)}"]
+    rules += [f"{'-' * (width + 1)}:" for width in widths[1:]]
+    return "\n".join([text[0], f"|{'|'.join(rules)}|", *text[1:]]) + "\n"
+
+
+def what_was_done(envelope: Envelope) -> str:
+    """The search, what there is of it, and the versions."""
+    search, row = envelope.search, envelope.rows[0]
+    cells, missing = len(envelope.cells), len(envelope.missing)
+    found = {
+        "scenario": envelope.scenario,
+        "limits": f"{cells - missing} of {cells} complete",
+        "trials": len(envelope.rows),
+        "resolution [m/s]": f"{search.resolution:g}",
+        "largest [m/s]": f"{search.largest:g}",
+        "replicas": f"{search.required} of {search.replicas} recover",
+    } | {name: row[name] for name in ("code", "parameters", "nadia_balance")}
+    found |= {name: row[name] for name in ("drake", "numpy", "python")}
+    return table(
+        ["sweep", ""], [[name, str(value)] for name, value in found.items()]
+    )
+
+
+Words = Callable[[float], str]  # how a value is written
+
+_RECOVERED = "recovered [m/s]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitTables:
+    """Writes tables of an `envelope`.
+
+    `speed` is sqrt(g z) [m/s]; None leaves its column out.
+    """
+
+    envelope: Envelope
+    speed: float | None
+
+    def summary(self, at: str) -> str:
+        """Worst and mean over the directions, a row for each mechanisms."""
+        columns, rows = self._columns(at), []
+        for name in self.envelope.mechanisms:
+            limits = self.envelope.curve(name, at)
+            lines = [
+                self._values(name, at, direction, limit)
+                for direction, limit in limits.items()
+            ]
+            cells = [
+                _worst_and_mean([line[i] for line in lines], write)
+                for i, write in enumerate(columns.values())
+            ]
+            done = _complete(limits.values(), len(self.envelope.directions))
+            both = self._recovered(limits.values())
+            rows.append([f"`{name}`", both, *cells, done])
+        return table(["worst / mean", _RECOVERED, *columns, "complete"], rows)
+
+    def details(self, mechanisms: str, at: str) -> str:
+        """A row for each direction."""
+        columns, rows = self._columns(at), []
+        head = ["direction", _RECOVERED, "fails at", *columns, "complete"]
+        limits = self.envelope.curve(mechanisms, at)
+        for direction in self.envelope.directions:
+            name = direction_words(direction)
+            limit = limits.get(direction)
+            if limit is None:
+                blank = [NOTHING] * (len(head) - 2)
+                rows.append([name, *blank, "not begun"])
+                continue
+            values = self._values(mechanisms, at, direction, limit)
+            cells = [
+                self.envelope.limit_words(limit),
+                _text(limit.failed, self.envelope.words),
+                *map(_text, values, columns.values()),
+            ]
+            rows.append([name, *cells, "yes" if limit.complete else "no"])
+        return table(head, rows)
+
+    def _recovered(self, limits: Collection[Limit]) -> str:
+        """The worst and the mean of the limits, and how sure they are."""
+        if not limits:
+            return NOTHING
+        worst = min(limits, key=lambda limit: limit.recovered)
+        mean = math.fsum(limit.recovered for limit in limits) / len(limits)
+        mean_words = f"{mark(limits)}{self.envelope.words(mean)}"
+        return f"{self.envelope.limit_words(worst)} / {mean_words}"
+
+    def _columns(self, at: str) -> dict[str, Words]:
+        """What a limit is compared with, and how that is written."""
+        columns: dict[str, Words] = {}
+        if self.envelope.known(at).paper:
+            for name in ("paper [m/s]", "/ paper", "limit [m/s]", "/ limit"):
+                columns[name] = "{:.2f}".format
+        if self.speed:
+            columns["/ sqrt(g z)"] = "{:.3f}".format
+        return columns
+
+    def _values(
+        self, mechanisms: str, at: str, direction: float, limit: Limit
+    ) -> list[float | None]:
+        """What the columns hold; None where it is not known."""
+        known = self.envelope.known(at)
+        values: list[float | None] = []
+        if known.paper:
+            for curves in (known.paper, known.limit):
+                other = curves.get(mechanisms, {}).get(direction)
+                share = limit.recovered / other if other else None
+                values += [other, share]
+        return values + ([limit.recovered / self.speed] if self.speed else [])
+
+
+def direction_words(direction: float) -> str:
+    """Such as `90° left`."""
+    return " ".join(filter(None, (f"{direction:g}°", WORDS.get(direction))))
+
+
+def _text(value: float | None, write: Words) -> str:
+    return NOTHING if value is None else write(value)
+
+
+def _complete(limits: Collection[Limit], cells: int) -> str:
+    """How many of the cells have a limit that is complete."""
+    return f"{sum(limit.complete for limit in limits)} of {cells}"
+
+
+def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
+    """Over those that are known."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return NOTHING
+    return f"{write(min(known))} / {write(math.fsum(known) / len(known))}"
+
+
+def table_lines(envelope: Envelope) -> list[str]:
+    """Returns a table for each moment, and what must be said of them all."""
+    lines = []
+    for at in envelope.moments:
+        columns = [["direction", *(f"{a:g}" for a in envelope.directions)]]
+        for name in envelope.mechanisms:
+            curve = envelope.curve(name, at)
+            cells = [
+                envelope.limit_words(curve[a]) if a in curve else "-"
+                for a in envelope.directions
+            ]
+            columns.append([name, *cells])
+        widths = [max(map(len, column)) for column in columns]
+        lines += ["", f"largest recovered push [m/s], {at}"]
+        lines += [
+            "  ".join(map(str.rjust, line, widths))
+            for line in zip(*columns, strict=True)
+        ]
+    marks = {mark([limit]) for limit in envelope.limits.values()}
+    if UNSURE in marks:
+        lines.append(f"{UNSURE} the search is not complete")
+    if AT_LEAST in marks:
+        lines.append(f"{AT_LEAST} nothing larger was tried")
+    odd = sum(row["outcome"] in NO_ANSWER for row in envelope.rows)
+    if odd:
+        lines.append(
+            f"{odd} of {len(envelope.rows)} trials did not run to their end "
+            f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv"
+        )
+    return [*lines, ""]
+
+
+def outcomes_table(envelope: Envelope) -> str:
+    """How many trials ended in which way, by mechanisms, and odd reasons."""
+    rows = envelope.rows
+    counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
+    found = {row["outcome"] for row in rows}
+    lines = []
+    for outcome in (*OUTCOMES, *sorted(found.difference(OUTCOMES))):
+        cells = [counts[outcome, name] for name in envelope.mechanisms]
+        if any(cells):
+            lines.append([outcome, *map(str, [*cells, sum(cells)])])
+    head = ["outcome", *(f"`{name}`" for name in envelope.mechanisms), "all"]
+    reasons = Counter(
+        f"{row['outcome']}: {row['reason']}"
+        for row in rows
+        if row["outcome"] in (*NO_ANSWER, "recovered") and row["reason"]
+    )
+    odd = [[reason, str(n)] for reason, n in reasons.most_common(_MOST_REASONS)]
+    if (more := len(reasons) - _MOST_REASONS) > 0:
+        odd.append([f"and {more} other reasons", NOTHING])
+    text = table(head, lines)
+    return f"{text}\n{table(['reason', 'trials'], odd)}" if odd else text
+
+
+def capturability_table(envelope: Envelope) -> str:
+    """How often the capture regions were wrong, and when."""
+    groups = {
+        f"`{name}`": [r for r in envelope.rows if r["mechanisms"] == name]
+        for name in envelope.mechanisms
+    }
+    lines = [
+        [name, when, *_rate_cells(rates)]
+        for name, rows in {**groups, "all": envelope.rows}.items()
+        for when, rates in confusion(rows).items()
+    ]
+    head = ["mechanisms", "when"]
+    head += ["predicted capturable", "of them did not recover"]
+    return table([*head, "predicted lost", "of them recovered"], lines)
+
+
+def _rate_cells(rates: Rates) -> Iterator[str]:
+    for whole, false in (
+        (rates.capturable, rates.false_capturable),
+        (rates.lost, rates.false_lost),
+    ):
+        yield str(whole)
+        yield f"{false} ({100.0 * false / whole:.1f} %)" if whole else NOTHING

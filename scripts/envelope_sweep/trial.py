@@ -1,0 +1,227 @@
+"""One trial: the walk to the push, the push, and what comes of it."""
+
+import threading
+import time
+
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.capturability import least_steps
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import (
+    Run,
+    advance,
+    push_signal,
+    pushed,
+    walk_to_push,
+)
+from nadia_balance.results.summary import summarize
+from nadia_balance.typed_yaml import load_typed
+
+DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
+FROM_SUMMARY = (
+    "reason",
+    "steps_after_push",
+    "max_icp_error_m",
+    "max_torque_ratio",
+    "max_joint_speed",
+    "qp_failures",
+)
+LANDED = 0.05  # after the last step that is required, to be seen to stand [s]
+LOOK = 0.5  # until then again, if it has not recovered [s]
+MOST_WALKS = 32  # that a thread keeps: some 10 MB each
+
+
+def run_trial(
+    walk: str, plant: str, delta_v: float, direction_deg: float, timeout: float
+) -> dict:
+    """Simulates one push, and returns its row as plain JSON.
+
+    The verdict is that of push.py, given as soon as it is certain: with the
+    first improper contact, or once the robot has recovered and taken all steps
+    that are required.  `outcome` is recovered, fell, failed (upright, but not
+    recovered), hung or error; `cpu_s` the processor time [s], with that of the
+    walk if it is the first from there.  No error is raised, whatever it is: a
+    trial is one of hundreds, and its row tells.
+
+    Args:
+        walk: the scenario (see Sweep.walk) as YAML, with a push of nothing
+        plant: humanoid or lipm
+        delta_v: of the push [m/s]
+        direction_deg: of the push, 0 forward, 90 left [deg]
+        timeout: wall time after which it counts as hung [s]
+
+    Raises:
+        KeyboardInterrupt: the user interrupted it, so that there is no row.
+    """
+    began, latest = time.thread_time(), time.monotonic() + timeout
+    try:
+        row = _walk(walk, plant, latest).push(delta_v, direction_deg, latest)
+    except TimeoutError:
+        row = row_without_run("hung", f"no result after {timeout:g} s")
+    except Exception as error:
+        text = " ".join(str(error).split())
+        row = row_without_run("error", f"{type(error).__name__}: {text}")
+    return row | {"cpu_s": time.thread_time() - began}
+
+
+def row_without_run(outcome: str, reason: str) -> dict:
+    """Returns the row of a trial of which there is nothing to measure."""
+    return {
+        "outcome": outcome,
+        **dict.fromkeys(FROM_SUMMARY),
+        "reason": reason,
+        "predicted_at_push": None,
+        "predicted_at_touchdowns": [],
+        "cpu_s": None,
+    }
+
+
+class _Kept(threading.local):
+    """The walks of this thread: a diagram is for one at a time."""
+
+    def __init__(self):
+        self.walks: dict[tuple[str, str], Walk] = {}  # the last one used last
+
+
+_kept = _Kept()
+
+
+def _walk(text: str, plant: str, latest: float) -> "Walk":
+    """Returns the walk of this scenario, new or used before."""
+    walks, key = _kept.walks, (text, plant)
+    walk = walks.pop(key, None)
+    if walk is None:
+        scenario = load_typed(Scenario, "scenario", data=text)
+        walk = Walk(scenario, plant, latest)
+        if len(walks) == MOST_WALKS:
+            del walks[next(iter(walks))]
+    walks[key] = walk
+    return walk
+
+
+class Walk:
+    """A robot that is about to be pushed, as often as one likes."""
+
+    def __init__(self, scenario: Scenario, plant: str, latest: float):
+        """Simulates `scenario` on `plant` up to its first push.
+
+        Raises:
+            TimeoutError: it is not done at `latest` on the monotonic clock [s].
+        """
+        self.scenario, self.plant = scenario, plant
+        self.diagram = DIAGRAMS[plant](scenario)
+        self._context, self._run = walk_to_push(
+            self.diagram,
+            scenario.duration,
+            until=lambda context: time.monotonic() > latest,
+        )
+        _check(self._run, latest)
+        state = walking_state(self.diagram, self._context)
+        self.taken = state.steps_taken  # steps, before the push
+        self.wanted = min(
+            scenario.required_steps, len(state.schedule.footsteps)
+        )
+
+    def push(self, delta_v: float, direction_deg: float, latest: float) -> dict:
+        """Returns the row of a push of `delta_v` [m/s] in a direction [deg].
+
+        Raises:
+            TimeoutError: it is not done at `latest` on the monotonic clock [s].
+        """
+        observer = Observer(self, latest)
+        if not self._run.until:  # no push came, whatever its size
+            return self._row(self._run, observer)
+        simulator = pushed(self.diagram, self._context, delta_v, direction_deg)
+        while True:
+            run = advance(
+                simulator,
+                self.scenario.duration,
+                stop_at_improper_contact=True,
+                until=observer,
+            )
+            _check(run, latest)
+            row = self._row(run, observer)
+            if not run.until or row["outcome"] == "recovered":
+                return row
+            observer.next_look = run.simulated_time + LOOK
+
+    def _row(self, run: Run, observer: "Observer") -> dict:
+        summary = summarize(run, run_info(self.scenario, run, self.plant))
+        if summary["recovered"]:
+            outcome = "recovered"
+        elif run.error:
+            outcome = "error"
+        else:
+            outcome = "failed" if run.fell_at is None else "fell"
+        return {
+            "outcome": outcome,
+            **{name: summary[name] for name in FROM_SUMMARY},
+            "predicted_at_push": observer.at_push,
+            "predicted_at_touchdowns": observer.at_touchdowns.copy(),
+        }
+
+
+def walking_state(diagram, context: Context) -> WalkingState:
+    """The walking state in a `context` of the whole diagram."""
+    return diagram.GetOutputPort("walking_state").Eval(context)
+
+
+class Observer:
+    """Follows a pushed robot; ends the simulation once it may have recovered.
+
+    `at_push` and `at_touchdowns` are the least numbers of steps that capture it
+    by the capture regions, or -1: when the push has ended (None: it has not),
+    and at each touchdown after that.
+    """
+
+    def __init__(self, walk: Walk, latest: float):
+        """Observes what comes after `walk`."""
+        self._walk, self._latest, self._steps = walk, latest, walk.taken
+        self.at_push: int | None = None
+        self.at_touchdowns: list[int] = []
+        self.next_look: float | None = None  # whether it has recovered [s]
+
+    def __call__(self, context: Context) -> bool:
+        """True if it is to be looked at, or too late."""
+        walk, now = self._walk, context.get_time()
+        steps = walking_state(walk.diagram, context).steps_taken
+        landed, self._steps = steps > self._steps, steps
+        if self.at_push is not None:
+            if landed:
+                self.at_touchdowns.append(self._foretell(context))
+        elif push_signal(walk.diagram, context).waiting == 0.0:
+            self.at_push = self._foretell(context)
+        if self.next_look is None and 0 < walk.wanted <= steps - walk.taken:
+            self.next_look = now + LANDED
+        if self.next_look is not None and now >= self.next_look:
+            return True
+        return time.monotonic() > self._latest
+
+    def _foretell(self, context: Context) -> int:
+        scenario, diagram = self._walk.scenario, self._walk.diagram
+        state, icp, swing = (
+            diagram.GetOutputPort(name).Eval(context)
+            for name in ("walking_state", "icp", "swing_foot_reference")
+        )
+        return least_steps(
+            state,
+            icp,
+            swing,
+            scenario.controller.step_adjuster,
+            scenario.controller.timing_adapter,
+            diagram.robot.point_mass,
+            MECHANISMS[scenario.mechanisms],
+        )
+
+
+def _check(run: Run, latest: float) -> None:
+    """Raises what is no result of a run."""
+    if run.interrupted:
+        raise KeyboardInterrupt
+    if run.until and time.monotonic() > latest:
+        raise TimeoutError

@@ -1,0 +1,291 @@
+"""trials.csv: a row for every finished trial, safe against a sudden end."""
+
+import contextlib
+import csv
+import fcntl
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from nadia_balance.core.bounds import check
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.scripts.envelope_sweep.plan import moment_of
+from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from nadia_balance.typed_yaml import load_typed
+
+KEY = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
+RESULTS = (
+    *("outcome", "reason", "steps_after_push", "max_icp_error_m"),
+    *("max_torque_ratio", "max_joint_speed", "qp_failures"),
+    *("predicted_at_push", "predicted_at_touchdowns"),
+)
+_NAMES = {"phase": "at"}  # of columns, in rows of protocol 1
+_COMMON = (  # the same in all rows of a file
+    *("robot", "scenario", "plant", "parameters", "code"),
+    *("nadia_balance", "drake", "numpy", "python"),
+)
+COLUMNS = (*KEY, "seed", *RESULTS, *_COMMON)
+# Not among them, since a trial has the same row whenever it is run.
+COST_COLUMNS = (*KEY, "cpu_s", "wall_s")
+_WHOLE = (
+    *("replica", "seed", "steps_after_push", "qp_failures"),
+    "predicted_at_push",
+)
+_REAL = (
+    *("direction_deg", "delta_v", "max_icp_error_m"),
+    *("max_torque_ratio", "max_joint_speed"),
+)
+_TYPES = {**dict.fromkeys(_WHOLE, int), **dict.fromkeys(_REAL, float)}
+
+_HINTS = {
+    "protocol": " (limits are searched and judged in another way now)",
+    "parameters": " (the scenario, its duration or its robot differs)",
+    "code": " (the program has changed since)",
+}
+
+Key = tuple[str, str, float, float, int]  # the values of KEY
+
+
+def key_of(row: dict) -> Key:
+    """What no two rows share."""
+    return tuple(row[name] for name in KEY)
+
+
+def sort_key(row: dict) -> tuple:
+    """By mechanisms, fewer before more, then by the rest of the key."""
+    mechanisms, *rest = key_of(row)
+    return list(MECHANISMS).index(mechanisms), *rest
+
+
+def line_of(row: dict, columns: Sequence[str] = COLUMNS) -> str:
+    """Returns `row` as one line; what it has not is empty.
+
+    Numbers lose no digit; line breaks become spaces, lists "1;2;3".
+    """
+    return csv_line(_text(row.get(name)) for name in columns)
+
+
+def csv_line(cells: Iterable[str]) -> str:
+    """Returns the cells as one line, with its end."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerow(cells)
+    return buffer.getvalue()
+
+
+def parse_cells(cells: Sequence[str]) -> dict:
+    """Returns the row of these cells; None where a number is not known.
+
+    Raises:
+        ValueError: too few or too many, or one is no number; it is named.
+    """
+    if len(cells) != len(COLUMNS):
+        raise ValueError(f"must have {len(COLUMNS)} cells, has {len(cells)}")
+    row: dict = {}
+    for name, text in zip(COLUMNS, cells, strict=True):
+        kind = _TYPES.get(name, str)
+        try:
+            row[name] = kind(text) if text or kind is str else None
+        except ValueError:
+            raise ValueError(f"{name} = {text!r}: must be a number") from None
+    return row
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, (list, tuple)):
+        return ";".join(map(_text, value))
+    return " ".join(str(value).split())
+
+
+class TrialsFile:
+    """A trials.csv, and the costs.csv beside it.
+
+    A row is on the disk as soon as `append` returns, whatever happens to the
+    process after that.
+    """
+
+    def __init__(self, path: Path, identity: dict):
+        """Opens the files, or makes them.
+
+        A row that was torn while it was written is cut off.
+
+        Raises:
+            ValueError: what is there has another `identity`, or is no file of
+                trials.
+            OSError: the files cannot be read or written.
+        """
+        self.path, self.identity = path, identity
+        self._costs, rows = path.with_name("costs.csv"), []
+        if path.exists():
+            found, rows = read_trials(path)
+            _compare(path, found, identity)
+            _mend(path)
+        else:
+            _replace(path, _head(identity))
+        if self._costs.exists():
+            _mend(self._costs)
+        else:
+            _replace(self._costs, csv_line(COST_COLUMNS))
+        self._rows: dict[Key, dict] = {key_of(row): row for row in rows}
+
+    def rows(self) -> list[dict]:
+        """All rows with typed values; None where a number is not known."""
+        return list(self._rows.values())
+
+    def append(self, result: dict) -> None:
+        """Adds a trial: its key, seed and results, and its costs if known.
+
+        Raises:
+            ValueError: the file has this trial already.
+            OSError: the disk is full, or gone.
+        """
+        line = line_of({**self.identity, **result})
+        (cells,) = csv.reader([line], strict=True)
+        row = parse_cells(cells)
+        if (key := key_of(row)) in self._rows:
+            raise ValueError(f"trial = {key}: must not be repeated")
+        _append(self.path, line)
+        self._rows[key] = row
+        _append(self._costs, line_of(result, COST_COLUMNS))
+
+    def finish(self) -> None:
+        """Sorts the rows, so that they do not tell in what order they came."""
+        rows = sorted(self._rows.values(), key=sort_key)
+        _replace(self.path, _head(self.identity) + "".join(map(line_of, rows)))
+
+
+def read_trials(path: Path) -> tuple[dict, list[dict]]:
+    """Returns the identity and the rows of a trials.csv, with typed values.
+
+    Nothing is changed; a row that was torn at the end is left out.
+
+    Raises:
+        ValueError: it is no file of trials, or has a trial twice.
+        OSError: it cannot be read.
+    """
+    whole = path.read_bytes()
+    try:
+        first, *lines = whole.decode("utf-8", "replace").split("\n")[:-1]
+        identity = json.loads(first.removeprefix("# "))
+        columns, *table = csv.reader(lines, strict=True)
+        columns = [_NAMES.get(name, name) for name in columns]
+        if not isinstance(identity, dict) or tuple(columns) != COLUMNS:
+            raise ValueError("other columns")
+    except (ValueError, csv.Error):
+        raise ValueError(
+            f"trials = {path}: must be a trials.csv of this program"
+        ) from None
+    with _naming_the_line(path, 1):
+        search = _search_of(identity)
+    rows: dict[Key, dict] = {}
+    for number, cells in enumerate(table, start=3):
+        with _naming_the_line(path, number):
+            row = parse_cells(cells)
+            _check_cell(row, search)
+            if key_of(row) in rows:
+                raise ValueError("must not repeat a trial")
+        rows[key_of(row)] = row
+    return identity, list(rows.values())
+
+
+@contextlib.contextmanager
+def _naming_the_line(path: Path, number: int) -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"trials = {path}: line {number}: {error}") from None
+
+
+def _search_of(identity: dict) -> SearchParams:
+    """Raises ValueError naming a field that is missing or makes no sense."""
+    names = [field.name for field in fields(SearchParams)]
+    text = json.dumps({name: identity.get(name) for name in names})
+    search = load_typed(SearchParams, "search", data=text)
+    check(search)
+    return search
+
+
+def _check_cell(row: dict, search: SearchParams) -> None:
+    """Raises ValueError naming what no trial of a search has."""
+    if (name := row["mechanisms"]) not in MECHANISMS:
+        raise ValueError(
+            f"mechanisms = {name!r}: must be one of {', '.join(MECHANISMS)}"
+        )
+    moment_of(row["at"])
+    for name, most in (
+        ("direction_deg", 360.0),
+        ("delta_v", search.largest + 1e-9),
+        ("replica", math.inf),
+    ):
+        if (value := row[name]) is None or not 0.0 <= value <= most:
+            raise ValueError(f"{name} = {value}: must be in [0, {most:g}]")
+
+
+def _head(identity: dict) -> str:
+    return f"# {json.dumps(identity)}\n{csv_line(COLUMNS)}"
+
+
+def _compare(path: Path, found: dict, asked: dict) -> None:
+    """Raises ValueError naming the first field that differs."""
+    for name in {**asked, **found}:
+        if found.get(name) != asked.get(name):
+            raise ValueError(
+                f"{name} = {asked.get(name)}: must be {found.get(name)} as in "
+                f"{path}{_HINTS.get(name, '')}"
+            )
+
+
+def _mend(path: Path) -> None:
+    """Cuts off a last line that was not written to its end."""
+    with open(path, "rb+") as file:
+        whole = file.read()
+        file.truncate(whole.rfind(b"\n") + 1)
+        os.fsync(file.fileno())
+
+
+def _append(path: Path, line: str) -> None:
+    """Writes in one piece, and waits until it is on the disk."""
+    with open(path, "ab", buffering=0) as file:
+        data = line.encode("utf-8", "replace")
+        if file.write(data) != len(data):
+            raise OSError(f"{path}: the disk is full")
+        os.fsync(file.fileno())
+
+
+def _replace(path: Path, text: str) -> None:
+    """Puts `text` in place of the file at once, or not at all."""
+    draft = path.with_name(f"{path.name}.tmp")
+    with open(draft, "wb") as file:
+        file.write(text.encode("utf-8", "replace"))
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(draft, path)
+
+
+@contextlib.contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keeps others out of `folder`, until the end of this process at most.
+
+    A file system that knows no locks keeps nobody out.
+
+    Raises:
+        ValueError: somebody else is in it.
+    """
+    directory = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(
+                f"out = {str(folder)!r}: must not be in use by another sweep"
+            ) from None
+        except OSError:
+            pass
+        yield
+    finally:
+        os.close(directory)

@@ -1,0 +1,39 @@
+"""How tests ask a block: inputs and outputs by the names of their ports."""
+
+from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, PortDataType, System
+
+
+def fix(system: System, context: Context, **inputs: object) -> None:
+    """Fixes the inputs of these names."""
+    for name, value in inputs.items():
+        port = system.GetInputPort(name)
+        if port.get_data_type() == PortDataType.kAbstractValued:
+            value = Value(value)
+        port.FixValue(context, value)
+
+
+def asked(system: System, **inputs: object) -> Context:
+    """A new context in which these inputs are fixed."""
+    context = system.CreateDefaultContext()
+    fix(system, context, **inputs)
+    return context
+
+
+def answer(system: System, context: Context, output: str):
+    """The value of the output port of this name."""
+    return system.GetOutputPort(output).Eval(context)
+
+
+def running(system: System, **inputs: object) -> tuple[Simulator, Context]:
+    """A simulator of `system` alone, before its first tick, and its context."""
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    fix(system, context, **inputs)
+    return simulator, context
+
+
+def tick(simulator: Simulator, period: float) -> None:
+    """Makes the update that is due, and goes to the next one."""
+    simulator.AdvanceTo(simulator.get_context().get_time() + period)

@@ -1,0 +1,115 @@
+"""A run folder holds everything, and says so before it is too late."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat
+
+from nadia_balance.results.folder import (
+    prepare_folder,
+    read_run,
+    start_recording,
+    write_plots,
+    write_run,
+)
+from nadia_balance.results.log import signal
+from tests.results.made_up_run import (
+    Recipe,
+    cut,
+    make_log,
+    summary_of,
+    without_robot,
+)
+
+PLOTS = ["timeline.png", "footsteps.png", "icp.png", "effort.png"]
+
+
+@pytest.fixture(scope="module")
+def log():
+    return make_log(Recipe())
+
+
+def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
+    """Oracle: what is named exists and is not empty; nothing else does."""
+    meshcat = Meshcat()
+    start_recording(meshcat)
+    names = write_run(tmp_path, log, summary_of(log), "robot: nadia\n", meshcat)
+    expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
+    assert names == expected + PLOTS
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+    assert all((tmp_path / name).stat().st_size > 10 for name in names)
+    assert (tmp_path / "scenario.yaml").read_text() == "robot: nadia\n"
+
+
+def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
+    """Oracle: the log bit by bit, its pictures to the last byte."""
+    first, again = (prepare_folder(tmp_path / name) for name in "ab")
+    summary = summary_of(log)
+    names = write_run(first, log, summary, "")
+    assert "replay.html" not in names, "without Meshcat"
+    log_again, summary_again = read_run(first)
+    assert summary_again == summary
+    assert log_again.keys() == log.keys()
+    for name, array in log.items():
+        np.testing.assert_array_equal(log_again[name], array, err_msg=name)
+    assert write_plots(again, log_again, summary_again) == PLOTS
+    for name in PLOTS:
+        assert (again / name).read_bytes() == (first / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        (without_robot, PLOTS),
+        (lambda log: cut(log, 700), PLOTS),
+        (lambda log: cut(log, 1), []),
+        (
+            lambda log: {
+                name: values
+                for name, values in without_robot(log).items()
+                if name not in ("foot_forces", "momentum_qp_status")
+            },
+            PLOTS[:3],
+        ),
+    ],
+    ids=["a point mass", "cut off", "one row", "no effort"],
+)
+def test_plots_cope_with_what_a_log_lacks(log, tmp_path, change, names):
+    poor = change(log)
+    assert write_plots(tmp_path, poor, summary_of(poor)) == names
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+
+
+def test_failures_show_in_the_effort_plot(log, tmp_path):
+    """Oracle: the picture changes when QPs fail or fall back."""
+    summary = summary_of(log)
+    worse = {**log, "whole_body_qp_status": log["whole_body_qp_status"].copy()}
+    qp = signal(worse, "whole_body_qp_status")
+    qp.solved[1000:1100] = 0.0
+    qp.fallback[1200:1300] = 1.0
+    pictures = set()
+    for name, run in (("a", log), ("b", worse)):
+        folder = prepare_folder(tmp_path / name)
+        write_plots(folder, run, summary)
+        pictures.add((folder / "effort.png").read_bytes())
+    assert len(pictures) == 2
+
+
+def test_without_a_name_runs_go_below_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = prepare_folder(None, "push")
+    assert folder.parent == Path("runs")
+    assert folder.name.endswith("_push")
+    assert folder.is_dir()
+
+
+@pytest.mark.parametrize("out", ["file/below", "file", "/proc/nowhere", "a\0b"])
+def test_a_folder_that_cannot_be_written_is_refused(out, tmp_path, monkeypatch):
+    """Even root cannot write below a file, nor into /proc."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(ValueError, match="must be a folder to write to") as e:
+        prepare_folder(out)
+    assert str(e.value).startswith("out = ")
+    assert "\n" not in str(e.value)

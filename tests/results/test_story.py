@@ -1,0 +1,107 @@
+"""The story of made-up runs, word by word."""
+
+import numpy as np
+import pytest
+
+from nadia_balance.results.log import pushes, signal
+from nadia_balance.results.story import direction, telling_lines
+from tests.results.made_up_run import (
+    Recipe,
+    cut,
+    make_log,
+    summary_of,
+)
+
+
+def story(log, **told):
+    return telling_lines(log, summary_of(log, **told))
+
+
+def push(log, first, force, number=1.0):
+    """Adds a push of 0.3 m/s to the log."""
+    signal(log, "push_signal", slice(first, first + 50))[:] = np.tile(
+        [[number], [0.3], [force[0]], [force[1]], [0.0], [0.0]], 50
+    )
+
+
+def test_tells_a_recovery_from_the_push_to_the_end():
+    """Oracle: the recipe; a push to the left in a left swing is outward."""
+    lines = story(make_log(), direction_deg=90.0, cpu_time=3.783)
+    assert lines == [
+        "t=1.98 s  push 0.60 m/s outward, left swing 25 %        "
+        "F = 545 N for 0.10 s",
+        "t=2.23 s  first step (left) forward 0.12 m and out 0.20 m, "
+        "swing 0.70 -> 0.43 s",
+        "t=2.77 s  second step (right) in 0.31 m, transfer 0.30 -> 0.04 s, "
+        "swing 0.70 -> 0.50 s",
+        "t=2.77 s  RECOVERED in 2 steps   max ICP error 0.139 m   "
+        "max torque 82 %   QP violation 2e-7   real-time factor 2.0",
+    ]
+
+
+def test_tells_each_push_with_its_own_size():
+    """Oracle: the pushes that were put in."""
+    log = make_log(Recipe(pushed_step=None, changed={}))
+    push(log, 101, [100.0, 0.0])
+    push(log, 201, [0.0, -200.0], number=2.0)
+    signal(log, "push_signal", slice(201, 251)).delta_v[:] = 0.6
+    first, second = story(log)[:2]
+    assert first.startswith("t=0.20 s  push 0.30 m/s forward, standing ")
+    assert first.endswith("F = 100 N for 0.10 s")
+    assert second.startswith("t=0.40 s  push 0.60 m/s right, standing ")
+    assert second.endswith("F = 200 N for 0.10 s")
+
+
+def test_tells_what_was_switched():
+    """Oracle: the rows in which the made-up signal changes."""
+    log = make_log()
+    log["mechanisms"] = np.zeros((len(log["t"]), 4))
+    log["mechanisms"][500:900, [0, 3]] = 1.0
+    assert story(log)[:2] == [
+        "t=1.00 s  switched in Meshcat, now on: step, cross_over",
+        "t=1.80 s  switched in Meshcat, now on: nothing",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rows", "info", "told"),
+    [
+        # An early end is told at the time of the last row.
+        (1000, {"fell_at": 1.998, "fall_reason": "low"}, "2.00 s  FELL: low"),
+        (0, {"interrupted": True}, "0.00 s  INTERRUPTED"),
+        (200, {}, "0.40 s  STOOD"),
+        (None, {"required_steps": 8}, "7.57 s  FEWER THAN 8 STEPS AFTER THE"),
+        (
+            None,
+            {"required_steps": 3, "wanted_steps": 8},
+            "2.77 s  RECOVERED in 2 steps (the run is too short for 8 more "
+            "steps, 3 were required)   max ICP error",
+        ),
+    ],
+)
+def test_tells_how_it_ended(rows, info, told):
+    line = story(cut(make_log(), rows), **info)[-1]
+    assert line.startswith(f"t={told}")
+
+
+@pytest.mark.parametrize(
+    ("degrees", "word"),
+    [
+        (0.0, "forward"),
+        (-180.0, "backward"),
+        (90.0, "outward"),
+        (270.0, "inward"),
+        (30.0, "at 30 deg"),
+    ],
+)
+def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
+    """Oracle: in a left swing the stance foot is at the right, at -90 deg.
+
+    The whole scene is turned by 1 rad: names must not change.
+    """
+    log = make_log()
+    angle = np.radians(degrees) + 1.0
+    felt, walking = signal(log, "push_signal"), signal(log, "walking_signal")
+    felt.force[:2] = np.outer([np.cos(angle), np.sin(angle)], felt.force_y)
+    walking.left_yaw[:] = walking.right_yaw[:] = 1.0
+    assert direction(log, pushes(log)[0]) == word

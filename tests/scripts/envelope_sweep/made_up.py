@@ -1,0 +1,249 @@
+"""Sweeps whose limits are known, without simulating, and quick real trials."""
+
+import random
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
+
+from pydrake.common.yaml import yaml_dump_typed
+
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.scripts.envelope_sweep.limits import (
+    Envelope,
+    envelope_of,
+    references,
+)
+from nadia_balance.scripts.envelope_sweep.plan import (
+    AT,
+    PROTOCOL,
+    SCENARIO,
+    Sweep,
+)
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    next_batch,
+)
+from nadia_balance.typed_yaml import load_typed
+
+SEARCH = SearchParams()
+VERSIONS = {
+    "nadia_balance": "0.1.0",
+    "drake": "1.51.1",
+    "numpy": "2.4.6",
+    "python": "3.11.2",
+}
+
+Limits = Mapping[Cell, float]  # [m/s]
+
+
+def paper_times(factor: float, at: str = AT) -> dict[Cell, float]:
+    """The limits of the paper's robot at the reference moment, scaled."""
+    paper = references("nadia", SCENARIO, AT).paper
+    return {
+        Cell(mechanisms, at, direction): factor * value
+        for mechanisms, curve in paper.items()
+        for direction, value in curve.items()
+    }
+
+
+def read_table(text: str) -> list[dict[str, str]]:
+    """The rows of a Markdown table, by the names of its columns."""
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in text.strip().splitlines()
+    ]
+    return [dict(zip(lines[0], row, strict=True)) for row in lines[2:]]
+
+
+def identity_of(search: SearchParams = SEARCH) -> dict:
+    """What the first line of the file says."""
+    return {
+        "protocol": PROTOCOL,
+        "robot": "nadia",
+        "scenario": "push",
+        "plant": "humanoid",
+        **asdict(search),
+        "seed": 0,
+        "parameters": "0123456789abcdef",
+        "code": "fedcba9876543210",
+        **VERSIONS,
+    }
+
+
+def made_up_rows(
+    limits: Limits,
+    search: SearchParams = SEARCH,
+    robot: str = "nadia",
+    is_unfinished: Callable[[Cell], bool] = lambda _: False,
+) -> list[dict]:
+    """The rows of all trials that the search asks for, cell by cell.
+
+    In a cell that `is_unfinished` the levels passed are not confirmed.
+    """
+    rows = []
+    for cell, largest in limits.items():
+        results: dict[tuple[int, int], bool] = {}
+        while batch := next_batch(results, search):
+            if is_unfinished(cell) and len(batch) > 1:
+                break
+            for level, replica in batch:
+                delta_v = round(level * search.resolution, 9)
+                recovered = delta_v <= largest + 1e-9
+                results[level, replica] = recovered
+                rows.append(_row(cell, delta_v, replica, recovered, robot))
+    return rows
+
+
+def made_up_envelope(
+    limits: Limits, search: SearchParams = SEARCH, **options
+) -> Envelope:
+    """The envelope of the rows that made_up_rows gives."""
+    rows = made_up_rows(limits, search, **options)
+    return envelope_of(identity_of(search), rows)
+
+
+def _row(
+    cell: Cell, delta_v: float, replica: int, recovered: bool, robot: str
+) -> dict:
+    upright = not recovered and round(100.0 * delta_v) % 3 == 0
+    return {
+        **asdict(cell),
+        "delta_v": delta_v,
+        "replica": replica,
+        "seed": replica,
+        "outcome": "recovered"
+        if recovered
+        else ("failed" if upright else "fell"),
+        "reason": "" if recovered else "PELVIS_LINK - ground",
+        "steps_after_push": 9 if recovered else 2,
+        "max_icp_error_m": 0.125 * delta_v,
+        "max_torque_ratio": 0.75,
+        "max_joint_speed": 6.5,
+        "qp_failures": 0,
+        "predicted_at_push": 2 if recovered else -1,
+        "predicted_at_touchdowns": "2;1;0;0" if recovered else "-1;-1",
+        "robot": robot,
+        "scenario": "push",
+        "plant": "humanoid",
+        "parameters": "0123456789abcdef",
+        "code": "fedcba9876543210",
+        **VERSIONS,
+    }
+
+
+LIMITS = {"icp_only": 0.2, "step": 0.5}  # forward [m/s], of the robot below
+WEAKER = 0.04  # is every second replica [m/s]
+
+
+def made_up_sweep(**changes) -> Sweep:
+    """Six cells, coarsely."""
+    fields = {
+        "directions": (0.0, 90.0, 210.0),
+        "mechanisms": ("icp_only", "step"),
+        "search": SearchParams(
+            resolution=0.1, stride=3, replicas=3, largest=1.0
+        ),
+        "plant": "lipm",
+    }
+    return Sweep(
+        scenario=load_scenario("push"),
+        scenario_name="push",
+        **{**fields, **changes},
+    )
+
+
+def largest(mechanisms: str, direction_deg: float) -> float:
+    """The limit of a cell [m/s], whatever the moment."""
+    return LIMITS[mechanisms] + direction_deg / 1000.0
+
+
+class MadeUpRobot:
+    """Workers that need no time; it recovers up to its limits.
+
+    Trials are run in threads, each for a random while; `tried` keeps them:
+    mechanisms, direction, delta_v, seed.
+    """
+
+    def __init__(
+        self,
+        slots: int,
+        spoil: Callable[[Scenario], None] = lambda scenario: None,
+    ):
+        """Before each trial, `spoil` may do what it likes."""
+        self.slots, self._spoil = slots, spoil
+        self._threads = ThreadPoolExecutor(slots)
+        self._random = random.Random(slots)
+        self.tried: list[tuple[str, float, float, int]] = []
+        self.renewed = 0
+
+    def submit(
+        self, function, identity, walk, plant, delta_v, direction, timeout
+    ) -> Future:
+        """Looks at the scenario instead of simulating it."""
+        scenario = load_typed(Scenario, "walk", data=walk)
+        trial = scenario.mechanisms, direction, delta_v, scenario.seed
+        self.tried.append(trial)
+        pause = self._random.uniform(0.0, 0.004)
+        return self._threads.submit(self._run, scenario, trial, pause)
+
+    def renew(self) -> None:
+        self.renewed += 1
+
+    def close(self) -> None:
+        self._threads.shutdown()
+
+    def _run(self, scenario: Scenario, trial: tuple, pause: float) -> dict:
+        self._spoil(scenario)
+        time.sleep(pause)
+        mechanisms, direction, delta_v, seed = trial
+        limit = largest(mechanisms, direction) - WEAKER * (seed % 2)
+        recovered = delta_v <= limit
+        return {
+            "outcome": "recovered" if recovered else "fell",
+            "reason": "" if recovered else 'said "ouch", and\nfell',
+            "steps_after_push": 8 if recovered else 1,
+            "max_icp_error_m": delta_v / 7.0,
+            "max_torque_ratio": None,
+            "qp_failures": 0,
+            "predicted_at_push": -1,
+            "predicted_at_touchdowns": [2, 1, 0],
+            "cpu_s": pause,
+        }
+
+
+ENDLESS = 10000.0  # a run that no test waits for the end of [s]
+
+
+def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
+    """Steps in place on the point mass; a step takes 1 s, after 0.5 s.
+
+    A trial of it takes no more than half a second.
+    """
+    steps = int(duration) + 1
+    push = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
+    scenario = load_scenario(
+        "push",
+        text=f"{{duration: {duration}, gait: {{num_steps: {steps}}}, {push}"
+        f"{text}}}",
+    )
+    return Sweep(
+        scenario=scenario, scenario_name="push", plant="lipm", **fields
+    )
+
+
+def walk_of(
+    sweep: Sweep | None = None,
+    mechanisms: str = "step",
+    at: str = AT,
+    replica: int = 0,
+) -> str:
+    """The walk of a trial, as it travels."""
+    sweep = sweep or stepping_sweep()
+    return yaml_dump_typed(sweep.walk(Cell(mechanisms, at, 0.0), replica))
+
+
+def facts(row: dict) -> dict:
+    """What does not depend on how busy the machine is."""
+    return {k: v for k, v in row.items() if k not in ("cpu_s", "wall_s")}

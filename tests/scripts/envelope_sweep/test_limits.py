@@ -1,0 +1,175 @@
+"""Oracle: the limits from which the trials were made up; counts by hand."""
+
+import math
+
+import pytest
+
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.scripts.envelope_sweep.limits import (
+    Rates,
+    characteristic_speed,
+    confusion,
+    envelope_of,
+    mark,
+    references,
+)
+from nadia_balance.scripts.envelope_sweep.plan import AT
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    Limit,
+    SearchParams,
+)
+from tests.scripts.envelope_sweep.made_up import (
+    SEARCH,
+    identity_of,
+    made_up_envelope,
+    made_up_rows,
+    paper_times,
+)
+
+ALL = "all_with_cross_over"
+LEFT, LATE = "left swing 50 %", "right swing 75 %"
+
+
+def test_finds_the_limits_again_in_any_order():
+    """They are multiples of the resolution, so found without an error."""
+    limits = {
+        cell: round(value / SEARCH.resolution) * SEARCH.resolution
+        for cell, value in paper_times(1.1).items()
+    }
+    rows = made_up_rows(limits)
+    envelope = envelope_of(identity_of(), rows[::-1])
+    assert set(envelope.limits) == set(limits)
+    for cell, found in envelope.limits.items():
+        assert found.recovered == pytest.approx(limits[cell], abs=1e-9)
+        assert found.failed == pytest.approx(found.recovered + 0.02)
+        assert found.complete
+    assert not envelope.missing
+    assert envelope.limits == envelope_of(identity_of(), rows).limits
+    assert list(envelope.curve(ALL, AT)) == [30.0 * i for i in range(12)]
+
+
+def test_names_are_in_the_order_of_the_paper_and_its_moment_is_first():
+    envelope = made_up_envelope(
+        {
+            Cell(name, at, direction): 0.2
+            for name in (ALL, "icp_only", "step_swing")
+            for at in ("left swing 5 %", LATE, LEFT, AT)
+            for direction in (270.0, 0.0)
+        }
+    )
+    assert envelope.mechanisms == ("icp_only", "step_swing", ALL)
+    assert envelope.moments == (AT, "left swing 5 %", LEFT, LATE)
+    assert envelope.directions == (0.0, 270.0)
+
+
+def test_says_which_cells_are_not_complete_or_not_begun():
+    hurried = Cell("step", AT, 90.0)
+    cells = {Cell("step", AT, 0.0): 0.3, hurried: 0.2, Cell(ALL, AT, 0.0): 0.5}
+    envelope = made_up_envelope(cells, is_unfinished=hurried.__eq__)
+    assert envelope.missing == [hurried, Cell(ALL, AT, 90.0)]
+    assert envelope.limits[hurried] == Limit(
+        recovered=pytest.approx(0.2),
+        failed=pytest.approx(0.22),
+        complete=False,
+    )
+    assert list(envelope.curve(ALL, AT)) == [0.0]
+
+
+@pytest.mark.parametrize("outcome", ["fell", "error", "crashed", "hung"])
+def test_only_a_recovery_is_one(outcome):
+    """Oracle: by hand; 0.1 m/s is recovered from, 0.2 m/s is not."""
+    search = SearchParams(resolution=0.1, stride=1, replicas=1)
+    rows = made_up_rows({Cell("step", AT, 0.0): 0.5}, search)
+    rows = [dict(row) for row in rows if row["delta_v"] < 0.25]
+    rows[1]["outcome"] = outcome
+    (found,) = envelope_of(identity_of(search), rows).limits.values()
+    assert found == Limit(recovered=0.1, failed=0.2, complete=True)
+
+
+def test_marks_what_is_not_sure_and_writes_the_digits_that_tell():
+    """Oracle: by hand; a mark of several is that of the least sure one."""
+    sure = Limit(recovered=0.5, failed=0.52, complete=True)
+    bound = Limit(recovered=3.0, failed=None, complete=True)
+    open_end = Limit(recovered=0.3, failed=None, complete=False)
+    assert mark([]) == mark([sure]) == ""
+    assert mark([sure, bound]) == ">="
+    assert mark([sure, open_end, bound]) == "~"
+    cells = {Cell("step", AT, 0.0): 0.2}
+    words = map(made_up_envelope(cells).limit_words, (sure, bound, open_end))
+    assert list(words) == ["0.50", ">=3.00", "~0.30"]
+    fine = made_up_envelope(cells, SearchParams(resolution=0.005))
+    assert fine.words(0.3) == "0.300"
+
+
+def test_an_envelope_needs_a_trial():
+    with pytest.raises(ValueError, match="rows = .*at least one trial"):
+        envelope_of(identity_of(), [])
+
+
+def test_the_speed_of_a_robot_is_that_of_its_height():
+    """Oracle: sqrt(g z), with com_height of Nadia's robot.yaml."""
+    expected = math.sqrt(9.81 * 0.888)
+    assert characteristic_speed("nadia") == pytest.approx(expected, rel=1e-12)
+    for robot in "nobody", "/nowhere/robot.yaml":
+        assert characteristic_speed(robot) is None
+
+
+def test_knows_the_figures_of_the_paper():
+    """Oracle: read off the paper's Fig. 10, by hand; what a limit means."""
+    known = references("nadia", "push", AT)
+    for mechanisms, direction, paper, limit in (
+        ("icp_only", 0.0, 0.27, 0.44),
+        ("step", 330.0, 0.68, 0.84),
+        ("step_swing", 90.0, 0.20, 0.33),
+        ("step_swing_transfer", 210.0, 0.95, 2.00),
+        (ALL, 120.0, 0.30, 0.71),
+    ):
+        assert known.paper[mechanisms][direction] == paper
+        assert known.limit[mechanisms][direction] == limit
+    assert list(known.paper) == list(known.limit) == list(MECHANISMS)
+    for mechanisms, curve in known.paper.items():
+        assert list(curve) == [30.0 * i for i in range(12)]
+        for direction, value in curve.items():
+            assert value < known.limit[mechanisms][direction]
+
+
+@pytest.mark.parametrize(
+    ("robot", "scenario", "at"),
+    [
+        ("atlas", "push", AT),
+        ("nadia", "backward_shove", AT),
+        ("nadia", "push", "left swing 25 %"),
+    ],
+)
+def test_others_are_compared_with_nothing(robot, scenario, at):
+    known = references(robot, scenario, at)
+    assert known.paper == known.limit == {}
+
+
+def test_counts_false_predictions():
+    """Oracle: by hand; trials without an answer are left out."""
+    rows = [
+        {
+            "outcome": outcome,
+            "predicted_at_push": at_push,
+            "predicted_at_touchdowns": at_touchdowns,
+        }
+        for outcome, at_push, at_touchdowns in (
+            ("recovered", 1, "1;0;0"),
+            ("recovered", -1, "-1;0"),  # false lost
+            ("fell", 2, "-1"),  # false capturable
+            ("failed", 0, "0;0"),  # false capturable
+            ("fell", -1, ""),
+            ("fell", None, ""),  # during the push
+            ("crashed", None, ""),
+            ("error", 1, "1"),
+        )
+    ]
+    found = [
+        (r.capturable, r.false_capturable, r.lost, r.false_lost)
+        for r in confusion(rows).values()
+    ]
+    assert found == [(3, 2, 2, 1), (2, 1, 2, 1), (6, 2, 2, 1)]
+    nothing = Rates(capturable=0, false_capturable=0, lost=0, false_lost=0)
+    assert list(confusion([]).values()) == [nothing] * 3

@@ -1,0 +1,284 @@
+"""A sweep is what its flags say, is checked, and says what it shares."""
+
+import argparse
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from pydrake.common.yaml import yaml_dump_typed
+
+from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.results.summary import versions
+from nadia_balance.robot import MODELS
+from nadia_balance.scripts.command_line import scenario_flags
+from nadia_balance.scripts.envelope_sweep import plan
+from nadia_balance.scripts.envelope_sweep.plan import (
+    QUICK,
+    Sweep,
+    directions,
+    moments,
+    sweep_flags,
+    sweep_from,
+)
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    Trial,
+)
+from tests.scripts.envelope_sweep.made_up import made_up_sweep
+from tests.source_files import ROOT
+
+LATER = "left transfer 50 %"
+
+
+def sweep_of(*argv):
+    parser = argparse.ArgumentParser()
+    sweep_flags(parser)
+    scenario_flags(parser, name="push")
+    parser.set_defaults(timeout=600.0)
+    return sweep_from(parser.parse_args(argv))
+
+
+def test_without_flags_it_is_the_papers_figure():
+    """Oracle: five columns, twelve directions, 25 % into a right swing."""
+    sweep = sweep_of()
+    assert sweep.mechanisms == tuple(MECHANISMS)
+    assert sweep.directions == tuple(30.0 * i for i in range(12))
+    assert sweep.at == ("right swing 25 %",)
+    assert sweep.search == SearchParams()
+    assert (sweep.plant, sweep.scenario_name) == ("humanoid", "push")
+
+
+def test_quick_leaves_alone_what_is_given():
+    """Oracle: the sweep that has all of the quick flags written out."""
+    sweep = sweep_of("--quick")
+    assert sweep.directions == tuple(45.0 * i for i in range(8))
+    assert sweep.mechanisms == ("all_with_cross_over",)
+    assert sweep.search == SearchParams(resolution=0.1, stride=4, replicas=1)
+    given = {"directions": "3", "mechanisms": "step", "resolution": "0.05"}
+    given |= {"stride": "2", "replicas": "4"}
+    for flag, value in given.items():
+        flags = {**{k: str(v) for k, v in QUICK.items()}, flag: value}
+        written_out = [f"--{name}={value}" for name, value in flags.items()]
+        asked, other = (
+            sweep_of("--quick", f"--{flag}", value),
+            sweep_of(*written_out),
+        )
+        assert asked.cells() == other.cells()
+        assert asked.search == other.search
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        ("4", (0.0, 90.0, 180.0, 270.0)),
+        ("1", (0.0,)),
+        ("90,", (90.0,)),
+        ("0, 30 ,-90", (0.0, 30.0, 270.0)),
+        ("-1e-9,359.5", (0.0, 359.5)),
+    ],
+)
+def test_directions_are_a_count_or_a_list(text, degrees):
+    assert directions(text) == degrees
+
+
+@pytest.mark.parametrize("flag", ["--at", "--phases"])
+def test_moments_are_a_list_in_one_spelling(flag):
+    asked = sweep_of(flag, "right swing 25.0%, left transfer 50%").at
+    assert asked == ("right swing 25 %", "left transfer 50 %")
+
+
+@pytest.mark.parametrize("text", ["noon", "right swing 101 %", "2.5 s"])
+def test_refuses_a_moment_that_is_no_part_of_a_phase(text):
+    with pytest.raises(ValueError) as refused:
+        moments(f"right swing 25 %,{text}")
+    assert str(refused.value) == (
+        f'at = {text!r}: must be like "right swing 25 %", from 0 to 100 %'
+    )
+
+
+def test_the_flags_of_a_scenario_are_its_own(monkeypatch):
+    monkeypatch.chdir(MODELS / "nadia")
+    sweep = sweep_of(
+        *("--seed", "5", "--plant", "lipm", "--largest", "1"),
+        *("--mechanisms", "step, icp_only", "--robot", "robot.yaml"),
+    )
+    assert sweep.scenario.seed == 5
+    assert sweep.plant == "lipm"
+    assert sweep.search.largest == 1.0
+    assert sweep.mechanisms == ("step", "icp_only")
+    # Found from anywhere.
+    assert sweep.scenario.robot == str(MODELS / "nadia" / "robot.yaml")
+
+
+@pytest.mark.parametrize(
+    ("level", "resolution", "written"),
+    [(3, 0.1, "0.3"), (7, 0.02, "0.14"), (1, 1.5, "1.5")],
+)
+def test_pushes_are_round_numbers(level, resolution, written):
+    """Oracle: the decimal product by hand; 3 * 0.1 is not 0.3 in binary."""
+    sweep = made_up_sweep(search=SearchParams(resolution=resolution))
+    trial = Trial(cell=sweep.cells()[0], level=level, replica=0)
+    assert str(sweep.delta_v(trial)) == written
+
+
+@pytest.mark.parametrize(
+    ("plant", "tick"), [("lipm", 0.01), ("humanoid", 2e-3)]
+)
+def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
+    """Oracle: put back what differs, and compare all of the texts."""
+    sweep = made_up_sweep(plant=plant)
+    sweep.scenario.seed, sweep.scenario.pushes[0].delay = 7, 0.5
+    before = yaml_dump_typed(sweep.scenario)
+    cell, texts = Cell("step", LATER, 90.0), set()
+    for replica in range(4):
+        walk = sweep.walk(cell, replica)
+        (push,) = walk.pushes
+        assert walk.seed == 7 + replica
+        assert push.delay == 0.5 + (replica % 2) * tick
+        assert (walk.mechanisms, push.at, push.delta_v) == ("step", LATER, 0)
+        walk.seed, push.delay = 7, 0.5
+        texts.add(yaml_dump_typed(walk))
+    assert len(texts) == 1
+    assert yaml_dump_typed(sweep.scenario) == before
+
+
+def test_other_cells_make_no_other_identity():
+    """Oracle: JSON, there and back again."""
+    identity = made_up_sweep().identity()
+    assert json.loads(json.dumps(identity)) == identity
+    other = made_up_sweep(
+        directions=(45.0,), mechanisms=("step_swing",), at=(LATER,), timeout=1.0
+    )
+    assert other.identity() == identity
+
+
+REFUSED = [
+    ({"mechanisms": ("luck",)}, "mechanisms = 'luck': must be one of icp_only"),
+    ({"mechanisms": ()}, "mechanisms = '': must name at least one"),
+    ({"directions": (0.0, 360.0)}, "directions = 360.0: must be in [0, 360)"),
+    ({"directions": (math.nan,)}, "directions = nan: must be in [0, 360)"),
+    ({"directions": (5.0, 5.0)}, "directions = 5.0: must be given only once"),
+    ({"at": ()}, "at = '': must name at least one"),
+    ({"plant": "paper"}, "plant = 'paper': must be one of humanoid, lipm"),
+    ({"timeout": 1e7}, "timeout = 10000000.0: must be in (0, 1e+06] s"),
+    (
+        {"search": SearchParams(resolution=0.0)},
+        "resolution = 0.0: must be >= 0.0001 m/s",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), REFUSED)
+def test_refuses_what_has_no_meaning(changes, message):
+    with pytest.raises(ValueError) as refused:
+        made_up_sweep(**changes).validate()
+    assert str(refused.value).startswith(message)
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_wants_exactly_one_push(number):
+    sweep = Sweep(scenario=load_scenario("push"), scenario_name="push")
+    sweep.validate()
+    sweep.scenario.pushes *= number
+    with pytest.raises(ValueError) as refused:
+        sweep.validate()
+    assert str(refused.value) == (
+        f"scenario_name = 'push': must have exactly one push, has {number}"
+    )
+
+
+def test_the_fingerprint_is_of_every_file_of_a_trial():
+    """Oracle: what Python imports for one."""
+    package = "nadia_balance.scripts.envelope_sweep"
+    code = f"import sys, {package}.trial, {package}.plan; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    names = {
+        f"{module.removeprefix(f'{package}.')}.py"
+        for module in done.stdout.split()
+        if module.startswith(f"{package}.")
+    }
+    assert names == set(plan.TRIAL_FILES)
+
+
+def test_this_code_is_told_by_versions_and_a_hash():
+    """Oracle: the versions in every summary."""
+    assert plan.this_code() == {**versions(), "code": plan.code_hash()}
+    assert re.fullmatch("[0-9a-f]{16}", plan.code_hash())
+
+
+def test_sees_a_change_of_the_code_but_not_of_a_plot(tmp_path):
+    """Oracle: a copy of the project, changed in one file at a time.
+
+    As it is in a checkout, and as a wheel has it.
+    """
+    junk, others = shutil.ignore_patterns("__pycache__"), tmp_path / "others"
+    shutil.copytree(ROOT / "nadia_balance", tmp_path / "lib", ignore=junk)
+    for name in ("diagrams", "models", "scripts"):
+        shutil.copytree(ROOT / name, others / name, ignore=junk)
+    before = plan.code_hash(tmp_path / "lib", others)
+    assert before == plan.code_hash()
+    wheel = tmp_path / "wheel"
+    shutil.copytree(tmp_path / "lib", wheel)
+    shutil.copytree(others, wheel, dirs_exist_ok=True)
+    assert plan.code_hash(wheel, wheel) == before
+    for name, seen in (
+        ("lib/results/plots/style.py", False),
+        ("others/scripts/envelope_sweep/report.py", False),
+        ("others/scripts/envelope_sweep/trial.py", True),
+        ("lib/results/summary.py", True),
+        ("lib/core/lipm.py", True),
+        ("lib/robot.py", True),
+        ("others/diagrams/lipm.py", True),
+        ("others/models/nadia/robot.yaml", True),
+    ):
+        (tmp_path / name).write_text("")
+        after = plan.code_hash(tmp_path / "lib", others)
+        assert (after != before) is seen, name
+        before = after
+
+
+def test_parameters_are_all_but_what_a_sweep_sets_itself():
+    scenario = load_scenario("push")
+    before = plan.parameters_hash(scenario)
+    scenario.description, scenario.seed = "x", 7
+    scenario.mechanisms = "icp_only"
+    push = scenario.pushes[0]
+    push.delta_v, push.force = None, 100.0
+    push.direction_deg, push.at = 10.0, "1 s"
+    assert plan.parameters_hash(scenario) == before
+    assert push.force == 100.0, "it must leave the scenario alone"
+    for text in (
+        "duration: 13.0",
+        "gait: {swing_duration: 0.6}",
+        "controller: {balance: {feedback_gain: 2.5}}",
+        "pushes: [{delta_v: 0.4, at: 1 s, duration: 0.2}]",
+        "pushes: [{delta_v: 0.4, at: 1 s, after_steps: 3}]",
+    ):
+        changed = load_scenario("push", text=text)
+        assert plan.parameters_hash(changed) != before, text
+
+
+def test_a_robot_is_what_its_files_say_not_where_they_are(tmp_path):
+    scenario = load_scenario("push")
+    before = plan.parameters_hash(scenario)
+    shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
+    scenario.robot = str(tmp_path / "nadia" / "robot.yaml")
+    assert plan.parameters_hash(scenario) == before
+    files = plan.robot_hash(scenario.robot)
+    assert files == plan.robot_hash("nadia")
+    with (tmp_path / "nadia" / "nadia.urdf").open("a") as urdf:
+        urdf.write("<!-- changed -->")
+    assert plan.parameters_hash(scenario) != before
+    assert plan.robot_hash(scenario.robot) != files
+    for hashed in plan.parameters_hash, lambda s: plan.robot_hash(s.robot):
+        scenario.robot = "nowhere.yaml"
+        with pytest.raises(FileNotFoundError, match="nowhere.yaml: no such"):
+            hashed(scenario)

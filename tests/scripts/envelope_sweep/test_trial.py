@@ -1,0 +1,280 @@
+"""What is simulated, and what becomes of it: push.py is the oracle."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.common.yaml import yaml_dump_typed
+
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.log import pushes, steps
+from nadia_balance.results.summary import summarize
+from nadia_balance.scripts import push
+from nadia_balance.scripts.envelope_sweep import trial as module
+from nadia_balance.scripts.envelope_sweep.plan import Sweep
+from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS, run_trial
+from nadia_balance.typed_yaml import load_typed
+from tests.scripts.envelope_sweep.made_up import (
+    ENDLESS,
+    stepping_sweep,
+    walk_of,
+)
+
+PATIENCE = 60.0  # with a machine that is busy [s]
+ALL = "all_with_cross_over"
+# Its eight steps are taken before the end of the run.
+WHOLE = Sweep(
+    scenario=load_scenario("push"), scenario_name="push", plant="lipm"
+)
+
+
+@pytest.fixture(autouse=True)
+def no_walk_of_another_test():
+    module._kept.walks.clear()
+
+
+def tried(walk, delta_v, direction=120.0, plant="lipm"):
+    """The row of one trial."""
+    return run_trial(walk, plant, delta_v, direction, PATIENCE)
+
+
+def judged(walk, delta_v, direction=120.0, plant="lipm"):
+    """The run of that push from start to end, and its summary."""
+    scenario = load_typed(Scenario, "walk", data=walk)
+    scenario.pushes[0].delta_v = delta_v
+    scenario.pushes[0].direction_deg = direction
+    run = simulate(DIAGRAMS[plant](scenario), scenario.duration)
+    return run, summarize(run, run_info(scenario, run, plant))
+
+
+@pytest.mark.parametrize("delta_v", [0.3, 1.5])
+def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, delta_v):
+    """Oracle: the summary that push.py leaves behind."""
+    words = "--plant lipm --no-meshcat --seed 3 --duration 4 --direction 120"
+    push.main(
+        [
+            *words.split(),
+            *("--mechanisms", "step_swing", "--at", "left transfer 50 %"),
+            *("--delta-v", str(delta_v), "--out", str(tmp_path)),
+        ]
+    )
+    base = load_scenario("push", text="{duration: 4.0, seed: 3}")
+    walk = walk_of(
+        replace(WHOLE, scenario=base), "step_swing", "left transfer 50 %"
+    )
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    row = tried(walk, delta_v)
+    assert (row["outcome"] == "recovered") is summary["recovered"]
+    for name in ("reason", "steps_after_push", "max_icp_error_m"):
+        assert row[name] == summary[name]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 1)])
+def test_a_row_does_not_depend_on_what_was_tried_before(order):
+    """Oracle: each of them from its own start to its own end.
+
+    One walk for all; the run is too short to end before its time.
+    """
+    walk = walk_of(replica=1)
+    sizes = [(0.1, 0.0), (0.45, 90.0), (2.5, 200.0)]
+    for i in order:
+        row, (_, summary) = tried(walk, *sizes[i]), judged(walk, *sizes[i])
+        assert (row["outcome"] == "recovered") is summary["recovered"]
+        shared = set(row) & set(summary)
+        assert len(shared) == 6
+        assert {name: row[name] for name in shared} == {
+            name: summary[name] for name in shared
+        }
+
+
+def test_the_robot_itself_gives_the_bits_of_one_run():
+    """Oracle: as above, of the whole robot, which is pushed at a time."""
+    text = "{duration: 0.8, pushes: [{delta_v: 0, at: 0.3 s}]}"
+    scenario = load_scenario("push_standing", text=text)
+    walked = module.Walk(scenario, "humanoid", np.inf)
+    _, summary = judged(yaml_dump_typed(scenario), 0.2, 30.0, "humanoid")
+    row = walked.push(0.2, 30.0, np.inf)
+    assert row["max_icp_error_m"] == summary["max_icp_error_m"] > 0.01
+    assert row["max_torque_ratio"] == summary["max_torque_ratio"]
+
+
+@pytest.mark.parametrize(
+    ("delta_v", "outcome"), [(0.2, "recovered"), (2.5, "fell")]
+)
+def test_ends_as_soon_as_the_verdict_is_certain(delta_v, outcome):
+    """Oracle: the run to its end has the same one; eight steps by hand."""
+    walk = walk_of(WHOLE)
+    row, (_, summary) = tried(walk, delta_v), judged(walk, delta_v)
+    assert row["outcome"] == outcome
+    assert (outcome == "recovered") is summary["recovered"]
+    if summary["recovered"]:
+        assert row["steps_after_push"] == 8 < summary["steps_after_push"]
+        assert len(row["predicted_at_touchdowns"]) == 8
+    assert row["max_icp_error_m"] == summary["max_icp_error_m"]
+
+
+def test_goes_on_until_the_icp_error_is_small_again(monkeypatch):
+    """Oracle: a summary that is not content before 12 s."""
+    ends = []
+
+    def late(run, info):
+        ends.append(run.logs["t"][-1])
+        return {**summarize(run, info), "recovered": ends[-1] > 12.0}
+
+    monkeypatch.setattr(module, "summarize", late)
+    assert tried(walk_of(WHOLE), 0.2)["outcome"] == "recovered"
+    assert len(ends) > 2
+    assert np.diff(ends) == pytest.approx(module.LOOK, abs=0.021)
+
+
+@pytest.mark.parametrize("begin", [1.0, 2.0])
+def test_ends_with_the_first_improper_contact(monkeypatch, begin):
+    """Oracle: made up, before the push and after it; the log ends there."""
+
+    def touches(_, context):
+        return {"hand - ground"} if context.get_time() >= begin else set()
+
+    lengths = []
+
+    def look(run, info):
+        lengths.append(run.logs["t"][-1])
+        return summarize(run, info)
+
+    monkeypatch.setattr(DIAGRAMS["lipm"], "improper_contacts", touches)
+    monkeypatch.setattr(module, "summarize", look)
+    row = tried(walk_of(stepping_sweep(3.4)), 0.1)
+    assert row["outcome"] == "failed"
+    assert row["reason"] == "contact of hand - ground"
+    assert lengths == [pytest.approx(begin, abs=0.011)]
+
+
+def test_who_was_not_pushed_has_failed():
+    """Oracle: the run ends before the swing in which the push should be."""
+    for delta_v in (0.3, 0.5):
+        row = tried(walk_of(stepping_sweep(1.2)), delta_v)
+        assert row["outcome"] == "failed"
+        assert row["reason"].startswith("not pushed")
+        assert row["predicted_at_push"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "plant", "reason"),
+    [
+        (("", ""), "lipn", "KeyError: 'lipn'"),
+        (("robot: nadia", "robot: nobody"), "lipm", "ValueError: robot = 'nob"),
+    ],
+)
+def test_an_error_is_a_row_like_any_other(change, plant, reason):
+    row = tried(walk_of().replace(*change), 0.3, plant=plant)
+    assert row["outcome"] == "error"
+    assert row["reason"].startswith(reason)
+    assert list(row) == list(tried(walk_of(stepping_sweep(0.1)), 0.1))
+
+
+def test_a_trial_that_takes_too_long_has_hung():
+    """Oracle: the clock on the wall; in the walk, and after the push."""
+    still = walk_of(stepping_sweep(ENDLESS, ", required_steps: 0"))
+    for walk, timeout in ((walk_of(WHOLE, ALL), 1e-3), (still, 2.0)):
+        row = run_trial(walk, "lipm", 0.01, 0.0, timeout)
+        assert row["outcome"] == "hung"
+        assert row["reason"] == f"no result after {timeout:g} s"
+
+
+def test_ctrl_c_gives_no_row(monkeypatch):
+    """Oracle: an interrupted run, made by the fall that is looked for."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.DIAGRAMS["lipm"], "fall_reason", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        tried(walk_of(), 0.3)
+
+
+def test_keeps_the_walks_that_were_used_last(monkeypatch):
+    """Oracle: the walks that are made, by seed."""
+    made = []
+
+    class Counted(module.Walk):
+        def __init__(self, scenario, *args):
+            made.append(scenario.seed)
+            super().__init__(scenario, *args)
+
+    monkeypatch.setattr(module, "Walk", Counted)
+    monkeypatch.setattr(module, "MOST_WALKS", 2)
+    for replica in (0, 1, 0, 2, 0, 1):
+        tried(walk_of(stepping_sweep(1.5), replica=replica), 0.1)
+    assert made == [0, 1, 2, 1]
+
+
+# What the capture regions foretell, beside what becomes of it.
+
+
+@pytest.mark.parametrize("mechanisms", ["icp_only", ALL])
+@pytest.mark.parametrize("at", ["right swing 25 %", "right transfer 25 %"])
+def test_tiny_and_huge_pushes_are_foretold(mechanisms, at):
+    """Oracle: the run; 2 cm/s move the ICP by 6 mm; 4 m/s are too much."""
+    walk = walk_of(stepping_sweep(6.0), mechanisms, at)
+    row = tried(walk, 0.02, 0.0)
+    assert row["outcome"] == "recovered"
+    assert row["predicted_at_push"] in (0, 1)
+    assert set(row["predicted_at_touchdowns"]) <= {0, 1}
+    row = tried(walk, 4.0, 0.0)
+    assert row["outcome"] == "fell"
+    assert row["predicted_at_push"] == -1
+    assert set(row["predicted_at_touchdowns"]) <= {-1}
+
+
+def test_a_push_that_takes_a_step_is_foretold_to_take_it():
+    """Oracle: the run: with steps it recovers, by ankles and hips it falls.
+
+    Sideways, away from the stance foot, where the feet are not in the way.
+    """
+    for mechanisms, outcome, at_push in (
+        (ALL, "recovered", 1),
+        ("icp_only", "fell", -1),
+    ):
+        row = tried(walk_of(stepping_sweep(6.0), mechanisms), 0.7, 270.0)
+        assert (row["outcome"], row["predicted_at_push"]) == (outcome, at_push)
+
+
+def test_there_is_a_prediction_for_each_touchdown_after_the_push():
+    """Oracle: the steps that landed, less those before the push's end."""
+    walk = walk_of(stepping_sweep(6.0), ALL)
+    for direction, delta_v in (90.0, 0.5), (0.0, 0.02):
+        log = judged(walk, delta_v, direction)[0].logs
+        end = pushes(log)[-1].end
+        landed = [s for s in steps(log) if s.swing.end >= end - 1e-9]
+        row = tried(walk, delta_v, direction)
+        assert json.loads(json.dumps(row, allow_nan=False)) == row
+        assert len(row["predicted_at_touchdowns"]) == len(landed) >= 4
+
+
+def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
+    """Oracle: the ICP, v / omega ahead of the middle; the toes at 0.105 m."""
+    scenario = load_scenario("push_standing", text="{duration: 1.3}")
+    scenario.pushes[0].delta_v = 0.0
+    walk = yaml_dump_typed(scenario)
+    for delta_v, expected in (0.2, 0), (1.0, -1):
+        run, _ = judged(walk, delta_v, 0.0)
+        assert (np.max(run.logs["icp"][:, 0]) < 0.105) == (expected == 0)
+        row = tried(walk, delta_v, 0.0)
+        assert row["predicted_at_push"] == expected
+        assert row["predicted_at_touchdowns"] == []
+
+
+@pytest.mark.parametrize("delta_v", [0.4, 0.9])
+def test_the_mirrored_push_has_the_same_predictions(delta_v):
+    """Oracle: the mirror, of steps of the other foot."""
+    found = []
+    for swing, direction in ("right", 60.0), ("left", -60.0):
+        sweep = stepping_sweep(6.0)
+        sweep.scenario.gait.first_swing = swing
+        row = tried(
+            walk_of(sweep, ALL, f"{swing} swing 25 %"), delta_v, direction
+        )
+        found.append((row["predicted_at_push"], row["predicted_at_touchdowns"]))
+    assert found[0] == found[1]

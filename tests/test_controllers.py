@@ -1,0 +1,217 @@
+"""The controllers: alike in any harness, open to blocks of the user's."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import LeafSystem
+
+from nadia_balance.balance_controller import BalanceController
+from nadia_balance.capture_point_controller import (
+    CapturePointController,
+    ControllerParams,
+)
+from nadia_balance.core.foothold_adjustment import current_adjustment
+from nadia_balance.core.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.walking import FootPose, Phase, WalkingState
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.log import steps
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
+)
+from nadia_balance.systems.icp_step_adjuster import IcpStepAdjuster
+from nadia_balance.systems.ports import ValueInput, declare_output
+from nadia_balance.systems.timing_adapter import TimingAdapter
+from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from tests.blocks import answer, asked, fix
+from tests.example_walks import MODEL
+
+PERIOD = 0.002
+# Lifts the foot at 0.45 s, and is about to put it down at 0.95 s.
+SOON = (
+    "mechanisms: all_with_cross_over, gait: {num_steps: 3, "
+    "initial_transfer_duration: 0.4, swing_duration: 0.5}, "
+    "controller: {walking_state_machine: {standing_duration: 0.05}}"
+)
+PUSH = "{delta_v: 0.3, direction_deg: 90.0, at: right swing 25 %}"
+
+
+def scenario_of(more):
+    return load_scenario("push", text=f"{{{SOON}, {more}}}")
+
+
+def test_stepped_by_hand_it_gives_the_recorded_torques():
+    """Oracle: the log of a run with a push and a touchdown, bit for bit.
+
+    Asked once more between two ticks, when the robot has moved on, it still
+    gives the torques of the tick.
+    """
+    scenario = scenario_of(f"pushes: [{PUSH}]")
+    diagram = HumanoidDiagram(scenario)
+    log = simulate(diagram, 1.1).logs
+    signal = WalkingSignal(log["walking_signal"].T)
+    landed = np.flatnonzero(np.diff(signal.phase) < 0.0)
+    assert [PHASES[int(signal.phase[i])] for i in landed] == [Phase.SWING]
+    assert np.linalg.norm(log["push_force"], axis=1).any()
+    model = diagram.robot.point_mass
+    controller = BalanceController(
+        scenario.controller, diagram.robot, start=scenario.start(model)
+    )
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+
+    def told(row):
+        state, forces = log["state"][row], log["foot_forces"][row]
+        fix(controller, context, estimated_state=state, foot_forces=forces)
+        return answer(controller, context, "actuation").copy()
+
+    for row, torques in enumerate(log["actuation"][:-1]):
+        assert np.array_equal(told(row), torques), row
+        simulator.AdvanceTo((row + 0.5) * PERIOD)
+        assert np.array_equal(told(row + 1), torques), row
+        simulator.AdvanceTo((row + 1) * PERIOD)
+
+
+def test_sampled_ports_of_the_plant_change_no_bit():
+    """Oracle: all logs of a run without them, through a touchdown."""
+    sampled, direct = (
+        simulate(
+            HumanoidDiagram(
+                scenario_of(
+                    "pushes: [], "
+                    f"plant_config: {{use_sampled_output_ports: {sampled}}}"
+                )
+            ),
+            1.0,
+        ).logs
+        for sampled in ("true", "false")
+    )
+    signal = WalkingSignal(direct["walking_signal"].T)
+    assert signal.steps_taken[-1] == 1
+    for name, values in direct.items():
+        equal_nan = values.dtype.kind == "f"
+        assert np.array_equal(values, sampled[name], equal_nan), name
+
+
+def parts_of(**changes):
+    """The classes of the blocks, by name."""
+    params = replace(ControllerParams(), **changes)
+    blocks = CapturePointController(params, MODEL).GetSystems()
+    return {block.get_name(): type(block) for block in blocks}
+
+
+def test_both_adapters_are_always_there():
+    """Oracle: their classes; with its parameters it is the Atlas paper's QP."""
+    ours, atlas = parts_of(), parts_of(icp_step_qp=IcpStepQpParams())
+    assert ours["step_adjuster"] is CaptureRegionStepAdjuster
+    assert atlas["step_adjuster"] is IcpStepAdjuster
+    for parts in ours, atlas:
+        assert parts["timing_adapter"] is TimingAdapter
+        assert len(parts) == 5
+
+
+def test_stands_unless_it_is_told_otherwise():
+    """Oracle: no footsteps; the feet as far apart as the model's."""
+    controller = CapturePointController(ControllerParams(), MODEL)
+    state = answer(controller, asked(controller), "walking_state")
+    assert state.schedule.footsteps == ()
+    feet = state.schedule.feet
+    apart = math.dist(feet.left.p_WF, feet.right.p_WF)
+    assert apart == pytest.approx(MODEL.step_width)
+
+
+def test_refuses_parameters_that_are_out_of_range():
+    """Oracle: field, value, what is allowed."""
+    params = ControllerParams(control_period=0.0001)
+    message = r"^control_period = 0\.0001: must be in \[0\.0005, 0\.02\] s$"
+    with pytest.raises(ValueError, match=message):
+        CapturePointController(params, MODEL)
+    params = ControllerParams(icp_step_qp=IcpStepQpParams(step_weight=0.0))
+    with pytest.raises(ValueError, match=r"step_weight = 0\.0: must be"):
+        CapturePointController(params, MODEL)
+
+
+class Aside(LeafSystem):
+    """A step adjuster of the user's: every step lands 6 cm further out."""
+
+    def __init__(self, outputs=("adjustment",), **vectors):
+        super().__init__()
+        self._state = ValueInput(self, "walking_state", WalkingState)
+        needs = {self._state.ticket()}
+        for name in outputs:
+            declare_output(self, name, self._calc, needs)
+        for name, size in vectors.items():
+            self.DeclareVectorInputPort(name, size)
+
+    def _calc(self, context):
+        now = current_adjustment(self._state(context))
+        pose, side = now.nominal.pose, now.nominal.side
+        further = pose.p_WF + [0.0, 0.06 * side.sign, 0.0]
+        return replace(now, pose=FootPose(further, pose.yaw))
+
+
+def test_uses_a_step_adjuster_of_the_user_s():
+    """Oracle: footholds in place, 0.06 m further out; it has no regions."""
+    scenario = scenario_of("pushes: []")
+    diagram = LipmDiagram(scenario, step_adjuster=Aside())
+    assert not diagram.controller.HasOutputPort("capture_regions")
+    log = simulate(diagram, 3.6).logs
+    found = [step.achieved.p_WF[1] for step in steps(log)]
+    out = 0.5 * diagram.robot.point_mass.step_width + 0.06
+    assert found == pytest.approx([-out, out, -out], abs=1e-3)
+
+
+def test_meshcat_needs_no_capture_regions():
+    """Oracle: a run that draws, without the port."""
+    diagram = HumanoidDiagram(
+        scenario_of("pushes: []"), Meshcat(), step_adjuster=Aside()
+    )
+    assert simulate(diagram, 0.1).error == ""
+
+
+@pytest.mark.parametrize(
+    "role", ["icp_planner", "timing_adapter", "step_adjuster", "momentum_qp"]
+)
+def test_refuses_a_block_without_a_required_output(role):
+    """Oracle: one line that names role, class and port."""
+    required = {
+        "icp_planner": "icp_plan",
+        "timing_adapter": "time_adjustment",
+        "step_adjuster": "adjustment",
+        "momentum_qp": "ecmp_command",
+    }
+    message = f"^{role} = Aside: must have the output port '{required[role]}'$"
+    with pytest.raises(ValueError, match=message):
+        CapturePointController(ControllerParams(), MODEL, **{role: Aside(())})
+    with pytest.raises(ValueError, match=f"^{role} = .*: must be a System"):
+        CapturePointController(ControllerParams(), MODEL, **{role: Aside})
+
+
+@pytest.mark.parametrize(
+    ("ports", "message"),
+    [
+        (
+            {"wind": 3},
+            "input port 'wind' must be one of adjustment, .* walking_state",
+        ),
+        (
+            {"icp_reference": 2},
+            "input port 'icp_reference' must be a vector of 8, as "
+            "icp_planner's output; it is a vector of 2",
+        ),
+        (
+            {"outputs": ("adjustment", "icp_plan")},
+            "must not have the output port 'icp_plan', another block has it",
+        ),
+    ],
+)
+def test_refuses_a_block_whose_ports_do_not_fit(ports, message):
+    """Oracle: one line that names role, class and port, when it is built."""
+    with pytest.raises(ValueError, match=f"^step_adjuster = Aside: {message}$"):
+        LipmDiagram(scenario_of("pushes: []"), step_adjuster=Aside(**ports))

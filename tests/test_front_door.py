@@ -1,0 +1,62 @@
+"""`import nadia_balance` gives what a user needs, and costs nothing itself."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+from pydrake.systems.framework import LeafSystem
+
+import nadia_balance
+import nadia_balance.systems
+from tests.source_files import ROOT
+
+
+def test_every_public_name_is_there():
+    """Oracle: where it is defined; and all that `dir` shows."""
+    for name in nadia_balance.__all__:
+        value = getattr(nadia_balance, name)
+        module = importlib.import_module(
+            f"nadia_balance.{nadia_balance._HOME[name]}"
+        )
+        assert value is getattr(module, name)
+    assert dir(nadia_balance) == nadia_balance.__all__
+    with pytest.raises(AttributeError, match="no attribute 'walk'"):
+        nadia_balance.walk  # noqa: B018
+
+
+def test_all_leaf_systems_are_public():
+    """Oracle: the classes in the modules of nadia_balance.systems."""
+    found = {
+        value.__name__
+        for module in pkgutil.iter_modules(nadia_balance.systems.__path__)
+        for value in vars(
+            importlib.import_module(f"nadia_balance.systems.{module.name}")
+        ).values()
+        if inspect.isclass(value)
+        and issubclass(value, LeafSystem)
+        and value.__module__.startswith("nadia_balance.")
+    }
+    assert len(found) > 10
+    assert found <= set(nadia_balance.__all__)
+
+
+def test_a_name_is_imported_when_it_is_used():
+    """Oracle: the modules that Python has loaded after each line."""
+    code = """
+import sys
+def loaded(*names): return [name for name in names if name in sys.modules]
+import nadia_balance
+assert not loaded("numpy", "pydrake")
+from nadia_balance.core import polygon, walking
+assert not loaded("pydrake")
+from nadia_balance import *
+assert loaded("pydrake.systems.framework")
+assert not loaded("pydrake.all", "matplotlib", "nadia_balance.diagrams")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
