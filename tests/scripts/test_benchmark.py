@@ -52,28 +52,22 @@ def figures():
     return json.loads("\n".join(lines))
 
 
-def test_the_parts_are_faster_than_the_whole(figures):
-    """Oracle: the controller contains its blocks, the loop the plant.
+def test_every_block_and_every_plant_has_its_figures(figures):
+    """Oracle: the wiring of the controller, and the ratio's definition.
 
-    The loop's ratio to each plant is that of their rates, each a median.
+    Which of two is faster is not asserted: other work disturbs any clock.
     """
     table = benchmark.as_text(figures).splitlines()
     names = [line.split()[0] for line in table[4:]]
     assert names == list(figures["blocks"])
-    medians = {
-        name: block["median_us"] for name, block in figures["blocks"].items()
-    }
-    assert set(medians) >= BLOCKS
-    whole = medians.pop("balance_controller")
-    assert 0.0 < min(medians.values()) < max(medians.values()) < whole
-    alone, in_loop, closed = (
-        figures[name]["real_time_factor"]
-        for name in ("plant_alone", "plant_in_loop", "closed_loop")
+    assert set(figures["blocks"]) >= BLOCKS
+    for block in figures["blocks"].values():
+        assert 0.0 < block["median_us"] <= block["p99_us"]
+    loop, in_loop = figures["closed_loop"], figures["plant_in_loop"]
+    assert loop["ratio_to_plant_alone"] > 0.0
+    assert loop["ratio_to_plant_in_loop"] == pytest.approx(
+        loop["real_time_factor"] / in_loop["real_time_factor"]
     )
-    assert alone > in_loop > closed > 0.0
-    loop = figures["closed_loop"]
-    assert loop["ratio_to_plant_alone"] == pytest.approx(closed / alone, 0.3)
-    assert loop["ratio_to_plant_in_loop"] == pytest.approx(closed / in_loop)
 
 
 @pytest.mark.parametrize(
