@@ -150,8 +150,7 @@ class HumanoidDiagram(Diagram):
             for name in filter(self.controller.HasOutputPort, CONTROLLER_LOGS)
         }
         signals["mechanisms"] = self._mechanisms
-        for name in ("push_force", "push_signal"):
-            signals[name] = self.push.GetOutputPort(name)
+        signals["push_signal"] = self.push.GetOutputPort("push_signal")
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
         signals["state"] = self.plant.get_state_output_port()
         self._signal_log = SignalLog(builder, period, signals)

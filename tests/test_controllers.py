@@ -27,6 +27,7 @@ from nadia_balance.systems.capture_region_step_adjuster import (
 )
 from nadia_balance.systems.icp_step_adjuster import IcpStepAdjuster
 from nadia_balance.systems.ports import ValueInput, declare_output
+from nadia_balance.systems.push_source import PushSignal
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
 from tests.blocks import answer, asked, fix
@@ -58,7 +59,7 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
     signal = WalkingSignal(log["walking_signal"].T)
     landed = np.flatnonzero(np.diff(signal.phase) < 0.0)
     assert [PHASES[int(signal.phase[i])] for i in landed] == [Phase.SWING]
-    assert np.linalg.norm(log["push_force"], axis=1).any()
+    assert PushSignal(log["push_signal"].T).force.any()
     model = diagram.robot.point_mass
     controller = BalanceController(
         scenario.controller, diagram.robot, start=scenario.start(model)

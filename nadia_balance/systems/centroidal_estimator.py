@@ -47,19 +47,20 @@ class CentroidalEstimator(LeafSystem):
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
         )
-        self._plant_context = self.DeclareCacheEntry(
+        # Memory to compute in: nothing changes it but the terms' calculation.
+        self._scratch = self.DeclareCacheEntry(
             "plant context",
             ValueProducer(
                 allocate=lambda: Value(plant.CreateDefaultContext()),
-                calc=self._set_state,
+                calc=ValueProducer.NoopCalc,
             ),
-            prerequisites_of_calc={self._estimated_state.ticket()},
+            prerequisites_of_calc={self.nothing_ticket()},
         )
         self._terms = declare_output(
             self,
             "whole_body_terms",
             self._calc_terms,
-            {self._plant_context.ticket()},
+            {self._estimated_state.ticket()},
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
@@ -68,7 +69,7 @@ class CentroidalEstimator(LeafSystem):
         self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
         declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
-    def _set_state(self, context, cache):
+    def _calc_terms(self, context) -> WholeBodyTerms:
         state = self._estimated_state.Eval(context)
         if not math.isfinite(state @ state):
             i = int(np.flatnonzero(~np.isfinite(state))[0])
@@ -77,10 +78,9 @@ class CentroidalEstimator(LeafSystem):
                 f"'estimated_state' is not finite: "
                 f"{self._plant.GetStateNames()[i]} = {state[i]}"
             )
-        self._plant.SetPositionsAndVelocities(cache.get_mutable_value(), state)
-
-    def _calc_terms(self, context) -> WholeBodyTerms:
-        return self._kinematics.calc(self._plant_context.Eval(context))
+        plant_context = self._scratch.Eval(context)
+        self._plant.SetPositionsAndVelocities(plant_context, state)
+        return self._kinematics.calc(plant_context)
 
     def _calc_com_state(self, context, output):
         output.set_value(self._terms.Eval(context).com_state)

@@ -58,9 +58,14 @@ class Input(abc.ABC):
 
     def __call__(self, context: Context) -> Any:
         """Its value in `context`."""
-        if self._default is _REQUIRED or self._port.HasValue(context):
-            return self._checked(self._port.Eval(context))
-        return self._default
+        # To ask HasValue first would evaluate the port twice.
+        try:
+            value = self._port.Eval(context)
+        except (RuntimeError, ValueError):
+            if self._default is _REQUIRED or self._port.HasValue(context):
+                raise
+            return self._default
+        return self._checked(value)
 
     @abc.abstractmethod
     def _checked(self, value: Any) -> Any:
@@ -205,7 +210,7 @@ class Outcome:
         # If it holds, in the end the time of the next tick [s]; 0 at the start.
         length = sum(parts.values()) + holds
         self._state = system.DeclareDiscreteState(length)
-        self._holds, self._period = holds, period
+        self._period = period
         needs = needs | {system.discrete_state_ticket(self._state)}
 
         def tick(context, _):
@@ -216,12 +221,13 @@ class Outcome:
         self._cache = declare_cache(system, "outcome", tick, needs)
         if holds:
             needs = needs | {system.time_ticket()}
+        now = self._held if holds else self._cache.Eval
         for name in itertools.islice(parts, outputs):
             system.DeclareVectorOutputPort(
                 name,
                 parts[name],
                 lambda context, output, part=self._parts[name]: (
-                    output.set_value(self._now(context)[part])
+                    output.set_value(now(context)[part])
                 ),
                 needs | {self._cache.ticket()},
             )
@@ -235,13 +241,12 @@ class Outcome:
             period_sec=period, offset_sec=0.0, update=remember
         )
 
-    def _now(self, context: Context) -> np.ndarray:
+    def _held(self, context: Context) -> np.ndarray:
         """The outcome of the tick that `context` is in."""
-        if self._holds:
-            last = context.get_discrete_state(self._state).value()
-            left = last[-1] - context.get_time()
-            if _EARLY < left <= self._period + _EARLY:
-                return last
+        last = context.get_discrete_state(self._state).value()
+        left = last[-1] - context.get_time()
+        if _EARLY < left <= self._period + _EARLY:
+            return last
         return self._cache.Eval(context)
 
     def _split(self, vector: np.ndarray) -> dict[str, np.ndarray]:

@@ -207,13 +207,13 @@ class PushSource(LeafSystem):
         output.set_value(sum(forces, np.zeros(3)))
 
     def _calc_signal(self, context, output):
-        signal = PushSignal(np.zeros(len(PushSignal.get_fields())))
+        number, delta_v, total = 0, 0.0, np.zeros(3)
         for i, newtons, force in self._active.Eval(context):
-            signal.number = i + 1
-            signal.delta_v = newtons * self._durations[i] / self._mass
-            signal[2:5] += force
-        signal.waiting = np.count_nonzero(self._rows(context)[:-1, 0])
-        output.set_value(signal[:])
+            number = i + 1
+            delta_v = newtons * self._durations[i] / self._mass
+            total += force
+        waiting = np.count_nonzero(self._rows(context)[:-1, 0])
+        output.SetFromVector([number, delta_v, *total, waiting])
 
     def _calc_spatial(self, context, output):
         forces = []

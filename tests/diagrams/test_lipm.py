@@ -54,7 +54,7 @@ def test_the_point_mass_follows_its_closed_form_under_a_push(model):
     logs = simulated(pushed(0.3, 0.1, 30.0), "lipm").logs
     stiffness = model.mass * model.omega**2
     ecmp = signal(logs, "ecmp_command").ecmp.T
-    pivots = ecmp - logs["push_force"][:, :2] / stiffness
+    pivots = ecmp - signal(logs, "push_signal").force.T[:, :2] / stiffness
     state = signal(logs, "com_state")
     com, velocity = state.position[:2].T, state.velocity[:2].T
     for i in range(len(com) - 1):
@@ -66,7 +66,7 @@ def test_the_point_mass_follows_its_closed_form_under_a_push(model):
 def test_a_push_lasts_as_long_as_it_is_told(model):
     """Oracle: force x ticks x period = mass x delta_v."""
     logs = simulated(pushed(0.3, 0.1, 90.0), "lipm").logs
-    impulse = PERIOD * np.sum(logs["push_force"], axis=0)
+    impulse = PERIOD * np.sum(signal(logs, "push_signal").force, axis=1)
     expected = [0.0, 0.3 * model.mass, 0.0]
     assert impulse == pytest.approx(expected, abs=1e-9)
 
