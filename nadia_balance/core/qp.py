@@ -69,11 +69,9 @@ class QpProblem(NamedTuple):
             ValueError: NaN or infinity, but for the bounds.
         """
         H, g, A, b, C, lower, upper = self
-        squares = [np.einsum("ij,ij->i", rows, rows) for rows in (A, C)]
-        total = np.vdot(H, H) + g @ g + b @ b + sum(map(np.sum, squares))
-        if not math.isfinite(total):
+        if not math.isfinite(sum(np.vdot(m, m) for m in (H, g, A, b, C))):
             self.require_finite()
-        s, t = (np.ldexp(1.0, -np.frexp(np.sqrt(q))[1]) for q in squares)
+        s, t = _scales(A), _scales(C)
         rows, limits = t[:, None] * C, (t * lower, t * upper)
         return QpProblem(H, g, s[:, None] * A, s * b, rows, *limits)
 
@@ -91,6 +89,13 @@ class QpProblem(NamedTuple):
             raise ValueError("lower bound of the QP: must be < inf, not NaN")
         if not (self.upper > -math.inf).all():
             raise ValueError("upper bound of the QP: must be > -inf, not NaN")
+
+
+def _scales(rows: Array) -> Array:
+    if not len(rows):
+        return np.ones(0)
+    lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    return np.asarray(np.ldexp(1.0, -np.frexp(lengths)[1]))
 
 
 class QpResult(NamedTuple):
