@@ -153,7 +153,7 @@ def draw_growth() -> Figure:
             for point in _around(_one_step(), 28):
                 fill(ax, point - offsets, color, alpha=0.0, linewidth=0.6)
             region = capture_region(_one_step(), offsets)
-            label = f"{NAMES[n - 1]}: {NAMES[0]} swept by steps 2 to {n}"
+            label = f"{NAMES[n - 1]}: {NAMES[0]} swept by -D{NAMES[n - 1][1]}"
             fill(ax, region, color, label, alpha=0.0, linewidth=2.0)
         fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], NAMES[0])
         _draw_feet(ax)
