@@ -135,12 +135,13 @@ class ReferencePoint(Immutable):
 class ContactSchedule(Immutable):
     """All that the ICP plan depends on; replaced only when it is re-planned.
 
-    The plan starts with the present phase, at time 0.  `support_side` is the
+    The present phase began at time 0.  `support_side` is the
     stance foot of a swing, and the foot that receives the weight of a
     transfer.  `footsteps` are those still to land: in a swing, footsteps[0]
     is the one in the air.  A transfer without footsteps is the last one: it
-    ends between the feet.  `start` is the reference motion at time 0; it keeps
-    the reference continuous across plans.
+    ends between the feet.  The plan goes on from `start`, the reference motion
+    at `start_time`: where the phase before it ended or, from there on, where
+    the reference was put when the foothold was moved.
     """
 
     phase: Phase
@@ -150,6 +151,7 @@ class ContactSchedule(Immutable):
     footsteps: tuple[Footstep, ...]
     start: ReferencePoint
     final_transfer_duration: float = 0.8  # after the last step [s]
+    start_time: float = 0.0  # since the phase began [s]
 
     def in_contact(self, side: Side) -> bool:
         """True if the foot of `side` is meant to carry weight."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.gait import within_reach
-from nadia_balance.core.icp_plan import IcpPlan
+from nadia_balance.core.icp_plan import IcpPlan, moved_foothold
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
@@ -105,7 +105,8 @@ def advance(
     `plan` is the ICP plan of `state.schedule`: it tells where the reference
     is when a phase ends, so that the next plan continues from there.
     """
-    state = _tick(state, measured, params, period, proposal)
+    state = _adjusted(state, plan, measured.icp, proposal.adjustment, model)
+    state = _tick(state, measured, params, period, proposal.time_gain)
     match state.schedule.phase:
         case Phase.STANDING if state.waiting:
             return _start_transfer(state, plan, measured, model)
@@ -188,11 +189,11 @@ def _tick(
     measured: Measurement,
     params: WalkingStateMachineParams,
     period: float,
-    proposal: Proposal,
+    time_gain: float,
 ) -> WalkingState:
     """The same phase one `period` [s] later."""
-    schedule, adjustment = _adjusted(state, proposal.adjustment)
-    time = state.time_in_phase + max(period + proposal.time_gain, 0.0)
+    schedule = state.schedule
+    time = state.time_in_phase + max(period + time_gain, 0.0)
     done = time >= schedule.duration - 0.5 * period
     time = schedule.duration if done else time
     elapsed = state.elapsed + period
@@ -204,28 +205,31 @@ def _tick(
         impulse = state.contact_impulse + period * force
     return replace(
         state,
-        schedule=schedule,
         time_in_phase=time,
         elapsed=elapsed,
         waiting=done,
         waited=state.waited + period if waits else 0.0,
         contact_impulse=impulse,
-        adjustment=adjustment,
     )
 
 
 def _adjusted(
-    state: WalkingState, adjustment: Adjustment | None
-) -> tuple[ContactSchedule, Adjustment | None]:
+    state: WalkingState,
+    plan: IcpPlan,
+    icp: Array,
+    adjustment: Adjustment | None,
+    model: PointMassModel,
+) -> WalkingState:
     """Moves the foothold of the step in the air."""
     schedule = state.schedule
     if adjustment is None or schedule.phase is not Phase.SWING:
-        return schedule, state.adjustment
-    step, *later = schedule.footsteps
+        return state
+    step = schedule.footsteps[0]
     if adjustment.pose is not step.pose:
         step = replace(step, pose=adjustment.pose)
-        schedule = replace(schedule, footsteps=(step, *later))
-    return schedule, adjustment
+        time = state.time_in_phase
+        schedule = moved_foothold(schedule, step, plan, time, icp, model)
+    return replace(state, schedule=schedule, adjustment=adjustment)
 
 
 def _contact_force(
@@ -263,6 +267,7 @@ def _start_transfer(
         feet=feet,
         footsteps=steps,
         start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
     )
     return _begin(state, schedule)
 
@@ -279,6 +284,7 @@ def _end_transfer(
         duration=steps[0].swing_duration if steps else math.inf,
         feet=measured.feet,
         start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
     )
     return _begin(state, schedule)
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import support_polygon
@@ -46,10 +47,15 @@ PARAMS = WalkingStateMachineParams()
 class FakePlan:
     """Its ICP rests over the origin; its CoM says when it was asked for."""
 
+    cop = CopWaypointParams()
+
     def at(self, t):
         zero = np.zeros(2)
         point = ReferencePoint(np.array([t, 0.0]), zero, zero)
-        return SimpleNamespace(icp=zero, point=lambda: point)
+        return SimpleNamespace(
+            **{"icp": zero, "com": point.com, "com_velocity": zero},
+            **{"cop": zero, "point": lambda: point},
+        )
 
 
 def standing(num_steps):
@@ -211,7 +217,7 @@ def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():
     """Oracle: the pose; the command and the later steps stay."""
-    state = swinging()
+    state = step(swinging())
     pose = FootPose([0.2, -0.3, 0.0])
     nominal = state.schedule.footsteps[0]
     adjustment = Adjustment(nominal, pose, "base")
@@ -222,6 +228,9 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     assert moved.adjustment is adjustment
     again = step(moved, proposal=Proposal(adjustment=adjustment))
     assert again.schedule is moved.schedule  # nothing to plan anew
+    assert moved.schedule.start_time == state.time_in_phase
+    landed, _ = until(again, Phase.TRANSFER)
+    assert landed.schedule.start_time == 0.0  # of the next phase
 
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():

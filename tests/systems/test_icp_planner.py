@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp, reference_of
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.systems import icp_planner
@@ -110,5 +111,6 @@ def test_contexts_do_not_share_their_memory(planner, planned):
 
 def test_refuses_bad_params():
     """Oracle: the message names the field."""
-    with pytest.raises(ValueError, match=r"min_bend_time = -1\.0"):
-        IcpPlanner(IcpPlanParams(min_bend_time=-1.0), MODEL, PERIOD)
+    params = IcpPlanParams(cop=CopWaypointParams(margin=-1.0))
+    with pytest.raises(ValueError, match=r"cop\.margin = -1\.0"):
+        IcpPlanner(params, MODEL, PERIOD)
