@@ -64,17 +64,17 @@ def tell(name: str, duration: float) -> Story:
 
 @pytest.fixture(scope="module")
 def backward_shove() -> Story:
-    return tell("backward_shove", 7.0)
+    return tell("backward_shove", 6.4)
 
 
 @pytest.fixture(scope="module")
 def cross_over() -> Story:
-    return tell("cross_over", 7.0)
+    return tell("cross_over", 6.7)
 
 
 @pytest.fixture(scope="module")
 def atlas_steps() -> Story:
-    return tell("atlas_steps", 10.0)
+    return tell("atlas_steps", 8.8)
 
 
 def pushed_in(story: Story) -> tuple[Side, float]:
