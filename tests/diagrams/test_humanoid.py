@@ -277,7 +277,7 @@ def test_clicks_do_what_the_scenario_would():
 
     Push is clicked before 0.6 s, and the blocks see it a tick after.
     """
-    text = f"{{mechanisms: %%s, duration: 1.05, {SOON % 'right'}%%s}}"
+    text = f"{{mechanisms: %s, duration: 1.05, {SOON % 'right'}%s}}"
     meshcat = Meshcat()
     diagram = HumanoidDiagram(scenario_of(text % ("icp_only", "")), meshcat)
     simulator = start(diagram)
