@@ -82,12 +82,11 @@ def is_gone(pid: int) -> bool:
     return False
 
 
-@pytest.mark.parametrize("slots", [1, 2])
-def test_processes_of_this_machine_give_the_rows_of_this_one(slots, expected):
-    with open_workers(slots) as workers:
+def test_processes_of_this_machine_give_the_rows_of_this_one(expected):
+    with open_workers(2) as workers:
         futures = [submit(workers, *trial) for trial in TRIALS]
         assert [facts(f.result()) for f in futures] == expected
-    assert workers.slots == slots
+    assert workers.slots == 2
 
 
 def test_begins_anew_after_a_process_has_died(expected):
