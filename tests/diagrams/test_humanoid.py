@@ -24,12 +24,7 @@ from nadia_balance.results.log import signal, switches
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.systems.walking_state_machine import PHASES
-from tests.diagrams.simulated import (
-    diagram_of,
-    figures,
-    scenario_of,
-    simulated,
-)
+from tests.diagrams.simulated import diagram_of, figures, scenario_of, simulated
 from tests.fake_meshcat import click
 from tests.source_files import ROOT
 
@@ -65,12 +60,7 @@ SHOVES = {
     "backward": pushed("right", 180.0),
     "outward": pushed("right", 270.0),
 }
-RUNS = {
-    "stand": STAND,
-    "in_place": IN_PLACE,
-    "walk": WALK,
-    **SHOVES,
-}
+RUNS = {"stand": STAND, "in_place": IN_PLACE, "walk": WALK, **SHOVES}
 
 
 def test_refuses_a_stance_that_the_legs_are_too_short_for(tmp_path):

@@ -4,10 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from pydrake.common.yaml import (
-    yaml_dump_typed,
-    yaml_load_file,
-)
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_file
 
 from nadia_balance.core.gait import StepVector
 from nadia_balance.core.walking import Phase, Side

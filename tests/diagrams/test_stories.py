@@ -102,9 +102,7 @@ def test_recovers_by_its_feet_alone(name, request):
     assert summary["required_steps"] >= 2
 
 
-def test_is_shoved_backward_at_the_very_end_of_a_right_swing(
-    backward_shove,
-):
+def test_is_shoved_backward_at_the_very_end_of_a_right_swing(backward_shove):
     """Oracle: the paper, Sec. VII: swing 0.6 s, transfer 0.2 s, forward."""
     side, part = pushed_in(backward_shove)
     assert side is Side.RIGHT

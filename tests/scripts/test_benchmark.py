@@ -8,21 +8,13 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import (
-    DiagramBuilder,
-    EventStatus,
-    LeafSystem,
-)
+from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts import benchmark
-from nadia_balance.scripts.benchmark import (
-    Meter,
-    plant_alone,
-    tick_times,
-)
+from nadia_balance.scripts.benchmark import Meter, plant_alone, tick_times
 from tests.diagrams.simulated import diagram_of, scenario_of
 from tests.scripts.running import assert_refused, run_script
 

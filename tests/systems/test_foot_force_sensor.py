@@ -18,9 +18,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import (
-    SpatialInertia,
-)
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
@@ -63,9 +61,7 @@ def recorded(
     instance = plant.AddModelInstance("robot")
     for name, mass in (("left", 3.0), ("right", 5.0)):
         body = plant.AddRigidBody(
-            name,
-            instance,
-            SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size()),
+            name, instance, SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size())
         )
         plant.RegisterCollisionGeometry(
             body, RigidTransform(), SHAPE, name, properties()

@@ -143,8 +143,7 @@ def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
 
 
 @pytest.mark.parametrize(
-    ("degrees", "left_foot_frame"),
-    [(0, (1, 0)), (-90, (0, -1))],
+    ("degrees", "left_foot_frame"), [(0, (1, 0)), (-90, (0, -1))]
 )
 def test_the_direction_is_that_of_the_support_foot(degrees, left_foot_frame):
     """Oracle: rotation of the left foot, times m dv / dt."""
