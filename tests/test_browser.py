@@ -327,17 +327,6 @@ def test_the_push_is_seen_long_enough_and_not_before(replay):
     assert [n > 200 for n in pixels] == [False, False, True, True, False]
 
 
-@pytest.mark.parametrize(
-    ("time", "visible"), [(8.1, False), (8.5, True), (9.0, False)]
-)
-def test_capture_regions_are_seen_in_swings_only(replay, time, visible):
-    """Oracle: every second begins with a transfer of 0.3 s."""
-    replay.seek(time)
-    assert visible is replay.page.evaluate(
-        "viewer.scene_tree.find(['overlay', 'capture_regions']).object.visible"
-    )
-
-
 def test_footprints_stay_and_future_ones_are_hidden(replay):
     """Oracle: at 4.5 s steps -1 to 4 have landed, 5 to 10 have not."""
     replay.seek(4.5)
