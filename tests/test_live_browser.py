@@ -143,6 +143,7 @@ def logs(browser: Browser) -> dict[str, np.ndarray]:
     page.wait_for_timeout(100)
     click(page, "cross-over: off")
     page.get_by_text("cross-over: on", exact=True).wait_for()
+    page.wait_for_timeout(100)
     run.end()
     page.close()
     return run.logs

@@ -166,7 +166,7 @@ def test_gives_up_on_a_cluster_that_loses_its_workers(monkeypatch):
 
 def test_a_scheduler_that_is_gone_ends_it_without_a_word(monkeypatch):
     """Oracle: the client's own word that it has been closed."""
-    monkeypatch.setattr(module, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(module, "CONNECT_TIMEOUT", 2.0)
     with cluster_of(1) as cluster:
         with open_workers(1, cluster.scheduler_address) as workers:
             future = workers.submit(time.sleep, PATIENCE)
