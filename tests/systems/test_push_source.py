@@ -1,5 +1,6 @@
 """Oracles: ticks counted, momentum of a free body, directions by hand."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -81,8 +82,9 @@ def test_pushes_once_for_exactly_its_ticks(at, delay, duration, first, count):
     assert active(run([push], 400)) == list(range(first, first + count))
 
 
-def steps(t, skips=()):
-    """A right swing, a transfer to the right foot, a left swing, ...
+@functools.cache
+def steps(skips=()) -> list[WalkingState]:
+    """Ticks of a right swing, a transfer to the right foot, a left swing, ...
 
     The clock leaves out the times of the phase [s] that are in `skips`.
     """
@@ -92,24 +94,25 @@ def steps(t, skips=()):
         (Phase.SWING, Side.RIGHT, 0.7),
         (Phase.TRANSFER, Side.LEFT, 0.3),
     ]
-    ticks = round(t / PERIOD)
-    for k in range(100):
-        phase, side, duration = phases[k % 4]
-        clock = [
-            time
-            for time in PERIOD * np.arange(round(duration / PERIOD))
-            if not any(first <= time < last for first, last in skips)
-        ]
-        if ticks < len(clock):
-            schedule = replace(
+    return [
+        WalkingState(
+            replace(
                 RIGHT_SWING.schedule,
                 phase=phase,
                 support_side=side,
                 duration=duration,
-            )
-            return WalkingState(schedule, time_in_phase=float(clock[ticks]))
-        ticks -= len(clock)
-    raise AssertionError("the walk is over")
+            ),
+            time_in_phase=float(time),
+        )
+        for phase, side, duration in 4 * phases
+        for time in PERIOD * np.arange(round(duration / PERIOD))
+        if not any(first <= time < last for first, last in skips)
+    ]
+
+
+def walking(*skips):
+    """The state at a time [s] of that walk."""
+    return lambda t: steps(skips)[round(t / PERIOD)]
 
 
 @pytest.mark.parametrize(
@@ -131,14 +134,14 @@ def test_a_push_begins_once_at_its_point_of_the_gait(at, skips, tick):
 
     All of a phase is its last tick.
     """
-    forces = run([Push(force=1.0, at=at)], 2200, lambda t: steps(t, skips))
+    forces = run([Push(force=1.0, at=at)], 2200, walking(*skips))
     assert active(forces) == list(range(tick, tick + 50))
 
 
 def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
     """Oracle: the left foot's yaw; the next phase has the right foot's."""
     push = Push(force=1.0, at="right swing 90 %")
-    force = run([push], 200, lambda t: steps(t, [(0.3, 1.0)]))[160]
+    force = run([push], 200, walking((0.3, 1.0)))[160]
     assert force == pytest.approx([math.cos(YAW), math.sin(YAW), 0.0])
 
 
