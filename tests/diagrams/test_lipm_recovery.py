@@ -125,7 +125,7 @@ def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
     assert recovers(walk(ALL, 8), direction, 0.85 * LIMIT[direction])
 
 
-@pytest.mark.parametrize("direction", range(0, 360, 90))
+@pytest.mark.parametrize("direction", [90, 180, 270])
 def test_more_mechanisms_never_recover_less(direction):
     """Oracle: the mechanisms before, which are a part of these."""
     largest = {name: 0.0 for name in MECHANISMS}

@@ -1,5 +1,6 @@
 """What is simulated, and what becomes of it: push.py is the oracle."""
 
+import functools
 import json
 from dataclasses import replace
 
@@ -42,6 +43,7 @@ def tried(walk, delta_v, direction=120.0, plant="lipm"):
     return run_trial(walk, plant, delta_v, direction, PATIENCE)
 
 
+@functools.cache
 def judged(walk, delta_v, direction=120.0, plant="lipm"):
     """The run of that push from start to end, and its summary."""
     scenario = load_typed(Scenario, "walk", data=walk)
