@@ -19,29 +19,17 @@ from pydrake.systems.framework import DiagramBuilder, EventStatus
 from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput
 
 from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
-from nadia_balance.core.walking import (
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSignal, PushSource
+from tests.example_walks import standing
 
 MASS, PERIOD = 90.0, 0.002
 ALL = MECHANISMS["all_with_cross_over"]
 PUSH_TICKS = 50  # 0.1 s
 LONGEST = 120.0  # of a simulation that nobody ends [s]
 PATIENCE = 60.0  # with a machine that is busy [s]
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
-STANDING = WalkingState(
-    ContactSchedule(Phase.STANDING, Side.LEFT, np.inf, FEET, (), REST)
-)
 
 
 class StandingRun:
@@ -64,7 +52,9 @@ class StandingRun:
         meshcat = Meshcat()
         builder = DiagramBuilder()
         controls = builder.AddSystem(LiveControls(meshcat, ALL))
-        state = builder.AddSystem(ConstantValueSource(Value(STANDING)))
+        state = builder.AddSystem(
+            ConstantValueSource(Value(WalkingState(standing())))
+        )
         self._source = builder.AddSystem(PushSource([], MASS, PERIOD))
         connect(builder, controls, self._source, "live_push")
         builder.Connect(

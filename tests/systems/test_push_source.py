@@ -13,27 +13,25 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSignal, PushSource
 from tests.blocks import answer, asked, fix, running
+from tests.example_walks import standing
 
 PERIOD = 0.002
 MASS = 90.0
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 YAW = 0.6
 FEET = FootPoses(
     FootPose([0.0, 0.125, 0.0], YAW), FootPose([0.0, -0.125, 0.0], -0.3)
 )
 RIGHT_SWING = WalkingState(
-    ContactSchedule(Phase.SWING, Side.LEFT, 0.7, FEET, (), REST)
+    replace(standing(FEET), phase=Phase.SWING, duration=0.7)
 )
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
