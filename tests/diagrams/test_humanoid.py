@@ -55,10 +55,8 @@ def pushed(side, direction):
 
 
 SHOVES = {
-    "forward": pushed("right", 0.0),
     "inward": pushed("right", 90.0),
     "backward": pushed("right", 180.0),
-    "outward": pushed("right", 270.0),
 }
 RUNS = {"stand": STAND, "in_place": IN_PLACE, "walk": WALK, **SHOVES}
 

@@ -38,7 +38,7 @@ LIMIT = {
 }
 # The march: where it begins, ends at the latest, and its steps [m/s].  Faster
 # pushes than TOP tell the mechanisms apart no better, but take long.
-FIRST, TOP, STEP = 0.2, 1.5, 0.1
+FIRST, TOP, STEP = 0.2, 1.5, 0.2
 # How unsharp the edge between recovered and not recovered is [m/s].
 RAGGED = 0.03
 
@@ -134,7 +134,7 @@ def test_more_mechanisms_never_recover_less(direction):
         assert survives(name, direction, delta_v), (name, delta_v, largest)
         largest[name] = march(name, direction, delta_v)
         delta_v = largest[name] - RAGGED
-    assert largest[ALL] >= largest["icp_only"] + 3 * STEP
+    assert largest[ALL] >= largest["icp_only"] + 0.3
 
 
 @pytest.mark.parametrize(
