@@ -17,16 +17,14 @@ from nadia_balance.core.swing_foot import (
     swing_foot_motion,
 )
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
-from tests.example_walks import MODEL
+from tests.example_walks import MODEL, standing
 
 HORIZON = 0.6
 TIMES = np.array([HORIZON])
@@ -124,9 +122,8 @@ def swing_state(
     """The right foot swings from `start` to `goal`."""
     feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
     step = Footstep(Side.RIGHT, FootPose(goal, yaw), 0.3, duration)
-    start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-    schedule = ContactSchedule(
-        Phase.SWING, Side.LEFT, duration, feet, (step,), start
+    schedule = replace(
+        standing(feet), phase=Phase.SWING, duration=duration, footsteps=(step,)
     )
     return WalkingState(schedule, t, t - gained, waiting=t >= duration)
 

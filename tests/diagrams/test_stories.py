@@ -64,17 +64,17 @@ def tell(name: str, duration: float) -> Story:
 
 @pytest.fixture(scope="module")
 def backward_shove() -> Story:
-    return tell("backward_shove", 7.0)
+    return tell("backward_shove", 6.4)
 
 
 @pytest.fixture(scope="module")
 def cross_over() -> Story:
-    return tell("cross_over", 7.0)
+    return tell("cross_over", 6.7)
 
 
 @pytest.fixture(scope="module")
 def atlas_steps() -> Story:
-    return tell("atlas_steps", 10.0)
+    return tell("atlas_steps", 8.8)
 
 
 def pushed_in(story: Story) -> tuple[Side, float]:
@@ -102,9 +102,7 @@ def test_recovers_by_its_feet_alone(name, request):
     assert summary["required_steps"] >= 2
 
 
-def test_is_shoved_backward_at_the_very_end_of_a_right_swing(
-    backward_shove,
-):
+def test_is_shoved_backward_at_the_very_end_of_a_right_swing(backward_shove):
     """Oracle: the paper, Sec. VII: swing 0.6 s, transfer 0.2 s, forward."""
     side, part = pushed_in(backward_shove)
     assert side is Side.RIGHT

@@ -101,13 +101,6 @@ def test_an_early_end_writes_what_was_logged(
         assert len(log["icp"]) == len(log["t"]) == 31
 
 
-def test_a_robot_that_is_none_leaves_no_folder(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    outcome = run(capsys, "--robot", "fred")
-    assert_refused(outcome, "robot = 'fred': must be ")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("argv", "message"),
     [

@@ -94,16 +94,6 @@ def test_can_be_switched_for_swings_and_for_transfers(transfer):
         assert found == (always if on is not transfer else 0.0)
 
 
-def test_has_no_memory():
-    """Oracle: a second evaluation, and a context without state."""
-    adapter = TimingAdapter(PARAMS, MODEL, PERIOD)
-    context = asked(adapter, **inputs())
-    first = answer(adapter, context, "time_adjustment").copy()
-    context.SetTime(PERIOD)
-    assert answer(adapter, context, "time_adjustment") == first
-    assert context.num_total_states() == 0
-
-
 def test_refuses_bad_params():
     """Oracle: the message names the field."""
     with pytest.raises(ValueError, match=r"max_speed_up = 0\.5: must be >= 1"):

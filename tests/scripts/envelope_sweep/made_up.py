@@ -1,5 +1,6 @@
 """Sweeps whose limits are known, without simulating, and quick real trials."""
 
+import functools
 import random
 import time
 from collections.abc import Callable, Mapping
@@ -159,6 +160,12 @@ def largest(mechanisms: str, direction_deg: float) -> float:
     return LIMITS[mechanisms] + direction_deg / 1000.0
 
 
+@functools.cache
+def scenario_of(walk: str) -> Scenario:
+    """The scenario as it has travelled; do not change it."""
+    return load_typed(Scenario, "walk", data=walk)
+
+
 class MadeUpRobot:
     """Workers that need no time; it recovers up to its limits.
 
@@ -182,7 +189,7 @@ class MadeUpRobot:
         self, function, identity, walk, plant, delta_v, direction, timeout
     ) -> Future:
         """Looks at the scenario instead of simulating it."""
-        scenario = load_typed(Scenario, "walk", data=walk)
+        scenario = scenario_of(walk)
         trial = scenario.mechanisms, direction, delta_v, scenario.seed
         self.tried.append(trial)
         pause = self._random.uniform(0.0, 0.004)

@@ -1,5 +1,6 @@
 """What is simulated, and what becomes of it: push.py is the oracle."""
 
+import functools
 import json
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results import folder
 from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import push
@@ -41,6 +43,7 @@ def tried(walk, delta_v, direction=120.0, plant="lipm"):
     return run_trial(walk, plant, delta_v, direction, PATIENCE)
 
 
+@functools.cache
 def judged(walk, delta_v, direction=120.0, plant="lipm"):
     """The run of that push from start to end, and its summary."""
     scenario = load_typed(Scenario, "walk", data=walk)
@@ -51,8 +54,11 @@ def judged(walk, delta_v, direction=120.0, plant="lipm"):
 
 
 @pytest.mark.parametrize("delta_v", [0.3, 1.5])
-def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, delta_v):
+def test_replica_0_is_what_push_runs_with_the_same_flags(
+    tmp_path, delta_v, monkeypatch
+):
     """Oracle: the summary that push.py leaves behind."""
+    monkeypatch.setattr(folder, "write_plots", lambda *_: [])
     words = "--plant lipm --no-meshcat --seed 3 --duration 4 --direction 120"
     push.main(
         [
