@@ -277,26 +277,28 @@ def _bent(
 ) -> tuple[Array, Array]:
     """Returns the eCMP waypoints (N + 1, 2) by which the ICP starts there.
 
-    All those with a support share the bend, the least in sum of squares.
-    What would leave its support stops at the edge, and the others do more.
-    One waypoint alone would go 10 cm off the soles if a foot landed 0.2 s
-    early.  Second, by how much (2,) [m] all that is not enough.
+    Those of the present phase share the bend, the least in sum of squares.
+    What would leave its support stops at the edge, and the others do more;
+    if that is not enough, those of the next phase help.  One waypoint alone
+    would go 10 cm off the soles if a foot landed 0.2 s early.  Second, by how
+    much (2,) [m] all that is not enough.
     """
     ecmp = path.points.copy()
     shares = recursive_multipliers(path.knots, path.start_time, omega)
     left = icp_start - shares @ ecmp
-    # Of the waypoints from each on.
-    bent = slice(1, len(path.supports) + 1)
-    squares = np.cumsum(shares[bent][::-1] ** 2)[::-1]
-    for _ in range(_SWEEPS):
-        for i, support in enumerate(path.supports, start=1):
-            bend = shares[i] / squares[i - 1] * left
-            point = project(ecmp[i] + bend, support)
-            left = left - shares[i] * (point - ecmp[i])
-            ecmp[i] = point
-        if math.hypot(*left) < _LITTLE:
-            ecmp[bent] += np.outer(shares[bent] / squares[0], left)
-            return ecmp, np.zeros(2)
+    for num_bent in (path.num_present, len(path.supports)):
+        # Of the waypoints from each on.
+        bent = slice(1, num_bent + 1)
+        squares = np.cumsum(shares[bent][::-1] ** 2)[::-1]
+        for _ in range(_SWEEPS):
+            for i, support in enumerate(path.supports[:num_bent], start=1):
+                bend = shares[i] / squares[i - 1] * left
+                point = project(ecmp[i] + bend, support)
+                left = left - shares[i] * (point - ecmp[i])
+                ecmp[i] = point
+            if math.hypot(*left) < _LITTLE:
+                ecmp[bent] += np.outer(shares[bent] / squares[0], left)
+                return ecmp, np.zeros(2)
     return ecmp, left
 
 

@@ -209,7 +209,7 @@ def test_a_small_bend_is_shared():
     schedule = walk()
     swing = successor(schedule, plan_of(schedule))
     path = cop_waypoints(swing, PARAMS.cop, SOLE)
-    bent = range(1, 6)  # of the swing, and of the transfer after it
+    bent = range(1, 4)  # of the swing
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
     made = solve_segments(path.durations, unit, start, OMEGA)[0]
