@@ -61,7 +61,9 @@ def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, delta_v):
     )
     base = load_scenario("push", text="{duration: 4.0, seed: 3}")
     walk = walk_of(
-        replace(WHOLE, scenario=base), "step_swing", "left transfer 50 %"
+        replace(WHOLE, scenarios={"push": base}),
+        "step_swing",
+        "left transfer 50 %",
     )
     summary = json.loads((tmp_path / "summary.json").read_text())
     row = tried(walk, delta_v)
