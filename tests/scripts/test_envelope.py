@@ -74,7 +74,7 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
     folder, said = undisturbed
     _, rows = read_trials(folder / "trials.csv")
     assert said[0] == (
-        "2 limits to find (mechanisms 1 x moments 1 x directions 2)"
+        "2 limits to find (gaits 1 x mechanisms 1 x moments 1 x directions 2)"
     )
     assert said[1].startswith("about ")
     assert said[1].endswith(" at a time; 0 are there already")

@@ -28,9 +28,7 @@ from tests.scripts.envelope_sweep.made_up import (
 PATIENCE = 60.0  # with a machine that is busy [s]
 ALL = "all_with_cross_over"
 # Its eight steps are taken before the end of the run.
-WHOLE = Sweep(
-    scenario=load_scenario("push"), scenario_name="push", plant="lipm"
-)
+WHOLE = Sweep(scenarios={"push": load_scenario("push")}, plant="lipm")
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +67,9 @@ def test_replica_0_is_what_push_runs_with_the_same_flags(
     )
     base = load_scenario("push", text="{duration: 4.0, seed: 3}")
     walk = walk_of(
-        replace(WHOLE, scenario=base), "step_swing", "left transfer 50 %"
+        replace(WHOLE, scenarios={"push": base}),
+        "step_swing",
+        "left transfer 50 %",
     )
     summary = json.loads((tmp_path / "summary.json").read_text())
     row = tried(walk, delta_v)
@@ -278,7 +278,7 @@ def test_the_mirrored_push_has_the_same_predictions(delta_v):
     found = []
     for swing, direction in ("right", 60.0), ("left", -60.0):
         sweep = stepping_sweep(6.0)
-        sweep.scenario.gait.first_swing = swing
+        sweep.scenarios["push"].gait.first_swing = swing
         row = tried(
             walk_of(sweep, ALL, f"{swing} swing 25 %"), delta_v, direction
         )
