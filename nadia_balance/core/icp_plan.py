@@ -26,6 +26,7 @@ from nadia_balance.core.walking import (
 )
 
 _SWEEPS = 10  # over the waypoints that are bent
+_LATER = 0.1  # of a bend, what a waypoint takes beside the one before it [-]
 _LITTLE = 1e-4  # of the ICP: all waypoints take it, beyond an edge or not [m]
 _TINY = 1e-12  # [m^2]
 _SAMPLES = 65  # of the ICP in a phase
@@ -277,28 +278,28 @@ def _bent(
 ) -> tuple[Array, Array]:
     """Returns the eCMP waypoints (N + 1, 2) by which the ICP starts there.
 
-    Those of the present phase share the bend, the least in sum of squares.
-    What would leave its support stops at the edge, and the others do more;
-    if that is not enough, those of the next phase help.  One waypoint alone
-    would go 10 cm off the soles if a foot landed 0.2 s early.  Second, by how
-    much (2,) [m] all that is not enough.
+    All those with a support share the bend, the least in sum of squares, but
+    the later ones less.  What would leave its support stops at the
+    edge, and the others do more.  One waypoint alone would go 10 cm off the
+    soles if a foot landed 0.2 s early.  Second, by how much (2,) [m] all that
+    is not enough.
     """
     ecmp = path.points.copy()
     shares = recursive_multipliers(path.knots, path.start_time, omega)
     left = icp_start - shares @ ecmp
-    for num_bent in (path.num_present, len(path.supports)):
-        # Of the waypoints from each on.
-        bent = slice(1, num_bent + 1)
-        squares = np.cumsum(shares[bent][::-1] ** 2)[::-1]
-        for _ in range(_SWEEPS):
-            for i, support in enumerate(path.supports[:num_bent], start=1):
-                bend = shares[i] / squares[i - 1] * left
-                point = project(ecmp[i] + bend, support)
-                left = left - shares[i] * (point - ecmp[i])
-                ecmp[i] = point
-            if math.hypot(*left) < _LITTLE:
-                ecmp[bent] += np.outer(shares[bent] / squares[0], left)
-                return ecmp, np.zeros(2)
+    bent = slice(1, len(path.supports) + 1)
+    pulls = _LATER ** np.arange(len(path.supports)) * shares[bent]
+    # Of the waypoints from each on.
+    squares = np.cumsum((pulls * shares[bent])[::-1])[::-1]
+    for _ in range(_SWEEPS):
+        for i, support in enumerate(path.supports):
+            bend = pulls[i] / squares[i] * left
+            point = project(ecmp[i + 1] + bend, support)
+            left = left - shares[i + 1] * (point - ecmp[i + 1])
+            ecmp[i + 1] = point
+        if math.hypot(*left) < _LITTLE:
+            ecmp[bent] += np.outer(pulls / squares[0], left)
+            return ecmp, np.zeros(2)
     return ecmp, left
 
 

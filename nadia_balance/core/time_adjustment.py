@@ -72,6 +72,11 @@ class TimingAdapterParams:
         )
 
 
+# The plan's way to the end of the phase has no direction below this [m]: in
+# transfer it comes to a standstill, and Eq. 16 would amplify noise.
+_SHORT_WAY = 0.01
+
+
 def gamma(time_constant: float, period: float) -> float:
     """Returns the Nadia paper's gamma: the share that is taken in each tick.
 
@@ -82,6 +87,29 @@ def gamma(time_constant: float, period: float) -> float:
     if time_constant == 0.0:
         return 1.0
     return -math.expm1(-period / time_constant)
+
+
+def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
+    """Returns how far along icp_r -> icp_end the ICP is, in [0, 1].
+
+    Points (2,) [m] in W.  Goes to 0 where the way vanishes.
+    Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
+    """
+    way = icp_end - icp_r
+    length2 = max(float(way @ way), _SHORT_WAY**2)
+    return min(max(float((icp - icp_r) @ way) / length2, 0.0), 1.0)
+
+
+def time_ahead(fraction: float, remaining: float, omega: float) -> float:
+    """Returns how far ahead [s] of the plan the ICP is, in [0, remaining].
+
+    `fraction` in [0, 1] of the plan's way to the end of the phase, which is
+    `remaining` [s] away; omega [rad/s].
+    Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
+    of two collinear vectors.  With the constant eCMP that leads from icp_r to
+    icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
+    """
+    return math.log1p(fraction * math.expm1(omega * remaining)) / omega
 
 
 def is_leaving(

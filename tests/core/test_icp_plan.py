@@ -205,17 +205,22 @@ def test_starts_with_the_reference_it_takes_over_from(schedule):
 
 
 def test_a_small_bend_is_shared():
-    """Oracle: numpy's least squares, with the ICP that each waypoint makes."""
+    """Oracle: numpy's least squares, with the ICP that each waypoint makes.
+
+    A waypoint counts ten times as much as the one before it.
+    """
     schedule = walk()
     swing = successor(schedule, plan_of(schedule))
     path = cop_waypoints(swing, PARAMS.cop, SOLE)
-    bent = range(1, 4)  # of the swing
+    bent = range(1, 6)  # of the swing, and of the transfer after it
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
     made = solve_segments(path.durations, unit, start, OMEGA)[0]
     row = rows_at(0.0, path.durations[0], OMEGA)[1] @ made
     shift = np.array([-0.002, 0.001])
-    expected = np.linalg.lstsq(row[None], shift[None])[0]
+    root = np.sqrt(0.1 ** np.arange(5.0))
+    expected = np.linalg.lstsq((row * root)[None], shift[None])[0]
+    expected *= root[:, None]
     icp = plan_of(swing, AS_PRINTED).at(0.0).icp + shift
     moved = replace(at_rest(icp), cop=swing.start.cop)
     plan = plan_of(replace(swing, start=moved))

@@ -13,10 +13,12 @@ from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.time_adjustment import (
     TimingAdapterParams,
+    fraction_done,
     gamma,
     is_leaving,
     least_remaining_time,
     time_adjustment,
+    time_ahead,
     time_to_return,
 )
 from nadia_balance.core.walking import (
@@ -80,6 +82,36 @@ def adjustment(
         PERIOD,
         on,
     )
+
+
+@pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
+def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
+    """Oracle: move the ICP along Eq. 3 by a known time, ask for it back.
+
+    A displacement at right angles to the way does not count (Eq. 15).
+    """
+    ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
+    end = icp_after(icp_r, ecmp, OMEGA, 0.7)
+    normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
+    icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
+    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, OMEGA)
+    assert found == pytest.approx(advance, abs=1e-12)
+
+
+def test_an_icp_behind_or_past_the_end_is_at_the_next_end_of_the_way():
+    """Oracle: by hand; the clock is never turned back."""
+    start, end = np.zeros(2), np.array([0.2, 0.0])
+    assert fraction_done(np.array([-0.1, 0.3]), start, end) == 0.0
+    assert fraction_done(np.array([0.3, 0.3]), start, end) == 1.0
+    assert time_ahead(1.0, 0.4, OMEGA) == pytest.approx(0.4, abs=1e-12)
+
+
+def test_a_way_that_vanishes_is_not_followed():
+    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
+    for length in 0.0, 1e-9, 1e-5:
+        way = np.array([length, 0.0])
+        found = fraction_done(np.array([0.1, 0.0]), np.zeros(2), way)
+        assert found == pytest.approx(0.1 * length / 0.01**2)
 
 
 def test_an_icp_that_no_ecmp_can_hold_is_leaving():

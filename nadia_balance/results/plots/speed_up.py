@@ -43,7 +43,7 @@ def draw_projection() -> Figure:
     icp = plan.at(time).icp + [0.04, -0.11]
     fig, (ax,) = _axes("How far the plan is advanced (Eqs. 10 to 12)")
     ahead = _draw_speed_up(ax, plan, time, icp)
-    end = plan.icp_end
+    end = plan.at(plan.duration).icp
     start = plan.at(time).icp
     ax.plot(*np.array([start, end]).T, color=FAINT, lw=1.0, ls="--")
     ax.plot(*np.array([icp, projected(plan, time, icp)]).T, color=FAINT, lw=1.0)
@@ -95,15 +95,14 @@ def swing_plan(swing: float, transfer: float) -> tuple[IcpPlan, float]:
 
 def projected(plan: IcpPlan, time: float, icp: Array) -> Array:
     """The point xi_p (2,) [m] of Eq. 10."""
-    start = plan.at(time).icp
-    done = fraction_done(icp, start, plan.icp_end)
-    return start + done * (plan.icp_end - start)
+    start, end = plan.at(time).icp, plan.at(plan.duration).icp
+    return start + fraction_done(icp, start, end) * (end - start)
 
 
 def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
     """Draws the plan, the ICP, and both references; returns Δt [s]."""
     start, goal = plan.at(time).icp, projected(plan, time, icp)
-    done = fraction_done(icp, start, plan.icp_end)
+    done = fraction_done(icp, start, plan.at(plan.duration).icp)
     ahead = time_ahead(done, plan.duration - time, MODEL.omega)
     for side, steps, line in (
         (Side.LEFT, 0, "-"),
