@@ -121,8 +121,7 @@ class IcpPlan(Immutable):
     `duration` [s] is that of the present phase (infinite when standing) and
     `icp_end` (2,) [m] the ICP at its end.  N segments meet at the times `knots`
     (N + 1,) [s]; `cop_waypoints` (N + 1, 2) [m] is the CoP wanted there, and
-    `coefficients` (N, 6, 2) are those of Eq. 4; `cop` says how the CoP was
-    placed.
+    `coefficients` (N, 6, 2) are those of Eq. 4.
     """
 
     omega: float
@@ -131,7 +130,6 @@ class IcpPlan(Immutable):
     knots: Array
     cop_waypoints: Array
     coefficients: Array
-    cop: CopWaypointParams
 
     def __post_init__(self) -> None:
         for name in ("icp_end", "knots", "cop_waypoints", "coefficients"):
@@ -141,13 +139,18 @@ class IcpPlan(Immutable):
     def _knots(self) -> list[float]:
         return list(self.knots.tolist())  # to go through them faster
 
-    def at(self, t: float) -> IcpReference:
-        """Returns the reference at `t` [s]; held before and after the plan."""
-        knots, w = self._knots, self.omega
+    def rows(self, t: float) -> tuple[int, Array]:
+        """Returns the segment at `t` [s], and `rows_at` there."""
+        knots = self._knots
         i = min(max(bisect_right(knots, t), 1), len(knots) - 1) - 1
         duration = knots[i + 1] - knots[i]
         t = min(max(t - knots[i], 0.0), duration)
-        com, icp, ecmp = rows_at(t, duration, w) @ self.coefficients[i]
+        return i, rows_at(t, duration, self.omega)
+
+    def at(self, t: float) -> IcpReference:
+        """Returns the reference at `t` [s]; held before and after the plan."""
+        (i, rows), w = self.rows(t), self.omega
+        com, icp, ecmp = rows @ self.coefficients[i]
         return IcpReference(
             icp, w * (icp - ecmp), com, w * (icp - com), ecmp, ecmp
         )
@@ -179,7 +182,6 @@ def plan_icp(
         knots=knots,
         cop_waypoints=path.points,
         coefficients=coefficients,
-        cop=params.cop,
     )
 
 

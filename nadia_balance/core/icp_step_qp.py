@@ -1,283 +1,169 @@
-"""One QP for the ankles and the next foothold (Atlas paper, Sec. IV)."""
+"""One QP for the ankles and the next footholds (Atlas paper, Sec. IV)."""
 
-import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
-from nadia_balance.core.foothold_adjustment import current_adjustment
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import halfspaces, shrink
+from nadia_balance.core.com_height import ComHeightParams
+from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.qp import SOLVERS, DenseQp, QpProblem, QpResult
-from nadia_balance.core.reachability import base_region, in_world
-from nadia_balance.core.walking import (
-    Adjustment,
-    Array,
-    ContactSchedule,
-    FootPose,
-    Footstep,
-    Immutable,
-    Phase,
-    Side,
-    WalkingState,
-)
-
-_STEP, _CMP, _SLACK = slice(0, 2), slice(2, 4), slice(4, 6)
+from nadia_balance.core.walking import Array, FootPose
 
 
-def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
-    """Returns the multipliers (N + 1,) of the eCMP waypoints at the `knots`.
-
-    The eCMP goes from one to the next in straight lines, and stays at the last
-    one.  The ICP that ends there was, at time t [s], their sum with these
-    multipliers, which are not negative and add up to 1: the Atlas paper's
-    Eq. 14 and Algorithm 1, for which the CMP jumps between heel and toe.
-    With `knots` (N + 1,) [s] increasing, and `omega` [rad/s].
-
-    Those of waypoints that have been passed are 0.
-    """
-    begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
-    passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
-    # Of a segment from e0 to e1 that lasts T, with d = e^(-w T):
-    # icp(0) = d icp(T) + (1 - d - b) e0 + b e1.
-    x = omega * (end - begin)  # 0 of what has been passed
-    d = np.exp(-x)
-    b = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0) - d
-    after = np.exp(-omega * (begin - t))  # of the plan before the segment
-    first = after * (1.0 - d - b)
-    multipliers = np.zeros(len(knots))
-    multipliers[:-1] += (1.0 - passed) * first
-    multipliers[1:] += passed * first + after * b
-    multipliers[-1] += np.exp(-omega * (end[-1] - t))
-    return multipliers
+def _diagonal(weight: float) -> Any:
+    return field(default_factory=lambda: [[weight, 0.0], [0.0, weight]])
 
 
 @dataclass(kw_only=True)
 class IcpStepQpParams:
-    """Gain, weights and limits of the Atlas paper's Eq. 20."""
+    """Gain, weights and limits of the Atlas paper's Eqs. 20 to 22."""
 
     feedback_gain: float = bounded(3.0, above=1.0)  # k_xi, CMP per ICP error
-    # Q_f and R, on the shift of the foothold and on delta.  Q_f is the larger:
-    # the CoP is used up before the foothold moves.
-    step_weight: float = bounded(10.0, above=0.0)
-    feedback_weight: float = bounded(1.0, above=0.0)
-    # Q_eta, on the ICP error that is left over.
-    slack_weight: float = bounded(1e5, above=0.0)
-    # How far inside the sole the CMP stays.
+    num_steps: int = bounded(1, least=1, most=4)  # N, of those previewed
+    # Q_f, R and Q_eta, forward and left of the stance foot: on the shifts of
+    # the footholds, on delta, and on the ICP error that is left over.  Q_f is
+    # the larger: the CoP is used up before a foothold moves.
+    step_weight: list[list[float]] = _diagonal(10.0)
+    feedback_weight: list[list[float]] = _diagonal(1.0)
+    slack_weight: list[list[float]] = _diagonal(1e5)
+    # How far inside the support polygon the CMP stays.
     cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
     # Between the soles, sideways.
     sole_clearance: float = bounded(0.005, least=0.0, unit="m")
-    # The foothold moves by so much, or not at all.
+    # The footholds move by so much, or not at all.
     dead_band: float = bounded(0.02, least=0.0, unit="m")
-    # No change so shortly before touchdown, nor so early in a swing.
+    # No change so shortly before touchdown, nor so early in a phase.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
     solver: str = bounded("active_set", one_of=SOLVERS)
+    com_height: ComHeightParams = field(default_factory=ComHeightParams)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if a weight is no positive definite matrix."""
+        for name in "step_weight", "feedback_weight", "slack_weight":
+            value = getattr(self, name)
+            if [len(row) for row in value] == [2, 2]:
+                (a, b), (c, d) = value
+                if b == c and a > 0.0 and a * d > b * c:
+                    continue
+            raise ValueError(
+                f"{name} = {value}: must be 2 x 2, symmetric and positive "
+                "definite"
+            )
 
 
-class StepFeedback(NamedTuple):
-    """What the QP decides, each (2,) [m] in W.
-
-    `step` is the shift of the foothold from the planned one, `delta` the
-    feedback on the CMP, `slack` = eta the ICP error left to neither.
-    They are NaN if the `result` is not solved.
-    """
+class StepWeights(NamedTuple):
+    """Q_f, R and Q_eta, each (2, 2), in W."""
 
     step: Array
+    feedback: Array
+    slack: Array
+
+    @classmethod
+    def of(cls, params: IcpStepQpParams, stance: FootPose) -> "StepWeights":
+        """Those of `params`, which are forward and left of `stance`."""
+        R, names = stance.rotation, ("step", "feedback", "slack")
+        weights = (
+            np.array(getattr(params, f"{name}_weight")) for name in names
+        )
+        return cls(*(R @ weight @ R.T for weight in weights))
+
+
+class StepProblem(NamedTuple):
+    """An ICP error, and what ankles and footholds can do about it, in W.
+
+    `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m] with the
+    planned footholds; `moves` (2, n) are Gamma_i of the ICP and of that CMP
+    (Eq. 18).  Half-spaces A p <= b: of the CMP with A (k, 2) (Eq. 21), and of
+    the shifts of all footholds with A (m, 2 n) (Eq. 22).
+    """
+
+    error: Array
+    cmp: Array
+    moves: Array
+    cmp_room: tuple[Array, Array]
+    step_room: tuple[Array, Array]
+
+
+class StepSolution(NamedTuple):
+    """What the QP decides, in W [m]; NaN if the `result` is not solved.
+
+    `steps` (n, 2) are the shifts of the footholds from the planned ones,
+    `delta` (2,) the feedback on the CMP, `slack` = eta (2,) the ICP error left
+    to neither.
+    """
+
+    steps: Array
     delta: Array
     slack: Array
     result: QpResult
 
 
 class IcpStepQp:
-    """The quadratic program of the Atlas paper's Eq. 20, for the next step.
+    """The quadratic program of the Atlas paper's Eq. 20, for N steps.
 
-    With the ICP error e for the planned foothold, and Gamma, by how much the
-    reference moves with the foothold (Eq. 18):
+        min   sum |step_i|^2_Qf + |delta|^2_R + |eta|^2_Qeta
+        s.t.  delta = k_xi (e - sum Gamma_i step_i - eta),
+              the CMP + delta where the soles are (Eq. 21),
+              the footholds within reach of each other (Eq. 22).
 
-        min   |step|^2_Qf + |delta|^2_R + |eta|^2_Qeta
-        s.t.  delta = k_xi (e - Gamma step - eta),
-              delta in the room that the sole leaves (Eq. 21),
-              step in the room that the legs' reach leaves (Eq. 22).
-
-    Half-spaces of the sole stand for the paper's multipliers of its corners.
+    Half-spaces stand for the paper's multipliers of the corners.  The CMP also
+    moves with the footholds where a spline shifts it.
     """
 
-    def __init__(self, params: IcpStepQpParams, max_rows: int = 32) -> None:
+    def __init__(self, params: IcpStepQpParams, max_rows: int) -> None:
         """For rooms that have, together, up to `max_rows` half-spaces."""
-        self.params, self._max_rows = params, max_rows
-        self._qp = DenseQp(6, 2, max_rows, params.solver)
-        p = params
-        weights = p.step_weight, p.feedback_weight, p.slack_weight
-        self._H = np.diag(np.repeat(weights, 2))
+        self._num_steps, self._max_rows = params.num_steps, max_rows
+        self._gain = params.feedback_gain
+        self._size = 2 * params.num_steps + 4
+        self._qp = DenseQp(self._size, 2, max_rows, params.solver)
+        self._no_lower = np.full(max_rows, -np.inf)
 
-    def solve(
-        self,
-        error: Array,
-        sensitivity: float,
-        cmp_room: tuple[Array, Array],
-        step_room: tuple[Array, Array],
-    ) -> StepFeedback:
-        """Returns step and feedback for the ICP `error` (2,) [m] in W.
-
-        `sensitivity` is Gamma [-].  The rooms of delta and of the step are
-        half-spaces A x <= b, with A (n, 2) and b (n,) [m].
+    def solve(self, problem: StepProblem, weights: StepWeights) -> StepSolution:
+        """Returns steps and feedback; up to N footholds may move.
 
         Raises:
             ValueError: an argument is not finite.
         """
-        gain = self.params.feedback_gain
-        A_eq = np.hstack(
-            [gain * sensitivity * np.eye(2), np.eye(2), gain * np.eye(2)]
-        )
-        C = np.zeros((self._max_rows, 6))
-        upper = np.full(self._max_rows, np.inf)
-        (A_c, b_c), (A_s, b_s) = cmp_room, step_room
-        n, m = len(b_c), len(b_c) + len(b_s)
-        C[:n, _CMP], upper[:n] = A_c, b_c
-        C[n:m, _STEP], upper[n:m] = A_s, b_s
+        gain, n = self._gain, problem.moves.shape[1]
+        used, cmp, eta = 2 * n, self._size - 4, self._size - 2
+        H, A_eq = np.zeros((self._size, self._size)), np.zeros((2, self._size))
+        for i in range(0, cmp, 2):  # those without a step stay 0
+            H[i : i + 2, i : i + 2] = weights.step
+        H[cmp:eta, cmp:eta], H[eta:, eta:] = weights.feedback, weights.slack
+        icp_moves, cmp_moves = problem.moves
+        A_eq[0, 0:used:2] = A_eq[1, 1:used:2] = gain * icp_moves
+        A_eq[[0, 1], [cmp, cmp + 1]] = 1.0
+        A_eq[[0, 1], [eta, eta + 1]] = gain
+        C, upper = np.zeros((self._max_rows, self._size)), -self._no_lower
+        (A_c, b_c), (A_s, b_s) = problem.cmp_room, problem.step_room
+        k, m = len(b_c), len(b_c) + len(b_s)
+        C[:k, cmp:eta], upper[:k] = A_c, b_c - A_c @ problem.cmp
+        C[:k, :used] = np.kron(cmp_moves, A_c)
+        C[k:m, :used], upper[k:m] = A_s, b_s
+        b_eq, g = gain * problem.error, np.zeros(self._size)
         result = self._qp.solve(
-            QpProblem(
-                self._H,
-                np.zeros(6),
-                A_eq,
-                gain * error,
-                C,
-                np.full(self._max_rows, -np.inf),
-                upper,
-            )
+            QpProblem(H, g, A_eq, b_eq, C, self._no_lower, upper)
         )
         x = result.x
-        return StepFeedback(x[_STEP], x[_CMP], x[_SLACK], result)
+        return StepSolution(x[:used].reshape(n, 2), x[cmp:eta], x[eta:], result)
 
 
-@dataclass(frozen=True, eq=False)
-class StepPlan(Immutable):
-    """The reference ICP as a linear function of the next foothold.
+def feedback_alone(
+    error: Array, cmp: Array, room: Array, weights: StepWeights, gain: float
+) -> Array:
+    """Returns delta (2,) [m], the optimum of Eq. 20 if no foothold moves.
 
-    The Atlas paper's Eq. 18, with the places of the CMP in the soles as they
-    are for the `nominal` footstep.  The CMP goes through the `waypoints`
-    (N + 1, 2) [m] in W at the times `knots` (N + 1,) [s] since the phase began,
-    and these move with the foothold by their `shares` (N + 1,) [-].  CMP and
-    foothold must be in half-spaces A p <= b, with A (n, 2) and b (n,) [m].
+    Without eta it is k_xi `error`, and one quadratic cost |delta - ...|^2_M is
+    left: the optimum in the polygon `room` (n, 2) [m], where the CMP has to be,
+    is a projection on it by that measure.
     """
-
-    nominal: Footstep
-    knots: Array
-    waypoints: Array
-    shares: Array
-    omega: float
-    cmps: tuple[Array, Array]  # of the stance foot (Eq. 21)
-    footholds: tuple[Array, Array]  # within reach (Eq. 22)
-
-    def at(self, t: float) -> tuple[Array, Array, float]:
-        """Returns ICP and CMP (2,) [m] in W at `t` [s], and Gamma [-].
-
-        Both as if the foot landed at the nominal foothold; if it lands
-        elsewhere, the ICP moves by Gamma times the shift.
-        """
-        multipliers = recursive_multipliers(self.knots, t, self.omega)
-        cmp = np.array(
-            [np.interp(t, self.knots, axis) for axis in self.waypoints.T]
-        )
-        gamma = float(multipliers @ self.shares)
-        return multipliers @ self.waypoints, cmp, gamma
-
-
-def step_plan(
-    schedule: ContactSchedule,
-    nominal: Footstep,
-    cop: CopWaypointParams,
-    params: IcpStepQpParams,
-    model: PointMassModel,
-) -> StepPlan:
-    """Returns the plan of `schedule`, with `nominal` for its next footstep.
-
-    The CoP goes where `cop` says, as in the ICP plan.  The foot lands in the
-    base region: this paper knows no crossed legs.
-    """
-    steps = (nominal, *schedule.footsteps[1:])
-    path = cop_waypoints(replace(schedule, footsteps=steps), cop, model.sole)
-    knots = np.concatenate([[0.0], np.cumsum(path.durations)])
-    stance = schedule.feet[nominal.side.other]
-    cmps = shrink(stance.to_world(model.sole), params.cop_safe_distance)
-    return StepPlan(
-        nominal,
-        knots,
-        path.points,
-        path.step_shares,
-        model.omega,
-        halfspaces(cmps),
-        footholds(stance, nominal.side, params, model),
-    )
-
-
-def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
-    """True in a swing, but not too early and not too late in it."""
-    return (
-        state.schedule.phase is Phase.SWING
-        and state.elapsed >= params.settling_time
-        and state.remaining_time >= params.freeze_time
-    )
-
-
-def propose_by_qp(
-    state: WalkingState, plan: StepPlan, icp: Array, qp: IcpStepQp
-) -> Adjustment:
-    """Returns the adjustment of the step in the air for this tick.
-
-    `plan` is that of `state`, `icp` (2,) [m] is measured.  The foothold is
-    shifted from the nominal one, so that it comes back with the ICP.  If
-    there is no solution, it stays where it is.
-    """
-    current = current_adjustment(state)
-    icp_r, cmp_r, gamma = plan.at(state.time_in_phase)
-    feedback = qp.solve(
-        icp - icp_r,
-        gamma,
-        _room(*plan.cmps, cmp_r),
-        _room(*plan.footholds, plan.nominal.pose.p_WF[:2]),
-    )
-    if not feedback.result.solved:
-        return current
-    pose = _moved(current, plan.nominal, feedback.step, qp.params.dead_band)
-    return Adjustment(plan.nominal, pose)
-
-
-def footholds(
-    stance: FootPose,
-    swing: Side,
-    params: IcpStepQpParams,
-    model: PointMassModel,
-) -> tuple[Array, Array]:
-    """Returns the half-spaces A p <= b (Eq. 22) of the footholds p in W.
-
-    The base region, and the soles, if parallel, their clearance apart.
-    """
-    A, b = halfspaces(in_world(base_region(model.reach), stance, swing))
-    inward = -swing.sign * stance.rotation[:, 1]
-    apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
-    return (
-        np.vstack([A, inward]),
-        np.append(b, inward @ stance.p_WF[:2] - apart),
-    )
-
-
-def _room(A: Array, b: Array, point: Array) -> tuple[Array, Array]:
-    """The half-spaces (A, b) of the shift from `point` that stay within."""
-    return A, b - A @ point
-
-
-def _moved(
-    current: Adjustment, nominal: Footstep, step: Array, dead_band: float
-) -> FootPose:
-    """Where the foot lands, `step` (2,) [m] away from the nominal foothold."""
-    if math.hypot(*step) < dead_band:
-        return nominal.pose
-    target = nominal.pose.p_WF + [*step, 0.0]
-    if math.dist(target, current.pose.p_WF) < dead_band:
-        return current.pose
-    return FootPose(target, nominal.pose.yaw)
+    M = weights.feedback + weights.slack / gain**2
+    delta = np.asarray(np.linalg.solve(M, weights.slack @ error / gain), float)
+    if contains(cmp + delta, room):
+        return delta
+    L = np.asarray(np.linalg.cholesky(M).T, float)
+    nearest = project(L @ (cmp + delta), room @ L.T)
+    return np.asarray(np.linalg.solve(L, nearest) - cmp)

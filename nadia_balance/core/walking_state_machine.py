@@ -217,14 +217,20 @@ def _tick(
 def _adjusted(
     state: WalkingState, adjustment: Adjustment | None
 ) -> tuple[ContactSchedule, Adjustment | None]:
-    """Moves the foothold of the step in the air."""
+    """Moves the footholds of the next steps."""
     schedule = state.schedule
-    if adjustment is None or schedule.phase is not Phase.SWING:
+    steps, moving = (
+        list(schedule.footsteps),
+        schedule.phase is not Phase.STANDING,
+    )
+    if adjustment is None or not (steps and moving):
         return schedule, state.adjustment
-    step, *later = schedule.footsteps
-    if adjustment.pose is not step.pose:
-        step = replace(step, pose=adjustment.pose)
-        schedule = replace(schedule, footsteps=(step, *later))
+    moved = False
+    for i, new in enumerate((adjustment, *adjustment.later)):
+        if new.pose is not steps[i].pose:
+            steps[i], moved = replace(steps[i], pose=new.pose), True
+    if moved:
+        schedule = replace(schedule, footsteps=tuple(steps))
     return schedule, adjustment
 
 
@@ -280,7 +286,8 @@ def _end_transfer(
         feet=measured.feet,
         start=plan.at(state.time_in_phase).point(),
     )
-    return _begin(state, schedule)
+    # The steps that were moved before are to be the same.
+    return replace(_begin(state, schedule), adjustment=state.adjustment)
 
 
 def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:

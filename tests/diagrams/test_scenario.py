@@ -103,6 +103,9 @@ BAD_TEXTS = {
     "{mechanisms: all_with_cross_over, controller: {icp_step_qp: {}}}": (
         "controller.icp_step_qp: must be null where the legs may cross"
     ),
+    "mechanisms: feedback_step": (
+        "mechanisms = 'feedback_step': must go with controller.icp_step_qp"
+    ),
     "pushes: [{delta_v: 0.1, at: 10 s}]": (
         "at = '10 s': must be before duration = 10.0 s"
     ),
