@@ -4,6 +4,7 @@ What is optimised is executed: the reference is that of the plan with the very
 footholds that are taken, whether the QP or a dead band has chosen them.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,11 +15,11 @@ from nadia_balance.core.com_height import ComHeightPlan, plan_com_height
 from nadia_balance.core.foothold_adjustment import unadjusted
 from nadia_balance.core.icp_plan import IcpReference, reference_of
 from nadia_balance.core.icp_step_qp import (
+    AnkleFeedback,
     IcpStepQp,
     IcpStepQpParams,
-    StepProblem,
+    StepLimits,
     StepWeights,
-    feedback_alone,
 )
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import (
@@ -47,16 +48,16 @@ class StepPhase(Immutable):
     """What stays the same as long as the contact schedule does.
 
     `steps` are those in force, `offsets` (n, 2) [m] in W their shifts from the
-    nominal footholds.  The CMP must be in the polygon `room` (k, 2) [m] in W;
-    half-spaces of it, and of the shifts of all footholds.
+    nominal footholds; `adjustment` are the steps as one; `reach` (n, 2) [m] in
+    W is that of the next one.
     """
 
     steps: tuple[Adjustment, ...]
     offsets: Array
-    room: Array
-    cmp_room: tuple[Array, Array]
-    step_room: tuple[Array, Array]
-    weights: StepWeights
+    adjustment: Adjustment
+    reach: Array
+    limits: StepLimits
+    ankles: AnkleFeedback
     height: ComHeightPlan
 
 
@@ -117,6 +118,7 @@ def reach_room(
 def step_phase(
     state: WalkingState,
     reach: Array,
+    qp: IcpStepQp,
     params: IcpStepQpParams,
     model: PointMassModel,
 ) -> StepPhase:
@@ -127,16 +129,19 @@ def step_phase(
     schedule = state.schedule
     stance = schedule.feet[schedule.support_side]
     steps = _in_force(state, params.num_steps)
-    shifts = [a.pose.p_WF - a.nominal.pose.p_WF for a in steps]
+    nominal = tuple(a.nominal for a in steps)
     support = support_polygon(schedule, model.sole)
     room = shrink(support, params.cop_safe_distance, "cop_safe_distance")
+    weights = StepWeights.of(params, stance)
     return StepPhase(
         steps,
-        np.reshape(shifts, (-1, 3))[:, :2],
-        room,
-        halfspaces(room),
-        reach_room(stance, tuple(a.nominal for a in steps), reach),
-        StepWeights.of(params, stance),
+        _shifts(steps),
+        _chain(steps) or unadjusted(schedule),
+        in_world(reach, stance, schedule.support_side.other),
+        qp.limits(
+            weights, halfspaces(room), reach_room(stance, nominal, reach)
+        ),
+        AnkleFeedback(room, weights, params.feedback_gain),
         plan_com_height(schedule, params.com_height, model),
     )
 
@@ -146,7 +151,7 @@ def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
     if state.schedule.phase is Phase.STANDING:
         return ()
     steps, made = state.schedule.footsteps[:num_steps], state.adjustment
-    found = () if made is None else (made, *made.later)
+    found = (replace(made, later=()), *made.later) if made else ()
     more = (Adjustment(step, step.pose) for step in steps[len(found) :])
     return (*found, *more)[: len(steps)]
 
@@ -177,66 +182,78 @@ def step_feedback(
     is not solved: then the feedback does what it can alone.
     """
     reference = reference_of(plan, state)
-    moves = plan.moves_of(state)[:, : len(phase.steps)]
-    back = moves @ phase.offsets  # to the nominal footholds
-    error, cmp = icp - reference.icp + back[0], reference.ecmp - back[1]
     steps, result = phase.steps, _NO_QP
     if on and may_move(state, params):
-        problem = StepProblem(
-            error, cmp, moves, phase.cmp_room, phase.step_room
+        moves = plan.moves_of(state)[:, : len(steps)]
+        back = moves @ phase.offsets  # to the nominal footholds
+        shifts, _, _, result = qp.solve(
+            icp - reference.icp + back[0],
+            reference.ecmp - back[1],
+            moves,
+            phase.limits,
         )
-        shifts, _, _, result = qp.solve(problem, phase.weights)
         if result.solved:
             steps = _moved(phase, shifts, params.dead_band)
-    # The QP's delta, if the footholds are the QP's.
-    shifts = np.array(
-        [(a.pose.p_WF - a.nominal.pose.p_WF)[:2] for a in steps]
-    ).reshape(-1, 2)
-    ahead = moves @ shifts
-    error, cmp = error - ahead[0], cmp + ahead[1]
-    delta = feedback_alone(
-        error, cmp, phase.room, phase.weights, params.feedback_gain
-    )
-    return StepFeedback(
-        _chain(steps, state) if on else None,
-        _moved_reference(reference, icp - error, cmp, plan, state),
-        cmp + delta,
-        result,
-    )
+        if steps is not phase.steps:
+            dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
+            omega = plan.omega
+            reference = _shifted(reference, dcm, cmp, omega, state.waiting)
+    adjustment = None
+    if on:
+        kept = steps is phase.steps
+        adjustment = phase.adjustment if kept else _chain(steps)
+    # The QP's own delta, if the footholds are the QP's.
+    delta = phase.ankles.delta(icp - reference.icp, reference.ecmp)
+    return StepFeedback(adjustment, reference, reference.ecmp + delta, result)
 
 
 def _moved(
     phase: StepPhase, shifts: Array, dead_band: float
 ) -> tuple[Adjustment, ...]:
-    """The steps, `shifts` (n, 2) [m] away from the nominal footholds."""
-    if np.hypot(*shifts.T).max() < dead_band:
-        return tuple(replace(a, pose=a.nominal.pose) for a in phase.steps)
-    if np.hypot(*(shifts - phase.offsets).T).max() < dead_band:
+    """The steps, `shifts` (n, 2) [m] away from the nominal footholds.
+
+    Those of `phase` if no pose changes.
+    """
+    if _longest(shifts) < dead_band:
+        if not phase.offsets.any():
+            return phase.steps
+        return tuple(Adjustment(a.nominal, a.nominal.pose) for a in phase.steps)
+    if _longest(shifts - phase.offsets) < dead_band:
         return phase.steps
     poses = [a.nominal.pose for a in phase.steps]
     return tuple(
-        replace(a, pose=FootPose(pose.p_WF + [*shift, 0.0], pose.yaw))
-        for a, pose, shift in zip(phase.steps, poses, shifts, strict=True)
+        Adjustment(a.nominal, FootPose(p.p_WF + [*shift, 0.0], p.yaw))
+        for a, p, shift in zip(phase.steps, poses, shifts, strict=True)
     )
 
 
-def _chain(steps: tuple[Adjustment, ...], state: WalkingState) -> Adjustment:
+def _longest(vectors: Array) -> float:
+    return max(math.hypot(x, y) for x, y in vectors.tolist())
+
+
+def _shifts(steps: tuple[Adjustment, ...]) -> Array:
+    """From the nominal footholds (n, 2) [m], in W."""
+    shifts = [(a.pose.p_WF - a.nominal.pose.p_WF)[:2] for a in steps]
+    return np.reshape(shifts, (-1, 2))
+
+
+def _chain(steps: tuple[Adjustment, ...]) -> Adjustment | None:
     """The adjustment of the next step, with those `later`."""
     if not steps:
-        return unadjusted(state.schedule)
-    first, *later = (replace(a, later=()) for a in steps)
-    return replace(first, later=tuple(later))
+        return None
+    return replace(steps[0], later=steps[1:])
 
 
-def _moved_reference(
-    reference: IcpReference,
-    icp: Array,
-    cmp: Array,
-    plan: AtlasIcpPlan,
-    state: WalkingState,
+def _shifted(
+    reference: IcpReference, icp: Array, cmp: Array, omega: float, held: bool
 ) -> IcpReference:
-    """The `reference` with another ICP and CMP (2,) [m] in W."""
-    velocity = reference.icp_velocity
-    if not state.waiting:
-        velocity = plan.omega * (icp - cmp)
-    return replace(reference, icp=icp, icp_velocity=velocity, cop=cmp, ecmp=cmp)
+    """The `reference`, its ICP and CMP moved by so much (2,) [m] in W."""
+    ecmp = reference.ecmp + cmp
+    velocity = 0.0 if held else omega * (icp - cmp)
+    return replace(
+        reference,
+        icp=reference.icp + icp,
+        icp_velocity=reference.icp_velocity + velocity,
+        cop=ecmp,
+        ecmp=ecmp,
+    )

@@ -9,7 +9,9 @@ from nadia_balance.core.bounds import bounded
 from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.qp import SOLVERS, DenseQp, QpProblem, QpResult
-from nadia_balance.core.walking import Array, FootPose
+from nadia_balance.core.walking import Array, FootPose, Immutable
+
+_EXACT = 1e-12  # of a constraint [m]
 
 
 def _diagonal(weight: float) -> Any:
@@ -71,20 +73,21 @@ class StepWeights(NamedTuple):
         return cls(*(R @ weight @ R.T for weight in weights))
 
 
-class StepProblem(NamedTuple):
-    """An ICP error, and what ankles and footholds can do about it, in W.
+@dataclass(frozen=True, eq=False)
+class StepLimits(Immutable):
+    """What stays the same in the QP as long as contacts and steps do.
 
-    `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m] with the
-    planned footholds; `moves` (2, n) are Gamma_i of the ICP and of that CMP
-    (Eq. 18).  Half-spaces A p <= b: of the CMP with A (k, 2) (Eq. 21), and of
-    the shifts of all footholds with A (m, 2 n) (Eq. 22).
+    A_cmp p <= b_cmp of the CMP in W (Eq. 21), with A_cmp (k, 2).  The first k
+    rows of C x <= upper are left to it, then come those of the footholds.  `H`
+    is the cost without delta's, whose weight is `R` (2, 2).
     """
 
-    error: Array
-    cmp: Array
-    moves: Array
-    cmp_room: tuple[Array, Array]
-    step_room: tuple[Array, Array]
+    A_cmp: Array
+    b_cmp: Array
+    C: Array
+    upper: Array
+    H: Array
+    R: Array
 
 
 class StepSolution(NamedTuple):
@@ -110,60 +113,106 @@ class IcpStepQp:
               the footholds within reach of each other (Eq. 22).
 
     Half-spaces stand for the paper's multipliers of the corners.  The CMP also
-    moves with the footholds where a spline shifts it.
+    moves with the footholds where a spline shifts it.  Delta is eliminated.
     """
 
     def __init__(self, params: IcpStepQpParams, max_rows: int) -> None:
         """For rooms that have, together, up to `max_rows` half-spaces."""
-        self._num_steps, self._max_rows = params.num_steps, max_rows
-        self._gain = params.feedback_gain
-        self._size = 2 * params.num_steps + 4
-        self._qp = DenseQp(self._size, 2, max_rows, params.solver)
+        self._max_rows, self._gain = max_rows, params.feedback_gain
+        self._size = 2 * params.num_steps + 2
+        self._qp = DenseQp(self._size, 0, max_rows, params.solver)
         self._no_lower = np.full(max_rows, -np.inf)
+        self._no_rows, self._no_values = np.zeros((0, self._size)), np.zeros(0)
 
-    def solve(self, problem: StepProblem, weights: StepWeights) -> StepSolution:
-        """Returns steps and feedback; up to N footholds may move.
+    def limits(
+        self,
+        weights: StepWeights,
+        cmp_room: tuple[Array, Array],
+        step_room: tuple[Array, Array],
+    ) -> StepLimits:
+        """Returns what `solve` needs, from the half-spaces A p <= b in W.
+
+        With A (k, 2) of the CMP, and A (m, 2 n) of the shifts of n footholds.
+        """
+        (A_cmp, b_cmp), (A, b) = cmp_room, step_room
+        H = np.zeros((self._size, self._size))
+        H += np.kron(np.eye(self._size // 2), weights.step)
+        H[-2:, -2:] = weights.slack
+        C, upper = np.zeros((self._max_rows, self._size)), -self._no_lower
+        rows = slice(len(b_cmp), len(b_cmp) + len(b))
+        C[rows, : A.shape[1]], upper[rows] = A, b
+        return StepLimits(A_cmp, b_cmp, C, upper, H, weights.feedback)
+
+    def solve(
+        self, error: Array, cmp: Array, moves: Array, limits: StepLimits
+    ) -> StepSolution:
+        """Returns steps and feedback for the planned footholds' ICP error.
+
+        `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m], both
+        in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N footholds.
 
         Raises:
             ValueError: an argument is not finite.
         """
-        gain, n = self._gain, problem.moves.shape[1]
-        used, cmp, eta = 2 * n, self._size - 4, self._size - 2
-        H, A_eq = np.zeros((self._size, self._size)), np.zeros((2, self._size))
-        for i in range(0, cmp, 2):  # those without a step stay 0
-            H[i : i + 2, i : i + 2] = weights.step
-        H[cmp:eta, cmp:eta], H[eta:, eta:] = weights.feedback, weights.slack
-        icp_moves, cmp_moves = problem.moves
-        A_eq[0, 0:used:2] = A_eq[1, 1:used:2] = gain * icp_moves
-        A_eq[[0, 1], [cmp, cmp + 1]] = 1.0
-        A_eq[[0, 1], [eta, eta + 1]] = gain
-        C, upper = np.zeros((self._max_rows, self._size)), -self._no_lower
-        (A_c, b_c), (A_s, b_s) = problem.cmp_room, problem.step_room
-        k, m = len(b_c), len(b_c) + len(b_s)
-        C[:k, cmp:eta], upper[:k] = A_c, b_c - A_c @ problem.cmp
-        C[:k, :used] = np.kron(cmp_moves, A_c)
-        C[k:m, :used], upper[k:m] = A_s, b_s
-        b_eq, g = gain * problem.error, np.zeros(self._size)
-        result = self._qp.solve(
-            QpProblem(H, g, A_eq, b_eq, C, self._no_lower, upper)
+        used, k = 2 * moves.shape[1], len(limits.b_cmp)
+        # x = (steps, eta), and delta = delta_0 + D x by the constraint.
+        delta_0, D = self._gain * error, np.zeros((2, self._size))
+        D[0, 0:used:2] = D[1, 1:used:2] = -self._gain * moves[0]
+        D[0, -2] = D[1, -1] = -self._gain
+        DR, cmp_D = D.T @ limits.R, D.copy()
+        cmp_D[0, 0:used:2] += moves[1]
+        cmp_D[1, 1:used:2] += moves[1]
+        C, upper = limits.C.copy(), limits.upper.copy()
+        C[:k] = limits.A_cmp @ cmp_D
+        upper[:k] = limits.b_cmp - limits.A_cmp @ (cmp + delta_0)
+        result = self._exact(
+            QpProblem(
+                limits.H + DR @ D,
+                DR @ delta_0,
+                self._no_rows,
+                self._no_values,
+                C,
+                self._no_lower,
+                upper,
+            )
         )
         x = result.x
-        return StepSolution(x[:used].reshape(n, 2), x[cmp:eta], x[eta:], result)
+        steps = x[:used].reshape(-1, 2)
+        return StepSolution(steps, delta_0 + D @ x, x[-2:], result)
+
+    def _exact(self, qp: QpProblem) -> QpResult:
+        """The optimum, with what is violated within the tolerance as well.
+
+        A foothold is farther off than that, by 1 / (k_xi Gamma).
+        """
+        found = self._qp.solve(qp)
+        late = qp.C @ found.x > qp.upper + _EXACT
+        if not late.any():  # nor if it is not solved, and NaN
+            return found
+        guess = np.where(late, 1, found.active).astype(np.int8)
+        again = self._qp.solve(qp, guess)
+        return again if again.solved else found
 
 
-def feedback_alone(
-    error: Array, cmp: Array, room: Array, weights: StepWeights, gain: float
-) -> Array:
-    """Returns delta (2,) [m], the optimum of Eq. 20 if no foothold moves.
+class AnkleFeedback:
+    """The optimum of Eq. 20 if no foothold moves, in closed form.
 
-    Without eta it is k_xi `error`, and one quadratic cost |delta - ...|^2_M is
-    left: the optimum in the polygon `room` (n, 2) [m], where the CMP has to be,
-    is a projection on it by that measure.
+    Without eta, one quadratic cost |delta - K error|^2_M is left: with the CMP
+    in the polygon `room` (n, 2) [m], the optimum is a projection by M's
+    measure.
     """
-    M = weights.feedback + weights.slack / gain**2
-    delta = np.asarray(np.linalg.solve(M, weights.slack @ error / gain), float)
-    if contains(cmp + delta, room):
-        return delta
-    L = np.asarray(np.linalg.cholesky(M).T, float)
-    nearest = project(L @ (cmp + delta), room @ L.T)
-    return np.asarray(np.linalg.solve(L, nearest) - cmp)
+
+    def __init__(self, room: Array, weights: StepWeights, gain: float) -> None:
+        """For the gain k_xi > 0."""
+        M = weights.feedback + weights.slack / gain**2
+        self._K = np.linalg.inv(M) @ weights.slack / gain
+        self._L = np.linalg.cholesky(M).T
+        self._room, self._image = room, room @ self._L.T
+
+    def delta(self, error: Array, cmp: Array) -> Array:
+        """Returns delta (2,) for xi - xi_r and the reference CMP (2,) [m]."""
+        delta = self._K @ error
+        if contains(cmp + delta, self._room):
+            return np.asarray(delta)
+        nearest = project(self._L @ (cmp + delta), self._image)
+        return np.asarray(np.linalg.solve(self._L, nearest) - cmp)

@@ -20,7 +20,6 @@ from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.momentum_qp import momentum_rate
 from nadia_balance.core.polygon import shrink
-from nadia_balance.core.reachability import base_region, in_world
 from nadia_balance.core.walking import (
     Adjustment,
     ContactSchedule,
@@ -133,15 +132,18 @@ class IcpStepController(LeafSystem):
         state = self._walking_state(context)
         if state.schedule is last[0]:
             return last
-        phase = step_phase(state, self._reach, self._params, self._model)
+        phase = step_phase(
+            state, self._reach, self._qp, self._params, self._model
+        )
         return state.schedule, phase
 
     def _calc_feedback(self, context, _) -> StepFeedback:
         state = self._walking_state(context)
-        gain = max(float(self._time(context)[0]), 0.0)
-        time = min(state.time_in_phase + gain, state.schedule.duration)
+        if (gain := float(self._time(context)[0])) > 0.0:  # t+
+            time = min(state.time_in_phase + gain, state.schedule.duration)
+            state = replace(state, time_in_phase=time)
         return step_feedback(
-            replace(state, time_in_phase=time),
+            state,
             self._phase.Eval(context)[1],
             self._icp_plan(context),
             self._icp(context),
@@ -154,16 +156,12 @@ class IcpStepController(LeafSystem):
         return self._feedback.Eval(context).adjustment
 
     def _calc_capture_regions(self, context) -> CaptureRegions:
-        schedule = self._walking_state(context).schedule
-        if schedule.phase is not Phase.SWING:
+        if self._walking_state(context).schedule.phase is not Phase.SWING:
             return CaptureRegions()
+        phase = self._phase.Eval(context)[1]
         # While `step` is off, the adjustment of before holds.
-        now = self._adjustment(context) or self._phase.Eval(context)[1].steps[0]
-        stance = schedule.feet[schedule.support_side]
-        reach = in_world(
-            base_region(self._model.reach), stance, now.nominal.side
-        )
-        return CaptureRegions((), reach, now.nominal.pose, now.pose)
+        now = self._adjustment(context) or phase.adjustment
+        return CaptureRegions((), phase.reach, now.nominal.pose, now.pose)
 
     def _calc_outcome(self, context, last) -> np.ndarray:
         _, reference, ecmp, result = self._feedback.Eval(context)

@@ -48,15 +48,9 @@ def plan_of(state):
 
 
 def feedback(state, icp, params=PARAMS, on=True, qp=None):
-    return step_feedback(
-        state,
-        step_phase(state, REACH, params, MODEL),
-        plan_of(state),
-        icp,
-        qp or IcpStepQp(params, 48),
-        params,
-        on,
-    )
+    qp = qp or IcpStepQp(params, 48)
+    phase = step_phase(state, REACH, qp, params, MODEL)
+    return step_feedback(state, phase, plan_of(state), icp, qp, params, on)
 
 
 def next_tick(state, adjustment):
@@ -156,8 +150,8 @@ def test_without_a_solution_no_foothold_moves():
     icp = reference_icp(state) + [0.1, 0.05]
 
     class Unsolved(IcpStepQp):
-        def solve(self, problem, weights):
-            found = super().solve(problem, weights)
+        def solve(self, *arguments):
+            found = super().solve(*arguments)
             return found._replace(result=found.result._replace(solved=False))
 
     found = feedback(state, icp, qp=Unsolved(PARAMS, 48))

@@ -1,6 +1,7 @@
 """Oracles: quadprog, of Eqs. 20 to 22 with delta eliminated; formulas."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,11 +11,10 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_step_qp import (
+    AnkleFeedback,
     IcpStepQp,
     IcpStepQpParams,
-    StepProblem,
     StepWeights,
-    feedback_alone,
 )
 from nadia_balance.core.polygon import contains, convex_hull, halfspaces
 from nadia_balance.core.walking import FootPose, rectangle
@@ -23,6 +23,16 @@ PARAMS = IcpStepQpParams()
 WEIGHTS = StepWeights.of(PARAMS, FootPose())
 GAIN = PARAMS.feedback_gain
 SOLE = rectangle(0.24, 0.11)
+
+
+class StepProblem(NamedTuple):
+    """The arguments of IcpStepQp, but for the weights."""
+
+    error: np.ndarray
+    cmp: np.ndarray
+    moves: np.ndarray
+    cmp_room: tuple
+    step_room: tuple
 
 
 def matrix(rng, size):
@@ -85,7 +95,10 @@ def by_quadprog(problem, weights, gain):
 def solve(problem, weights, **changes):
     params = replace(PARAMS, num_steps=4, **changes)
     rows = len(problem.cmp_room[1]) + len(problem.step_room[1])
-    return IcpStepQp(params, rows + 2).solve(problem, weights)
+    qp = IcpStepQp(params, rows + 2)
+    *arguments, cmp_room, step_room = problem
+    limits = qp.limits(weights, cmp_room, step_room)
+    return qp.solve(*arguments, limits)
 
 
 @pytest.mark.parametrize("seed", range(100))
@@ -110,9 +123,8 @@ def test_with_its_footholds_the_feedback_alone_is_the_same(seed):
     problem = problem._replace(cmp_room=halfspaces(room))
     found = solve(problem, weights)
     icp, cmp = problem.moves @ found.steps
-    delta = feedback_alone(
-        problem.error - icp, problem.cmp + cmp, room, weights, GAIN
-    )
+    ankles = AnkleFeedback(room, weights, GAIN)
+    delta = ankles.delta(problem.error - icp, problem.cmp + cmp)
     assert delta == pytest.approx(found.delta, abs=1e-8)
 
 
@@ -132,7 +144,7 @@ def test_feedback_alone_is_the_best_within_the_sole(error, cmp, seed):
             for x, Q in ((delta, weights.feedback), (eta, weights.slack))
         )
 
-    found = feedback_alone(error, cmp, SOLE, weights, GAIN)
+    found = AnkleFeedback(SOLE, weights, GAIN).delta(error, cmp)
     assert contains(cmp + found, SOLE, 1e-12)
     grid = np.stack(
         np.meshgrid(

@@ -21,7 +21,6 @@ from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.momentum_qp import momentum_rate
 from nadia_balance.core.reachability import (
     ReachabilityParams,
-    base_region,
     in_world,
 )
 from nadia_balance.core.walking import Phase, Side, WalkingState
@@ -56,15 +55,9 @@ def inputs(state=IN_AIR, icp=OUT):
 
 
 def expected_of(state, icp=OUT):
-    reach = uncrossed_reach(PARAMS, MODEL)
-    return step_feedback(
-        state,
-        step_phase(state, reach, PARAMS, MODEL),
-        plan_of(state),
-        icp,
-        IcpStepQp(PARAMS, 64),
-        PARAMS,
-    )
+    reach, qp = uncrossed_reach(PARAMS, MODEL), IcpStepQp(PARAMS, 64)
+    phase = step_phase(state, reach, qp, PARAMS, MODEL)
+    return step_feedback(state, phase, plan_of(state), icp, qp, PARAMS)
 
 
 @pytest.mark.parametrize("gain, later", [(0.0, 0.3), (0.1, 0.4), (-0.1, 0.3)])
@@ -121,10 +114,11 @@ def test_leaves_the_foothold_while_it_may_not_move(controller, state):
 
 
 def test_draws_reach_and_footholds_of_a_swing(controller):
-    """Oracle: the base region; the capture regions are not of this paper."""
+    """Oracle: the reach; capture regions are not of this paper."""
     context = asked(controller, **inputs())
     drawn = answer(controller, context, "capture_regions")
-    reach = in_world(base_region(MODEL.reach), IN_PLACE.feet.left, Side.RIGHT)
+    reach = uncrossed_reach(PARAMS, MODEL)
+    reach = in_world(reach, IN_PLACE.feet.left, Side.RIGHT)
     np.testing.assert_array_equal(drawn.reach, reach)
     assert drawn.regions == ()
     found = answer(controller, context, "adjustment")
