@@ -100,12 +100,9 @@ def plan_atlas_icp(
         raise ValueError("footsteps = (): a swing needs the step in the air")
     steps = () if schedule.phase is Phase.STANDING else schedule.footsteps
     steps = steps[: params.num_previewed_steps]
-    points, start, omega = (
-        cmps(schedule, steps, params, model),
-        None,
-        model.omega,
-    )
-    now, swinging = schedule.start, schedule.phase is Phase.SWING
+    points, omega = cmps(schedule, steps, params, model), model.omega
+    now, start = schedule.start, None
+    swinging = schedule.phase is Phase.SWING
     if params.smooth and params.continuous and not swinging:
         start = np.zeros(2 + len(steps))
         start[:2] = icp(now.com, now.com_velocity, omega)

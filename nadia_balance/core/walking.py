@@ -190,6 +190,7 @@ class WalkingState(Immutable):
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
     elapsed: float = 0.0  # really, since the phase began [s]
+    speed_up: float = 1.0  # sigma of the clock's last advance [-]
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # for the ICP, at the end of a transfer [s]
     contact_impulse: float = 0.0  # on the swing foot, per weight [s]

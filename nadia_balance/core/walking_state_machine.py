@@ -207,11 +207,21 @@ def _tick(
         schedule=schedule,
         time_in_phase=time,
         elapsed=elapsed,
+        speed_up=_sigma(state.remaining_time, proposal.time_gain),
         waiting=done,
         waited=state.waited + period if waits else 0.0,
         contact_impulse=impulse,
         adjustment=adjustment,
     )
+
+
+def _sigma(remaining: float, gain: float) -> float:
+    """Returns how much faster the rest of a phase passes (Atlas, Eq. 13).
+
+    Erratum: undefined as printed if nothing is left.
+    """
+    left = remaining - gain
+    return remaining / left if gain > 0.0 and left > 0.0 else 1.0
 
 
 def _adjusted(
