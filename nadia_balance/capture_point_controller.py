@@ -65,13 +65,14 @@ class ControllerParams:
 class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips, steps and their timing.
 
-    The Nadia paper's Sections II to VI; knows no robot, only a point mass and
-    two soles.  `mechanisms` (see Mechanisms) says what it may use; not
-    connected, all.  Any block may be replaced by another system with the same
-    outputs; its inputs are connected by their names and may be any signal
-    here, input or output.  `capture_regions` is there if the step adjuster
-    has it.  All that has state updates in unrestricted events, once per
-    `control_period`, from the state and the inputs before them.
+    The Nadia paper's Sections II to VI or, if `icp_step_qp` says so, the Atlas
+    paper's; knows no robot, only a point mass and two soles.  `mechanisms` (see
+    Mechanisms) says what it may use; not connected, all.  Any block may be
+    replaced by another system with the same outputs; its inputs are connected
+    by their names and may be any signal here, input or output.
+    `capture_regions` is there if the step adjuster has it.  All that has state
+    updates in unrestricted events, once per `control_period`, from the state
+    and the inputs before them.
 
     .. pydrake_system::
 
@@ -99,7 +100,7 @@ class CapturePointController(Diagram):
 
         Raises:
             ValueError: a parameter is out of range; a block lacks a port that
-                others need, or has one that does not fit.
+                others need, has one that does not fit, or its place is taken.
         """
         super().__init__()
         check(params)
@@ -132,8 +133,9 @@ class CapturePointController(Diagram):
             blocks["momentum_qp"] = momentum_qp or MomentumQp(
                 params.balance, model, period
             )
+        reference = () if params.icp_step_qp else ("icp_reference",)
         for role, *outputs in (
-            ("icp_planner", "icp_plan"),
+            ("icp_planner", "icp_plan", *reference),
             ("timing_adapter", "time_adjustment"),
             ("step_adjuster", "adjustment"),
             ("momentum_qp", "ecmp_command", "momentum_rate"),
