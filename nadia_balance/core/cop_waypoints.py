@@ -17,7 +17,7 @@ from nadia_balance.core.walking import (
 )
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
-_REST_DURATION = 10.0  # [s]; long enough to count as infinite
+REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 
 @dataclass(kw_only=True)
@@ -121,17 +121,14 @@ class CopWaypoints:
     """N linear CoP segments; the first `num_present` are the present phase.
 
     They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
-    `step_shares` (N + 1,) [-] is by how much a point moves with the foothold
-    of the first footstep.  `start_time` [s] is the schedule's, and `supports`
-    are polygons (n, 2) [m] in W, within the margin, in which points[1],
-    points[2], ... must be, as far as the end of the next phase; not those at
-    rest, though.
+    `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
+    in W, within the margin, in which points[1], points[2], ... must be, as far
+    as the end of the next phase; not those at rest, though.
     """
 
     points: Array
     durations: Array
     num_present: int
-    step_shares: Array
     start_time: float
     supports: list[Array]
 
@@ -182,11 +179,7 @@ class _Path:
         self._feet: FootPoses = schedule.feet
         self._present_duration = schedule.duration
         self._start_time = schedule.start_time
-        # Each is [x, y, step share].
-        self._points = [np.append(schedule.start.cop, 0.0)]
-        # Whether a foot stands where the first footstep has put it.
-        self._first = dict.fromkeys(Side, 0.0)
-        self._num_steps = 0
+        self._points: list[Array] = [schedule.start.cop]
         self._phases: list[list[float]] = []  # durations of the segments
         self._supports: list[Array] = []
 
@@ -212,16 +205,11 @@ class _Path:
         supports = 3 * [self._support(support)]
         self._add([ball, exit_, exit_], times, duration, supports)
         self._feet = self._feet.with_foot(side, pose)
-        self._first[side] = float(self._num_steps == 0)
-        self._num_steps += 1
 
     def add_final_transfer(self, duration: float) -> None:
         """Appends the shift to midway between the soles, and a long rest."""
         centre = self._sole.centroid
-        left, right = (
-            self._point(side, self._feet[side].to_world(centre))
-            for side in Side
-        )
+        left, right = (self._feet[side].to_world(centre) for side in Side)
         mid = 0.5 * (left + right)
         split = self._params.transfer_split
         supports = [self._support(*Side)]
@@ -231,17 +219,16 @@ class _Path:
     def waypoints(self) -> CopWaypoints:
         """Returns what has been collected."""
         durations = [d for phase in self._phases for d in phase]
-        lasts = np.maximum([*durations, _REST_DURATION], _MIN_DURATION)
+        lasts = np.maximum([*durations, REST_DURATION], _MIN_DURATION)
         ends, present = np.cumsum(lasts), len(self._phases[0])
         over = int(np.searchsorted(ends, self._start_time, side="right"))
         over = min(over, present - 1)
         left = max(ends[over] - self._start_time, _MIN_DURATION)
         points = np.array(self._points[:1] + self._points[over + 1 :])
         return CopWaypoints(
-            points[:, :2].copy(),
+            points,
             np.append(left, lasts[over + 1 :]),
             present - over,
-            points[:, 2].copy(),
             self._start_time,
             self._supports[over:],
         )
@@ -270,13 +257,10 @@ class _Path:
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str
     ) -> list[Array]:
-        """Returns the named points (3,) of the foot of `side`."""
+        """Returns the named points (2,) of the foot of `side`."""
         length = self._sole.step_length(foot, other)
         cops = (
             self._sole.cop_point(getattr(self._params, name), side, length)
             for name in names
         )
-        return [self._point(side, foot.to_world(cop)) for cop in cops]
-
-    def _point(self, side: Side, xy: Array) -> Array:
-        return np.array([xy[0], xy[1], self._first[side]])
+        return [foot.to_world(cop) for cop in cops]

@@ -180,8 +180,8 @@ class IcpPlan(Immutable):
     knots: Array
     cop_waypoints: Array
     coefficients: Array
-    cop: CopWaypointParams
-    offset: Array
+    offset: Array = field(default_factory=lambda: np.zeros(2))
+    cop: CopWaypointParams = field(default_factory=CopWaypointParams)
 
     def __post_init__(self) -> None:
         for name in ("knots", "cop_waypoints", "coefficients", "offset"):
@@ -199,10 +199,11 @@ class IcpPlan(Immutable):
         times = np.linspace(knots[0], max(end, knots[0]), _SAMPLES)
         i = np.searchsorted(knots[1:-1], times, side="right")
         t = (times - knots[i])[:, None]
-        c0, _, _, _, c4, c5 = self.coefficients[i].transpose(1, 0, 2)
+        c0, _, c2, c3, c4, c5 = self.coefficients[i].transpose(1, 0, 2)
         grown = np.exp(w * (times - knots[i + 1]))[:, None]
         fading = np.exp(-w * (times - knots[0]))[:, None]
         icp = 2.0 * grown * c0 + c4 * (t + 1.0 / w) + c5 + fading * self.offset
+        icp += (c2 * (t + 3.0 / w) + c3) * t * t + 2.0 / w * c3 * t
         return times, icp
 
     def time_to(self, icp: Array, t: float) -> float:
@@ -226,19 +227,56 @@ class IcpPlan(Immutable):
         later = times[k] + shares[k] * (times[k + 1] - times[k])
         return float(later - t)
 
+    def rows(self, t: float) -> tuple[int, Array]:
+        """Returns the segment at `t` [s], and `rows_at` there."""
+        knots = self._knots
+        i = min(max(bisect_right(knots, t), 1), len(knots) - 1) - 1
+        duration = knots[i + 1] - knots[i]
+        t = min(max(t - knots[i], 0.0), duration)
+        return i, rows_at(t, duration, self.omega)
+
     def at(self, t: float) -> IcpReference:
         """Returns the reference at `t` [s]; held before and after the plan."""
-        knots, w = self._knots, self.omega
-        t = min(max(t, knots[0]), knots[-1])
-        i = min(bisect_right(knots, t), len(knots) - 1) - 1
-        rows = rows_at(t - knots[i], knots[i + 1] - knots[i], w)
+        first, w = self._knots[0], self.omega
+        t = min(max(t, first), self._knots[-1])
+        i, rows = self.rows(t)
         com, icp, ecmp = rows @ self.coefficients[i]
-        velocity, wt = w * (icp - ecmp), w * (t - knots[0])
+        velocity, wt = w * (icp - ecmp), w * (t - first)
         fading = math.exp(-wt) * self.offset
         icp, com = icp + fading, com + wt * fading
         return IcpReference(
             icp, velocity - w * fading, com, w * (icp - com), ecmp, ecmp
         )
+
+    def moved(
+        self,
+        schedule: ContactSchedule,
+        steps: tuple[Footstep, ...],
+        t: float,
+        icp: Array,
+        model: PointMassModel,
+    ) -> ContactSchedule:
+        """Returns the `schedule` of this plan with other `steps`, from `t` on.
+
+        When a foothold moves, so does the ICP from which the CoP reaches it, by
+        the Gamma dr of the Atlas paper (Eq. 18): this takes up the error of the
+        measured `icp` (2,) [m] in W.  The reference goes that way as far as it
+        comes nearer to `icp`, and the plan is bent for the rest, from `t` [s]
+        on: neither eCMP nor CoM jumps.  (Bent from the start of the phase, the
+        ICP would move by what lies in the past: in 100 pushes, 71 of 810 moves
+        made the error grow by 5 to 28 mm, and the eCMP left the soles by up to
+        0.3 m.  As it is: by 2 mm at the most, and not at all.)
+        """
+        new, now = replace(schedule, footsteps=steps), self.at(t)
+        before, after = (
+            _unbent_icp(s, self.cop, t, model) for s in (schedule, new)
+        )
+        way, error = after - before, icp - now.icp
+        length2 = float(way @ way)
+        part = min(max(float(error @ way), 0.0), length2) / max(length2, _TINY)
+        velocity = now.com_velocity + model.omega * part * way
+        start = ReferencePoint(now.com, velocity, now.cop)
+        return replace(new, start=start, start_time=t)
 
 
 def plan_icp(
@@ -303,38 +341,6 @@ def _bent(
     return ecmp, left
 
 
-def moved_foothold(
-    schedule: ContactSchedule,
-    step: Footstep,
-    plan: IcpPlan,
-    t: float,
-    icp: Array,
-    model: PointMassModel,
-) -> ContactSchedule:
-    """Returns the schedule with another next `step`, from `t` [s] on.
-
-    `plan` is that of `schedule`.  When the foothold moves, so does the ICP
-    from which the CoP reaches it, by the Gamma dr of the Atlas paper (Eq. 18):
-    this takes up the error of the measured `icp` (2,) [m] in W.  The reference
-    goes that way as far as it comes nearer to `icp`, and the plan is bent for
-    the rest, from `t` on: neither eCMP nor CoM jumps.  (Bent from the start of
-    the phase, the ICP would move by what lies in the past: in 100 pushes, 71 of
-    810 moves made the error grow by 5 to 28 mm, and the eCMP left the soles by
-    up to 0.3 m.  As it is: by 2 mm at the most, and not at all.)
-    """
-    moved = replace(schedule, footsteps=(step, *schedule.footsteps[1:]))
-    now = plan.at(t)
-    before, after = (
-        _unbent_icp(s, plan.cop, t, model) for s in (schedule, moved)
-    )
-    way, error = after - before, icp - now.icp
-    length2 = float(way @ way)
-    part = min(max(float(error @ way), 0.0), length2) / max(length2, _TINY)
-    velocity = now.com_velocity + model.omega * part * way
-    start = ReferencePoint(now.com, velocity, now.cop)
-    return replace(moved, start=start, start_time=t)
-
-
 def _unbent_icp(
     schedule: ContactSchedule,
     cop: CopWaypointParams,
@@ -351,7 +357,7 @@ def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
 
     Neither a new phase nor the clock makes the ICP jump: the one goes on from
     where it is, the other moves it along the plan.  A moved foothold does
-    (`moved_foothold`).
+    (`IcpPlan.moved`).
 
     While the state is waiting, the ICP is held: in a swing with the eCMP of
     the plan's end, on two feet with the eCMP under it, at rest.  The CoM stays

@@ -167,17 +167,18 @@ class ContactSchedule(Immutable):
 
 @dataclass(frozen=True)
 class Adjustment(Immutable):
-    """Where the step in the air goes instead of where it was to go.
+    """Where the next step goes instead of where it was to go.
 
     `region` names the reachability region that was chosen: base, forward or
     backward; `covered_ticks` counts for how long the capture region has
-    covered the nominal foothold again.
+    covered the nominal foothold again.  `later` are the steps after it.
     """
 
     nominal: Footstep
     pose: FootPose
     region: str = "base"
     covered_ticks: int = 0
+    later: tuple[Adjustment, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -191,12 +192,13 @@ class WalkingState(Immutable):
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
     elapsed: float = 0.0  # really, since the phase began [s]
+    speed_up: float = 1.0  # sigma of the clock's last advance [-]
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # for the ICP, at the end of a transfer [s]
     contact_impulse: float = 0.0  # on the swing foot, per weight [s]
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()
-    adjustment: Adjustment | None = None  # of the step in the air
+    adjustment: Adjustment | None = None  # of the next step
 
     @property
     def remaining_time(self) -> float:

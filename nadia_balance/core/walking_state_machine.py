@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.gait import within_reach
-from nadia_balance.core.icp_plan import IcpPlan, moved_foothold
+from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
@@ -207,10 +207,20 @@ def _tick(
         state,
         time_in_phase=time,
         elapsed=elapsed,
+        speed_up=_sigma(state.remaining_time, time_gain),
         waiting=done,
         waited=state.waited + period if waits else 0.0,
         contact_impulse=impulse,
     )
+
+
+def _sigma(remaining: float, gain: float) -> float:
+    """Returns how much faster the rest of a phase passes (Atlas, Eq. 13).
+
+    Erratum: undefined as printed if nothing is left.
+    """
+    left = remaining - gain
+    return remaining / left if gain > 0.0 and left > 0.0 else 1.0
 
 
 def _adjusted(
@@ -220,15 +230,18 @@ def _adjusted(
     adjustment: Adjustment | None,
     model: PointMassModel,
 ) -> WalkingState:
-    """Moves the foothold of the step in the air."""
+    """Moves the footholds of the next steps."""
     schedule = state.schedule
-    if adjustment is None or schedule.phase is not Phase.SWING:
+    steps = list(schedule.footsteps)
+    if adjustment is None or not steps or schedule.phase is Phase.STANDING:
         return state
-    step = schedule.footsteps[0]
-    if adjustment.pose is not step.pose:
-        step = replace(step, pose=adjustment.pose)
+    moved = False
+    for i, new in enumerate((adjustment, *adjustment.later)):
+        if new.pose is not steps[i].pose:
+            steps[i], moved = replace(steps[i], pose=new.pose), True
+    if moved:
         time = state.time_in_phase
-        schedule = moved_foothold(schedule, step, plan, time, icp, model)
+        schedule = plan.moved(schedule, tuple(steps), time, icp, model)
     return replace(state, schedule=schedule, adjustment=adjustment)
 
 
@@ -286,7 +299,8 @@ def _end_transfer(
         start=plan.at(state.time_in_phase).point(),
         start_time=0.0,
     )
-    return _begin(state, schedule)
+    # The steps that were moved before are to be the same.
+    return replace(_begin(state, schedule), adjustment=state.adjustment)
 
 
 def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:

@@ -15,7 +15,6 @@ from nadia_balance.core.icp_plan import (
     IcpPlan,
     IcpPlanParams,
     IcpReference,
-    moved_foothold,
     plan_icp,
     reference_of,
     rows_at,
@@ -283,7 +282,9 @@ def random_re_plans(seed):
                     continue
                 new = aimed(schedule, random.uniform(-0.3, 0.3, 2))
                 icp = plan.at(now).icp + random.uniform(-0.1, 0.1, 2)
-                new = moved_foothold(schedule, new, plan, now, icp, MODEL)
+                new = plan.moved(
+                    schedule, (new, *schedule.footsteps[1:]), now, icp, MODEL
+                )
                 yield schedule, plan, now, icp, new, now
                 schedule, plan = new, plan_of(new)
             landed = aimed(schedule, random.uniform(-0.03, 0.03, 2))
@@ -336,7 +337,9 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     normal = np.array([-way[1], way[0]])
     for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
         icp = was + ahead * way + 0.7 * normal
-        moved = moved_foothold(schedule, new, plan, t, icp, MODEL)
+        moved = plan.moved(
+            schedule, (new, *schedule.footsteps[1:]), t, icp, MODEL
+        )
         np.testing.assert_allclose(
             plan_of(moved).at(t).icp, was + part * way, atol=1e-6
         )

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import support_polygon
@@ -47,7 +46,8 @@ PARAMS = WalkingStateMachineParams()
 class FakePlan:
     """Its ICP rests over the origin; its CoM says when it was asked for."""
 
-    cop = CopWaypointParams()
+    def moved(self, schedule, steps, t, icp, model):
+        return replace(schedule, footsteps=steps, start_time=t)
 
     def at(self, t):
         zero = np.zeros(2)
@@ -192,6 +192,17 @@ def test_the_clock_runs_faster_by_what_is_proposed():
     assert state.elapsed == pytest.approx(10 * PERIOD)
 
 
+def test_tells_how_much_faster_the_rest_passes():
+    """Oracle: Eq. 13 of the Atlas paper: T_SS - t over T_SS - t+."""
+    state = step(swinging())
+    left = state.remaining_time
+    hurried = step(state, proposal=Proposal(time_gain=0.1))
+    assert hurried.speed_up == pytest.approx(left / (left - 0.1))
+    assert step(hurried).speed_up == 1.0
+    assert step(state, proposal=Proposal(time_gain=left)).speed_up == 1.0
+    assert step(state, proposal=Proposal(time_gain=-0.1)).speed_up == 1.0
+
+
 def test_the_clock_may_be_held_but_never_runs_back():
     """Oracle: by hand."""
     state = step(swinging())
@@ -231,6 +242,21 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     assert moved.schedule.start_time == state.time_in_phase
     landed, _ = until(again, Phase.TRANSFER)
     assert landed.schedule.start_time == 0.0  # of the next phase
+
+
+def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
+    """Oracle: the poses, of the next step and the one after it."""
+    state, _ = until(standing(3), Phase.TRANSFER)
+    first, second, _ = state.schedule.footsteps
+    near, far = FootPose([0.1, -0.2, 0.0]), FootPose([0.2, 0.2, 0.0])
+    adjustment = Adjustment(first, near, later=(Adjustment(second, far),))
+    proposal = Proposal(adjustment=adjustment)
+    moved = step(state, proposal=proposal)
+    assert [s.pose for s in moved.schedule.footsteps[:2]] == [near, far]
+    assert step(moved, proposal=proposal).schedule is moved.schedule
+    swinging, _ = until(moved, Phase.SWING)
+    assert swinging.schedule.footsteps[0].pose is near
+    assert swinging.adjustment is adjustment
 
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():

@@ -15,7 +15,7 @@ from pydrake.systems.framework import EventStatus
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate, start
@@ -144,6 +144,25 @@ def test_the_atlas_paper_s_qp_recovers_what_ankles_do_not(direction, delta_v):
     """Oracle: column step of lipm_limit.csv [m/s], and icp_only."""
     assert recovers(walk("step", 8, by_qp=True), direction, delta_v)
     assert not survives("icp_only", direction, delta_v)
+
+
+@pytest.mark.parametrize(
+    "delta_v, names",
+    [
+        (0.15, set(ATLAS_MECHANISMS)),
+        (0.45, set(ATLAS_MECHANISMS) - {"feedback"}),
+        (0.9, {"feedback_step_timing"}),
+    ],
+)
+def test_step_and_timing_together_recover_most(delta_v, names):
+    """Oracle: the order of the Atlas paper's Fig. 6, pushed outward."""
+    found = set()
+    for name in ATLAS_MECHANISMS:
+        scenario = pushed(name, 270.0, delta_v, num_steps=4)
+        scenario.controller.icp_step_qp = IcpStepQpParams()
+        if recovers(scenario):
+            found.add(name)
+    assert found == names
 
 
 def commanded_steps(num_steps: int):

@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
 from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp, reference_of
 from nadia_balance.core.walking import Phase, WalkingState
@@ -62,6 +66,22 @@ def test_outputs_are_those_of_the_core(planner):
         view = IcpReference(reference(planner, context))
         for name in "icp", "icp_velocity", "cop", "ecmp":
             assert np.array_equal(getattr(view, name), getattr(now, name))
+
+
+def test_plans_as_the_atlas_paper_does():
+    """Oracle: plan_atlas_icp() and reference_of(); no port, if not wanted."""
+    params = AtlasIcpPlanParams()
+    planner = IcpPlanner(params, MODEL, PERIOD)
+    for state in states():
+        context = asked(planner, walking_state=state)
+        expected = plan_atlas_icp(state.schedule, params, MODEL)
+        found, now = plan(planner, context), reference_of(expected, state)
+        np.testing.assert_array_equal(found.coefficients, expected.coefficients)
+        np.testing.assert_array_equal(found.moves, expected.moves)
+        view = IcpReference(reference(planner, context))
+        assert np.array_equal(view.icp, now.icp)
+    alone = IcpPlanner(params, MODEL, PERIOD, has_reference=False)
+    assert not alone.HasOutputPort("icp_reference")
 
 
 def test_plans_a_schedule_once_whatever_the_clock_says(planner, planned):
