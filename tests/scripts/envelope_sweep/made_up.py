@@ -141,6 +141,7 @@ WEAKER = 0.04  # is every second replica [m/s]
 def made_up_sweep(**changes) -> Sweep:
     """Six cells, coarsely."""
     fields = {
+        "scenarios": {"push": load_scenario("push")},
         "directions": (0.0, 90.0, 210.0),
         "mechanisms": ("icp_only", "step"),
         "search": SearchParams(
@@ -149,7 +150,6 @@ def made_up_sweep(**changes) -> Sweep:
         "plant": "lipm",
     }
     return Sweep(
-        scenarios={"push": load_scenario("push")},
         **{**fields, **changes},
     )
 

@@ -6,6 +6,7 @@ from concurrent.futures import BrokenExecutor, CancelledError
 
 import pytest
 
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts.envelope_sweep.run import (
     agenda_of,
@@ -57,6 +58,22 @@ def results(rows, cell, search):
         for row in rows
         if cell_of(row) == cell
     }
+
+
+def test_rows_name_the_gait_that_was_walked(open_file):
+    """Oracle: the durations of the scenarios that the workers got."""
+    gaits = {
+        name: load_scenario("push", text=f"duration: {duration}")
+        for name, duration in (("long", 14.0), ("short", 13.0))
+    }
+    sweep, walked = made_up_sweep(scenarios=gaits), []
+    file = open_file(sweep)
+    _, done = run(sweep, file, spoil=lambda s: walked.append(s.duration))
+    assert done
+    named = [gaits[row["scenario"]].duration for row in file.rows()]
+    assert sorted(named) == sorted(walked)
+    assert set(named) == {13.0, 14.0}
+    assert run(sweep, open_file(sweep)) == ([], True)
 
 
 def test_finds_the_limit_of_every_cell(open_file):
