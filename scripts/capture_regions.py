@@ -2,8 +2,9 @@
 
 Figures of the Nadia paper, each made by the functions that the controller uses:
 3 the ICP feedback, 4 the capture regions, 6 how they grow, 8 where a foot can
-be put, 9 the rules that choose among it; and of the Atlas paper: atlas_4 how
-far the plan is advanced, atlas_5 which errors this is good for.
+be put, 9 the rules that choose among it; and of the Atlas paper: atlas_2 the
+plan with its CMPs in heel and toe, atlas_3 what fast steps make of it, atlas_4
+how far it is advanced, atlas_5 which errors this is good for.
 
 Examples:
     python scripts/capture_regions.py
@@ -17,7 +18,7 @@ from pathlib import Path
 import matplotlib as mpl
 
 from nadia_balance.results.folder import prepare_folder
-from nadia_balance.results.plots import capture_regions, speed_up
+from nadia_balance.results.plots import atlas_figures, capture_regions
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.command_line import CommandLine
 
@@ -27,8 +28,10 @@ FIGURES = {
     "6": capture_regions.draw_growth,
     "8": capture_regions.draw_reach,
     "9": capture_regions.draw_rules,
-    "atlas_4": speed_up.draw_projection,
-    "atlas_5": speed_up.draw_speed_up,
+    "atlas_2": atlas_figures.draw_plans,
+    "atlas_3": atlas_figures.draw_speeds,
+    "atlas_4": atlas_figures.draw_projection,
+    "atlas_5": atlas_figures.draw_speed_up,
 }
 
 
