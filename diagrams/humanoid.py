@@ -20,6 +20,7 @@ from nadia_balance.results.scene import add_robot_view
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
@@ -71,7 +72,7 @@ class HumanoidDiagram(Diagram):
         self.scenario = scenario
         params = scenario.controller
         period = params.control_period
-        self.robot = load_robot(scenario.robot)
+        self.robot = load_robot(scenario.robot, scenario.fidelity)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self.plant, self.scene_graph = self.robot.add_plant_to(
@@ -121,7 +122,15 @@ class HumanoidDiagram(Diagram):
         connect(builder, plant, self.sensor, "contact_results")
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
-        connect(builder, controller, plant, "actuation")
+        if self.robot.drives is None:
+            connect(builder, controller, plant, "actuation")
+        else:
+            drives = builder.AddNamedSystem(
+                "joint_drives", JointDrives(plant, self.robot)
+            )
+            connect(builder, controller, drives, "actuation")
+            connect(builder, plant, drives, "state")
+            connect(builder, drives, plant, torques="actuation")
         connect(
             builder, self.push, plant, spatial_forces="applied_spatial_force"
         )
@@ -191,7 +200,7 @@ class HumanoidDiagram(Diagram):
         logs["sole"] = self.robot.sole
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
-        logs["joint_speed_limit"] = np.array(self.robot.params.max_joint_speed)
+        logs["joint_speed_limit"] = np.array(20.0)
         logs |= region_logs(self.robot.point_mass.reach)
         return logs
 

@@ -47,7 +47,9 @@ MODELS = next(
 class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it."""
 
-    def __init__(self, params: RobotParams, urdf: Path):
+    def __init__(
+        self, params: RobotParams, urdf: Path, fidelity: str = "realistic"
+    ):
         """Checks that `urdf` has all that the `params` name.
 
         Raises:
@@ -57,6 +59,7 @@ class RobotModel:
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
         self.whole_body = params.whole_body
+        self.drives = params.drives if fidelity == "realistic" else None
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         feet = params.left_foot_body, params.right_foot_body
@@ -81,6 +84,14 @@ class RobotModel:
         """Of the whole robot [kg]."""
         plant = self.control_plant()
         return plant.CalcTotalMass(plant.CreateDefaultContext())
+
+    @cached_property
+    def max_joint_speeds(self) -> np.ndarray:
+        """Of the joints, in the order of velocities (nj,) [rad/s]."""
+        speeds = self.control_plant().GetVelocityUpperLimits()[6:]
+        return np.where(
+            np.isfinite(speeds), speeds, self.params.max_joint_speed
+        )
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -208,7 +219,7 @@ def robot_names() -> list[str]:
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
-def load_robot(name: str) -> RobotModel:
+def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:
@@ -234,7 +245,7 @@ def load_robot(name: str) -> RobotModel:
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    return RobotModel(params, urdf)
+    return RobotModel(params, urdf, fidelity)
 
 
 def default_plant_config() -> MultibodyPlantConfig:

@@ -1,8 +1,10 @@
 """The fields of robot.yaml: what the controller needs to know of a robot."""
 
+import math
 from dataclasses import dataclass, field
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.model import LegGeometry
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_detour import SwingDetourParams
@@ -45,8 +47,11 @@ class RobotParams:
     legs: LegGeometry = field(default_factory=LegGeometry)
     reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
     swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
-    # Runs are checked against it [rad/s].
-    max_joint_speed: float = bounded(20.0, above=0.0, unit="rad/s")
+    # Of a joint whose <limit> in the URDF has none.
+    max_joint_speed: float = bounded(
+        math.inf, above=0.0, finite=False, unit="rad/s"
+    )
+    drives: JointDriveParams = field(default_factory=JointDriveParams)
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     def validate_more(self) -> None:

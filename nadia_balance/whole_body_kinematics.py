@@ -162,6 +162,8 @@ def whole_body_model(
         position_upper=upper,
         max_torque=effort,
         is_leg_joint=_is_leg_joint(robot, plant),
+        max_speed=robot.max_joint_speeds,
+        drives=robot.drives,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.qp import SOLVERS
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
@@ -86,6 +87,7 @@ class WholeBodyQpParams:
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead joint limits are kept, and with which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
+    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Of the actuators' limits.
     max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
@@ -119,6 +121,8 @@ class WholeBodyModel:
     position_upper: Array
     max_torque: Array
     is_leg_joint: NDArray[np.bool_]
+    max_speed: Array
+    drives: JointDriveParams | None = None  # none: torques know no limit more
 
     @property
     def num_joints(self) -> int:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.joint_drives import torque_limits
 from nadia_balance.core.qp import DenseQp, Mask, QpProblem, QpResult
 from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import (
@@ -71,13 +72,16 @@ class WholeBodyLimits:
     sole.
     """
 
-    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
+    ):
         """The limits of `model`, as tightened by `params`.
 
         Raises:
             ValueError: the margin leaves nothing of the sole.
         """
         self._params, self._mass = params, model.mass
+        self._period = period
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._joints = np.eye(n)
@@ -101,6 +105,7 @@ class WholeBodyLimits:
             params.max_effort_ratio / model.mass * model.max_torque * _SIGNS
         )
         self._positions = np.stack((model.position_lower, model.position_upper))
+        self._max_speed, self._drives = model.max_speed, model.drives
 
     def num_rows(self, num_soles: int) -> int:
         """Returns how many rows there are if so many soles carry."""
@@ -116,7 +121,11 @@ class WholeBodyLimits:
         return marks
 
     def bounds(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand, C: Array
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        C: Array,
+        last_torques: Array | None = None,
     ) -> tuple[Array, Array]:
         """Returns lower and upper (m,), and completes the rows `C` (m, n).
 
@@ -124,7 +133,8 @@ class WholeBodyLimits:
         are zero.
         """
         bounds = np.empty((2, len(C)))
-        bounds[:, self.torque_rows] = self._torques - terms.forces[6:, -1]
+        torques = self._torque_bounds(terms, last_torques)
+        bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
         bounds[:, self._joint_rows] = self._braking(terms)
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
@@ -139,8 +149,37 @@ class WholeBodyLimits:
                 row, column = rows.stop, column + 6
         return bounds[0], bounds[1]
 
-    def stop_braking(self, lower: Array, upper: Array) -> None:
-        """Widens `lower` and `upper` (m,) in place: no joint brakes early."""
+    def _torque_bounds(
+        self, terms: WholeBodyTerms, last: Array | None
+    ) -> Array:
+        """Least and largest torques per mass (2, nj), from the `last` [N m]."""
+        drives = self._drives
+        if drives is None:
+            return self._torques
+        bounds = torque_limits(
+            terms.v[6:], self._torques[1], self._max_speed, drives.corner_speed
+        )
+        if last is None:
+            return bounds
+        step = drives.max_torque_rate * self._period * self._torques
+        # What was there already may stay, but for the drives' limits.
+        near = np.minimum(np.maximum(last / self._mass, bounds[0]), bounds[1])
+        return np.stack(
+            (
+                np.maximum(bounds[0], near + step[0]),
+                np.minimum(bounds[1], near + step[1]),
+            )
+        )
+
+    def stop_braking(
+        self, terms: WholeBodyTerms, lower: Array, upper: Array
+    ) -> None:
+        """Widens `lower` and `upper` (m,) in place.
+
+        No joint brakes early, and torques change as fast as need be.
+        """
+        torques = self._torque_bounds(terms, None) - terms.forces[6:, -1]
+        lower[self.torque_rows], upper[self.torque_rows] = torques
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
 
@@ -161,6 +200,11 @@ class WholeBodyLimits:
         )
         ahead = terms.positions + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
+        if self._drives is not None:
+            room = self._max_speed * _SIGNS - terms.v[6:]
+            room /= self._params.speed_limit_horizon
+            bounds[0] = np.maximum(bounds[0], room[0])
+            bounds[1] = np.minimum(bounds[1], room[1])
         return np.asarray(np.minimum(np.maximum(bounds, -most), most))
 
 
@@ -204,11 +248,16 @@ class WholeBodyQp:
     Robots 40 (2016), with weights for the hierarchy.
     """
 
-    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """Builds the program for robots that are this `model`."""
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
+    ):
+        """Builds the program for robots that are this `model`.
+
+        It is solved every `period` [s].
+        """
         self._params, self._model = params, model
         self._tasks = WholeBodyTasks(params, model)
-        self._limits = WholeBodyLimits(params, model)
+        self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         self._qps = {
             n: DenseQp(
@@ -242,6 +291,7 @@ class WholeBodyQp:
         terms: WholeBodyTerms,
         command: WholeBodyCommand,
         active_guess: Mask | None = None,
+        last_torques: Array | None = None,
     ) -> WholeBodySolution:
         """Solves the QP; `active_guess` is `qp.active` of the last tick.
 
@@ -249,14 +299,15 @@ class WholeBodyQp:
             ValueError: NaN or infinity in `terms` or `command`.
         """
         contacts = command.contacts
-        problem, rows = self.problem(terms, command), self._rows_of[contacts]
+        rows = self._rows_of[contacts]
+        problem = self.problem(terms, command, last_torques)
         guess = None if active_guess is None else active_guess[rows]
         solver = self._qps[sum(contacts)]
         qp = solver.solve(problem, guess)
         if not qp.solved:
             # At the touchdown of a long step, soles, torques and friction may
             # leave no room for braking, which is no law of physics.
-            self._limits.stop_braking(problem.lower, problem.upper)
+            self._limits.stop_braking(terms, problem.lower, problem.upper)
             again = solver.solve(problem, guess)
             solves = qp.iterations + again.iterations
             qp = again._replace(iterations=solves, fallback=qp.fallback)
@@ -272,7 +323,10 @@ class WholeBodyQp:
         )
 
     def problem(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        last_torques: Array | None = None,
     ) -> QpProblem:
         """Returns the QP as plain matrices."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
@@ -287,7 +341,7 @@ class WholeBodyQp:
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms)
         b = np.concatenate((b[soles], b[BASE]))
-        lower, upper = self._limits.bounds(terms, command, C)
+        lower, upper = self._limits.bounds(terms, command, C, last_torques)
         return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
 
     def _rest(self, terms: WholeBodyTerms) -> Array:

@@ -60,7 +60,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         plant = robot.control_plant()
         model = whole_body_model(robot, plant, params.joint_lower_limits)
         self._params, self._model = params, model
-        self._qp = WholeBodyQp(params, model)
+        self._qp = WholeBodyQp(params, model, period)
         self._joint_of_actuator = np.array(
             [
                 plant.get_joint_actuator(i).joint().velocity_start() - 6
@@ -96,11 +96,17 @@ class WholeBodyInverseDynamics(LeafSystem):
             self._model,
         )
         guess = last["active"].astype(np.int8)
-        found = self._qp.solve(self._terms(context), command, guess)
+        status = QpStatus(last["whole_body_qp_status"])
+        torques = None
+        if status.solved:
+            torques = np.empty(len(self._joint_of_actuator))
+            torques[self._joint_of_actuator] = last["actuation"]
+        found = self._qp.solve(self._terms(context), command, guess, torques)
         if found.qp.solved:
             actuation = found.torques[self._joint_of_actuator]
             wrenches = found.wrenches
         else:
             actuation, wrenches = last["actuation"], last["foot_wrenches"]
-        status = QpStatus(last["whole_body_qp_status"]).after(found.qp)
-        return np.concatenate((actuation, wrenches, status, found.qp.active))
+        return np.concatenate(
+            (actuation, wrenches, status.after(found.qp), found.qp.active)
+        )
