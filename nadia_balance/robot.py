@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import CollisionFilterDeclaration, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
     ComPositionConstraint,
@@ -15,13 +15,14 @@ from pydrake.multibody.inverse_kinematics import (
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
     ContactResults,
     MultibodyPlant,
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 import nadia_balance
 from nadia_balance.core.bounds import check
@@ -133,8 +134,33 @@ class RobotModel:
         self.add_to(plant)
         add_ground(plant)
         plant.Finalize()
+        if self.drives is None:
+            self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
         return plant, scene_graph
+
+    def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+        """Of the robot's own links, only one leg touches the other."""
+        joints = map(plant.get_joint, plant.GetJointIndices())
+        parent = {j.child_body().name(): j.parent_body().name() for j in joints}
+        legs = set()
+        for link in self.foot_bodies.values():
+            while link != self.pelvis_body:
+                legs.add(link)
+                link = parent[link]
+        pelvis = plant.GetBodyByName(self.pelvis_body)
+        own = plant.GetBodyIndices(pelvis.model_instance())
+        others, moving = [], []
+        for body in map(plant.get_body, own):
+            (moving if body.name() in legs else others).append(body)
+        others, moving = map(
+            plant.CollectRegisteredGeometries, (others, moving)
+        )
+        scene_graph.collision_filter_manager().Apply(
+            CollisionFilterDeclaration()
+            .ExcludeWithin(others)
+            .ExcludeBetween(others, moving)
+        )
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
@@ -143,6 +169,15 @@ class RobotModel:
         with self._naming_the_urdf():
             plant.Finalize()
         return plant
+
+    def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+        """A plant of the robot alone, with its shapes, and what holds both."""
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+        self.add_to(plant)
+        with self._naming_the_urdf():
+            plant.Finalize()
+        return builder.Build(), plant, scene_graph
 
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: ContactResults

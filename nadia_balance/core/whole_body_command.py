@@ -20,6 +20,8 @@ BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
+MAX_PAIRS = 4  # of links that are kept apart at the same time
+_NO_ROWS = np.empty((0, 0))
 
 
 @dataclass(kw_only=True)
@@ -87,6 +89,12 @@ class WholeBodyQpParams:
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead joint limits are kept, and with which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
+    # Links that are nearer than `link_attention` are kept `link_clearance`
+    # apart: a distance d gets no smaller than one with the dynamics of
+    # (d/dt + link_rate)^2 (d - link_clearance) = 0.
+    link_attention: float = bounded(0.08, above=0.0, unit="m")
+    link_clearance: float = bounded(0.02, least=0.0, unit="m")
+    link_rate: float = bounded(25.0, above=0.0, unit="1/s")
     speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Of the actuators' limits.
@@ -153,6 +161,8 @@ class WholeBodyTerms(NamedTuple):
     positions: Array
     v: Array
     com_state: Array
+    distances: Array = _NO_ROWS[0:0, 0:0].ravel()
+    distance_rows: Array = _NO_ROWS
 
     @property
     def forces(self) -> Array:

@@ -13,6 +13,7 @@ from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import (
     BASE,
     LEFT_SOLE,
+    MAX_PAIRS,
     RIGHT_SOLE,
     WholeBodyCommand,
     WholeBodyModel,
@@ -84,6 +85,9 @@ class WholeBodyLimits:
         self._period = period
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
+        # Of pairs of links that are kept apart.
+        pairs = MAX_PAIRS if model.drives is not None else 0
+        self._apart = slice(2 * n, 2 * n + pairs)
         self._joints = np.eye(n)
         margin = 2.0 * params.sole_margin
         sides = model.sole_length - margin, model.sole_width - margin
@@ -109,13 +113,13 @@ class WholeBodyLimits:
 
     def num_rows(self, num_soles: int) -> int:
         """Returns how many rows there are if so many soles carry."""
-        return self._joint_rows.stop + num_soles * _FOOT_ROWS
+        return self._apart.stop + num_soles * _FOOT_ROWS
 
     def rows_of(self, contacts: tuple[bool, bool]) -> NDArray[np.bool_]:
         """Marks those of all rows that there are with these `contacts`."""
         marks = np.ones(self.num_rows(2), dtype=bool)
         for carries, rows in zip(
-            contacts, marks[self._joint_rows.stop :].reshape(2, -1), strict=True
+            contacts, marks[self._apart.stop :].reshape(2, -1), strict=True
         ):
             rows[:] = carries
         return marks
@@ -136,9 +140,20 @@ class WholeBodyLimits:
         torques = self._torque_bounds(terms, last_torques)
         bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
         bounds[:, self._joint_rows] = self._braking(terms)
+        bounds[0, self._apart], bounds[1, self._apart] = -np.inf, np.inf
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
-        row, column = self._joint_rows.stop, nv
+        if len(terms.distances):
+            rate = self._params.link_rate
+            rows = slice(
+                self._apart.start, self._apart.start + len(terms.distances)
+            )
+            C[rows, :nv] = terms.distance_rows
+            bounds[0, rows] = -rate * (
+                2.0 * (terms.distance_rows @ terms.v)
+                + rate * (terms.distances - self._params.link_clearance)
+            )
+        row, column = self._apart.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:
                 rows = slice(row, row + _FOOT_ROWS)
@@ -180,6 +195,7 @@ class WholeBodyLimits:
         """
         torques = self._torque_bounds(terms, None) - terms.forces[6:, -1]
         lower[self.torque_rows], upper[self.torque_rows] = torques
+        lower[self._apart] = -np.inf
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
 
