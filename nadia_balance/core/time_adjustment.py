@@ -152,7 +152,7 @@ def least_remaining_time(
         t = least + i / _TIMES_TRIED * more
         growth = math.exp(model.omega * t)
         way = math.hypot(x + growth * error[0], y + growth * error[1])
-        if way <= 0.25 * model.detour.max_acceleration * t * t:
+        if model.detour.time_from_rest(way) <= t:
             return t
     return least
 
@@ -164,7 +164,7 @@ def _time_to_foothold(
     side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
     stance = state.schedule.feet[side]
     way = way_round(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
-    return shortest_time(way, detour)
+    return shortest_time(way, detour) + detour.settling
 
 
 def time_to_return(

@@ -85,6 +85,9 @@ class WholeBodyQpParams:
     # force that is allowed at its end.
     unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
     unloaded_force: float = bounded(50.0, least=0.0, unit="N")
+    # A foot that has landed takes the weight within this: it may bounce, and
+    # a leg that pushes meanwhile slams it down.
+    loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead joint limits are kept, and with which acceleration.
@@ -274,12 +277,21 @@ def max_normal_force(
     params: WholeBodyQpParams,
     model: WholeBodyModel,
 ) -> float:
-    """Upper bound [N] of a sole's force: the trailing foot unloads.
+    """Upper bound [N] of a sole's force: weight goes from foot to foot.
 
-    The bound falls linearly from the weight in the last part of a transfer
-    to a step.  A transfer that waits for the ICP needs both feet.
+    The bound of a foot that has landed rises linearly to the weight.  That of
+    the trailing foot falls linearly from the weight in the last part of a
+    transfer to a step.  A transfer that waits for the ICP needs both feet.
     """
-    schedule = state.schedule
+    schedule, weight = state.schedule, model.mass * GRAVITY
+    if (
+        schedule.phase is Phase.TRANSFER
+        and side is schedule.support_side
+        and state.steps_taken > 0
+        and state.elapsed < params.loading_time
+    ):
+        done = state.elapsed / params.loading_time
+        return done * weight + (1.0 - done) * params.unloaded_force
     unloads = (
         schedule.phase is Phase.TRANSFER
         and side is not schedule.support_side
@@ -290,4 +302,4 @@ def max_normal_force(
     if not unloads or state.remaining_time >= part:
         return math.inf
     left = state.remaining_time / part
-    return left * (model.mass * GRAVITY) + (1.0 - left) * params.unloaded_force
+    return left * weight + (1.0 - left) * params.unloaded_force
