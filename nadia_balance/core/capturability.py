@@ -131,15 +131,10 @@ def planned_offsets(
     is not left out.
     """
     contractions = step_contractions(steps, params, model.omega)
-    scale, centres = 1.0, [np.zeros(2)]
-    ways = itertools.pairwise(step.pose.p_WF[:2] for step in steps)
-    for (start, end), contraction in zip(ways, contractions, strict=False):
-        scale *= contraction
-        centres.append(centres[-1] + scale * (end - start))
-    nowhere = [np.zeros((1, 2))] * len(contractions)
+    holds = [step.pose.p_WF[None, :2] for step in steps[: params.num_steps]]
+    ways = [end - start for start, end in itertools.pairwise(holds)]
     feet = later_feet(steps, params, model.sole)
-    around = later_steps(nowhere, contractions, feet)
-    return tuple(a + c for a, c in zip(around, centres, strict=True))
+    return tuple(later_steps(ways, contractions, feet, planned=True))
 
 
 def lift_off_time(

@@ -35,6 +35,9 @@ def convex_hull(points: Array) -> Array:
     """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
 
     One vertex if all points coincide, two if they are on one line.
+
+    Raises:
+        ValueError: NaN or infinity.
     """
     return as_array(hull([(x, y) for x, y in points.tolist()]))
 
@@ -42,6 +45,8 @@ def convex_hull(points: Array) -> Array:
 def hull(points: Iterable[Point]) -> list[Point]:
     """As `convex_hull`, for few points.  Andrew's monotone chain."""
     ordered = sorted(set(points))
+    if not math.isfinite(sum(itertools.chain.from_iterable(ordered))):
+        raise ValueError(f"points = {ordered}: must be finite")
     if len(ordered) < 3:
         return ordered
     lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))

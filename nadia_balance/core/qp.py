@@ -24,10 +24,13 @@ Indices = NDArray[np.intp]
 SOLVERS = ("active_set", "clarabel")
 
 _MAX_ROUNDS = 6  # of the active set: what takes more of them mostly cycles
-_PRIMAL_TOLERANCE = 1e-8  # times the norm of the equality bounds, plus 1
-_DUAL_TOLERANCE = 1e-9  # times the norm of the cost's gradient, plus 1
+# Of rows of length 1: times the norm of the equality bounds, plus 1, plus the
+# row's own value; times the norm of the cost's gradient, plus 1.
+_PRIMAL_TOLERANCE, _DUAL_TOLERANCE = 1e-8, 1e-9
 # Drake's default, 1e-12, takes rounding for contradiction.
 _FEASIBILITY_TOLERANCE = 1e-7
+# A hundredth of Clarabel's default: slack and multiplier are told apart.
+_GAP_TOLERANCE = 1e-10
 
 
 class QpProblem(NamedTuple):
@@ -41,9 +44,8 @@ class QpProblem(NamedTuple):
     lower: Array
     upper: Array
 
-    def excess(self, x: Array) -> Array:
-        """How far C x is outside its bounds, negative inside, shape (m,)."""
-        value = self.C @ x
+    def excess(self, value: Array) -> Array:
+        """How far `value` (m,) = C x is outside its bounds, negative inside."""
         return np.asarray(np.maximum(self.lower - value, value - self.upper))
 
     def violation(self, x: Array, excess: Array) -> float:
@@ -53,9 +55,25 @@ class QpProblem(NamedTuple):
             residual = np.abs(self.A_eq @ x - self.b_eq)
             violations = np.concatenate((residual, excess))
         if not violations.size:
-            return 0.0
+            return 0.0 * float(x.sum())
         # numpy's max() takes five times as long; all three hand on a NaN.
         return max(float(violations[violations.argmax()]), 0.0)
+
+    def scaled(self) -> "QpProblem":
+        """The same problem, all rows about as long as 1 (0.5 to 1).
+
+        Else tolerances would not mean the same for all.  By powers of two,
+        because these round nothing.
+
+        Raises:
+            ValueError: NaN or infinity, but for the bounds.
+        """
+        H, g, A, b, C, lower, upper = self
+        if not math.isfinite(sum(np.vdot(m, m) for m in (H, g, A, b, C))):
+            self.require_finite()
+        s, t = _scales(A), _scales(C)
+        rows, limits = t[:, None] * C, (t * lower, t * upper)
+        return QpProblem(H, g, s[:, None] * A, s * b, rows, *limits)
 
     def bounds(self, rows: Indices, active: Mask) -> Array:
         """The bounds at which `rows` (k,) of the inequalities are active."""
@@ -67,9 +85,17 @@ class QpProblem(NamedTuple):
         for name in ("H", "g", "A_eq", "b_eq", "C"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} of the QP: must be finite")
-        for name in ("lower", "upper"):
-            if np.isnan(getattr(self, name)).any():
-                raise ValueError(f"{name} bound of the QP: must not be NaN")
+        if not (self.lower < math.inf).all():
+            raise ValueError("lower bound of the QP: must be < inf, not NaN")
+        if not (self.upper > -math.inf).all():
+            raise ValueError("upper bound of the QP: must be > -inf, not NaN")
+
+
+def _scales(rows: Array) -> Array:
+    if not len(rows):
+        return np.ones(0)
+    lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    return np.asarray(np.ldexp(1.0, -np.frexp(lengths)[1]))
 
 
 class QpResult(NamedTuple):
@@ -86,8 +112,8 @@ class QpResult(NamedTuple):
     solved: bool
     active: Mask
     iterations: int
-    fallback: bool
-    violation: float
+    fallback: bool = False
+    violation: float = math.nan
 
 
 class EqualityQp:
@@ -160,6 +186,9 @@ class FullQp:
         self._limits = self._program.AddLinearConstraint(
             rows, rows[:, 0], rows[:, 0], x
         )
+        self._options = SolverOptions()
+        for name in ("tol_gap_abs", "tol_gap_rel"):
+            self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
 
     def solve(self, problem: QpProblem) -> QpResult:
         """Returns what Clarabel finds, to its accuracy.
@@ -171,7 +200,7 @@ class FullQp:
         self._limits.evaluator().UpdateCoefficients(
             problem.C, problem.lower, problem.upper
         )
-        result = ClarabelSolver().Solve(self._program)
+        result = ClarabelSolver().Solve(self._program, None, self._options)
         active = np.zeros(problem.lower.size, dtype=np.int8)
         x = np.full(problem.g.size, np.nan)
         if result.is_success():
@@ -180,8 +209,7 @@ class FullQp:
             multipliers = result.GetDualSolution(self._limits)
             active[multipliers > value - problem.lower] = -1
             active[-multipliers > problem.upper - value] = 1
-        violation = problem.violation(x, problem.excess(x))
-        return QpResult(x, result.is_success(), active, 1, False, violation)
+        return QpResult(x, result.is_success(), active, 1)
 
 
 def _program(num_variables: int) -> tuple[Any, Any, Any]:
@@ -206,7 +234,7 @@ def solve_active_set(
     have the right signs and no other row is violated (Nocedal and Wright,
     Numerical Optimization, Theorem 16.4).  Each round drops all rows of the
     wrong sign and adds all violated ones; one or two are mostly enough, but
-    they could cycle.
+    they could cycle.  `problem` is `scaled`; the result lacks `violation`.
 
     Raises:
         ValueError: NaN or infinity in the problem.
@@ -216,21 +244,21 @@ def solve_active_set(
     dual_limit = _DUAL_TOLERANCE * _size(problem.g)
     for solves in range(1, _MAX_ROUNDS + 1):
         x, multipliers = qp.solve(problem, active)
-        excess = problem.excess(x)
+        value = problem.C @ x
+        excess = problem.excess(value) - _PRIMAL_TOLERANCE * np.abs(value)
         violation = problem.violation(x, excess)
         wrong = active * multipliers > dual_limit
         wrong &= problem.lower != problem.upper
         if violation <= primal_limit and not wrong.any():
-            return QpResult(x, True, active, solves, False, violation)
+            return QpResult(x, True, active, solves)
         problem.require_finite()
         if math.isnan(violation):  # the active rows contradict each other
             break
         violated = (excess > primal_limit) & (active == 0)
-        nearest = np.where(problem.C @ x < problem.lower, -1, 1)
+        nearest = np.where(value < problem.lower, -1, 1)
         active = np.where(violated, nearest, active).astype(np.int8)
         active[wrong] = 0
-    nowhere = np.full(problem.g.size, np.nan)
-    return QpResult(nowhere, False, active, solves, False, math.nan)
+    return QpResult(np.full(problem.g.size, np.nan), False, active, solves)
 
 
 def _existing(problem: QpProblem, guess: Mask) -> Mask:
@@ -283,15 +311,21 @@ class DenseQp:
         """Solves the QP; `active_guess` (m,) is `active` of a similar one.
 
         Raises:
-            ValueError: NaN in the problem, or infinity outside the bounds.
+            ValueError: NaN in the problem, or infinity outside the bounds, or
+                an infinite bound that nothing can meet.
         """
+        scaled = problem.scaled()
         if self._solver == "clarabel":
-            problem.require_finite()
-            return self._full_qp.solve(problem)
-        if active_guess is None:
-            active_guess = np.zeros(self._num_inequalities, dtype=np.int8)
-        found = solve_active_set(self._equality_qp, problem, active_guess)
-        return found if found.solved else self._fall_back(problem, found)
+            scaled.require_finite()
+            found = self._full_qp.solve(scaled)
+        else:
+            if active_guess is None:
+                active_guess = np.zeros(self._num_inequalities, dtype=np.int8)
+            found = solve_active_set(self._equality_qp, scaled, active_guess)
+            if not found.solved:
+                found = self._fall_back(scaled, found)
+        excess = problem.excess(problem.C @ found.x)
+        return found._replace(violation=problem.violation(found.x, excess))
 
     def _fall_back(self, problem: QpProblem, failed: QpResult) -> QpResult:
         """Clarabel's answer, made exact if its active rows allow it."""

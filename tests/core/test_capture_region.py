@@ -3,6 +3,7 @@
 To our knowledge nobody has published numeric tests of N-step capture regions.
 """
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -35,6 +36,7 @@ from nadia_balance.core.reachability import (
     base_region,
     circle,
     in_world,
+    step_regions,
     total_region,
 )
 from nadia_balance.core.walking import FootPose, Side, rectangle
@@ -121,38 +123,31 @@ def mirrored_reaches(reach, count):
 
 
 def can_recover(foothold, one_step, reaches, contractions, feet):
-    """True if a linear program finds steps and CoPs that capture the ICP.
+    """True if a linear program finds steps, CoPs and times that capture it.
 
-    Variables: weights of the corners of C_1 (where the ICP is at touchdown),
-    of each foot (where the CoP rests until the next touchdown; in the end,
-    where the ICP stays), and of the stance foot and the corners of each reach.
-    Equations: the ICP map e_n = g_n + e^wT (e_n-1 - g_n) - s_n, offsets from
-    the feet, and the weights' sums.
+    Step k lasts as planned or longer, for ever if the robot stops.  It makes
+    the ICP's offset e, seen from the foot, to e_k = g + e^wT (e - g) - s_k.
+    With w_k = e^-w(T_2 + ... + T_k) <= E_k w_k-1, w_1 = 1, this adds up to
+    e = sum of (w_k-1 - w_k) g_k-1 + w_k s_k, plus w_N g_N.  Variables: the
+    weights of the corners of C_1 (where the ICP is at touchdown), of each foot
+    G_k and of each reach R_k, whose sums are the factors of g_k and s_k.
     """
-    polygons = [one_step]
-    for n, reach in enumerate(reaches):
-        polygons += [feet[n], np.vstack([[0.0, 0.0], reach])]
-    polygons.append(feet[len(reaches)])
-    columns = np.vstack(polygons).T  # (2, variables)
+    polygons = [one_step, *(-f for f in feet), *(-r for r in reaches)]
+    columns = np.vstack(polygons)
     first = np.cumsum([0] + [len(p) for p in polygons])
-
-    def part(k):
-        block = np.zeros_like(columns)
-        block[:, first[k] : first[k + 1]] = columns[:, first[k] : first[k + 1]]
-        return block
-
-    offset, constant = part(0), -np.asarray(foothold)
-    for n, E in enumerate(contractions):
-        cop, step = part(2 * n + 1), part(2 * n + 2)
-        offset = cop + (offset - cop) / E - step
-        constant = constant / E
-    sums = np.zeros((len(polygons), columns.shape[1]))
+    sums = np.zeros((len(polygons), len(columns)))
     for k in range(len(polygons)):
         sums[k, first[k] : first[k + 1]] = 1.0
+    cops, steps = sums[1 : len(feet) + 1], sums[len(feet) + 1 :]
+    # The factors of the CoPs to come and of the steps to come make up w_k-1.
+    left = np.array([cops[k:].sum(axis=0) for k in range(len(feet))])
+    E = np.array(contractions)[:, None]
     found = linprog(
-        np.zeros(columns.shape[1]),
-        A_eq=np.vstack([offset - part(len(polygons) - 1), sums]),
-        b_eq=np.concatenate([-constant, np.ones(len(polygons))]),
+        np.zeros(len(columns)),
+        A_eq=np.vstack([columns.T, sums[0], left[0], left[1:] - steps]),
+        b_eq=np.concatenate([foothold, [1.0, 1.0], np.zeros(len(steps))]),
+        A_ub=steps - E * left[:-1] if len(steps) else None,
+        b_ub=np.zeros(len(steps)) if len(steps) else None,
         method="highs",
         options={"primal_feasibility_tolerance": 1e-10},
     )
@@ -163,33 +158,83 @@ def can_recover(foothold, one_step, reaches, contractions, feet):
 @pytest.mark.parametrize("finite", [False, True])
 @pytest.mark.parametrize("num_steps", [1, 2, 3, 4])
 def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps, finite):
-    """Oracle: a linear program over the steps, for points on both sides.
+    """Oracle: a linear program over the steps and their times.
 
-    At 0.1 % from the boundary, seen from the middle; two of the steps are
-    quicker than the others.
+    For 1000 random points in all, and at 0.1 % from the boundary, seen from
+    the middle; two of the steps are quicker than the others.
     """
     rng = np.random.default_rng(num_steps)
-    reaches = mirrored_reaches(total_region(REACH, True), num_steps - 1)
+    reaches = mirrored_reaches(base_region(REACH), num_steps - 1)
     durations = [0.9, 0.5, 0.45][: num_steps - 1]
     contractions = [math.exp(-OMEGA * T) for T in durations]
     foot = FOOT + [0.0, 0.005]
     feet = [foot * [1.0, (-1.0) ** n] for n in range(num_steps)]
     feet = [convex_hull(f) for f in feet] if finite else ()
     at_rest = [np.zeros((1, 2))] * num_steps
-    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
+    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.32))
     offsets = later_steps(reaches, contractions, feet)
     region = capture_region(one_step, offsets[-1])
     middle = centroid(region)
     far = 10.0 * np.array([[math.cos(a), math.sin(a)] for a in range(25)])
-    edge = [project(point, region) for point in middle + far]
-    edge += list(region[rng.permutation(len(region))[:8]])
-    for point in edge:
-        for scale, expected in (0.999, True), (1.001, False):
-            foothold = middle + scale * (point - middle)
-            assert contains(foothold, region) == expected
-            assert expected == can_recover(
-                foothold, one_step, reaches, contractions, feet or at_rest
-            )
+    edge = np.vstack([[project(p, region) for p in middle + far], region])
+    spread = rng.uniform(region.min(axis=0), region.max(axis=0), (125, 2))
+    for point in np.vstack(
+        [middle + s * (edge - middle) for s in (0.999, 1.001)] + [spread]
+    ):
+        assert contains(point, region) == can_recover(
+            point, one_step, reaches, contractions, feet or at_rest
+        )
+
+
+# CoM at 1 m; steps of T [s], transfer included.
+@pytest.mark.parametrize(
+    ("T", "beyond"), [(1.0, 0.0), (0.5, 8.8e-3), (0.38, 36.0e-3)]
+)
+def test_the_other_foot_s_turn_is_not_left_out(T, beyond):
+    """Oracle: by hand: one step of w_min inward, then one of w_max back.
+
+    If a step could be left out, 1.5, 34.9 and 74.0 mm.
+    """
+    E = math.exp(-math.sqrt(9.81) * T)
+    assert max(E * (0.8 * E - 0.125), 0.0) == pytest.approx(beyond, abs=5e-5)
+    reaches = mirrored_reaches(base_region(REACH), 2)
+    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
+    three = capture_region(one_step, later_steps(reaches, [E, E])[-1])
+    inside = three[:, 1].min() - one_step[:, 1].min()
+    assert -inside == pytest.approx(max(E * (0.8 * E - 0.125), 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("T", "excess"),
+    [(1.0, (1.4, 2.4)), (0.5, (7.3, 30.6)), (0.38, (10.8, 44.3))],
+)
+def test_the_hull_with_cross_over_is_too_generous_by_so_much(T, excess):
+    """Oracle: shapely's union over number and region of each step.
+
+    [mm], for N = 2 and 3, with Nadia's omega.
+    """
+    E = math.exp(-math.sqrt(9.81 / 0.888) * T)
+    parts = [
+        mirrored_reaches(region, 2)
+        for region in step_regions(REACH, True).values()
+    ]
+    hulls = mirrored_reaches(total_region(REACH, True), 2)
+    offsets = later_steps(hulls, [E, E])
+    for n, most in zip((1, 2), excess, strict=True):
+        ours = shapely.Polygon(offsets[n])
+        chosen = []
+        for regions in itertools.product(parts, repeat=n):
+            ends = [np.zeros((1, 2))]  # after 0, 1, 2 steps
+            for k in range(n):
+                step = E ** (k + 1) * regions[k][k]
+                ends.append((ends[-1][:, None] + step).reshape(-1, 2))
+            # Of longer steps, all that is in between.
+            chosen.append(shapely.MultiPoint(np.vstack(ends)).convex_hull)
+        true = shapely.union_all(chosen)
+        assert ours.buffer(1e-9).covers(true)
+        edge = ours.exterior.segmentize(2e-4)
+        gaps = [true.distance(shapely.Point(p)) for p in edge.coords]
+        assert 1e3 * max(gaps) == pytest.approx(most, abs=0.06)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.08])

@@ -71,6 +71,16 @@ def test_the_hull_of_points_on_a_line_has_its_ends(points, expected):
     np.testing.assert_array_equal(convex_hull(np.array(points)), expected)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", range(10))
+def test_no_hull_of_what_is_not_finite(value, place):
+    """Oracle: the message has the value; wherever it is, inside or outside."""
+    points = np.array([[0, 0], [1, 0], [0.4, 0.5], [1, 1], [0, 1]], float)
+    points.flat[place] = value
+    with pytest.raises(ValueError, match=rf"{value}.*: must be finite"):
+        convex_hull(points)
+
+
 @given(
     st.lists(
         st.tuples(st.integers(-3, 3), st.sampled_from([0.0, 0.3, 0.7, 1.0])),

@@ -55,6 +55,22 @@ def test_finds_the_optimum(solver, size):
         assert found.x == pytest.approx(by_daqp(*problem), abs=accuracy)
 
 
+@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("powers", [(-5, -5), (5, 5), (-5, 5)])
+def test_the_units_of_the_rows_do_not_matter(size, powers):
+    """Oracle: quadprog, of the rows as they were before they were scaled."""
+    rng = np.random.default_rng(0)
+    for seed in range(8):
+        problem = random_qp(seed, *size)
+        H, g, A, b, C, lower, upper = problem
+        s = 10.0 ** rng.uniform(*powers, len(b))
+        t = 10.0 ** rng.uniform(*powers, len(C))
+        rows = s[:, None] * A, s * b, t[:, None] * C, t * lower, t * upper
+        found = DenseQp(*size).solve(QpProblem(H, g, *rows))
+        assert found.solved
+        assert found.x == pytest.approx(by_quadprog(*problem), abs=1e-9)
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_says_that_there_is_no_solution(solver):
     """Oracle: two bounds exclude each other."""
@@ -77,9 +93,9 @@ def test_reports_the_largest_violation():
     one, none = np.ones((1, 1)), np.zeros(1)
     problem = QpProblem(one, none, one, none, one, none + 5.0, none + 6.0)
     x = np.array([2.0])
-    assert problem.excess(x) == pytest.approx([3.0])
-    assert problem.violation(x, problem.excess(x)) == 3.0
-    assert problem.violation(x, problem.excess(x) - 2.0) == 2.0
+    assert problem.excess(problem.C @ x) == pytest.approx([3.0])
+    assert problem.violation(x, problem.excess(problem.C @ x)) == 3.0
+    assert problem.violation(x, problem.excess(problem.C @ x) - 2.0) == 2.0
     assert problem.excess(np.array([8.0])) == pytest.approx([2.0])
     nan = np.array([np.nan])
     assert np.isnan(problem.violation(nan, problem.excess(nan)))
@@ -99,14 +115,19 @@ def test_earlier_problems_leave_no_trace():
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_refuses_nan_by_name(solver):
-    """Oracle: the name of the one argument that is not finite."""
+@pytest.mark.parametrize("size", [(4, 2, 10), (4, 2, 0), (4, 0, 0)], ids=str)
+def test_refuses_what_is_not_finite_by_name(solver, size):
+    """Oracle: the name of the one argument; bounds may be open."""
     for index, name in enumerate(NAMES):
-        problem = list(random_qp(0, 4, 1, 10))
-        problem[index] = problem[index].copy()
-        problem[index].flat[-1] = np.nan
-        with pytest.raises(ValueError, match=f"^{name} "):
-            DenseQp(4, 1, 10, solver).solve(QpProblem(*problem))
+        wrong = {"lower": [np.inf], "upper": [-np.inf]}
+        for value in [np.nan, *wrong.get(name, [np.inf, -np.inf])]:
+            problem = list(random_qp(0, *size))
+            for place in range(problem[index].size):
+                problem[index] = problem[index].copy()
+                problem[index].flat[place] = value
+                with pytest.raises(ValueError, match=f"^{name} "):
+                    DenseQp(*size, solver).solve(QpProblem(*problem))
+                problem[index] = random_qp(0, *size)[index]
 
 
 def test_refuses_a_solver_it_does_not_know():

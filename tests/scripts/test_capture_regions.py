@@ -121,7 +121,7 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
         assert len(swept) == 2 * 28
         for n, copies in (2, swept[:28]), (3, swept[28:]):
             region = polygon(of_figure_4, regions.NAMES[n - 1])
-            label = f"C{'₂₃'[n - 2]}: C{'₁₂'[n - 2]} swept by step {n}"
+            label = "C₂: C₁ swept by -D₂" if n == 2 else "C₃: C₁ swept by -D₃"
             assert polygon(ax, label).symmetric_difference(
                 region
             ).area == pytest.approx(0.0, abs=1e-9)

@@ -145,18 +145,16 @@ def draw_by_reachability() -> Figure:
 
 
 def draw_growth() -> Figure:
-    """Fig. 6: C_n is C_n-1 swept by the reversed reach of step n, scaled."""
+    """Fig. 6: C_n is C_1 swept by what later steps make up for, reversed."""
     fig, axes = _plans("Any step of up to 1 m", "Feet side by side: an ellipse")
     for ax, reach in zip(axes, (CIRCLE, base_region(REACH)), strict=True):
-        last = _one_step()
         for n in range(2, len(NAMES) + 1):
-            color = palette.CAPTURE_REGIONS[n - 1]
-            for point in _around(last, 28):
-                swept = point - _increment(reach, n)
-                fill(ax, swept, color, alpha=0.0, linewidth=0.6)
-            last = capture_region(last, _increment(reach, n))
-            label = f"{NAMES[n - 1]}: {NAMES[n - 2]} swept by step {n}"
-            fill(ax, last, color, label, alpha=0.0, linewidth=2.0)
+            color, offsets = palette.CAPTURE_REGIONS[n - 1], _offsets(reach, n)
+            for point in _around(_one_step(), 28):
+                fill(ax, point - offsets, color, alpha=0.0, linewidth=0.6)
+            region = capture_region(_one_step(), offsets)
+            label = f"{NAMES[n - 1]}: {NAMES[0]} swept by -D{NAMES[n - 1][1]}"
+            fill(ax, region, color, label, alpha=0.0, linewidth=2.0)
         fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], NAMES[0])
         _draw_feet(ax)
     _share_legend(fig, axes[0], _WHEN)
@@ -167,11 +165,6 @@ def _offsets(reach: Array, n: int) -> Array:
     """D_n, if the feet reach as far as `reach`, given for a left stance."""
     reaches = [_reach_of_step(reach, k) for k in range(2, n + 1)]
     return later_steps(reaches, [CONTRACTION] * (n - 1))[-1]
-
-
-def _increment(reach: Array, n: int) -> Array:
-    """D_n without D_n-1: the reach of step n, scaled, about its stance foot."""
-    return later_steps([_reach_of_step(reach, n)], [CONTRACTION ** (n - 1)])[-1]
 
 
 def _reach_of_step(reach: Array, n: int) -> Array:
