@@ -32,7 +32,7 @@ class Scenario:
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # The robot as it could be built, or with drives that can do anything.
-    fidelity: str = bounded("realistic", one_of=("realistic", "ideal"))
+    fidelity: str = bounded("ideal", one_of=("realistic", "ideal"))
     duration: float = bounded(10.0, above=0.0, unit="s")
     # 0: the exact start; else it is shifted by up to 10 um.
     seed: int = bounded(0, least=0)

@@ -33,7 +33,7 @@ from nadia_balance.robot_checks import (
     check_urdf,
     improper_contacts,
 )
-from nadia_balance.robot_params import RobotParams
+from nadia_balance.robot_params import RobotParams, idealised
 from nadia_balance.typed_yaml import load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
@@ -48,9 +48,7 @@ MODELS = next(
 class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it."""
 
-    def __init__(
-        self, params: RobotParams, urdf: Path, fidelity: str = "realistic"
-    ):
+    def __init__(self, params: RobotParams, urdf: Path):
         """Checks that `urdf` has all that the `params` name.
 
         Raises:
@@ -60,7 +58,7 @@ class RobotModel:
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
         self.whole_body = params.whole_body
-        self.drives = params.drives if fidelity == "realistic" else None
+        self.drives = params.drives
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         feet = params.left_foot_body, params.right_foot_body
@@ -254,7 +252,7 @@ def robot_names() -> list[str]:
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
-def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
+def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:
@@ -280,7 +278,9 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    return RobotModel(params, urdf, fidelity)
+    if fidelity == "ideal":
+        params = idealised(params)
+    return RobotModel(params, urdf)
 
 
 def default_plant_config() -> MultibodyPlantConfig:

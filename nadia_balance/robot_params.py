@@ -1,7 +1,7 @@
 """The fields of robot.yaml: what the controller needs to know of a robot."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.joint_drives import JointDriveParams
@@ -51,7 +51,8 @@ class RobotParams:
     max_joint_speed: float = bounded(
         math.inf, above=0.0, finite=False, unit="rad/s"
     )
-    drives: JointDriveParams = field(default_factory=JointDriveParams)
+    # Null: drives that can do anything at once.
+    drives: JointDriveParams | None = field(default_factory=JointDriveParams)
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     def validate_more(self) -> None:
@@ -59,3 +60,16 @@ class RobotParams:
         for name in ("name", "urdf"):
             if not getattr(self, name):
                 raise ValueError(f"{name} = '': must not be empty")
+
+
+def idealised(params: RobotParams) -> RobotParams:
+    """The same robot with drives, feet and a ground that bear anything."""
+    inf = math.inf
+    return replace(
+        params,
+        drives=None,
+        swing_detour=replace(
+            params.swing_detour, max_speed=inf, max_descent=inf, settling=0.0
+        ),
+        whole_body=replace(params.whole_body, loading_time=0.0),
+    )

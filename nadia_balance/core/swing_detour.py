@@ -35,9 +35,9 @@ class SwingDetourParams:
     # Horizontally; the rest of the robot reacts to what accelerates the leg.
     max_acceleration: float = bounded(35.0, above=0.0, unit="m/s^2")
     # The mean over a swing.
-    max_speed: float = bounded(3.0, above=0.0, unit="m/s")
+    max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
     # From where it is to the ground, on average.
-    max_descent: float = bounded(0.6, above=0.0, unit="m/s")
+    max_descent: float = bounded(0.6, above=0.0, finite=False, unit="m/s")
     # The foot is over its foothold so long before it lands: it comes down
     # without sliding.
     settling: float = bounded(0.03, least=0.0, most=0.2, unit="s")
