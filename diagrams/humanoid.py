@@ -125,13 +125,14 @@ class HumanoidDiagram(Diagram):
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
+        self._drives = None
         if self.robot.drives is not None:
-            drives = builder.AddNamedSystem(
+            self._drives = builder.AddNamedSystem(
                 "joint_drives", JointDrives(plant, self.robot)
             )
-            connect(builder, controller, drives, "actuation")
-            connect(builder, plant, drives, "state")
-            self._torques = drives.GetOutputPort("torques")
+            connect(builder, controller, self._drives, "actuation")
+            connect(builder, plant, self._drives, "state")
+            self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, plant.get_actuation_input_port())
         connect(
             builder, self.push, plant, spatial_forces="applied_spatial_force"
@@ -175,6 +176,11 @@ class HumanoidDiagram(Diagram):
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
         self.plant.SetPositions(plant_context, q)
+        if self._drives is not None:  # they hold it already
+            own = self._drives.GetMyMutableContextFromRoot(context)
+            own.SetDiscreteState(
+                self._drives.GetInputPort("actuation").Eval(own)
+            )
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
