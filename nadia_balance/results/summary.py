@@ -19,12 +19,13 @@ from nadia_balance.results.log import (
     steps,
     switches,
 )
-from nadia_balance.systems.whole_body_inverse_dynamics import MAX_UNSOLVED
+from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
 ICP_BACK = 0.05  # the ICP error of a robot that has recovered [m]
 SETTLED = 0.5  # for so long at the end it must be below that [s]
 EFFORT_MARGIN = 1e-6  # rounding allowed on top of a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot allowed on top of a joint's speed limit [-]
+ROUNDING = 1e-6  # of times [s]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 
@@ -52,6 +53,7 @@ class RunInfo:
     mechanisms: str
     scenario: str = ""
     plant: str = "humanoid"  # or lipm
+    fidelity: str = "realistic"  # or ideal
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
@@ -76,6 +78,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "scenario": info.scenario,
         "robot": info.robot,
         "plant": info.plant,
+        "fidelity": info.fidelity,
         "mechanisms": info.mechanisms,
         "switched_mechanisms": [
             {"time_s": time, "on": on} for time, on in switches(log)
@@ -174,8 +177,9 @@ def _gave_up(log: Log) -> bool:
     """Whether the whole-body controller had given up in the end."""
     if "whole_body_qp_status" not in log:
         return False
-    last = signal(log, "whole_body_qp_status").solved[-MAX_UNSOLVED - 1 :]
-    return len(last) > MAX_UNSOLVED and not np.any(last > 0.5)
+    t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
+    late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
+    return not np.all(late) and not np.any(solved[late])
 
 
 def durations(log: Log, phase: Phase) -> list[float]:

@@ -21,7 +21,7 @@ from nadia_balance.systems.ports import (
 from nadia_balance.systems.swing_foot_planner import SwingFootReference
 from nadia_balance.whole_body_kinematics import whole_body_model
 
-MAX_UNSOLVED = 25  # so many ticks in a row without a solution, and it gives up
+GIVES_UP_AFTER = 0.05  # without a solution, in one go [s]
 
 
 class WholeBodyInverseDynamics(LeafSystem):
@@ -40,8 +40,8 @@ class WholeBodyInverseDynamics(LeafSystem):
     the outputs, the active rows that warm-start the next one, the ticks
     without a solution until now, and its time.  In a tick in which the QP has
     none, the torques damp the joints, the wrenches are 0, and the failure is
-    counted.  After more than MAX_UNSOLVED such ticks in a row nothing else
-    comes any more, and the QP is not asked.
+    counted.  After GIVES_UP_AFTER of it in one go nothing else comes any more,
+    and the QP is not asked.
 
     Evaluating any output raises RuntimeError if a vector input is not finite.
 
@@ -65,6 +65,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         model = whole_body_model(robot, plant, params.joint_lower_limits)
         self._params, self._model = params, model
         self._qp = WholeBodyQp(params, model, period)
+        self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
         self._momentum_rate = VectorInput(self, "momentum_rate", 3)
@@ -101,7 +102,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         if status.solved or unsolved:  # else there was no tick yet
             torques = np.empty(len(self._joint_of_actuator))
             torques[self._joint_of_actuator] = last["actuation"]
-        if unsolved > MAX_UNSOLVED:
+        if unsolved > self._max_unsolved:
             status = 0.0, 0.0, 0.0, np.nan, status.failures + 1
         else:
             found = self._qp.solve(terms, command, active, torques)

@@ -18,9 +18,12 @@ from pydrake.multibody.plant import ContactResults
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.whole_body_qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.simulation import advance, simulate, start
 from nadia_balance.results.log import signal, switches
+from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS
 from nadia_balance.systems.walking_state_machine import PHASES
@@ -185,6 +188,29 @@ def test_a_hopeless_shove_is_a_fall():
     assert run.fall_reason in ("pelvis too low", "pelvis tilted")
     assert 0.3 < run.fell_at < 3.0
     assert run.logs["t"][-1] <= run.fell_at
+
+
+def test_without_solutions_it_goes_down_softly(monkeypatch):
+    """Oracles: the summary; half of the joints' speed limits.
+
+    No force is at least 1 and at most -1, from 0.6 s on.
+    """
+    diagram = diagram_of(STAND)
+    simulator, bounds = start(diagram), WholeBodyLimits.bounds
+    simulator.AdvanceTo(0.6)
+
+    def impossible(self, terms, wish, C, last):
+        lower, upper = bounds(self, terms, wish, C, last)
+        C[-2] = C[-1]
+        lower[-2:], upper[-2:] = [1.0, -np.inf], [np.inf, -1.0]
+        return lower, upper
+
+    monkeypatch.setattr(WholeBodyLimits, "bounds", impossible)
+    run = advance(simulator, 3.0)
+    found = summarize(run, run_info(diagram.scenario, run))
+    assert found["reason"] == "fell: pelvis too low, the controller gave up"
+    assert found["max_joint_speed_ratio"] < 0.5
+    assert found["max_impact_body_weights"] < 4.0
 
 
 def test_torques_stay_within_their_limits():

@@ -10,7 +10,6 @@ from nadia_balance.core.whole_body_command import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyLimits, WholeBodyQp
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
-    MAX_UNSOLVED,
     WholeBodyInverseDynamics,
 )
 from tests import example_walks
@@ -114,7 +113,7 @@ def test_contexts_do_not_know_of_each_other(system):
         assert np.array_equal(expected, found)
 
 
-@pytest.mark.parametrize("unsolved", [3, MAX_UNSOLVED, MAX_UNSOLVED + 1])
+@pytest.mark.parametrize("unsolved", [3, 25, 26])
 def test_damps_without_a_solution_and_gives_up_in_the_end(
     system, monkeypatch, unsolved
 ):
@@ -139,7 +138,7 @@ def test_damps_without_a_solution_and_gives_up_in_the_end(
         simulator.AdvanceTo((failures + 1) * PERIOD)
     monkeypatch.undo()
     actuation, wrenches, status = outputs(system, context)
-    goes_on = unsolved <= MAX_UNSOLVED
+    goes_on = unsolved <= 25  # 0.05 s
     assert QpStatus(status).solved == wrenches.any() == goes_on
     assert QpStatus(status).failures == unsolved + (not goes_on)
     assert actuation.any() == goes_on
