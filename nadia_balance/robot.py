@@ -30,6 +30,7 @@ from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
+    check_standing,
     check_urdf,
     improper_contacts,
 )
@@ -45,8 +46,16 @@ MODELS = next(
 )
 
 
+# As it could be built, or with drives that give any torque at any speed, feet
+# of any speed, and arms that pass through the legs.
+FIDELITIES = ("realistic", "ideal")
+
+
 class RobotModel:
-    """A humanoid with two flat feet, as robot.yaml and its URDF describe it."""
+    """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
+
+    `drives` are JointDriveParams; None if it is ideal (see `idealised`).
+    """
 
     def __init__(self, params: RobotParams, urdf: Path):
         """Checks that `urdf` has all that the `params` name.
@@ -75,8 +84,11 @@ class RobotModel:
         plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
         plant.RegisterAsSourceForSceneGraph(scene_graph)
         self.add_to(plant)
-        check_plant(self.control_plant(), params)
-        self.standing_positions()
+        plant = self.control_plant()
+        check_plant(plant, params)
+        standing = self.standing_positions()
+        with self._naming_the_urdf():
+            check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
 
     @cached_property
     def mass(self) -> float:
@@ -86,7 +98,7 @@ class RobotModel:
 
     @cached_property
     def max_joint_speeds(self) -> np.ndarray:
-        """Of the joints, in the order of velocities (nj,) [rad/s]."""
+        """Of the joints (nj,) [rad/s], in the order of their velocities."""
         speeds = self.control_plant().GetVelocityUpperLimits()[6:]
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
@@ -256,10 +268,14 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:
-        ValueError: unknown name or field, malformed YAML or URDF, a value out
-            of range; one line that names it.
+        ValueError: unknown name, fidelity or field, malformed YAML or URDF, a
+            value out of range; one line that names it.
         FileNotFoundError: there is no such file.
     """
+    if fidelity not in FIDELITIES:
+        raise ValueError(
+            f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
+        )
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
@@ -281,6 +297,12 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     if fidelity == "ideal":
         params = idealised(params)
     return RobotModel(params, urdf)
+
+
+def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
+    """Where in v of `plant` the joint of each actuator is (nu,)."""
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    return np.array([a.joint().velocity_start() for a in actuators])
 
 
 def default_plant_config() -> MultibodyPlantConfig:

@@ -47,7 +47,7 @@ class RobotParams:
     legs: LegGeometry = field(default_factory=LegGeometry)
     reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
     swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
-    # Of a joint whose <limit> in the URDF has none.
+    # Of joints that have no velocity limit in the URDF.
     max_joint_speed: float = bounded(
         math.inf, above=0.0, finite=False, unit="rad/s"
     )

@@ -85,6 +85,10 @@ def scenario_flags(
         "--scenario_text", help="YAML that overrides single fields"
     )
     group.add_argument("--robot", help="a model's name, or a robot.yaml")
+    group.add_argument(
+        "--fidelity",
+        help="realistic, or ideal: any torque at any speed, at once",
+    )
     group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
@@ -130,7 +134,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     scenario = load_scenario(
         args.scenario_name, args.scenario_file, args.scenario_text
     )
-    for name in ("robot", "mechanisms", "duration", "seed"):
+    for name in ("robot", "fidelity", "mechanisms", "duration", "seed"):
         value = getattr(args, name)
         if value is not None:
             setattr(scenario, name, value)

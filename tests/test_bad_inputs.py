@@ -27,6 +27,7 @@ PORTS = {
             "swing_foot_reference",
             "walking_state",
         ),
+        "joint_drives": ("actuation", "state"),
     },
     LipmDiagram: {
         "walking_state_machine": (

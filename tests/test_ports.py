@@ -55,6 +55,7 @@ FEEDTHROUGH = {
         "icp_plan": {"walking_state"},
         "icp_reference": {"walking_state"},
     },
+    "JointDrives": {"torques": set()},  # one step late
     "LiveControls": {"live_push": set(), "mechanisms": set()},
     "MomentumQp": {
         "ecmp_command": ICP_CONTROL,

@@ -90,7 +90,8 @@ class WholeBodyQpParams:
     loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
-    # How far ahead joint limits are kept, and with which acceleration.
+    # How far ahead position and speed limits of joints are kept, and with
+    # which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
     # Links that are nearer than `link_attention` are kept `link_clearance`
     # apart: a distance d gets no smaller than one with the dynamics of
@@ -100,6 +101,8 @@ class WholeBodyQpParams:
     link_rate: float = bounded(25.0, above=0.0, unit="1/s")
     speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
+    # Of the joints, while the QP has no solution.
+    failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
     # Of the actuators' limits.
     max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = field(
@@ -121,7 +124,8 @@ class WholeBodyModel:
     """Constants of a robot with nj joints, in the plant's order.
 
     `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
-    `max_torque` (nj,) [N m]; `is_leg_joint` (nj,); sole size [m].
+    `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
+    sole size [m].  Without `drives` torques are there at any speed, at once.
     """
 
     mass: float
@@ -131,9 +135,9 @@ class WholeBodyModel:
     position_lower: Array
     position_upper: Array
     max_torque: Array
-    is_leg_joint: NDArray[np.bool_]
     max_speed: Array
-    drives: JointDriveParams | None = None  # none: torques know no limit more
+    is_leg_joint: NDArray[np.bool_]
+    drives: JointDriveParams | None = None
 
     @property
     def num_joints(self) -> int:

@@ -76,13 +76,12 @@ class WholeBodyLimits:
     def __init__(
         self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
     ):
-        """The limits of `model`, as tightened by `params`.
+        """The limits of `model`, as tightened by `params`, every `period` [s].
 
         Raises:
             ValueError: the margin leaves nothing of the sole.
         """
         self._params, self._mass = params, model.mass
-        self._period = period
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         # Of pairs of links that are kept apart.
@@ -105,11 +104,14 @@ class WholeBodyLimits:
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
         self._wrench[0, -1] = self._least_force
-        self._torques = (
+        self._torques: Array = (
             params.max_effort_ratio / model.mass * model.max_torque * _SIGNS
         )
         self._positions = np.stack((model.position_lower, model.position_upper))
         self._max_speed, self._drives = model.max_speed, model.drives
+        if model.drives is not None:
+            ticks = model.drives.max_torque_rate * period
+            self._torque_steps = ticks * self._torques
 
     def num_rows(self, num_soles: int) -> int:
         """Returns how many rows there are if so many soles carry."""
@@ -137,7 +139,7 @@ class WholeBodyLimits:
         are zero.
         """
         bounds = np.empty((2, len(C)))
-        torques = self._torque_bounds(terms, last_torques)
+        torques = self.torque_bounds(terms.v[6:], last_torques)
         bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
         bounds[:, self._joint_rows] = self._braking(terms)
         bounds[0, self._apart], bounds[1, self._apart] = -np.inf, np.inf
@@ -164,36 +166,30 @@ class WholeBodyLimits:
                 row, column = rows.stop, column + 6
         return bounds[0], bounds[1]
 
-    def _torque_bounds(
-        self, terms: WholeBodyTerms, last: Array | None
-    ) -> Array:
-        """Least and largest torques per mass (2, nj), from the `last` [N m]."""
-        drives = self._drives
-        if drives is None:
+    def torque_bounds(self, speed: Array, last: Array | None) -> Array:
+        """Least and largest torques (2, nj), per unit of the robot's mass.
+
+        At the joints' `speed` (nj,) [rad/s], and a tick away at most from the
+        `last` torques (nj,) [N m], if there are any.
+        """
+        if self._drives is None:
             return self._torques
-        bounds = torque_limits(
-            terms.v[6:], self._torques[1], self._max_speed, drives.corner_speed
+        lower, upper = bounds = torque_limits(
+            speed, self._torques[1], self._max_speed, self._drives.corner_speed
         )
         if last is None:
             return bounds
-        step = drives.max_torque_rate * self._period * self._torques
-        # What was there already may stay, but for the drives' limits.
-        near = np.minimum(np.maximum(last / self._mass, bounds[0]), bounds[1])
-        return np.stack(
-            (
-                np.maximum(bounds[0], near + step[0]),
-                np.minimum(bounds[1], near + step[1]),
-            )
-        )
+        # What the speed takes away goes at once.
+        near = np.minimum(np.maximum(last / self._mass, lower), upper)
+        near = near + self._torque_steps
+        return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
-    def stop_braking(
-        self, terms: WholeBodyTerms, lower: Array, upper: Array
-    ) -> None:
-        """Widens `lower` and `upper` (m,) in place.
+    def relax(self, terms: WholeBodyTerms, lower: Array, upper: Array) -> None:
+        """Widens `lower` and `upper` (m,) in place to what is possible at all.
 
         No joint brakes early, and torques change as fast as need be.
         """
-        torques = self._torque_bounds(terms, None) - terms.forces[6:, -1]
+        torques = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
         lower[self.torque_rows], upper[self.torque_rows] = torques
         lower[self._apart] = -np.inf
         most = self._params.max_joint_acceleration
@@ -205,10 +201,11 @@ class WholeBodyLimits:
         return np.asarray((self._cone @ R_FW).reshape(_FOOT_ROWS, 6))
 
     def _braking(self, terms: WholeBodyTerms) -> Array:
-        """Bounds (2, nj) of joint accelerations that keep position limits.
+        """Bounds (2, nj) of joint accelerations that keep the joints' limits.
 
-        Each q + T v + T^2/2 vdot stays within the limits for a horizon T,
-        unless that takes more than the acceleration allowed for it.
+        Each q + T v + T^2/2 vdot stays within the limits for a horizon T, and
+        each v + T vdot for a shorter one, unless that takes more than the
+        acceleration allowed for it.
         """
         horizon, most = (
             self._params.joint_limit_horizon,
@@ -257,7 +254,7 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of a sole that carries,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * the limits of contact wrenches, torques and joints; if there is no
-      solution, those of the joints are given up.
+      solution, those of the joints and of torque rates are given up.
 
     Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
@@ -311,6 +308,8 @@ class WholeBodyQp:
     ) -> WholeBodySolution:
         """Solves the QP; `active_guess` is `qp.active` of the last tick.
 
+        Torques stay near the `last_torques` (nj,) [N m], if there are any.
+
         Raises:
             ValueError: NaN or infinity in `terms` or `command`.
         """
@@ -323,7 +322,7 @@ class WholeBodyQp:
         if not qp.solved:
             # At the touchdown of a long step, soles, torques and friction may
             # leave no room for braking, which is no law of physics.
-            self._limits.stop_braking(terms, problem.lower, problem.upper)
+            self._limits.relax(terms, problem.lower, problem.upper)
             again = solver.solve(problem, guess)
             solves = qp.iterations + again.iterations
             qp = again._replace(iterations=solves, fallback=qp.fallback)
@@ -337,6 +336,21 @@ class WholeBodyQp:
         return WholeBodySolution(
             qp.x[:nv], wrenches, mass * torques, qp._replace(active=active)
         )
+
+    def damping_torques(
+        self, terms: WholeBodyTerms, last: Array | None = None
+    ) -> Array:
+        """Torques (nj,) [N m] that bring the joints to rest, within limits.
+
+        -d M v with the joints' part of M: no faster than drives with a lag can
+        follow.  They begin at the `last` ones, so that a tick without a
+        solution does not let go of the weight.
+        """
+        M, v = terms.forces[6:, 6:-1], terms.v[6:]
+        lower, upper = self._limits.torque_bounds(v, last)
+        wanted = -self._params.failure_damping * (M @ v)
+        torques = np.minimum(np.maximum(wanted, lower), upper)
+        return np.asarray(self._model.mass * torques)
 
     def problem(
         self,

@@ -108,6 +108,14 @@ def test_a_robot_that_is_none_leaves_no_folder(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+def test_fidelity_is_a_flag(tmp_path, capsys):
+    """Oracles: the scenario that is left behind; the message, by hand."""
+    assert run(capsys, "--fidelity", "ideal", "--out", tmp_path).code == 0
+    assert "fidelity: ideal" in (tmp_path / "scenario.yaml").read_text()
+    message = "fidelity = 'true': must be one of realistic, ideal"
+    assert_refused(run(capsys, "--fidelity", "true"), message)
+
+
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
