@@ -43,10 +43,11 @@ class TimingAdapterParams:
 
     # The clock makes up for the time by which the ICP is ahead of the plan
     # within about this; 0: all at once.  The paper's gamma is the share of a
-    # tick T, 1 - e^(-T / time constant).  It is for Eq. 16, which overshoots
-    # where the eCMP moves; Eq. 15 does not.
-    swing_time_constant: float = bounded(0.0, least=0.0, unit="s")
-    transfer_time_constant: float = bounded(0.0, least=0.0, unit="s")
+    # tick T, 1 - e^(-T / time constant): in 2 ms, 0.1 of a swing and 0.4 of a
+    # transfer.  All at once, pushes at 120 and 150 deg that are recovered from
+    # are not: the clock cannot be turned back when the error turns.
+    swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
+    transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
     # Smaller ICP errors change no clock, and do not leave.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
     min_swing_duration: float = bounded(0.35, least=0.35, unit="s")
