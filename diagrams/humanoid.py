@@ -14,7 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog, region_logs
 from nadia_balance.results.log import MeasuredFeet
@@ -142,7 +142,7 @@ class HumanoidDiagram(Diagram):
         self, builder: DiagramBuilder, meshcat: Meshcat | None
     ) -> OutputPort:
         """Adds what says which mechanisms are on: the scenario, or the user."""
-        on = MECHANISMS[self.scenario.mechanisms]
+        on = NAMED[self.scenario.mechanisms]
         if meshcat is None:
             port = builder.AddNamedSystem(
                 "mechanisms", ConstantVectorSource(on.as_vector())

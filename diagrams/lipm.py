@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.capture_point_controller import CapturePointController
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog, region_logs
 from nadia_balance.robot import load_robot
@@ -61,7 +61,7 @@ class LipmDiagram(Diagram):
         )
         self._mechanisms = builder.AddNamedSystem(
             "mechanisms",
-            ConstantVectorSource(MECHANISMS[scenario.mechanisms].as_vector()),
+            ConstantVectorSource(NAMED[scenario.mechanisms].as_vector()),
         ).get_output_port()
         self._watched = [
             self.plant.GetOutputPort(name)

@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.gait import Gait, walking_start
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import WalkingState
@@ -37,7 +37,7 @@ class Scenario:
     # 0: the exact start; else it is shifted by up to 10 um.
     seed: int = bounded(0, least=0)
     # What may be used to recover.
-    mechanisms: str = bounded("icp_only", one_of=tuple(MECHANISMS))
+    mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
     # After a push, to have recovered from it [-].
     required_steps: int = bounded(0, least=0)
     # Control period of the point mass.  It has the same largest pushes at
@@ -64,11 +64,16 @@ class Scenario:
                 f"duration = {self.duration}: must be >= "
                 f"controller.control_period = {period} s"
             )
-        crossing = MECHANISMS[self.mechanisms].cross_over
-        if self.controller.icp_step_qp and crossing:
+        atlas = self.controller.icp_step_qp is not None
+        if atlas and NAMED[self.mechanisms].cross_over:
             raise ValueError(
                 "controller.icp_step_qp: must be null where the legs may "
                 f"cross, as with mechanisms = {self.mechanisms}"
+            )
+        if not atlas and self.mechanisms in ATLAS_MECHANISMS:
+            raise ValueError(
+                f"mechanisms = {self.mechanisms!r}: must go with "
+                "controller.icp_step_qp, whose they are"
             )
         for push in self.pushes:
             self._check_moment(push)
@@ -123,11 +128,15 @@ def scenario_names() -> dict[str, Path]:
 
 
 def load_scenario(
-    name: str, filename: str | Path | None = None, text: str | None = None
+    name: str,
+    filename: str | Path | None = None,
+    text: str | None = None,
+    **changes: object,
 ) -> Scenario:
     """Returns the scenario `name` of the package, or of the file.
 
-    `text` is YAML that overrides single fields.
+    `text` is YAML that overrides single fields, and so do `changes`, unless
+    they are None.
 
     Raises:
         ValueError: unknown name or field, malformed YAML, a value out of
@@ -149,5 +158,8 @@ def load_scenario(
         scenario = load_typed(
             Scenario, "scenario_text", data=text, defaults=scenario
         )
+    for field_name, value in changes.items():
+        if value is not None:
+            setattr(scenario, field_name, value)
     check(scenario)
     return scenario

@@ -25,7 +25,7 @@ _PUBLIC = {
     "systems.centroidal_estimator": ("CentroidalEstimator",),
     "systems.foot_force_sensor": ("FootForceSensor",),
     "systems.icp_planner": ("IcpPlanner",),
-    "systems.icp_step_adjuster": ("IcpStepAdjuster",),
+    "systems.icp_step_controller": ("IcpStepController",),
     "systems.joint_drives": ("JointDrives",),
     "systems.live_controls": ("LiveControls",),
     "systems.momentum_qp": ("MomentumQp",),

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
 from nadia_balance.core.icp_plan import IcpPlanParams
@@ -18,7 +19,7 @@ from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
 from nadia_balance.systems.icp_planner import IcpPlanner
-from nadia_balance.systems.icp_step_adjuster import IcpStepAdjuster
+from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
 from nadia_balance.systems.ports import require_outputs, wire
 from nadia_balance.systems.timing_adapter import TimingAdapter
@@ -41,23 +42,37 @@ class ControllerParams:
     step_adjuster: CaptureRegionStepAdjusterParams = field(
         default_factory=CaptureRegionStepAdjusterParams
     )
-    # The Atlas paper's QP moves the footholds; null: the capture regions do.
-    icp_step_qp: IcpStepQpParams | None = None
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
+    # The Atlas paper's plan, in place of `icp_plan`.
+    atlas_icp_plan: AtlasIcpPlanParams | None = None
+    # The Atlas paper's QP, with its plan, in place of `step_adjuster` and
+    # `balance`.
+    icp_step_qp: IcpStepQpParams | None = None
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
     swing_foot: SwingFootParams = field(default_factory=SwingFootParams)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the QP moves steps that nobody plans."""
+        qp, plan = self.icp_step_qp, self.atlas_icp_plan or AtlasIcpPlanParams()
+        if qp and qp.num_steps > plan.num_previewed_steps:
+            raise ValueError(
+                f"icp_step_qp.num_steps = {qp.num_steps}: must be <= "
+                f"num_previewed_steps = {plan.num_previewed_steps} of "
+                "atlas_icp_plan"
+            )
 
 
 class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips, steps and their timing.
 
-    The Nadia paper's Sections II to VI; knows no robot, only a point mass and
-    two soles.  `mechanisms` (see Mechanisms) says what it may use; not
-    connected, all.  Any block may be replaced by another system with the same
-    outputs; its inputs are connected by their names and may be any signal
-    here, input or output.  `capture_regions` is there if the step adjuster
-    has it.  All that has state updates in unrestricted events, once per
-    `control_period`, from the state and the inputs before them.
+    The Nadia paper's Sections II to VI or, if `icp_step_qp` says so, the Atlas
+    paper's; knows no robot, only a point mass and two soles.  `mechanisms` (see
+    Mechanisms) says what it may use; not connected, all.  Any block may be
+    replaced by another system with the same outputs; its inputs are connected
+    by their names and may be any signal here, input or output.
+    `capture_regions` is there if the step adjuster has it.  All that has state
+    updates in unrestricted events, once per `control_period`, from the state
+    and the inputs before them.
 
     .. pydrake_system::
 
@@ -85,7 +100,7 @@ class CapturePointController(Diagram):
 
         Raises:
             ValueError: a parameter is out of range; a block lacks a port that
-                others need, or has one that does not fit.
+                others need, has one that does not fit, or its place is taken.
         """
         super().__init__()
         check(params)
@@ -94,30 +109,51 @@ class CapturePointController(Diagram):
             "walking_state_machine": WalkingStateMachine(
                 params.walking_state_machine, model, period, start
             ),
-            "icp_planner": icp_planner
-            or IcpPlanner(params.icp_plan, model, period),
+            "icp_planner": icp_planner or _icp_planner(params, model),
             "timing_adapter": timing_adapter
             or TimingAdapter(params.timing_adapter, model, period),
-            "step_adjuster": step_adjuster
-            or _step_adjuster(params, model, period),
-            "momentum_qp": momentum_qp
-            or MomentumQp(params.balance, model, period),
         }
+        if params.icp_step_qp:
+            for role, block in (
+                ("step_adjuster", step_adjuster),
+                ("momentum_qp", momentum_qp),
+            ):
+                if block is not None:
+                    raise ValueError(
+                        f"{role} = {type(block).__name__}: must be None with "
+                        "icp_step_qp, which takes its place"
+                    )
+            blocks["step_controller"] = IcpStepController(
+                params.icp_step_qp, model, period
+            )
+        else:
+            blocks["step_adjuster"] = step_adjuster or (
+                CaptureRegionStepAdjuster(params.step_adjuster, model, period)
+            )
+            blocks["momentum_qp"] = momentum_qp or MomentumQp(
+                params.balance, model, period
+            )
+        reference = () if params.icp_step_qp else ("icp_reference",)
         for role, *outputs in (
-            ("icp_planner", "icp_plan", "icp_reference"),
+            ("icp_planner", "icp_plan", *reference),
             ("timing_adapter", "time_adjustment"),
             ("step_adjuster", "adjustment"),
             ("momentum_qp", "ecmp_command", "momentum_rate"),
         ):
-            require_outputs(role, blocks[role], *outputs)
+            if role in blocks:
+                require_outputs(role, blocks[role], *outputs)
         builder = DiagramBuilder()
         wire(builder, blocks, self.INPUTS)
         builder.BuildInto(self)
 
 
-def _step_adjuster(
-    params: ControllerParams, model: PointMassModel, period: float
-) -> System:
-    if params.icp_step_qp:
-        return IcpStepAdjuster(params.icp_step_qp, model, period)
-    return CaptureRegionStepAdjuster(params.step_adjuster, model, period)
+def _icp_planner(params: ControllerParams, model: PointMassModel) -> System:
+    plan = params.atlas_icp_plan
+    if params.icp_step_qp and plan is None:
+        plan = AtlasIcpPlanParams()
+    return IcpPlanner(
+        plan or params.icp_plan,
+        model,
+        params.control_period,
+        has_reference=not params.icp_step_qp,
+    )

@@ -26,7 +26,6 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
-from nadia_balance.core.bounds import check
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
@@ -67,9 +66,11 @@ def main(argv: list[str] | None = None) -> int:
     )
     args = parser.parse_args(argv)
     with parser.refusing():
-        scenario = load_scenario(args.scenario_name, text=args.scenario_text)
-        scenario.mechanisms = args.mechanisms or scenario.mechanisms
-        check(scenario)
+        scenario = load_scenario(
+            args.scenario_name,
+            text=args.scenario_text,
+            mechanisms=args.mechanisms,
+        )
         if not args.seconds > 0.0:
             raise ValueError(f"seconds = {args.seconds}: must be > 0")
     figures = measure(scenario, args.seconds)

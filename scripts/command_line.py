@@ -13,8 +13,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.run_info import run_info
@@ -33,7 +32,7 @@ RECOVERED, NOT_RECOVERED, BAD_INPUT = 0, 1, 2
 
 # Help of --mechanisms, for a sweep and for a single run.
 SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
-ONE_OF = f"{SEVERAL} (default: as in the scenario)"
+ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
 
 
 def finite(text: str) -> float:
@@ -131,15 +130,16 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the scenario that the flags ask for, checked."""
-    scenario = load_scenario(
-        args.scenario_name, args.scenario_file, args.scenario_text
+    return load_scenario(
+        args.scenario_name,
+        args.scenario_file,
+        args.scenario_text,
+        robot=args.robot,
+        fidelity=args.fidelity,
+        mechanisms=args.mechanisms,
+        duration=args.duration,
+        seed=args.seed,
     )
-    for name in ("robot", "fidelity", "mechanisms", "duration", "seed"):
-        value = getattr(args, name)
-        if value is not None:
-            setattr(scenario, name, value)
-    check(scenario)
-    return scenario
 
 
 def main_job(

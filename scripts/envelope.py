@@ -1,13 +1,15 @@
 """Finds the largest pushes that the robot recovers from, all around it.
 
-Each direction, moment and set of mechanisms is searched for its limit, as for
-the Nadia paper's Fig. 10.  A trial that is done stays done: after Ctrl-C, or a
-power cut, the same flags and --out with the folder go on.  More directions,
-mechanisms and moments can be added to a folder in that way, too.
+Each gait, moment, direction and set of mechanisms is searched for its limit,
+as for the Nadia paper's Fig. 10, or the Atlas paper's Fig. 6.  A trial that is
+done stays done: after Ctrl-C, or a power cut, the same flags and --out with
+the folder go on.  More directions, mechanisms and moments can be added to a
+folder in that way, too.
 
 Examples:
     python scripts/envelope.py --quick
     python scripts/envelope.py --quick --plant lipm --directions 24
+    python scripts/envelope.py --protocol atlas_fig6
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
     python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
     python scripts/envelope.py --plot-only envelopes/mine
@@ -29,11 +31,9 @@ from nadia_balance.scripts.command_line import (
     BAD_INPUT,
     CommandLine,
     finite,
-    scenario_flags,
 )
 from nadia_balance.scripts.envelope_sweep.limits import envelope_of
 from nadia_balance.scripts.envelope_sweep.plan import (
-    SCENARIO,
     Sweep,
     sweep_flags,
     sweep_from,
@@ -103,7 +103,6 @@ def _parser() -> argparse.ArgumentParser:
         "2 bad input, 130 Ctrl-C.",
     )
     sweep_flags(parser)
-    scenario_flags(parser, name=SCENARIO)
     group = parser.add_argument_group("running")
     cores = _cores()
     group.add_argument(
@@ -126,7 +125,7 @@ def _parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--out",
         type=Path,
-        help="folder for the results (default: envelopes/<date>_<scenario>); "
+        help="folder for the results (default: envelopes/<date>_<protocol>); "
         "one with a trials.csv goes on",
     )
     group.add_argument(
@@ -156,17 +155,22 @@ def _prepare(
     sweep = sweep_from(args)
     identity = sweep.identity()
     # The robot and the diagram, too, have something to check.
-    DIAGRAMS[sweep.plant](sweep.walk(sweep.cells()[0], replica=0))
+    firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
+    for cell in firsts.values():
+        DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
     workers = stack.enter_context(open_workers(args.workers, args.scheduler))
     out = args.out
     if out is None:
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        out = Path("envelopes") / f"{now}_{args.scenario_name}"
+        out = Path("envelopes") / f"{now}_{args.protocol}"
     folder = prepare_folder(out)
     stack.enter_context(alone_in(folder))
     trials_file = TrialsFile(folder / TRIALS, identity)
-    text = yaml_dump_typed(sweep.scenario, child_name=args.scenario_name)
-    (folder / "scenario.yaml").write_text(text, encoding="utf-8")
+    texts = (
+        yaml_dump_typed(scenario, child_name=name)
+        for name, scenario in sweep.scenarios.items()
+    )
+    (folder / "scenario.yaml").write_text("".join(texts), encoding="utf-8")
     with open(folder / "command.txt", "a", encoding="utf-8") as file:
         file.write(f"{args.command}\n")
     return sweep, trials_file, workers
@@ -202,6 +206,7 @@ def _plan_lines(
     numbers = (
         f"{name} {len(values)}"
         for name, values in (
+            ("gaits", sweep.scenarios),
             ("mechanisms", sweep.mechanisms),
             ("moments", sweep.at),
             ("directions", sweep.directions),

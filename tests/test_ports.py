@@ -32,8 +32,14 @@ JOINT_CONTROL = {
     "walking_state",
 }
 STEP_ADJUSTMENT = {"icp", "walking_state", "time_adjustment", "mechanisms"}
-QP_ADJUSTMENT = {"icp", "icp_plan", "walking_state", "mechanisms"}
-TIME_ADJUSTMENT = QP_ADJUSTMENT | {"foot_poses"}
+TIME_ADJUSTMENT = {
+    "icp",
+    "icp_plan",
+    "walking_state",
+    "mechanisms",
+    "foot_poses",
+}
+STEP_CONTROL = STEP_ADJUSTMENT | {"icp_plan"}
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": {
@@ -47,9 +53,13 @@ FEEDTHROUGH = {
         "whole_body_terms": {"estimated_state"},
     },
     "FootForceSensor": {"foot_forces": set()},  # held between two ticks
-    "IcpStepAdjuster": {
-        "adjustment": QP_ADJUSTMENT,
-        "capture_regions": QP_ADJUSTMENT,
+    "IcpStepController": {
+        "adjustment": STEP_CONTROL,
+        "capture_regions": STEP_CONTROL,
+        "ecmp_command": STEP_CONTROL | {"com_state"},
+        "momentum_qp_status": STEP_CONTROL | {"com_state"},
+        "momentum_rate": STEP_CONTROL | {"com_state"},
+        "icp_reference": STEP_CONTROL | {"com_state"},
     },
     "IcpPlanner": {
         "icp_plan": {"walking_state"},

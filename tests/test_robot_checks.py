@@ -2,37 +2,19 @@
 
 import numpy as np
 import pytest
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    Box,
-    ProximityProperties,
-)
+from pydrake.geometry import Box
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    CoulombFriction,
-    MultibodyPlantConfig,
-)
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot_checks import improper_contacts
+from tests.boxes import ground, register
 
 FEET = {"left", "right"}
 SIZE = 0.1  # of every box [m]
 ON_GROUND = 0.5 * SIZE - 0.001  # [m]
 ON_A_FOOT = 1.5 * SIZE - 0.002  # [m]
-
-
-def properties() -> ProximityProperties:
-    found = ProximityProperties()
-    AddCompliantHydroelasticProperties(0.05, 1e7, found)
-    AddContactMaterial(
-        dissipation=10.0, friction=CoulombFriction(0.8, 0.8), properties=found
-    )
-    return found
 
 
 def contacts(contact_model: str, positions: dict) -> set[str]:
@@ -41,10 +23,7 @@ def contacts(contact_model: str, positions: dict) -> set[str]:
     All are the robot's but the one named box.
     """
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=0.001, contact_model=contact_model),
-        builder,
-    )
+    plant = ground(builder, contact_model)
     robot = plant.AddModelInstance("robot")
     other = plant.AddModelInstance("other")
     cube = Box(SIZE, SIZE, SIZE)
@@ -57,16 +36,7 @@ def contacts(contact_model: str, positions: dict) -> set[str]:
         for name in positions
     }
     for body in bodies.values():
-        plant.RegisterCollisionGeometry(
-            body, RigidTransform(), cube, "cube", properties()
-        )
-    plant.RegisterCollisionGeometry(
-        plant.world_body(),
-        RigidTransform([0.0, 0.0, -0.5]),
-        Box(4.0, 4.0, 1.0),
-        "ground",
-        properties(),
-    )
+        register(plant, body, cube)
     plant.Finalize()
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())

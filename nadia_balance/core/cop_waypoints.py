@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.polygon import centroid, project, shrink
+from nadia_balance.core.polygon import centroid, convex_hull, project, shrink
 from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
@@ -17,7 +17,7 @@ from nadia_balance.core.walking import (
 )
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
-_REST_DURATION = 10.0  # [s]; long enough to count as infinite
+REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 
 @dataclass(kw_only=True)
@@ -121,20 +121,28 @@ class CopWaypoints:
     """N linear CoP segments; the first `num_present` are the present phase.
 
     They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
-    `step_shares` (N + 1,) [-] is by how much a point moves with the foothold
-    of the first footstep.
+    `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
+    in W, within the margin, in which points[1], points[2], ... must be, as far
+    as the end of the next phase; not those at rest, though.
     """
 
     points: Array
     durations: Array
     num_present: int
-    step_shares: Array
+    start_time: float
+    supports: list[Array]
+
+    @property
+    def knots(self) -> Array:
+        """When (N + 1,) [s] the CoP is at the points, since the phase began."""
+        times = np.append(0.0, self.durations)
+        return np.asarray(self.start_time + np.cumsum(times))
 
 
 def cop_waypoints(
     schedule: ContactSchedule, params: CopWaypointParams, sole: Array
 ) -> CopWaypoints:
-    """Returns the CoP through the present phase, the footsteps, and to rest.
+    """Returns the CoP from schedule.start through the footsteps, and to rest.
 
     A transfer goes over mid-transfer to the entry of the new stance foot; a
     swing goes over the ball to the exit, and waits there; the end is at rest
@@ -170,12 +178,10 @@ class _Path:
         self._sole = Sole.with_margin(sole, params.margin)
         self._feet: FootPoses = schedule.feet
         self._present_duration = schedule.duration
-        # Each is [x, y, step share].
-        self._points = [np.append(schedule.start.cop, 0.0)]
-        # Whether a foot stands where the first footstep has put it.
-        self._first = dict.fromkeys(Side, 0.0)
-        self._num_steps = 0
+        self._start_time = schedule.start_time
+        self._points: list[Array] = [schedule.start.cop]
         self._phases: list[list[float]] = []  # durations of the segments
+        self._supports: list[Array] = []
 
     def add_transfer(self, support: Side, duration: float) -> None:
         """Appends the shift of the weight to the `support` foot."""
@@ -184,7 +190,8 @@ class _Path:
         (entry,) = self._cops(support, leading, trailing, "entry")
         mid = exit_ + self._params.mid_weight * (entry - exit_)
         split = self._params.transfer_split
-        self._add([mid, entry], [split, 1.0 - split], duration)
+        supports = [self._support(*Side), self._support(support)]
+        self._add([mid, entry], [split, 1.0 - split], duration, supports)
 
     def add_swing(self, side: Side, pose: FootPose, duration: float) -> None:
         """Appends the swing of the foot of `side` to `pose`."""
@@ -195,54 +202,65 @@ class _Path:
         shift = self._params.swing_shift_fraction
         split = self._params.swing_split
         times = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        self._add([ball, exit_, exit_], times, duration)
+        supports = 3 * [self._support(support)]
+        self._add([ball, exit_, exit_], times, duration, supports)
         self._feet = self._feet.with_foot(side, pose)
-        self._first[side] = float(self._num_steps == 0)
-        self._num_steps += 1
 
     def add_final_transfer(self, duration: float) -> None:
         """Appends the shift to midway between the soles, and a long rest."""
         centre = self._sole.centroid
-        left, right = (
-            self._point(side, self._feet[side].to_world(centre))
-            for side in Side
-        )
+        left, right = (self._feet[side].to_world(centre) for side in Side)
         mid = 0.5 * (left + right)
         split = self._params.transfer_split
-        self._add([mid, mid], [split, 1.0 - split], duration)
+        supports = [self._support(*Side)]
+        self._add([mid, mid], [split, 1.0 - split], duration, supports)
         self._points.append(mid)
 
     def waypoints(self) -> CopWaypoints:
         """Returns what has been collected."""
-        points = np.array(self._points)
         durations = [d for phase in self._phases for d in phase]
+        lasts = np.maximum([*durations, REST_DURATION], _MIN_DURATION)
+        ends, present = np.cumsum(lasts), len(self._phases[0])
+        over = int(np.searchsorted(ends, self._start_time, side="right"))
+        over = min(over, present - 1)
+        left = max(ends[over] - self._start_time, _MIN_DURATION)
+        points = np.array(self._points[:1] + self._points[over + 1 :])
         return CopWaypoints(
-            points[:, :2].copy(),
-            np.maximum([*durations, _REST_DURATION], _MIN_DURATION),
-            len(self._phases[0]),
-            points[:, 2].copy(),
+            points,
+            np.append(left, lasts[over + 1 :]),
+            present - over,
+            self._start_time,
+            self._supports[over:],
         )
 
     def _add(
-        self, points: list[Array], times: list[float], duration: float
+        self,
+        points: list[Array],
+        times: list[float],
+        duration: float,
+        supports: list[Array],
     ) -> None:
         """Appends a phase; `times` are the shares of its `duration` [s]."""
+        if len(self._phases) < 2:
+            self._supports += supports
         # The schedule knows the present phase better than the footstep does.
         if not self._phases and math.isfinite(self._present_duration):
             duration = self._present_duration
         self._points += points
         self._phases.append([share * duration for share in times])
 
+    def _support(self, *sides: Side) -> Array:
+        """Where (n, 2) [m] in W the CoP may be with the feet of `sides`."""
+        soles = [self._feet[side].to_world(self._sole.inner) for side in sides]
+        return convex_hull(np.concatenate(soles))
+
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str
     ) -> list[Array]:
-        """Returns the named points (3,) of the foot of `side`."""
+        """Returns the named points (2,) of the foot of `side`."""
         length = self._sole.step_length(foot, other)
         cops = (
             self._sole.cop_point(getattr(self._params, name), side, length)
             for name in names
         )
-        return [self._point(side, foot.to_world(cop)) for cop in cops]
-
-    def _point(self, side: Side, xy: Array) -> Array:
-        return np.array([xy[0], xy[1], self._first[side]])
+        return [foot.to_world(cop) for cop in cops]

@@ -1,283 +1,218 @@
-"""One QP for the ankles and the next foothold (Atlas paper, Sec. IV)."""
+"""One QP for the ankles and the next footholds (Atlas paper, Sec. IV)."""
 
-import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
-from nadia_balance.core.foothold_adjustment import current_adjustment
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import halfspaces, shrink
+from nadia_balance.core.com_height import ComHeightParams
+from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.qp import SOLVERS, DenseQp, QpProblem, QpResult
-from nadia_balance.core.reachability import base_region, in_world
-from nadia_balance.core.walking import (
-    Adjustment,
-    Array,
-    ContactSchedule,
-    FootPose,
-    Footstep,
-    Immutable,
-    Phase,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import Array, FootPose, Immutable
 
-_STEP, _CMP, _SLACK = slice(0, 2), slice(2, 4), slice(4, 6)
+_EXACT = 1e-12  # of a constraint [m]
 
 
-def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
-    """Returns the multipliers (N + 1,) of the eCMP waypoints at the `knots`.
-
-    The eCMP goes from one to the next in straight lines, and stays at the last
-    one.  The ICP that ends there was, at time t [s], their sum with these
-    multipliers, which are not negative and add up to 1: the Atlas paper's
-    Eq. 14 and Algorithm 1, for which the CMP jumps between heel and toe.
-    With `knots` (N + 1,) [s] increasing, and `omega` [rad/s].
-
-    Those of waypoints that have been passed are 0.
-    """
-    begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
-    passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
-    # Of a segment from e0 to e1 that lasts T, with d = e^(-w T):
-    # icp(0) = d icp(T) + (1 - d - b) e0 + b e1.
-    x = omega * (end - begin)  # 0 of what has been passed
-    d = np.exp(-x)
-    b = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0) - d
-    after = np.exp(-omega * (begin - t))  # of the plan before the segment
-    first = after * (1.0 - d - b)
-    multipliers = np.zeros(len(knots))
-    multipliers[:-1] += (1.0 - passed) * first
-    multipliers[1:] += passed * first + after * b
-    multipliers[-1] += np.exp(-omega * (end[-1] - t))
-    return multipliers
+def _diagonal(weight: float) -> Any:
+    return field(default_factory=lambda: [[weight, 0.0], [0.0, weight]])
 
 
 @dataclass(kw_only=True)
 class IcpStepQpParams:
-    """Gain, weights and limits of the Atlas paper's Eq. 20."""
+    """Gain, weights and limits of the Atlas paper's Eqs. 20 to 22."""
 
     feedback_gain: float = bounded(3.0, above=1.0)  # k_xi, CMP per ICP error
-    # Q_f and R, on the shift of the foothold and on delta.  Q_f is the larger:
-    # the CoP is used up before the foothold moves.
-    step_weight: float = bounded(10.0, above=0.0)
-    feedback_weight: float = bounded(1.0, above=0.0)
-    # Q_eta, on the ICP error that is left over.
-    slack_weight: float = bounded(1e5, above=0.0)
-    # How far inside the sole the CMP stays.
+    num_steps: int = bounded(1, least=1, most=4)  # N, of those previewed
+    # Q_f, R and Q_eta, forward and left of the stance foot: on the shifts of
+    # the footholds, on delta, and on the ICP error that is left over.  Q_f is
+    # the larger: the CoP is used up before a foothold moves.
+    step_weight: list[list[float]] = _diagonal(10.0)
+    feedback_weight: list[list[float]] = _diagonal(1.0)
+    slack_weight: list[list[float]] = _diagonal(1e5)
+    # How far inside the support polygon the CMP stays.
     cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
     # Between the soles, sideways.
     sole_clearance: float = bounded(0.005, least=0.0, unit="m")
-    # The foothold moves by so much, or not at all.
+    # The footholds move by so much, or not at all.
     dead_band: float = bounded(0.02, least=0.0, unit="m")
-    # No change so shortly before touchdown, nor so early in a swing.
+    # No change so shortly before touchdown, nor so early in a phase.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
     solver: str = bounded("active_set", one_of=SOLVERS)
+    com_height: ComHeightParams = field(default_factory=ComHeightParams)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if a weight is no positive definite matrix."""
+        for name in "step_weight", "feedback_weight", "slack_weight":
+            value = getattr(self, name)
+            if [len(row) for row in value] == [2, 2]:
+                (a, b), (c, d) = value
+                if b == c and a > 0.0 and a * d > b * c:
+                    continue
+            raise ValueError(
+                f"{name} = {value}: must be 2 x 2, symmetric and positive "
+                "definite"
+            )
 
 
-class StepFeedback(NamedTuple):
-    """What the QP decides, each (2,) [m] in W.
-
-    `step` is the shift of the foothold from the planned one, `delta` the
-    feedback on the CMP, `slack` = eta the ICP error left to neither.
-    They are NaN if the `result` is not solved.
-    """
+class StepWeights(NamedTuple):
+    """Q_f, R and Q_eta, each (2, 2), in W."""
 
     step: Array
+    feedback: Array
+    slack: Array
+
+    @classmethod
+    def of(cls, params: IcpStepQpParams, stance: FootPose) -> "StepWeights":
+        """Those of `params`, which are forward and left of `stance`."""
+        R, names = stance.rotation, ("step", "feedback", "slack")
+        weights = (
+            np.array(getattr(params, f"{name}_weight")) for name in names
+        )
+        return cls(*(R @ weight @ R.T for weight in weights))
+
+
+@dataclass(frozen=True, eq=False)
+class StepLimits(Immutable):
+    """What stays the same in the QP as long as contacts and steps do.
+
+    A_cmp p <= b_cmp of the CMP in W (Eq. 21), with A_cmp (k, 2).  The first k
+    rows of C x <= upper are left to it, then come those of the footholds.  `H`
+    is the cost without delta's, whose weight is `R` (2, 2).
+    """
+
+    A_cmp: Array
+    b_cmp: Array
+    C: Array
+    upper: Array
+    H: Array
+    R: Array
+
+
+class StepSolution(NamedTuple):
+    """What the QP decides, in W [m]; NaN if the `result` is not solved.
+
+    `steps` (n, 2) are the shifts of the footholds from the planned ones,
+    `delta` (2,) the feedback on the CMP, `slack` = eta (2,) the ICP error left
+    to neither.
+    """
+
+    steps: Array
     delta: Array
     slack: Array
     result: QpResult
 
 
 class IcpStepQp:
-    """The quadratic program of the Atlas paper's Eq. 20, for the next step.
+    """The quadratic program of the Atlas paper's Eq. 20, for N steps.
 
-    With the ICP error e for the planned foothold, and Gamma, by how much the
-    reference moves with the foothold (Eq. 18):
+        min   sum |step_i|^2_Qf + |delta|^2_R + |eta|^2_Qeta
+        s.t.  delta = k_xi (e - sum Gamma_i step_i - eta),
+              the CMP + delta where the soles are (Eq. 21),
+              the footholds within reach of each other (Eq. 22).
 
-        min   |step|^2_Qf + |delta|^2_R + |eta|^2_Qeta
-        s.t.  delta = k_xi (e - Gamma step - eta),
-              delta in the room that the sole leaves (Eq. 21),
-              step in the room that the legs' reach leaves (Eq. 22).
-
-    Half-spaces of the sole stand for the paper's multipliers of its corners.
+    Half-spaces stand for the paper's multipliers of the corners.  The CMP also
+    moves with the footholds where a spline shifts it.  Delta is eliminated.
     """
 
-    def __init__(self, params: IcpStepQpParams, max_rows: int = 32) -> None:
+    def __init__(self, params: IcpStepQpParams, max_rows: int) -> None:
         """For rooms that have, together, up to `max_rows` half-spaces."""
-        self.params, self._max_rows = params, max_rows
-        self._qp = DenseQp(6, 2, max_rows, params.solver)
-        p = params
-        weights = p.step_weight, p.feedback_weight, p.slack_weight
-        self._H = np.diag(np.repeat(weights, 2))
+        self._max_rows, self._gain = max_rows, params.feedback_gain
+        self._size = 2 * params.num_steps + 2
+        self._qp = DenseQp(self._size, 0, max_rows, params.solver)
+        self._no_lower = np.full(max_rows, -np.inf)
+        self._no_rows, self._no_values = np.zeros((0, self._size)), np.zeros(0)
 
-    def solve(
+    def limits(
         self,
-        error: Array,
-        sensitivity: float,
+        weights: StepWeights,
         cmp_room: tuple[Array, Array],
         step_room: tuple[Array, Array],
-    ) -> StepFeedback:
-        """Returns step and feedback for the ICP `error` (2,) [m] in W.
+    ) -> StepLimits:
+        """Returns what `solve` needs, from the half-spaces A p <= b in W.
 
-        `sensitivity` is Gamma [-].  The rooms of delta and of the step are
-        half-spaces A x <= b, with A (n, 2) and b (n,) [m].
+        With A (k, 2) of the CMP, and A (m, 2 n) of the shifts of n footholds.
+        """
+        (A_cmp, b_cmp), (A, b) = cmp_room, step_room
+        H = np.zeros((self._size, self._size))
+        H += np.kron(np.eye(self._size // 2), weights.step)
+        H[-2:, -2:] = weights.slack
+        C, upper = np.zeros((self._max_rows, self._size)), -self._no_lower
+        rows = slice(len(b_cmp), len(b_cmp) + len(b))
+        C[rows, : A.shape[1]], upper[rows] = A, b
+        return StepLimits(A_cmp, b_cmp, C, upper, H, weights.feedback)
+
+    def solve(
+        self, error: Array, cmp: Array, moves: Array, limits: StepLimits
+    ) -> StepSolution:
+        """Returns steps and feedback for the planned footholds' ICP error.
+
+        `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m], both
+        in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N footholds.
 
         Raises:
             ValueError: an argument is not finite.
         """
-        gain = self.params.feedback_gain
-        A_eq = np.hstack(
-            [gain * sensitivity * np.eye(2), np.eye(2), gain * np.eye(2)]
-        )
-        C = np.zeros((self._max_rows, 6))
-        upper = np.full(self._max_rows, np.inf)
-        (A_c, b_c), (A_s, b_s) = cmp_room, step_room
-        n, m = len(b_c), len(b_c) + len(b_s)
-        C[:n, _CMP], upper[:n] = A_c, b_c
-        C[n:m, _STEP], upper[n:m] = A_s, b_s
-        result = self._qp.solve(
+        used, k = 2 * moves.shape[1], len(limits.b_cmp)
+        # x = (steps, eta), and delta = delta_0 + D x by the constraint.
+        delta_0, D = self._gain * error, np.zeros((2, self._size))
+        D[0, 0:used:2] = D[1, 1:used:2] = -self._gain * moves[0]
+        D[0, -2] = D[1, -1] = -self._gain
+        DR, cmp_D = D.T @ limits.R, D.copy()
+        cmp_D[0, 0:used:2] += moves[1]
+        cmp_D[1, 1:used:2] += moves[1]
+        C, upper = limits.C.copy(), limits.upper.copy()
+        C[:k] = limits.A_cmp @ cmp_D
+        upper[:k] = limits.b_cmp - limits.A_cmp @ (cmp + delta_0)
+        result = self._exact(
             QpProblem(
-                self._H,
-                np.zeros(6),
-                A_eq,
-                gain * error,
+                limits.H + DR @ D,
+                DR @ delta_0,
+                self._no_rows,
+                self._no_values,
                 C,
-                np.full(self._max_rows, -np.inf),
+                self._no_lower,
                 upper,
             )
         )
         x = result.x
-        return StepFeedback(x[_STEP], x[_CMP], x[_SLACK], result)
+        steps = x[:used].reshape(-1, 2)
+        return StepSolution(steps, delta_0 + D @ x, x[-2:], result)
 
+    def _exact(self, qp: QpProblem) -> QpResult:
+        """The optimum, with what is violated within the tolerance as well.
 
-@dataclass(frozen=True, eq=False)
-class StepPlan(Immutable):
-    """The reference ICP as a linear function of the next foothold.
-
-    The Atlas paper's Eq. 18, with the places of the CMP in the soles as they
-    are for the `nominal` footstep.  The CMP goes through the `waypoints`
-    (N + 1, 2) [m] in W at the times `knots` (N + 1,) [s] since the phase began,
-    and these move with the foothold by their `shares` (N + 1,) [-].  CMP and
-    foothold must be in half-spaces A p <= b, with A (n, 2) and b (n,) [m].
-    """
-
-    nominal: Footstep
-    knots: Array
-    waypoints: Array
-    shares: Array
-    omega: float
-    cmps: tuple[Array, Array]  # of the stance foot (Eq. 21)
-    footholds: tuple[Array, Array]  # within reach (Eq. 22)
-
-    def at(self, t: float) -> tuple[Array, Array, float]:
-        """Returns ICP and CMP (2,) [m] in W at `t` [s], and Gamma [-].
-
-        Both as if the foot landed at the nominal foothold; if it lands
-        elsewhere, the ICP moves by Gamma times the shift.
+        A foothold is farther off than that, by 1 / (k_xi Gamma).
         """
-        multipliers = recursive_multipliers(self.knots, t, self.omega)
-        cmp = np.array(
-            [np.interp(t, self.knots, axis) for axis in self.waypoints.T]
-        )
-        gamma = float(multipliers @ self.shares)
-        return multipliers @ self.waypoints, cmp, gamma
+        found = self._qp.solve(qp)
+        late = qp.C @ found.x > qp.upper + _EXACT
+        if not late.any():  # nor if it is not solved, and NaN
+            return found
+        guess = np.where(late, 1, found.active).astype(np.int8)
+        again = self._qp.solve(qp, guess)
+        return again if again.solved else found
 
 
-def step_plan(
-    schedule: ContactSchedule,
-    nominal: Footstep,
-    cop: CopWaypointParams,
-    params: IcpStepQpParams,
-    model: PointMassModel,
-) -> StepPlan:
-    """Returns the plan of `schedule`, with `nominal` for its next footstep.
+class AnkleFeedback:
+    """The optimum of Eq. 20 if no foothold moves, in closed form.
 
-    The CoP goes where `cop` says, as in the ICP plan.  The foot lands in the
-    base region: this paper knows no crossed legs.
+    Without eta, one quadratic cost |delta - K error|^2_M is left: with the CMP
+    in the polygon `room` (n, 2) [m], the optimum is a projection by M's
+    measure.
     """
-    steps = (nominal, *schedule.footsteps[1:])
-    path = cop_waypoints(replace(schedule, footsteps=steps), cop, model.sole)
-    knots = np.concatenate([[0.0], np.cumsum(path.durations)])
-    stance = schedule.feet[nominal.side.other]
-    cmps = shrink(stance.to_world(model.sole), params.cop_safe_distance)
-    return StepPlan(
-        nominal,
-        knots,
-        path.points,
-        path.step_shares,
-        model.omega,
-        halfspaces(cmps),
-        footholds(stance, nominal.side, params, model),
-    )
 
+    def __init__(self, room: Array, weights: StepWeights, gain: float) -> None:
+        """For the gain k_xi > 0."""
+        M = weights.feedback + weights.slack / gain**2
+        self._K = np.linalg.inv(M) @ weights.slack / gain
+        self._L = np.linalg.cholesky(M).T
+        self._room, self._image = room, room @ self._L.T
 
-def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
-    """True in a swing, but not too early and not too late in it."""
-    return (
-        state.schedule.phase is Phase.SWING
-        and state.elapsed >= params.settling_time
-        and state.remaining_time >= params.freeze_time
-    )
-
-
-def propose_by_qp(
-    state: WalkingState, plan: StepPlan, icp: Array, qp: IcpStepQp
-) -> Adjustment:
-    """Returns the adjustment of the step in the air for this tick.
-
-    `plan` is that of `state`, `icp` (2,) [m] is measured.  The foothold is
-    shifted from the nominal one, so that it comes back with the ICP.  If
-    there is no solution, it stays where it is.
-    """
-    current = current_adjustment(state)
-    icp_r, cmp_r, gamma = plan.at(state.time_in_phase)
-    feedback = qp.solve(
-        icp - icp_r,
-        gamma,
-        _room(*plan.cmps, cmp_r),
-        _room(*plan.footholds, plan.nominal.pose.p_WF[:2]),
-    )
-    if not feedback.result.solved:
-        return current
-    pose = _moved(current, plan.nominal, feedback.step, qp.params.dead_band)
-    return Adjustment(plan.nominal, pose)
-
-
-def footholds(
-    stance: FootPose,
-    swing: Side,
-    params: IcpStepQpParams,
-    model: PointMassModel,
-) -> tuple[Array, Array]:
-    """Returns the half-spaces A p <= b (Eq. 22) of the footholds p in W.
-
-    The base region, and the soles, if parallel, their clearance apart.
-    """
-    A, b = halfspaces(in_world(base_region(model.reach), stance, swing))
-    inward = -swing.sign * stance.rotation[:, 1]
-    apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
-    return (
-        np.vstack([A, inward]),
-        np.append(b, inward @ stance.p_WF[:2] - apart),
-    )
-
-
-def _room(A: Array, b: Array, point: Array) -> tuple[Array, Array]:
-    """The half-spaces (A, b) of the shift from `point` that stay within."""
-    return A, b - A @ point
-
-
-def _moved(
-    current: Adjustment, nominal: Footstep, step: Array, dead_band: float
-) -> FootPose:
-    """Where the foot lands, `step` (2,) [m] away from the nominal foothold."""
-    if math.hypot(*step) < dead_band:
-        return nominal.pose
-    target = nominal.pose.p_WF + [*step, 0.0]
-    if math.dist(target, current.pose.p_WF) < dead_band:
-        return current.pose
-    return FootPose(target, nominal.pose.yaw)
+    def delta(self, error: Array, cmp: Array) -> Array:
+        """Returns delta (2,) for xi - xi_r and the reference CMP (2,) [m]."""
+        delta = self._K @ error
+        if contains(cmp + delta, self._room):
+            return np.asarray(delta)
+        nearest = project(self._L @ (cmp + delta), self._image)
+        return np.asarray(np.linalg.solve(self._L, nearest) - cmp)

@@ -34,3 +34,12 @@ MECHANISMS = {
     "step_swing_transfer": Mechanisms(True, True, True, False),
     "all_with_cross_over": Mechanisms(True, True, True, True),
 }
+
+# The lines of the Atlas paper's Fig. 6, of its own controller.
+ATLAS_MECHANISMS = {
+    "feedback": Mechanisms(False, False, False, False),
+    "feedback_step": Mechanisms(True, False, False, False),
+    "feedback_timing": Mechanisms(False, True, False, False),
+    "feedback_step_timing": Mechanisms(True, True, False, False),
+}
+NAMED = MECHANISMS | ATLAS_MECHANISMS

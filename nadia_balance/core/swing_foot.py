@@ -50,6 +50,9 @@ class SwingFootParams:
     uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
     # Downward, at the end of the swing and after it.
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
+    # When the clock is advanced, the foot goes on its way sigma times as fast
+    # at once (Atlas paper, Eq. 13), not gradually and on another one.
+    sigma: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +98,8 @@ def swing_foot_motion(
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return FootMotion.at_rest(schedule.feet[side])
     goal, start = schedule.footsteps[0].pose, previous.pva
+    if params.sigma:
+        start = start * state.speed_up ** np.arange(3.0)[:, None]
     way = way_round(
         start[0, XY],
         goal.p_WF[:2],

@@ -1,6 +1,10 @@
 """How far to advance the walking clock, so that the plan meets the ICP.
 
-The Nadia paper, Sec. VI: Eqs. 15 and 16 in swing and in transfer.
+The Nadia paper, Sec. VI: Eq. 15 in swing and in transfer, for the plan as it
+is.  With a constant eCMP the solution is Eq. 16.
+Erratum: its logarithm is of the scalar ratio of two collinear vectors, which is
+1 + f (e^(w T) - 1) for the fraction f of the way to the end of the phase, the
+time T away (and in Eq. 10 of the Atlas paper f has the squared norm below it).
 """
 
 import math
@@ -32,10 +36,6 @@ _TOLERATED = 0.03  # a foot that comes so late needs no time back [s]
 # of the time that it would need from rest.
 _UNDER_WAY = math.sqrt(0.5)
 
-# The plan's way to the end of the phase has no direction below this [m]: in
-# transfer it comes to a standstill, and Eq. 16 would amplify noise.
-_SHORT_WAY = 0.01
-
 
 @dataclass(kw_only=True)
 class TimingAdapterParams:
@@ -44,11 +44,11 @@ class TimingAdapterParams:
     # The clock makes up for the time by which the ICP is ahead of the plan
     # within about this; 0: all at once.  The paper's gamma is the share of a
     # tick T, 1 - e^(-T / time constant): in 2 ms, 0.1 of a swing and 0.4 of a
-    # transfer.  A share of 0.8 overshoots by up to 0.1 s where the eCMP moves,
-    # and the clock cannot be turned back; 0.4 does not.
+    # transfer.  All at once, pushes at 120 and 150 deg that are recovered from
+    # are not: the clock cannot be turned back when the error turns.
     swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
-    # Smaller ICP errors change no clock.
+    # Smaller ICP errors change no clock, and do not leave.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
     min_swing_duration: float = bounded(0.35, least=0.35, unit="s")
     min_transfer_duration: float = bounded(0.03, least=0.03, unit="s")
@@ -71,6 +71,11 @@ class TimingAdapterParams:
             self.min_remaining_swing,
             (duration - elapsed) / self.max_speed_up,
         )
+
+
+# The plan's way to the end of the phase has no direction below this [m]: in
+# transfer it comes to a standstill, and Eq. 16 would amplify noise.
+_SHORT_WAY = 0.01
 
 
 def gamma(time_constant: float, period: float) -> float:
@@ -193,10 +198,10 @@ def time_adjustment(
     """Returns by how much [s] to advance the clock now; negative: to hold it.
 
     The discounted time by which the measured `icp` (2,) [m] is ahead of the
-    plan (Nadia paper, Eqs. 15 and 16) or, if what Eq. 16 cannot explain makes
-    the ICP leave the support, all the time left: the next step must come at
-    once.  Limited by what the phase, and in a swing the foot, need.  `feet`
-    are the measured soles; a tick lasts `period` [s].
+    plan (Nadia paper, Eq. 15) or, if what no time can explain makes the ICP
+    leave the support, all the time left: the next step must come at once.
+    Limited by what the phase, and in a swing the foot, need.  `feet` are the
+    measured soles; a tick lasts `period` [s].
     """
     phase = state.schedule.phase
     if phase is Phase.SWING and on.swing:
@@ -219,10 +224,11 @@ def time_adjustment(
         least = least_remaining_time(state, foot, error, params, model)
     if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:
         return 0.0
-    done = fraction_done(icp, reference.icp, plan.icp_end)
-    ahead = time_ahead(done, state.remaining_time, model.omega)
+    ahead = plan.time_to(icp, state.time_in_phase)
     future = plan.at(state.time_in_phase + ahead)
     support = support_polygon(state.schedule, model.sole)
-    if is_leaving(icp, future, support, params.support_margin):
+    if math.dist(icp, future.icp) >= params.icp_error_threshold and is_leaving(
+        icp, future, support, params.support_margin
+    ):
         return most
     return min(gamma(time_constant, period) * ahead, most)

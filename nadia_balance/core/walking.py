@@ -135,12 +135,13 @@ class ReferencePoint(Immutable):
 class ContactSchedule(Immutable):
     """All that the ICP plan depends on; replaced only when it is re-planned.
 
-    The plan starts with the present phase, at time 0.  `support_side` is the
+    The present phase began at time 0.  `support_side` is the
     stance foot of a swing, and the foot that receives the weight of a
     transfer.  `footsteps` are those still to land: in a swing, footsteps[0]
     is the one in the air.  A transfer without footsteps is the last one: it
-    ends between the feet.  `start` is the reference motion at time 0; it keeps
-    the reference continuous across plans.
+    ends between the feet.  The plan goes on from `start`, the reference motion
+    at `start_time`: where the phase before it ended or, from there on, where
+    the reference was put when the foothold was moved.
     """
 
     phase: Phase
@@ -150,6 +151,7 @@ class ContactSchedule(Immutable):
     footsteps: tuple[Footstep, ...]
     start: ReferencePoint
     final_transfer_duration: float = 0.8  # after the last step [s]
+    start_time: float = 0.0  # since the phase began [s]
 
     def in_contact(self, side: Side) -> bool:
         """True if the foot of `side` is meant to carry weight."""
@@ -165,17 +167,18 @@ class ContactSchedule(Immutable):
 
 @dataclass(frozen=True)
 class Adjustment(Immutable):
-    """Where the step in the air goes instead of where it was to go.
+    """Where the next step goes instead of where it was to go.
 
     `region` names the reachability region that was chosen: base, forward or
     backward; `covered_ticks` counts for how long the capture region has
-    covered the nominal foothold again.
+    covered the nominal foothold again.  `later` are the steps after it.
     """
 
     nominal: Footstep
     pose: FootPose
     region: str = "base"
     covered_ticks: int = 0
+    later: tuple[Adjustment, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -189,12 +192,13 @@ class WalkingState(Immutable):
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
     elapsed: float = 0.0  # really, since the phase began [s]
+    speed_up: float = 1.0  # sigma of the clock's last advance [-]
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # for the ICP, at the end of a transfer [s]
     contact_impulse: float = 0.0  # on the swing foot, per weight [s]
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()
-    adjustment: Adjustment | None = None  # of the step in the air
+    adjustment: Adjustment | None = None  # of the next step
 
     @property
     def remaining_time(self) -> float:

@@ -105,7 +105,8 @@ def advance(
     `plan` is the ICP plan of `state.schedule`: it tells where the reference
     is when a phase ends, so that the next plan continues from there.
     """
-    state = _tick(state, measured, params, period, proposal)
+    state = _adjusted(state, plan, measured.icp, proposal.adjustment, model)
+    state = _tick(state, measured, params, period, proposal.time_gain)
     match state.schedule.phase:
         case Phase.STANDING if state.waiting:
             return _start_transfer(state, plan, measured, model)
@@ -188,11 +189,11 @@ def _tick(
     measured: Measurement,
     params: WalkingStateMachineParams,
     period: float,
-    proposal: Proposal,
+    time_gain: float,
 ) -> WalkingState:
     """The same phase one `period` [s] later."""
-    schedule, adjustment = _adjusted(state, proposal.adjustment)
-    time = state.time_in_phase + max(period + proposal.time_gain, 0.0)
+    schedule = state.schedule
+    time = state.time_in_phase + max(period + time_gain, 0.0)
     done = time >= schedule.duration - 0.5 * period
     time = schedule.duration if done else time
     elapsed = state.elapsed + period
@@ -204,28 +205,44 @@ def _tick(
         impulse = state.contact_impulse + period * force
     return replace(
         state,
-        schedule=schedule,
         time_in_phase=time,
         elapsed=elapsed,
+        speed_up=_sigma(state.remaining_time, time_gain),
         waiting=done,
         waited=state.waited + period if waits else 0.0,
         contact_impulse=impulse,
-        adjustment=adjustment,
     )
 
 
+def _sigma(remaining: float, gain: float) -> float:
+    """Returns how much faster the rest of a phase passes (Atlas, Eq. 13).
+
+    Erratum: undefined as printed if nothing is left.
+    """
+    left = remaining - gain
+    return remaining / left if gain > 0.0 and left > 0.0 else 1.0
+
+
 def _adjusted(
-    state: WalkingState, adjustment: Adjustment | None
-) -> tuple[ContactSchedule, Adjustment | None]:
-    """Moves the foothold of the step in the air."""
+    state: WalkingState,
+    plan: IcpPlan,
+    icp: Array,
+    adjustment: Adjustment | None,
+    model: PointMassModel,
+) -> WalkingState:
+    """Moves the footholds of the next steps."""
     schedule = state.schedule
-    if adjustment is None or schedule.phase is not Phase.SWING:
-        return schedule, state.adjustment
-    step, *later = schedule.footsteps
-    if adjustment.pose is not step.pose:
-        step = replace(step, pose=adjustment.pose)
-        schedule = replace(schedule, footsteps=(step, *later))
-    return schedule, adjustment
+    steps = list(schedule.footsteps)
+    if adjustment is None or not steps or schedule.phase is Phase.STANDING:
+        return state
+    moved = False
+    for i, new in enumerate((adjustment, *adjustment.later)):
+        if new.pose is not steps[i].pose:
+            steps[i], moved = replace(steps[i], pose=new.pose), True
+    if moved:
+        time = state.time_in_phase
+        schedule = plan.moved(schedule, tuple(steps), time, icp, model)
+    return replace(state, schedule=schedule, adjustment=adjustment)
 
 
 def _contact_force(
@@ -263,6 +280,7 @@ def _start_transfer(
         feet=feet,
         footsteps=steps,
         start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
     )
     return _begin(state, schedule)
 
@@ -279,8 +297,10 @@ def _end_transfer(
         duration=steps[0].swing_duration if steps else math.inf,
         feet=measured.feet,
         start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
     )
-    return _begin(state, schedule)
+    # The steps that were moved before are to be the same.
+    return replace(_begin(state, schedule), adjustment=state.adjustment)
 
 
 def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:

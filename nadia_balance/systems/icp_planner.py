@@ -4,6 +4,7 @@ import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_plan import (
     IcpPlan,
@@ -38,10 +39,11 @@ class IcpReference(
 
 
 class IcpPlanner(LeafSystem):
-    """Plans the ICP for each new contact schedule (Nadia paper, Eq. 4).
+    """Plans the ICP for each new contact schedule.
 
+    As in the Nadia paper (Eq. 4), or in the Atlas paper (Sec. II-A).
     `walking_state` is a WalkingState, `icp_plan` the IcpPlan of its schedule;
-    `icp_reference` is an IcpReference.
+    `icp_reference` is an IcpReference, unless another block has it.
 
     .. pydrake_system::
 
@@ -51,7 +53,11 @@ class IcpPlanner(LeafSystem):
     """
 
     def __init__(
-        self, params: IcpPlanParams, model: PointMassModel, period: float
+        self,
+        params: IcpPlanParams | AtlasIcpPlanParams,
+        model: PointMassModel,
+        period: float,
+        has_reference: bool = True,
     ):
         """Plans for a robot that is this `model`, whatever the `period` [s].
 
@@ -69,12 +75,13 @@ class IcpPlanner(LeafSystem):
             (None, None),
         )
         declare_output(self, "icp_plan", self._plan, {self._planned.ticket()})
-        self.DeclareVectorOutputPort(
-            "icp_reference",
-            size(IcpReference),
-            self._calc_reference,
-            {self._planned.ticket()},
-        )
+        if has_reference:
+            self.DeclareVectorOutputPort(
+                "icp_reference",
+                size(IcpReference),
+                self._calc_reference,
+                {self._planned.ticket()},
+            )
 
     def _plan(self, context) -> IcpPlan:
         return self._planned.Eval(context)[1]
@@ -83,6 +90,8 @@ class IcpPlanner(LeafSystem):
         schedule = self._walking_state(context).schedule
         if schedule is last[0]:
             return last
+        if isinstance(self._params, AtlasIcpPlanParams):
+            return schedule, plan_atlas_icp(schedule, self._params, self._model)
         return schedule, plan_icp(schedule, self._params, self._model)
 
     def _calc_reference(self, context, output):

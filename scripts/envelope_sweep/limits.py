@@ -1,63 +1,55 @@
 """The envelope that the trials of a sweep trace, from their rows alone."""
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 from nadia_balance.core.capturability import LOST
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.push import Moment
-from nadia_balance.robot import MODELS, load_robot
-from nadia_balance.scripts.envelope_sweep.plan import AT, SCENARIO
+from nadia_balance.robot import load_robot
+from nadia_balance.scripts.envelope_sweep.protocols import (
+    Curves,
+    Protocol,
+    protocol_of,
+)
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     Limit,
     SearchParams,
+    Situation,
     limit,
 )
+from nadia_balance.scripts.envelope_sweep.trials_file import cell_of
 
-ROBOT = "nadia"  # that there are references for
-ORDER = tuple(MECHANISMS)  # fewer before more
+ORDER = tuple(NAMED)  # fewer before more
 NO_ANSWER = ("error", "crashed", "hung")  # outcomes, no fault of the robot
 # Before a figure: the search goes on; nothing larger was tried.
 UNSURE, AT_LEAST = "~", ">="
 
-Curve = dict[float, float]  # direction [deg] in [0, 360) -> velocity [m/s]
 Limits = dict[float, Limit]  # direction [deg] in [0, 360) -> limit
 
 
 class References(NamedTuple):
     """Curves by the name of the mechanisms; empty where there is none."""
 
-    paper: dict[str, Curve]  # Nadia, Fig. 10
-    limit: dict[str, Curve]  # of any controller
+    paper: Curves
+    limit: Curves  # of any controller
 
 
-def references(robot: str, scenario: str, at: str) -> References:
-    """Returns what a robot's pushes at a moment can be compared with."""
-    if (robot, scenario, at) != (ROBOT, SCENARIO, AT):
+def references(robot: str, situation: Situation) -> References:
+    """Returns what a robot's pushes in a situation can be compared with."""
+    if (protocol := protocol_of(robot, situation)) is None:
         return References({}, {})
-    return References(_read("nadia_fig10.csv"), _read("lipm_limit.csv"))
-
-
-def _read(name: str) -> dict[str, Curve]:
-    text = (MODELS / ROBOT / name).read_text(encoding="utf-8")
-    lines = (line for line in text.splitlines() if not line.startswith("#"))
-    curves: dict[str, Curve] = {}
-    for row in csv.DictReader(lines):
-        direction = float(row.pop("direction"))
-        for mechanisms, value in row.items():
-            curves.setdefault(mechanisms, {})[direction] = float(value)
-    return curves
+    files = protocol.figures, protocol.limit
+    return References(*(protocol.curves(f, situation.scenario) for f in files))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Envelope:
-    """The limits of one robot, by mechanisms, moment and direction."""
+    """The limits of one robot, by mechanisms, situation and direction."""
 
     robot: str
-    scenario: str
     plant: str
     search: SearchParams
     rows: Sequence[dict]  # the trials, as read_trials gives them
@@ -71,9 +63,22 @@ class Envelope:
         )
 
     @property
-    def moments(self) -> tuple[str, ...]:
-        """Those that were tried; the one of the references comes first."""
-        return tuple(sorted({cell.at for cell in self.limits}, key=_rank))
+    def situations(self) -> tuple[Situation, ...]:
+        """Those that were tried; those of the references come first."""
+        found = {cell.situation for cell in self.limits}
+        return tuple(sorted(found, key=self._rank))
+
+    def _rank(self, situation: Situation) -> tuple:
+        moment = Moment.parse(situation.at)
+        phase, swing = moment.phase, moment.swing
+        unknown = protocol_of(self.robot, situation) is None
+        when = phase and phase.value, swing.value, moment.fraction
+        return unknown, situation.scenario, *when
+
+    @property
+    def protocol(self) -> Protocol | None:
+        """The paper's figure that the limits can be compared with, if any."""
+        return protocol_of(self.robot, self.situations[0])
 
     @property
     def directions(self) -> tuple[float, ...]:
@@ -84,9 +89,9 @@ class Envelope:
     def cells(self) -> list[Cell]:
         """All that there are of those."""
         return [
-            Cell(name, at, direction)
+            Cell(name, situation, direction)
             for name in self.mechanisms
-            for at in self.moments
+            for situation in self.situations
             for direction in self.directions
         ]
 
@@ -99,9 +104,19 @@ class Envelope:
             if cell not in self.limits or not self.limits[cell].complete
         ]
 
-    def known(self, at: str) -> References:
-        """What the limits at this moment can be compared with."""
-        return references(self.robot, self.scenario, at)
+    def known(self, situation: Situation) -> References:
+        """What the limits in this situation can be compared with."""
+        return references(self.robot, situation)
+
+    @property
+    def unit(self) -> str:
+        """That of the paper's figure."""
+        return self.protocol.unit if self.protocol else "m/s"
+
+    @property
+    def unit_speed(self) -> float:
+        """How much it changes the velocity [m/s]."""
+        return self.protocol.unit_speed if self.protocol else 1.0
 
     def words(self, velocity: float) -> str:
         """A velocity [m/s] with as many decimals as tell two limits apart."""
@@ -109,23 +124,17 @@ class Envelope:
         decimals = max(2, len(text.partition(".")[2]))
         return f"{velocity:.{decimals}f}"
 
-    def limit_words(self, limit: Limit) -> str:
-        """The largest recovered push [m/s], and how sure it is."""
-        return f"{mark([limit])}{self.words(limit.recovered)}"
+    def limit_words(self, limit: Limit, unit: float = 1.0) -> str:
+        """The largest recovered push [m/s / unit], and how sure it is."""
+        return f"{mark([limit])}{self.words(limit.recovered / unit)}"
 
-    def curve(self, mechanisms: str, at: str) -> Limits:
+    def curve(self, mechanisms: str, situation: Situation) -> Limits:
         """The limits around the robot; no entry where nothing was tried."""
         return {
             direction: self.limits[cell]
             for direction in self.directions
-            if (cell := Cell(mechanisms, at, direction)) in self.limits
+            if (cell := Cell(mechanisms, situation, direction)) in self.limits
         }
-
-
-def _rank(at: str) -> tuple:
-    moment = Moment.parse(at)
-    phase, swing = moment.phase, moment.swing
-    return at != AT, phase and phase.value, swing.value, moment.fraction
 
 
 def mark(limits: Iterable[Limit]) -> str:
@@ -153,13 +162,11 @@ def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
     )
     results: dict[Cell, dict[tuple[int, int], bool]] = {}
     for row in rows:
-        cell = Cell(row["mechanisms"], row["at"], row["direction_deg"])
         trial = round(row["delta_v"] / search.resolution), row["replica"]
         recovered = row["outcome"] == "recovered"
-        results.setdefault(cell, {})[trial] = recovered
+        results.setdefault(cell_of(row), {})[trial] = recovered
     return Envelope(
         robot=rows[0]["robot"],
-        scenario=rows[0]["scenario"],
         plant=rows[0]["plant"],
         search=search,
         rows=rows,

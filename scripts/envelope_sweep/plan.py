@@ -14,27 +14,32 @@ from pydrake.common.yaml import yaml_dump_typed
 
 import nadia_balance
 from nadia_balance.core.bounds import check
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.core.push import Moment
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.robot import MODELS, RobotModel, load_robot
-from nadia_balance.scripts.command_line import finite, scenario_from
+from nadia_balance.scripts.command_line import (
+    finite,
+    scenario_flags,
+    scenario_from,
+)
+from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
+    Situation,
     Trial,
 )
 
-PROTOCOL = 2  # how limits are searched and trials judged
+PROTOCOL = 3  # how limits are searched, trials judged, and cells named
 PLANTS = ("humanoid", "lipm")
 LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 MOST_DIRECTIONS = 72  # that a count may ask for
-SCENARIO = "push"
-AT = "right swing 25 %"
-QUICK = {
+DEFAULT = "nadia_fig10"  # of PROTOCOLS
+AT = PROTOCOLS[DEFAULT].at
+QUICK = {  # with the most mechanisms of the protocol
     "directions": "8",
-    "mechanisms": "all_with_cross_over",
     "resolution": 0.1,
     "stride": 4,
     "replicas": 1,
@@ -43,10 +48,9 @@ QUICK = {
 
 @dataclass(kw_only=True)
 class Sweep:
-    """A scenario with one push, and all the ways to give it."""
+    """Scenarios with one push each, and all the ways to give it."""
 
-    scenario: Scenario
-    scenario_name: str
+    scenarios: dict[str, Scenario]  # by name, all of one robot
     plant: str = "humanoid"  # or lipm
     directions: tuple[float, ...] = (0.0,)  # each in [0, 360) [deg]
     at: tuple[str, ...] = (AT,)  # in Moment's own spelling
@@ -56,20 +60,28 @@ class Sweep:
 
     def validate(self) -> None:
         """Raises ValueError naming the field, its value, what is allowed."""
-        check(self.scenario)
         check(self.search)
-        if (number := len(self.scenario.pushes)) != 1:
-            raise ValueError(
-                f"scenario_name = {self.scenario_name!r}: must have exactly "
-                f"one push, has {number}"
-            )
+        for name, scenario in self.scenarios.items():
+            check(scenario)
+            if (number := len(scenario.pushes)) != 1:
+                raise ValueError(
+                    f"scenario_name = {name!r}: must have exactly one push, "
+                    f"has {number}"
+                )
+        for name in ("robot", "seed"):
+            given = {getattr(s, name) for s in self.scenarios.values()}
+            if len(given) > 1:
+                raise ValueError(
+                    f"{name} = {', '.join(map(str, sorted(given)))}: must be "
+                    "the same in all scenarios"
+                )
         if not 0.0 < self.timeout <= LONGEST:
             raise ValueError(
                 f"timeout = {self.timeout}: must be in (0, {LONGEST:g}] s"
             )
         for name, words, allowed in (
             ("plant", (self.plant,), PLANTS),
-            ("mechanisms", self.mechanisms, MECHANISMS),
+            ("mechanisms", self.mechanisms, NAMED),
         ):
             for word in words:
                 if word not in allowed:
@@ -91,14 +103,15 @@ class Sweep:
                     raise ValueError(
                         f"{name} = {value}: must be given only once"
                     )
-        for mechanisms in self.mechanisms:
-            for at in self.at:
-                check(self.walk(Cell(mechanisms, at, 0.0), replica=0))
+        for cell in self.cells():
+            if cell.direction_deg == self.directions[0]:
+                check(self.walk(cell, replica=0))
 
     def cells(self) -> list[Cell]:
-        """Returns all cells, by moment, mechanisms and direction."""
+        """Returns all cells, by situation, mechanisms and direction."""
         return [
-            Cell(mechanisms, at, direction)
+            Cell(mechanisms, Situation(scenario, at), direction)
+            for scenario in self.scenarios
             for at in self.at
             for mechanisms in self.mechanisms
             for direction in self.directions
@@ -115,16 +128,26 @@ class Sweep:
         starts a little elsewhere (its seed), and every second one is pushed
         one control period later.
         """
-        scenario = copy.deepcopy(self.scenario)
+        scenario = copy.deepcopy(self.scenarios[cell.situation.scenario])
         scenario.description, scenario.mechanisms = "", cell.mechanisms
         scenario.seed += replica
         push, period = scenario.pushes[0], scenario.controller.control_period
         if self.plant == "lipm":
             period = scenario.lipm_period
         push.delta_v, push.force, push.direction_deg = 0.0, None, 0.0
-        push.at = cell.at
+        push.at = cell.situation.at
         push.delay += (replica % 2) * period
         return scenario
+
+    @property
+    def robot(self) -> str:
+        """The robot of all scenarios."""
+        return next(iter(self.scenarios.values())).robot
+
+    @property
+    def seed(self) -> int:
+        """The seed of all scenarios."""
+        return next(iter(self.scenarios.values())).seed
 
     def identity(self) -> dict:
         """Returns what two sweeps must share to be in one file, as plain JSON.
@@ -133,34 +156,36 @@ class Sweep:
         """
         return {
             "protocol": PROTOCOL,
-            "robot": self.scenario.robot,
-            "scenario": self.scenario_name,
+            "robot": self.robot,
+            "scenario": ",".join(self.scenarios),
             "plant": self.plant,
             **asdict(self.search),
-            "seed": self.scenario.seed,
-            "parameters": parameters_hash(self.scenario),
+            "seed": self.seed,
+            "parameters": parameters_hash(*self.scenarios.values()),
             **this_code(),
-            "robot_files": robot_hash(self.scenario.robot),
+            "robot_files": robot_hash(self.robot),
         }
 
 
-def parameters_hash(scenario: Scenario) -> str:
+def parameters_hash(*scenarios: Scenario) -> str:
     """Returns 16 hex digits for all that is the same in every trial.
 
-    That is `scenario` and its robot, without the seed, the mechanisms, and
+    That is `scenarios` and their robot, without the seed, the mechanisms, and
     how hard, which way and when the push is: a sweep sets these itself.
 
     Raises:
         ValueError: the robot is unknown or makes no sense.
         FileNotFoundError: a file of the robot is missing.
     """
-    robot = load_robot(scenario.robot)
-    common = copy.deepcopy(scenario)
-    common.description, common.robot, common.seed = "", robot.name, 0
-    common.mechanisms = ""
-    for push in common.pushes:
-        push.delta_v, push.force, push.direction_deg, push.at = 0.0, None, 0, ""
-    return _digest([yaml_dump_typed(common).encode(), *_files(robot)])
+    robot, texts = load_robot(scenarios[0].robot), []
+    for common in map(copy.deepcopy, scenarios):
+        common.description, common.robot, common.seed = "", robot.name, 0
+        common.mechanisms = ""
+        for push in common.pushes:
+            push.delta_v, push.force = 0.0, None
+            push.direction_deg, push.at = 0, ""
+        texts.append(yaml_dump_typed(common).encode())
+    return _digest([*texts, *_files(robot)])
 
 
 def robot_hash(name: str) -> str:
@@ -208,7 +233,7 @@ def code_hash(
 
 
 # Of this package, what a row depends on; reports and plots are free to change.
-TRIAL_FILES = ("plan.py", "search.py", "trial.py")
+TRIAL_FILES = ("plan.py", "protocols.py", "search.py", "trial.py")
 
 
 def _files(robot: RobotModel) -> tuple[bytes, bytes]:
@@ -224,25 +249,37 @@ def _digest(parts: Iterable[bytes]) -> str:
 
 
 def sweep_flags(parser: argparse.ArgumentParser) -> None:
-    """Adds the flags that choose the cells and how finely to search."""
-    search = SearchParams()
+    """Adds the flags of scenario, cells, and how finely to search."""
+    search, default = SearchParams(), PROTOCOLS[DEFAULT]
     quick = ", ".join(f"--{name} {value}" for name, value in QUICK.items())
     group = parser.add_argument_group(
-        "sweep", "--mechanisms may name several, with commas (default: all)."
+        "sweep",
+        "--mechanisms and --scenario_name may name several, with "
+        "commas (default: those of the protocol).",
     )
     group.add_argument(
-        "--quick", action="store_true", help=f"unless given: {quick}"
+        "--protocol",
+        choices=PROTOCOLS,
+        default=DEFAULT,
+        help="the paper's figure whose scenarios, moment, directions and "
+        "mechanisms are tried unless given (default: %(default)s)",
+    )
+    group.add_argument(
+        "--quick",
+        action="store_true",
+        help=f"unless given: {quick}, and the most mechanisms alone",
     )
     group.add_argument(
         "--directions",
         help='degrees from the stance heading, such as "0,30,90" (0 forward, '
-        '90 left; "90," for one), or how many all around (default: 12)',
+        '90 left; "90," for one), or how many all around (default: '
+        f"{default.directions})",
     )
     group.add_argument(
         "--at",
         "--phases",
-        default=AT,
-        help="when the push begins, with commas (default: right swing 25 %%)",
+        help="when the push begins, with commas (default: "
+        f"{AT.replace('%', '%%')})",
     )
     group.add_argument(
         "--resolution",
@@ -265,6 +302,8 @@ def sweep_flags(parser: argparse.ArgumentParser) -> None:
         type=finite,
         help=f"no push is larger (default: {search.largest}) [m/s]",
     )
+    scenario_flags(parser, name=default.scenario_name)
+    parser.set_defaults(scenario_name=None)
 
 
 def sweep_from(args: argparse.Namespace) -> Sweep:
@@ -275,30 +314,38 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         FileNotFoundError: there is no such scenario file.
     """
     asked = {name: x for name, x in vars(args).items() if x is not None}
+    defaults = PROTOCOLS[args.protocol].flags()
     if args.quick:
-        asked = QUICK | asked
+        most = defaults["mechanisms"].rpartition(",")[2]
+        defaults |= QUICK | {"mechanisms": most}
+    asked = defaults | asked
     search = {
         name: asked[name] for name in vars(SearchParams()) if name in asked
     }
-    # That a sweep has many mechanisms is not the scenario's.
-    scenario = scenario_from(
-        argparse.Namespace(**{**vars(args), "mechanisms": None})
-    )
-    if scenario.robot.endswith((".yaml", ".yml")):
-        # Trials may run elsewhere.
-        scenario.robot = str(Path(scenario.robot).resolve())
     sweep = Sweep(
-        scenario=scenario,
-        scenario_name=args.scenario_name,
+        scenarios={
+            name: _scenario(args, name)
+            for name in _words(asked["scenario_name"])
+        },
         plant=args.plant,
-        directions=directions(asked.get("directions", "12")),
-        at=moments(args.at),
-        mechanisms=tuple(_words(asked.get("mechanisms", ",".join(MECHANISMS)))),
+        directions=directions(asked["directions"]),
+        at=moments(asked["at"]),
+        mechanisms=tuple(_words(asked["mechanisms"])),
         search=SearchParams(**search),
         timeout=args.timeout,
     )
     sweep.validate()
     return sweep
+
+
+def _scenario(args: argparse.Namespace, name: str) -> Scenario:
+    """That a sweep has many names and mechanisms is not the scenario's."""
+    one = {"scenario_name": name, "mechanisms": None}
+    scenario = scenario_from(argparse.Namespace(**{**vars(args), **one}))
+    if scenario.robot.endswith((".yaml", ".yml")):
+        # Trials may run elsewhere.
+        scenario.robot = str(Path(scenario.robot).resolve())
+    return scenario
 
 
 def directions(text: str) -> tuple[float, ...]:

@@ -1,7 +1,8 @@
 """The largest push that is recovered from, by direction, seen from above.
 
-As Fig. 10 of the Nadia paper: a point of a curve lies as far out as a push in
-its direction changes the velocity [m/s]; forward is up, left is left.
+As Fig. 10 of the Nadia paper, and Fig. 6 of the Atlas paper: a point of a curve
+lies as far out as a push in its direction changes the velocity; forward is up,
+left is left.  A panel's unit is that of the paper.
 """
 
 import math
@@ -15,26 +16,20 @@ from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
 
 from nadia_balance import palette
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.core.walking import Array, Side
 from nadia_balance.results.plots.style import FAINT, TEXT
-from nadia_balance.scripts.envelope_sweep.limits import (
-    ORDER,
-    ROBOT,
-    Curve,
-    Envelope,
-    Limit,
-)
-from nadia_balance.scripts.envelope_sweep.plan import AT, SCENARIO, moment_of
+from nadia_balance.scripts.envelope_sweep.limits import Envelope, Limit
+from nadia_balance.scripts.envelope_sweep.plan import moment_of
+from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
+from nadia_balance.scripts.envelope_sweep.search import Situation
 
 # Of directions [deg], relative to the heading of the stance foot.
 WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 # One hue, the darker the more mechanisms: told apart without colours, too.
-COLORS = dict(
-    zip(
-        ORDER,
-        ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78"),
-        strict=True,
-    )
+_TINTS = ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78")
+COLORS = dict(zip(MECHANISMS, _TINTS, strict=True)) | dict(
+    zip(ATLAS_MECHANISMS, [*_TINTS[:3], _TINTS[-1]], strict=True)
 )
 NAMES = {
     "icp_only": "ankles and hips only",
@@ -42,10 +37,13 @@ NAMES = {
     "step_swing": "+ when to land",
     "step_swing_transfer": "+ when to lift off",
     "all_with_cross_over": "+ crossing the legs",
+    "feedback": "feedback only",
+    "feedback_step": "step adjustment",
+    "feedback_timing": "swing speed-up",
+    "feedback_step_timing": "both of them",
 }
 PLANTS = {"humanoid": "whole body", "lipm": "point mass"}
 PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
-PAPER_LABEL = "the Nadia paper's, Fig. 10"
 SEARCHED_LABEL = "still being searched"
 LIMIT = "#8a93a3"
 LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass 1 m high"
@@ -60,7 +58,8 @@ def title(envelope: Envelope, what: str) -> str:
 
 def key_name(envelope: Envelope, mechanisms: str) -> str:
     """What it adds to those before it; its name if one of them is missing."""
-    before = ORDER[: ORDER.index(mechanisms)]
+    names = list(MECHANISMS)
+    before = names[: names.index(mechanisms)] if mechanisms in names else []
     stacked = set(before) <= set(envelope.mechanisms)
     return NAMES[mechanisms] if stacked else mechanisms
 
@@ -95,14 +94,14 @@ def _draw_key(fig: Figure, envelope: Envelope) -> None:
         dot = {"ls": "none", "marker": "o", "ms": 5, "mfc": "white"}
         dot |= {"mec": FAINT, "mew": 1.4, "label": SEARCHED_LABEL}
         handles.append(Line2D([], [], **dot))
-    known = [m for m in envelope.moments if envelope.known(m).paper]
-    if known:
-        handles += [
-            Line2D([], [], label=PAPER_LABEL, **PAPER_LINE),
-            Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),
-        ]
-    if len(known) < len(envelope.moments):
-        text = f"references: only for\n{ROBOT}, {SCENARIO}, {AT}"
+    known = [s for s in envelope.situations if envelope.known(s).paper]
+    if protocol := envelope.protocol:
+        handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
+    if protocol and protocol.limit:
+        patch = Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL)
+        handles.append(patch)
+    if len(known) < len(envelope.situations):
+        text = "\n".join(["references: only for", *PROTOCOLS])
         handles.append(Line2D([], [], ls="none", label=text))
     fig.legend(
         handles=handles,
@@ -114,7 +113,7 @@ def _draw_key(fig: Figure, envelope: Envelope) -> None:
 
 
 _FARTHEST = 100.0  # directions farther apart are not joined [deg]
-_RINGS = (0.05, 0.1, 0.2, 0.5, 1.0)  # distances of rings [m/s]
+_RINGS = (0.05, 0.1, 0.2, 0.5, 1.0)  # distances of rings [unit]
 _MOST_RINGS = 5
 _RING_LABELS = 15.0  # where their labels are, backward of inward [deg]
 
@@ -139,21 +138,25 @@ def point(direction: float, size: float) -> Array:
     return size * np.array([-math.sin(angle), math.cos(angle)])
 
 
-def _draw_rings(ax: Axes, at: str) -> None:
-    """Rings at round velocities; the outer ones, with room, say which."""
+def _draw_rings(ax: Axes, envelope: Envelope, at: str) -> None:
+    """Rings at round sizes; the outer ones, with room, say which."""
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     (left, right), (_, top) = ax.get_xlim(), ax.get_ylim()
-    gap = next((g for g in _RINGS if top / g <= _MOST_RINGS), _RINGS[-1])
+    speed, unit = envelope.unit_speed, envelope.unit
+    rings = top / speed
+    gap = next((g for g in _RINGS if rings / g <= _MOST_RINGS), _RINGS[-1])
     angle = 90.0 + _RING_LABELS
     if inward(at) > 180.0:
         angle = -angle
-    for ring in np.arange(gap, 1.5 * top, gap):
-        circle = Circle((0, 0), ring, fill=False, ec=FAINT, lw=0.6, alpha=0.5)
+    for ring in np.arange(gap, 1.5 * rings, gap):
+        circle = Circle(
+            (0, 0), ring * speed, fill=False, ec=FAINT, lw=0.6, alpha=0.5
+        )
         ax.add_patch(circle).set_zorder(1.0)
-        place = point(angle, ring)
-        if ring > 0.35 * top and 0.88 * left < place[0] < 0.88 * right:
-            text = ax.text(*place, f"{ring:g} m/s", ha="center", va="center")
+        place = point(angle, ring * speed)
+        if ring > 0.35 * rings and 0.88 * left < place[0] < 0.88 * right:
+            text = ax.text(*place, f"{ring:g} {unit}", ha="center", va="center")
             text.set(color=FAINT, fontsize=8.5, zorder=1.2)
 
 
@@ -198,24 +201,25 @@ _MOST_NUMBERS = 16  # directions with the limit written beside them
 
 
 def draw_envelope(envelope: Envelope) -> Figure:
-    """Draws a panel for each moment, with the references where there are."""
-    moments = envelope.moments
-    columns = min(len(moments), _COLUMNS)
-    rows = math.ceil(len(moments) / columns)
+    """Draws a panel for each situation, with references where there are."""
+    situations = envelope.situations
+    columns = min(len(situations), _COLUMNS)
+    rows = math.ceil(len(situations) / columns)
     (left, right), (low, high) = _window(envelope)
-    height = _HEIGHTS[0] if len(moments) == 1 else _HEIGHTS[1]
+    height = _HEIGHTS[0] if len(situations) == 1 else _HEIGHTS[1]
     width = height * (right - left) / (high - low)
     size = columns * width + _KEY, rows * (height + 0.25) + 0.4
     fig = Figure(figsize=size, layout="constrained")
     grid = list(fig.subplots(rows, columns, squeeze=False).flat)
-    for ax, at in zip(grid, moments, strict=False):
+    for ax, situation in zip(grid, situations, strict=False):
         ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
-        ax.set_title(at, fontsize=10.5)
-        _draw_panel(ax, envelope, at)
-    for ax in grid[len(moments) :]:
+        ax.set_title(str(situation), fontsize=10.5)
+        _draw_panel(ax, envelope, situation)
+    for ax in grid[len(situations) :]:
         ax.remove()
     _draw_key(fig, envelope)
-    what = title(envelope, "Largest recovered push [m/s], by direction")
+    what = f"Largest recovered push [{envelope.unit}], by direction"
+    what = title(envelope, what)
     fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
     return fig
 
@@ -223,10 +227,10 @@ def draw_envelope(envelope: Envelope) -> Figure:
 def _window(envelope: Envelope) -> Array:
     """What of the plane is seen, so that all curves are: x and y (2, 2)."""
     most, curves = envelope.mechanisms[-1], []
-    for at in envelope.moments:
-        known = envelope.known(at)
+    for each in envelope.situations:
+        known = envelope.known(each)
         curves += [known.paper.get(most, {}), known.limit.get(most, {})]
-        curves += [_recovered(envelope, m, at) for m in envelope.mechanisms]
+        curves += [_recovered(envelope, m, each) for m in envelope.mechanisms]
     seen = np.vstack([np.zeros(2), *(points(c) for c in curves if c)])
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
     half = max(0.5 * np.max(high - low), 2.0 * envelope.search.resolution)
@@ -235,25 +239,27 @@ def _window(envelope: Envelope) -> Array:
     return np.array([[-left, right], [-top, top]])
 
 
-def _recovered(envelope: Envelope, mechanisms: str, at: str) -> Curve:
-    limits = envelope.curve(mechanisms, at)
+def _recovered(
+    envelope: Envelope, mechanisms: str, situation: Situation
+) -> Curve:
+    limits = envelope.curve(mechanisms, situation)
     return {angle: limit.recovered for angle, limit in limits.items()}
 
 
-def _draw_panel(ax: Axes, envelope: Envelope, at: str) -> None:
-    known = envelope.known(at)
+def _draw_panel(ax: Axes, envelope: Envelope, situation: Situation) -> None:
+    known = envelope.known(situation)
     most = envelope.mechanisms[-1]
     if most in known.limit:
         ax.set_facecolor(BEYOND)
         ax.fill(*points(known.limit[most]).T, fc="white", ec=LIMIT, zorder=0.5)
-    _draw_rings(ax, at)
-    _draw_directions(ax, at, envelope.directions)
+    _draw_rings(ax, envelope, situation.at)
+    _draw_directions(ax, situation.at, envelope.directions)
     for mechanisms in reversed(envelope.mechanisms):
-        if limits := envelope.curve(mechanisms, at):
+        if limits := envelope.curve(mechanisms, situation):
             _draw_limits(ax, limits, mechanisms)
     if most in known.paper:
         ax.plot(*points(known.paper[most]).T, zorder=3.0, **PAPER_LINE)
-    _write_limits(ax, envelope, at)
+    _write_limits(ax, envelope, situation)
 
 
 def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
@@ -276,15 +282,15 @@ def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
             ax.plot(*np.array(dots).T, mfc=face, mec=color, zorder=3.1, **dot)
 
 
-def _write_limits(ax: Axes, envelope: Envelope, at: str) -> None:
+def _write_limits(ax: Axes, envelope: Envelope, situation: Situation) -> None:
     """Writes the limits with the most mechanisms beside their dots, outward."""
     most = envelope.mechanisms[-1]
-    limits = envelope.curve(most, at)
+    limits = envelope.curve(most, situation)
     if len(limits) > _MOST_NUMBERS:
         return
     for angle, limit in limits.items():
         ax.annotate(
-            envelope.limit_words(limit),
+            envelope.limit_words(limit, envelope.unit_speed),
             point(angle, limit.recovered),
             xytext=point(angle, 13.0) * [1.25, 1.0],
             textcoords="offset points",

@@ -25,7 +25,7 @@ from nadia_balance.scripts.envelope_sweep.plots import (
     WORDS,
     draw_envelope,
 )
-from nadia_balance.scripts.envelope_sweep.search import Limit
+from nadia_balance.scripts.envelope_sweep.search import Limit, Situation
 
 PICTURE = "envelope.png"
 TABLES = "tables.md"
@@ -38,9 +38,8 @@ A push changes the velocity of the robot's whole mass by so many m/s; direction
 0 is forward, 90 left, of the stance foot's heading. *recovered* is the largest
 push from which, as from every smaller one that was tried, the robot recovered
 (`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was tried),
-*fails at* the smallest from which it did not. *paper* is Griffin et al. 2023,
-Fig. 10; *limit* is the best of any controller on a point mass 1 m high in up to
-four steps; z is the height of the centre of mass."""
+*fails at* the smallest from which it did not; z is the height of the centre of
+mass."""
 
 
 def write_report(folder: Path, envelope: Envelope) -> list[str]:
@@ -65,17 +64,32 @@ def report_text(envelope: Envelope, speed: float | None) -> str:
         f"{PLANTS.get(envelope.plant, envelope.plant)}",
         f"![envelope]({PICTURE})",
         _NOTES,
+        *_notes_on_the_paper(envelope),
         what_was_done(envelope),
         "## Largest recovered pushes",
     ]
-    for at in envelope.moments:
-        parts += [f"### Pushed at {at}", limits.summary(at)]
+    for situation in envelope.situations:
+        parts += [f"### {situation}", limits.summary(situation)]
         for name in envelope.mechanisms:
-            parts += [f"`{name}`: {NAMES[name]}", limits.details(name, at)]
+            parts += [f"`{name}`: {NAMES[name]}"]
+            parts += [limits.details(name, situation)]
     parts += ["## How the trials ended", outcomes_table(envelope)]
     parts += ["## What the capture regions foretold"]
     parts += [capturability_table(envelope)]
     return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def _notes_on_the_paper(envelope: Envelope) -> list[str]:
+    if (protocol := envelope.protocol) is None:
+        return []
+    text = f"*paper* is {protocol.paper}"
+    if protocol.limit:
+        text += "; *limit* is the best of any\ncontroller on a point mass 1 m "
+        text += "high in up to four steps"
+    if protocol.unit_speed != 1.0:
+        text += f": forces over the robot's {protocol.unit}, for 0.1 s; 1 is"
+        text += f"\n{protocol.unit_speed:g} m/s"
+    return [f"{text}."]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -99,7 +113,7 @@ def what_was_done(envelope: Envelope) -> str:
     search, row = envelope.search, envelope.rows[0]
     cells, missing = len(envelope.cells), len(envelope.missing)
     found = {
-        "scenario": envelope.scenario,
+        "scenario": ", ".join({s.scenario: 0 for s in envelope.situations}),
         "limits": f"{cells - missing} of {cells} complete",
         "trials": len(envelope.rows),
         "resolution [m/s]": f"{search.resolution:g}",
@@ -127,13 +141,13 @@ class LimitTables:
     envelope: Envelope
     speed: float | None
 
-    def summary(self, at: str) -> str:
+    def summary(self, situation: Situation) -> str:
         """Worst and mean over the directions, a row for each mechanisms."""
-        columns, rows = self._columns(at), []
+        columns, rows = self._columns(situation), []
         for name in self.envelope.mechanisms:
-            limits = self.envelope.curve(name, at)
+            limits = self.envelope.curve(name, situation)
             lines = [
-                self._values(name, at, direction, limit)
+                self._values(name, situation, direction, limit)
                 for direction, limit in limits.items()
             ]
             cells = [
@@ -145,11 +159,11 @@ class LimitTables:
             rows.append([f"`{name}`", both, *cells, done])
         return table(["worst / mean", _RECOVERED, *columns, "complete"], rows)
 
-    def details(self, mechanisms: str, at: str) -> str:
+    def details(self, mechanisms: str, situation: Situation) -> str:
         """A row for each direction."""
-        columns, rows = self._columns(at), []
+        columns, rows = self._columns(situation), []
         head = ["direction", _RECOVERED, "fails at", *columns, "complete"]
-        limits = self.envelope.curve(mechanisms, at)
+        limits = self.envelope.curve(mechanisms, situation)
         for direction in self.envelope.directions:
             name = direction_words(direction)
             limit = limits.get(direction)
@@ -157,7 +171,7 @@ class LimitTables:
                 blank = [NOTHING] * (len(head) - 2)
                 rows.append([name, *blank, "not begun"])
                 continue
-            values = self._values(mechanisms, at, direction, limit)
+            values = self._values(mechanisms, situation, direction, limit)
             cells = [
                 self.envelope.limit_words(limit),
                 _text(limit.failed, self.envelope.words),
@@ -175,27 +189,31 @@ class LimitTables:
         mean_words = f"{mark(limits)}{self.envelope.words(mean)}"
         return f"{self.envelope.limit_words(worst)} / {mean_words}"
 
-    def _columns(self, at: str) -> dict[str, Words]:
+    def _columns(self, situation: Situation) -> dict[str, Words]:
         """What a limit is compared with, and how that is written."""
         columns: dict[str, Words] = {}
-        if self.envelope.known(at).paper:
-            for name in ("paper [m/s]", "/ paper", "limit [m/s]", "/ limit"):
-                columns[name] = "{:.2f}".format
+        for name, curves in self.envelope.known(situation)._asdict().items():
+            if curves:
+                for column in (f"{name} [m/s]", f"/ {name}"):
+                    columns[column] = "{:.2f}".format
         if self.speed:
             columns["/ sqrt(g z)"] = "{:.3f}".format
         return columns
 
     def _values(
-        self, mechanisms: str, at: str, direction: float, limit: Limit
+        self,
+        mechanisms: str,
+        situation: Situation,
+        direction: float,
+        limit: Limit,
     ) -> list[float | None]:
         """What the columns hold; None where it is not known."""
-        known = self.envelope.known(at)
+        known = self.envelope.known(situation)
         values: list[float | None] = []
-        if known.paper:
-            for curves in (known.paper, known.limit):
-                other = curves.get(mechanisms, {}).get(direction)
-                share = limit.recovered / other if other else None
-                values += [other, share]
+        for curves in filter(None, known):
+            other = curves.get(mechanisms, {}).get(direction)
+            share = limit.recovered / other if other else None
+            values += [other, share]
         return values + ([limit.recovered / self.speed] if self.speed else [])
 
 
@@ -222,19 +240,19 @@ def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
 
 
 def table_lines(envelope: Envelope) -> list[str]:
-    """Returns a table for each moment, and what must be said of them all."""
+    """Returns a table for each situation, and what must be said of them all."""
     lines = []
-    for at in envelope.moments:
+    for situation in envelope.situations:
         columns = [["direction", *(f"{a:g}" for a in envelope.directions)]]
         for name in envelope.mechanisms:
-            curve = envelope.curve(name, at)
+            curve = envelope.curve(name, situation)
             cells = [
                 envelope.limit_words(curve[a]) if a in curve else "-"
                 for a in envelope.directions
             ]
             columns.append([name, *cells])
         widths = [max(map(len, column)) for column in columns]
-        lines += ["", f"largest recovered push [m/s], {at}"]
+        lines += ["", f"largest recovered push [m/s], {situation}"]
         lines += [
             "  ".join(map(str.rjust, line, widths))
             for line in zip(*columns, strict=True)

@@ -18,12 +18,14 @@ from tqdm import tqdm
 from nadia_balance.scripts.envelope_sweep.plan import Sweep
 from nadia_balance.scripts.envelope_sweep.search import (
     Agenda,
-    Cell,
     Progress,
     Trial,
 )
 from nadia_balance.scripts.envelope_sweep.trial import row_without_run
-from nadia_balance.scripts.envelope_sweep.trials_file import TrialsFile
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    TrialsFile,
+    cell_of,
+)
 from nadia_balance.scripts.envelope_sweep.workers import Workers, run_task
 
 LOOK = 0.2  # how often it is asked whether to stop [s]
@@ -60,7 +62,7 @@ def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
     """Returns what `sweep` has left to do, given the rows in the file."""
     known = []
     for row in trials_file.rows():
-        cell = Cell(row["mechanisms"], row["at"], row["direction_deg"])
+        cell = cell_of(row)
         level = round(row["delta_v"] / sweep.search.resolution)
         trial = Trial(cell=cell, level=level, replica=row["replica"])
         known.append((trial, row["outcome"] == "recovered"))
@@ -176,12 +178,12 @@ class _Queue:
 def _labels(sweep: Sweep, trial: Trial) -> dict:
     """What a row says of the trial itself."""
     return {
+        **trial.cell.situation._asdict(),
         "mechanisms": trial.cell.mechanisms,
-        "at": trial.cell.at,
         "direction_deg": trial.cell.direction_deg,
         "delta_v": sweep.delta_v(trial),
         "replica": trial.replica,
-        "seed": sweep.scenario.seed + trial.replica,
+        "seed": sweep.seed + trial.replica,
     }
 
 

@@ -11,6 +11,7 @@ import heapq
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from nadia_balance.core.bounds import bounded
 
@@ -51,12 +52,23 @@ class SearchParams:
         return math.floor(self.largest / self.resolution * (1.0 + 1e-9))
 
 
+class Situation(NamedTuple):
+    """In which gait, and when in it, the robot is pushed."""
+
+    scenario: str  # its name
+    at: str  # when the push begins, in Moment's own spelling
+
+    def __str__(self) -> str:
+        """Words for a heading."""
+        return f"{self.scenario}, {self.at}"
+
+
 @dataclass(frozen=True)
 class Cell:
     """One limit to find."""
 
-    mechanisms: str  # a name of MECHANISMS
-    at: str  # when the push begins, in Moment's own spelling
+    mechanisms: str  # a name of NAMED
+    situation: Situation
     direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
 
 
@@ -185,8 +197,8 @@ class Progress:
 class Agenda:
     """Hands out the trials of some cells, and learns from their outcomes.
 
-    One moment of the push comes after the other, since trials with the same
-    way to the push share it.  Of one, the first replicas come first, so that
+    One situation comes after the other, since trials with the same way to
+    the push share it.  Of one, the first replicas come first, so that
     the whole envelope is soon known roughly; among equals it is the turn of
     the cell with the fewest trials.
     """
@@ -200,8 +212,8 @@ class Agenda:
         """Takes the trials that are `known` as done; others' are ignored."""
         self._search = search
         self._rank = {cell: rank for rank, cell in enumerate(cells)}
-        moments = dict.fromkeys(cell.at for cell in self._rank)
-        self._turn = {at: turn for turn, at in enumerate(moments)}
+        situations = dict.fromkeys(cell.situation for cell in self._rank)
+        self._turn = {each: turn for turn, each in enumerate(situations)}
         # (level, replica) -> recovered: all that is known of a cell, and what
         # of it the search has been told, in whole batches.
         self._known: dict[Cell, dict] = {cell: {} for cell in self._rank}
@@ -252,7 +264,7 @@ class Agenda:
             if not missing:
                 told.update({key: known[key] for key in batch})
         for level, replica in missing:
-            turn = self._turn[cell.at], min(replica, 1)
+            turn = self._turn[cell.situation], min(replica, 1)
             entry = *turn, len(known), self._rank[cell], cell, level, replica
             heapq.heappush(self._heap, entry)
         self._missing[cell] = len(missing)

@@ -6,7 +6,7 @@ import time
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.capturability import least_steps
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -215,7 +215,7 @@ class Observer:
             scenario.controller.step_adjuster,
             scenario.controller.timing_adapter,
             diagram.robot.point_mass,
-            MECHANISMS[scenario.mechanisms],
+            NAMED[scenario.mechanisms],
         )
 
 

@@ -12,23 +12,28 @@ from dataclasses import fields
 from pathlib import Path
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.scripts.envelope_sweep.plan import moment_of
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    Situation,
+)
 from nadia_balance.typed_yaml import load_typed
 
-KEY = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
+_OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
+KEY = ("scenario", *_OWN)
 RESULTS = (
     *("outcome", "reason", "steps_after_push", "max_icp_error_m"),
     *("max_torque_ratio", "max_joint_speed", "qp_failures"),
     *("predicted_at_push", "predicted_at_touchdowns"),
 )
 _NAMES = {"phase": "at"}  # of columns, in rows of protocol 1
-_COMMON = (  # the same in all rows of a file
+_COMMON = (  # the same in all rows of a file, but for the scenario
     *("robot", "scenario", "plant", "parameters", "code"),
     *("nadia_balance", "drake", "numpy", "python"),
 )
-COLUMNS = (*KEY, "seed", *RESULTS, *_COMMON)
+COLUMNS = (*_OWN, "seed", *RESULTS, *_COMMON)
 # Not among them, since a trial has the same row whenever it is run.
 COST_COLUMNS = (*KEY, "cpu_s", "wall_s")
 _WHOLE = (
@@ -47,7 +52,7 @@ _HINTS = {
     "code": " (the program has changed since)",
 }
 
-Key = tuple[str, str, float, float, int]  # the values of KEY
+Key = tuple[str, str, str, float, float, int]  # the values of KEY
 
 
 def key_of(row: dict) -> Key:
@@ -56,9 +61,15 @@ def key_of(row: dict) -> Key:
 
 
 def sort_key(row: dict) -> tuple:
-    """By mechanisms, fewer before more, then by the rest of the key."""
-    mechanisms, *rest = key_of(row)
-    return list(MECHANISMS).index(mechanisms), *rest
+    """By scenario and mechanisms, fewer before more, then by the rest."""
+    scenario, mechanisms, *rest = key_of(row)
+    return scenario, list(NAMED).index(mechanisms), *rest
+
+
+def cell_of(row: dict) -> Cell:
+    """The cell that this trial is one of."""
+    situation = Situation(row["scenario"], row["at"])
+    return Cell(row["mechanisms"], situation, row["direction_deg"])
 
 
 def line_of(row: dict, columns: Sequence[str] = COLUMNS) -> str:
@@ -212,9 +223,9 @@ def _search_of(identity: dict) -> SearchParams:
 
 def _check_cell(row: dict, search: SearchParams) -> None:
     """Raises ValueError naming what no trial of a search has."""
-    if (name := row["mechanisms"]) not in MECHANISMS:
+    if (name := row["mechanisms"]) not in NAMED:
         raise ValueError(
-            f"mechanisms = {name!r}: must be one of {', '.join(MECHANISMS)}"
+            f"mechanisms = {name!r}: must be one of {', '.join(NAMED)}"
         )
     moment_of(row["at"])
     for name, most in (

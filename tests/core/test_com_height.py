@@ -20,7 +20,6 @@ from nadia_balance.core.walking import (
     FootPoses,
     Footstep,
     Phase,
-    ReferencePoint,
     Side,
 )
 from tests import example_walks
@@ -30,7 +29,6 @@ NOMINAL = 0.94
 MODEL = replace(example_walks.MODEL, com_height=NOMINAL)
 LEGS = MODEL.legs
 GROUND = 0.3
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
 def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
@@ -40,13 +38,11 @@ def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
     def at(x, y):
         return FootPose([*turned.to_world(np.array([x, y])), GROUND], yaw)
 
-    return ContactSchedule(
+    return replace(
+        example_walks.standing(FootPoses(at(0.0, 0.125), at(-apart, -0.125))),
         phase=phase,
-        support_side=Side.LEFT,
         duration=0.7,
-        feet=FootPoses(at(0.0, 0.125), at(-apart, -0.125)),
         footsteps=(Footstep(Side.RIGHT, at(step, -0.125), 0.3, 0.7),),
-        start=REST,
     )
 
 

@@ -175,21 +175,3 @@ def test_refuses_a_swing_without_a_footstep():
     schedule = replace(walk(num_steps=0), phase=Phase.SWING)
     with pytest.raises(ValueError, match="a swing needs the step in the air"):
         cop_waypoints(schedule, PARAMS, SOLE)
-
-
-@pytest.mark.parametrize("phase", [Phase.TRANSFER, Phase.SWING])
-def test_tells_which_points_go_along_with_the_first_step(phase):
-    """Oracle: the points, when the step is put elsewhere, sideways."""
-    schedule = walk(0.2, num_steps=4)
-    schedule = replace(schedule, phase=phase, duration=0.5)
-    step, *later = schedule.footsteps
-    aside = FootPose(step.pose.p_WF + [0.0, -0.1, 0.0], step.pose.yaw)
-    steps = (replace(step, pose=aside), *later)
-    path, other = (
-        cop_waypoints(s, PARAMS, SOLE)
-        for s in (schedule, replace(schedule, footsteps=steps))
-    )
-    shifts = (other.points - path.points) / [1.0, -0.1]
-    np.testing.assert_allclose(shifts[:, 0], 0.0, atol=1e-15)
-    np.testing.assert_allclose(shifts[:, 1], path.step_shares, atol=1e-12)
-    assert set(path.step_shares.tolist()) == {0.0, 0.5, 1.0}

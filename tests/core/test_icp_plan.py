@@ -1,14 +1,18 @@
 """Oracles: the paper's linear system, RK4 of the ICP dynamics, symmetry."""
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.cop_waypoints import CopWaypointParams
+from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
+from nadia_balance.core.gait import within_reach
 from nadia_balance.core.icp_plan import (
+    IcpPlan,
     IcpPlanParams,
     IcpReference,
     plan_icp,
@@ -20,11 +24,13 @@ from nadia_balance.core.walking import (
     FootPose,
     Phase,
     ReferencePoint,
+    Side,
     WalkingState,
 )
 from tests.example_walks import (
     MODEL,
     OMEGA,
+    SOLE,
     at_rest,
     moved,
     random_walks,
@@ -48,7 +54,7 @@ def rows_with_rates(t, durations):
     return com, velocity, com - acceleration / w**2, velocity - jerk / w**2
 
 
-def paper_system(durations, ecmp, com_start):
+def paper_system(durations, ecmp, com_start, ecmp_velocity=None, icp_end=None):
     """The 6N x 6N system below Eq. 4 and its right-hand side (6N, k)."""
     n = len(durations)
     com_0, velocity_0, ecmp_0, slope_0 = rows_with_rates(
@@ -64,9 +70,11 @@ def paper_system(durations, ecmp, com_start):
     system[-1, 4, -1] = com_T[-1] + velocity_T[-1] / OMEGA
     system[-1, 5, 0] = com_0[0]
     slope = (ecmp[1:] - ecmp[:-1]) / durations[:, None]
-    values[:, 0], values[:, 1] = ecmp[:-1], slope
-    values[:, 2], values[:, 3] = ecmp[1:], slope
-    values[-1, 4], values[-1, 5] = ecmp[-1], com_start
+    velocity = [slope, slope] if ecmp_velocity is None else ecmp_velocity
+    values[:, 0], values[:, 1] = ecmp[:-1], velocity[0]
+    values[:, 2], values[:, 3] = ecmp[1:], velocity[1]
+    values[-1, 4] = ecmp[-1] if icp_end is None else icp_end
+    values[-1, 5] = com_start
     return system.reshape(6 * n, 6 * n), values.reshape(6 * n, -1)
 
 
@@ -105,6 +113,22 @@ def test_is_the_solution_of_the_papers_system(problem):
     found = solve_segments(durations, ecmp, com, OMEGA).reshape(len(system), 2)
     np.testing.assert_allclose(system @ found, values, rtol=0.0, atol=1e-12)
     assert np.linalg.cond(system) < 1e10
+
+
+@given(problems(), st.integers(0, 10**6))
+def test_the_ecmp_may_be_cubic_and_the_icp_end_anywhere(problem, seed):
+    """Oracle: numpy's solution of the 6N equations, by the rows of Eq. 4."""
+    durations, ecmp, com = problem
+    random = np.random.default_rng(seed)
+    velocity = random.uniform(-1, 1, (2, len(durations), 2))
+    icp_end = random.uniform(-1, 1, 2)
+    system, values = paper_system(durations, ecmp, com, velocity, icp_end)
+    expected = np.linalg.solve(system, values).reshape(-1, 6, 2)
+    found = solve_segments(durations, ecmp, com, OMEGA, velocity, icp_end)
+    for c, d, T in zip(expected, found, durations, strict=True):
+        for t in 0.0, 0.3 * T, T:
+            rows = rows_at(t, T, OMEGA)
+            np.testing.assert_allclose(rows @ d, rows @ c, atol=1e-8)
 
 
 @pytest.mark.parametrize("duration", [1e-5, 1.0, 100.0])
@@ -179,42 +203,200 @@ def test_starts_with_the_reference_it_takes_over_from(schedule):
     np.testing.assert_allclose(found.icp, icp, **exact)
 
 
-@given(random_walks())
-def test_the_bend_leaves_the_icp_after_it_alone(schedule):
-    """Oracle: the plan before it is bent, at the third knot and later."""
-    params = replace(PARAMS, min_bend_time=0.0)
-    bent, printed = plan_of(schedule, params), plan_of(schedule, AS_PRINTED)
-    for t in bent.knots[2:]:
+def test_a_small_bend_is_shared():
+    """Oracle: numpy's least squares, with the ICP that each waypoint makes.
+
+    A waypoint counts ten times as much as the one before it.
+    """
+    schedule = walk()
+    swing = successor(schedule, plan_of(schedule))
+    path = cop_waypoints(swing, PARAMS.cop, SOLE)
+    bent = range(1, 6)  # of the swing, and of the transfer after it
+    unit = np.eye(len(path.points))[:, bent]
+    start = np.zeros(len(bent))
+    made = solve_segments(path.durations, unit, start, OMEGA)[0]
+    row = rows_at(0.0, path.durations[0], OMEGA)[1] @ made
+    shift = np.array([-0.002, 0.001])
+    root = np.sqrt(0.1 ** np.arange(5.0))
+    expected = np.linalg.lstsq((row * root)[None], shift[None])[0]
+    expected *= root[:, None]
+    icp = plan_of(swing, AS_PRINTED).at(0.0).icp + shift
+    moved = replace(at_rest(icp), cop=swing.start.cop)
+    plan = plan_of(replace(swing, start=moved))
+    ecmp = np.array([plan.at(t).ecmp for t in plan.knots])
+    bends = (ecmp - plan.cop_waypoints)[bent]
+    np.testing.assert_allclose(bends, expected, atol=1e-10)
+
+
+def test_what_the_feet_cannot_do_fades():
+    """Oracle: the ICP of its eCMP by the recursion, and e^-wt by hand."""
+    far = ReferencePoint(np.array([0.5, 0.4]), np.zeros(2), np.zeros(2))
+    plan = plan_of(replace(walk(), start=far))
+    ecmp = np.array([plan.at(t).ecmp for t in plan.knots])
+    assert in_support(ecmp[:3], walk())
+    possible = backward_icp(np.diff(plan.knots), ecmp, OMEGA)
+    offset = far.com - possible[0]
+    assert np.linalg.norm(offset) > 0.1
+    for t, icp in zip(plan.knots, possible, strict=True):
+        found = plan.at(t)
+        expected = icp + np.exp(-OMEGA * t) * offset
+        np.testing.assert_allclose(found.icp, expected, atol=1e-8)
+    for t, h in (0.1, 1e-5), (0.5, 1e-5):
+        before, now, after = plan.at(t - h), plan.at(t), plan.at(t + h)
+        for name in "icp", "com":
+            rate = (getattr(after, name) - getattr(before, name)) / (2.0 * h)
+            found = getattr(now, f"{name}_velocity")
+            np.testing.assert_allclose(rate, found, atol=1e-5)
+
+
+def in_support(points, schedule):
+    """Whether the `points` are in the hull of the soles that stand."""
+    soles = [
+        foot.to_world(SOLE)
+        for side, foot in zip(
+            Side, (schedule.feet.left, schedule.feet.right), strict=True
+        )
+        if schedule.in_contact(side)
+    ]
+    hull = shapely.MultiPoint(np.concatenate(soles)).convex_hull
+    return all(hull.distance(shapely.Point(p)) < 1e-9 for p in points)
+
+
+def random_re_plans(seed):
+    """(schedule, plan, t, icp, schedule then, t then) of a random walk.
+
+    Steps within reach, footholds that move by up to 0.3 m in each direction
+    whatever the measured `icp` is, feet that land up to 0.25 s early and 3 cm
+    aside.
+    """
+    random = np.random.default_rng(seed)
+    length, aside, turn = random.uniform(-1, 1, 3) * [0.35, 0.1, 0.3]
+    times = random.uniform([0.1, 0.5], [0.6, 1.2])
+    schedule = walk(length, aside, turn, 4, *times)
+    while schedule.phase is not Phase.STANDING:
+        t, plan = schedule.duration, plan_of(schedule)
+        if schedule.phase is Phase.SWING:
+            t -= random.choice([0.0, random.uniform(0.0, 0.25)])
+            for now in random.uniform(0.0, t, 2) * [0.5, 1.0]:
+                if now < schedule.start_time:
+                    continue
+                new = aimed(schedule, random.uniform(-0.3, 0.3, 2))
+                icp = plan.at(now).icp + random.uniform(-0.1, 0.1, 2)
+                new = plan.moved(
+                    schedule, (new, *schedule.footsteps[1:]), now, icp, MODEL
+                )
+                yield schedule, plan, now, icp, new, now
+                schedule, plan = new, plan_of(new)
+            landed = aimed(schedule, random.uniform(-0.03, 0.03, 2))
+            schedule = replace(
+                schedule, footsteps=(landed, *schedule.footsteps[1:])
+            )
+        new = successor(schedule, plan, t)
+        steps = within_reach(new.footsteps, new.feet, MODEL.reach)
+        new = replace(new, footsteps=steps)
+        yield schedule, plan, t, plan.at(t).icp, new, 0.0
+        schedule = new
+
+
+def aimed(schedule, shift):
+    """The next step, by `shift` elsewhere, but within reach."""
+    step = schedule.footsteps[0]
+    pose = FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
+    moved = (replace(step, pose=pose),)
+    return within_reach(moved, schedule.feet, MODEL.reach)[0]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_re_plan_asks_for_what_the_feet_cannot_do(seed):
+    """Oracle: the ICP before, the measured ICP, shapely's hull of the soles."""
+    for old, before, t, icp, new, then in random_re_plans(seed):
+        plan = plan_of(new)
+        was, now = before.at(t), plan.at(then)
+        np.testing.assert_allclose(now.ecmp, was.ecmp, rtol=0.0, atol=1e-9)
+        if new.phase is not old.phase:
+            np.testing.assert_allclose(now.icp, was.icp, rtol=0.0, atol=1e-9)
+        worse = math.dist(now.icp, icp) - math.dist(was.icp, icp)
+        assert worse < 1e-9
+        knots = plan.knots[plan.knots <= new.duration + 1e-9]
+        assert in_support([plan.at(k).ecmp for k in knots], new)
+
+
+def test_a_moved_foothold_takes_up_the_error_towards_it():
+    """Oracle: the ICPs of both footholds by the paper's system; half a way."""
+    schedule = walk()
+    schedule = successor(schedule, plan_of(schedule))
+    step, t, plan = schedule.footsteps[0], 0.3, plan_of(schedule)
+    pose = FootPose(step.pose.p_WF + [0.1, -0.05, 0.0], step.pose.yaw)
+    new = replace(step, pose=pose)
+    icps = []
+    for first in step, new:
+        steps = (first, *schedule.footsteps[1:])
+        as_printed = plan_of(replace(schedule, footsteps=steps), AS_PRINTED)
+        icps.append(as_printed.at(t).icp)
+    way, was = icps[1] - icps[0], plan.at(t).icp
+    normal = np.array([-way[1], way[0]])
+    for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
+        icp = was + ahead * way + 0.7 * normal
+        moved = plan.moved(
+            schedule, (new, *schedule.footsteps[1:]), t, icp, MODEL
+        )
         np.testing.assert_allclose(
-            bent.at(t).icp, printed.at(t).icp, atol=1e-10
+            plan_of(moved).at(t).icp, was + part * way, atol=1e-6
         )
 
 
-def test_a_short_transfer_is_not_bent_within_it():
-    """Oracle: the waypoints of the transfer, and the sizes of both bends.
+@pytest.mark.parametrize("kwargs", WALKS)
+def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
+    """Oracle: a dense search, and the times of the ICPs on the plan."""
+    random, schedule = np.random.default_rng(0), walk(**kwargs)
+    while schedule.phase is not Phase.STANDING:
+        plan = plan_of(schedule)
+        times = np.linspace(0.0, schedule.duration, 1001)
+        path = np.array([plan.at(t).icp for t in times])
+        for _ in range(20):
+            now, then = np.sort(random.uniform(0.0, schedule.duration, 2))
+            icp = plan.at(then).icp + random.uniform(-0.08, 0.08, 2)
+            found = plan.time_to(icp, now)
+            assert 0.0 <= found <= schedule.duration - now + 1e-12
+            later = np.vstack([plan.at(now).icp, path[times > now]])
+            least = np.linalg.norm(later - icp, axis=1).min()
+            distance = math.dist(plan.at(now + found).icp, icp)
+            assert distance < least + 1e-5
+        schedule = successor(schedule, plan)
 
-    The ICP is 3 cm from where the plan wants it.  Within the 0.03 s of the
-    transfer that takes an eCMP half a metre away.
-    """
-    schedule = walk(transfer=0.03)
-    icp = plan_of(schedule, AS_PRINTED).at(0.0).icp
-    schedule = replace(schedule, start=at_rest(icp + [0.03, 0.0]))
-    bends = []
-    for min_bend_time in 0.0, 0.1:
-        plan = plan_of(schedule, replace(PARAMS, min_bend_time=min_bend_time))
-        cop = np.array([plan.at(t).cop for t in plan.knots])
-        bends.append(np.abs(cop - plan.cop_waypoints).max(axis=1))
-    late, early = bends[1], bends[0]
-    np.testing.assert_allclose(late[:3], 0.0, atol=1e-12)
-    assert max(early) > 0.5
-    assert max(late) < 0.1
+
+def test_with_a_constant_ecmp_that_is_eq_16():
+    """Oracle: Eq. 16, beside the way, too; the ends of the phase."""
+    ecmp, T, aside = np.array([0.3, 0.1]), 0.7, 0.05
+    points = np.array([ecmp, ecmp])
+    plan = IcpPlan(
+        omega=OMEGA,
+        duration=T,
+        knots=np.array([0.0, T]),
+        cop_waypoints=points,
+        coefficients=solve_segments(
+            np.array([T]), points, ecmp, OMEGA, icp_end=ecmp + [0.2, 0.1]
+        ),
+        cop=PARAMS.cop,
+        offset=np.zeros(2),
+    )
+    now, end = plan.at(0.2).icp, plan.at(T).icp
+    way = end - now
+    normal = aside * np.array([-way[1], way[0]])
+    for fraction in 0.1, 0.5, 1.0:
+        icp = now + fraction * way + normal
+        ratio = np.linalg.norm(now + fraction * way - ecmp)
+        ratio /= np.linalg.norm(now - ecmp)
+        expected = math.log(ratio) / OMEGA
+        assert plan.time_to(icp, 0.2) == pytest.approx(expected, abs=1e-4)
+    assert plan.time_to(now - way, 0.2) == 0.0
+    assert plan.time_to(end + way, 0.2) == pytest.approx(T - 0.2, abs=1e-12)
 
 
 def test_the_place_of_rest_is_never_bent():
-    """Oracle: the waypoints of the end, though all others are too early."""
-    params = replace(PARAMS, min_bend_time=99.0)
+    """Oracle: the waypoints of the end, and the start."""
     start = ReferencePoint([0.03, 0.02], [0.1, -0.1], [0.03, 0.0])
-    plan = plan_of(standing(start=start), params)
+    plan = plan_of(standing(start=start))
     np.testing.assert_allclose(plan.at(0.0).com_velocity, [0.1, -0.1])
     for t in plan.knots[-2:]:
         np.testing.assert_allclose(plan.at(t).cop, 0.0, atol=1e-12)

@@ -1,7 +1,7 @@
-"""Oracles: Algorithm 1 of the Atlas paper, quadprog, formulas, the ICP plan."""
+"""Oracles: quadprog, of Eqs. 20 to 22 with delta eliminated; formulas."""
 
-import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,253 +9,203 @@ import quadprog
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.cop_waypoints import CopWaypointParams
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_step_qp import (
+    AnkleFeedback,
     IcpStepQp,
     IcpStepQpParams,
-    footholds,
-    may_move,
-    propose_by_qp,
-    recursive_multipliers,
-    step_plan,
+    StepWeights,
 )
-from nadia_balance.core.polygon import halfspaces
-from nadia_balance.core.walking import (
-    FootPose,
-    Phase,
-    Side,
-    WalkingState,
-    rectangle,
-)
-from tests.example_walks import MODEL, OMEGA, random_walks, swing, walk
+from nadia_balance.core.polygon import contains, convex_hull, halfspaces
+from nadia_balance.core.walking import FootPose, rectangle
 
 PARAMS = IcpStepQpParams()
-AT_ONCE = 1e-9  # [s], from heel to toe: the paper's CMP jumps
+WEIGHTS = StepWeights.of(PARAMS, FootPose())
+GAIN = PARAMS.feedback_gain
+SOLE = rectangle(0.24, 0.11)
 
 
-def knots_of_jumps(durations):
-    """The CMP stays for each of these durations [s], and jumps."""
-    knots = [0.0]
-    for duration in durations:
-        knots += [knots[-1] + duration - AT_ONCE, knots[-1] + duration]
-    return np.array(knots)
+class StepProblem(NamedTuple):
+    """The arguments of IcpStepQp, but for the weights."""
+
+    error: np.ndarray
+    cmp: np.ndarray
+    moves: np.ndarray
+    cmp_room: tuple
+    step_room: tuple
 
 
-def algorithm_1(toe, heel, num_steps, omega, swing):
-    """gamma_H,0, gamma_T,0, gamma_H,1, ..., gamma_f as printed.
-
-    In a swing only `toe` [s] is left of the present foot.
-    """
-    whole = toe + heel
-    before = toe if swing else whole  # until the first step
-    gammas = [] if swing else [1.0 - math.exp(-omega * heel)]
-    shift = 0.0 if swing else heel
-    gammas.append(math.exp(-omega * shift) * (1.0 - math.exp(-omega * toe)))
-    for i in range(num_steps):
-        start = before + i * whole
-        gammas.append(math.exp(-omega * start) * (1 - math.exp(-omega * heel)))
-        start += heel
-        gammas.append(math.exp(-omega * start) * (1 - math.exp(-omega * toe)))
-    return [*gammas, math.exp(-omega * (before + num_steps * whole))]
+def matrix(rng, size):
+    """A random weight about `size`, of any direction."""
+    L = rng.normal(size=(2, 2)) + 2.0 * np.eye(2)
+    return size * L @ L.T / 5.0
 
 
-@pytest.mark.parametrize("swing", [True, False])
-def test_multipliers_of_a_cmp_that_jumps_are_those_of_algorithm_1(swing):
-    """Oracle: Algorithm 1 as printed, both branches."""
-    toe, heel, omega = 0.4, 0.45, 3.0
-    stays = [toe, heel, toe, heel, toe] if swing else [heel, toe] * 3
-    found = recursive_multipliers(knots_of_jumps(stays), 0.0, omega)
-    summed = [*found[:-1].reshape(-1, 2).sum(axis=1), found[-1]]
-    expected = algorithm_1(toe, heel, 2, omega, swing)
-    assert summed == pytest.approx(expected, abs=1e-8)
+def polygon(rng, size):
+    return convex_hull(rng.uniform(-size, size, (8, 2)))
 
 
-times = st.floats(0.0, 3.0)
+def case(seed):
+    """A random problem of 1 to 4 steps, of either kind, and its weights."""
+    rng = np.random.default_rng(seed)
+    n, swinging = int(rng.integers(1, 5)), rng.random() < 0.5
+    gammas = rng.uniform(0.03, 0.3) * 0.1 ** np.arange(n)
+    moves = np.array([gammas, gammas * (0.0 if swinging else rng.normal())])
+    rows, bounds = [], []
+    for i in range(n):  # each foothold within reach of the one before it
+        A, b = halfspaces(polygon(rng, 0.5) + rng.uniform(-0.2, 0.2, 2))
+        row = np.zeros((len(b), n, 2))
+        row[:, i] = A
+        if i > 0:
+            row[:, i - 1] = -A
+        rows.append(row.reshape(len(b), 2 * n))
+        bounds.append(b)
+    problem = StepProblem(
+        rng.uniform(-0.15, 0.15, 2),
+        rng.uniform(-0.05, 0.05, 2),
+        moves,
+        halfspaces(polygon(rng, 0.15 if swinging else 0.3)),
+        (np.vstack(rows), np.concatenate(bounds)),
+    )
+    weights = StepWeights(matrix(rng, 10.0), matrix(rng, 1.0), matrix(rng, 1e4))
+    return problem, weights
 
 
-@given(random_walks(), times)
-def test_multipliers_add_up_to_the_reference_icp(schedule, t):
-    """Oracle: plan_icp, by Eq. 4 of the Nadia paper, which ends in the same."""
-    params = IcpPlanParams(continuous=False)
-    plan = plan_icp(schedule, params, MODEL)
-    found = recursive_multipliers(plan.knots, t, OMEGA) @ plan.cop_waypoints
-    assert found == pytest.approx(plan.at(t).icp, abs=1e-9)
-
-
-def test_what_has_been_passed_counts_no_more():
-    """Oracle: the ICP depends on the future alone."""
-    knots = np.array([0.0, 0.2, 0.5, 1.0])
-    found = recursive_multipliers(knots, 0.6, OMEGA)
-    assert found[:2].tolist() == [0.0, 0.0]
-    assert recursive_multipliers(knots, 2.0, OMEGA).tolist() == [0, 0, 0, 1]
-
-
-GAMMA = 0.15
-CMP_ROOM = halfspaces(rectangle(0.24, 0.11))
-STEP_ROOM = halfspaces(rectangle(1.6, 0.7) + [0.1, 0.2])
-ANYWHERE = halfspaces(rectangle(100.0, 100.0))
-
-errors = st.tuples(
-    st.floats(-0.2, 0.2, allow_subnormal=False),
-    st.floats(-0.2, 0.2, allow_subnormal=False),
-).map(np.array)
-
-
-def solve(error, gamma=GAMMA, params=PARAMS, cmp=CMP_ROOM, step=STEP_ROOM):
-    return IcpStepQp(params).solve(np.array(error, float), gamma, cmp, step)
-
-
-@given(errors, st.floats(0.01, 0.6))
-def test_finds_what_another_solver_finds(error, gamma):
-    """Oracle: quadprog, of Eqs. 20 to 22 with delta eliminated."""
-    found = solve(error, gamma)
-    assert found.result.solved
-    k, p = PARAMS.feedback_gain, PARAMS
-    # delta = k (error - G x) with x = (step, eta).
-    G = np.hstack([gamma * np.eye(2), np.eye(2)])
-    weights = np.diag([p.step_weight] * 2 + [p.slack_weight] * 2)
-    H = weights + p.feedback_weight * k**2 * G.T @ G
-    g = -p.feedback_weight * k**2 * G.T @ error
-    (A_c, b_c), (A_s, b_s) = CMP_ROOM, STEP_ROOM
-    rows = np.vstack([-k * A_c @ G, np.hstack([A_s, 0.0 * A_s])])
-    bounds = np.concatenate([b_c - k * A_c @ error, b_s])
+def by_quadprog(problem, weights, gain):
+    """Steps (n, 2) and eta (2,), delta = k (e - G x) with x = (steps, eta)."""
+    n = problem.moves.shape[1]
+    icp_moves, cmp_moves = problem.moves
+    G = np.hstack([np.kron(icp_moves, np.eye(2)), np.eye(2)])
+    H = np.zeros((2 * n + 2, 2 * n + 2))
+    H[:-2, :-2] = np.kron(np.eye(n), weights.step)
+    H[-2:, -2:] = weights.slack
+    H += gain**2 * G.T @ weights.feedback @ G
+    g = -(gain**2) * G.T @ weights.feedback @ problem.error
+    (A_c, b_c), (A_s, b_s) = problem.cmp_room, problem.step_room
+    shift = np.hstack([np.kron(cmp_moves, np.eye(2)), np.zeros((2, 2))])
+    rows = np.vstack(
+        [A_c @ (shift - gain * G), np.hstack([A_s, np.zeros((len(b_s), 2))])]
+    )
+    delta_0 = problem.cmp + gain * problem.error
+    bounds = np.concatenate([b_c - A_c @ delta_0, b_s])
     x = quadprog.solve_qp(H, -g, -rows.T, -bounds)[0]
-    assert found.step == pytest.approx(x[:2], abs=1e-6)
-    assert found.slack == pytest.approx(x[2:], abs=1e-6)
+    return x[:-2].reshape(n, 2), x[-2:]
+
+
+def solve(problem, weights, **changes):
+    params = replace(PARAMS, num_steps=4, **changes)
+    rows = len(problem.cmp_room[1]) + len(problem.step_room[1])
+    qp = IcpStepQp(params, rows + 2)
+    *arguments, cmp_room, step_room = problem
+    limits = qp.limits(weights, cmp_room, step_room)
+    return qp.solve(*arguments, limits)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_finds_what_another_solver_finds(seed):
+    """Oracle: quadprog; a solver of four steps, of which 1 to 4 are used."""
+    problem, weights = case(seed)
+    found = solve(problem, weights)
+    assert found.result.solved
+    steps, slack = by_quadprog(problem, weights, GAIN)
+    assert found.steps == pytest.approx(steps, abs=1e-8)
+    assert found.slack == pytest.approx(slack, abs=1e-8)
+    delta = GAIN * (problem.error - problem.moves[0] @ steps - slack)
+    assert found.delta == pytest.approx(delta, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_with_its_footholds_the_feedback_alone_is_the_same(seed):
+    """Oracle: the QP's own delta: a part of an optimum is optimal."""
+    rng = np.random.default_rng(seed)
+    problem, weights = case(seed)
+    room = polygon(rng, 0.2)
+    problem = problem._replace(cmp_room=halfspaces(room))
+    found = solve(problem, weights)
+    icp, cmp = problem.moves @ found.steps
+    ankles = AnkleFeedback(room, weights, GAIN)
+    delta = ankles.delta(problem.error - icp, problem.cmp + cmp)
+    assert delta == pytest.approx(found.delta, abs=1e-8)
+
+
+points = st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)).map(np.array)
+
+
+@given(points, points, st.integers(0, 10**6))
+def test_feedback_alone_is_the_best_within_the_sole(error, cmp, seed):
+    """Oracle: a dense search of the sole, by the two costs of Eq. 20."""
+    rng = np.random.default_rng(seed)
+    weights = StepWeights(np.eye(2), matrix(rng, 1.0), matrix(rng, 30.0))
+
+    def cost(delta):
+        eta = error - delta / GAIN
+        return sum(
+            np.einsum("...i,ij,...j", x, Q, x)
+            for x, Q in ((delta, weights.feedback), (eta, weights.slack))
+        )
+
+    found = AnkleFeedback(SOLE, weights, GAIN).delta(error, cmp)
+    assert contains(cmp + found, SOLE, 1e-12)
+    grid = np.stack(
+        np.meshgrid(
+            np.linspace(-0.12, 0.12, 25), np.linspace(-0.055, 0.055, 25)
+        ),
+        axis=-1,
+    )
+    assert cost(found) <= cost(grid - cmp).min() + 1e-12
 
 
 def test_what_neither_takes_is_left_over():
     """Oracle: both at their limits; what is missing in Eq. 19."""
-    found = solve([0.5, 0.0])
-    assert found.step[0] == pytest.approx(0.9)
+    problem = StepProblem(
+        np.array([0.5, 0.0]),
+        np.zeros(2),
+        np.array([[0.15], [0.0]]),
+        halfspaces(SOLE),
+        halfspaces(rectangle(1.6, 0.7) + [0.1, 0.2]),
+    )
+    found = solve(problem, WEIGHTS)
+    assert found.steps[0, 0] == pytest.approx(0.9)
     assert found.delta[0] == pytest.approx(0.12)
-    rest = 0.5 - 0.12 / PARAMS.feedback_gain - GAMMA * 0.9
+    rest = 0.5 - 0.12 / GAIN - 0.15 * 0.9
     assert found.slack == pytest.approx([rest, 0.0], abs=1e-9)
 
 
-COP = CopWaypointParams()
-WALKS = [{"length": 0.0}, {"length": 0.3}, {"length": 0.1, "turn": 0.26}]
-PHASES = [Phase.SWING, Phase.TRANSFER]
-MIDDLE = 0.35  # of the swing [s]
+def test_the_ankles_come_first():
+    """Oracle: Eq. 19, as long as the CMP stays in the sole."""
+    room = halfspaces(rectangle(2.0, 2.0))
+    error, moves = np.array([0.02, -0.01]), np.array([[0.15], [0.0]])
+    problem = StepProblem(error, np.zeros(2), moves, halfspaces(SOLE), room)
+    found = solve(problem, WEIGHTS)
+    assert found.delta == pytest.approx(GAIN * error, rel=0.03)
+    assert np.hypot(*found.steps[0]) < PARAMS.dead_band
 
 
-def in_phase(phase, **gait):
-    return walk(**gait) if phase is Phase.TRANSFER else swing(**gait)
-
-
-def with_foothold(schedule, shift):
-    """The same, the first foothold moved by `shift` (2,) [m] in W."""
-    step, *later = schedule.footsteps
-    pose = FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
-    steps = (replace(step, pose=pose), *later)
-    return replace(schedule, footsteps=steps)
-
-
-def icp_of(schedule, t):
-    """Of the plan by Eq. 4 of the Nadia paper, which ends in the same."""
-    params = IcpPlanParams(continuous=False)
-    return plan_icp(schedule, params, MODEL).at(t).icp
-
-
-def plan_of(schedule, nominal=None, params=PARAMS):
-    nominal = nominal or schedule.footsteps[0]
-    return step_plan(schedule, nominal, COP, params, MODEL)
-
-
-def proposed(icp, schedule, adjustment=None, params=PARAMS):
-    state = WalkingState(schedule, MIDDLE, MIDDLE, adjustment=adjustment)
-    nominal = adjustment.nominal if adjustment else schedule.footsteps[0]
-    plan = plan_of(schedule, nominal, params)
-    return propose_by_qp(state, plan, icp, IcpStepQp(params))
-
-
-@pytest.mark.parametrize("gait", WALKS)
-@pytest.mark.parametrize("phase", PHASES)
-def test_the_reference_is_that_of_the_icp_plan(gait, phase):
-    """Oracle: plan_icp, ICP and eCMP."""
-    schedule = in_phase(phase, **gait)
-    expected = plan_icp(schedule, IcpPlanParams(continuous=False), MODEL)
-    for t in 0.0, 0.12, 0.3:
-        icp, cmp, _ = plan_of(schedule).at(t)
-        assert icp == pytest.approx(expected.at(t).icp, abs=1e-9)
-        assert cmp == pytest.approx(expected.at(t).ecmp, abs=1e-9)
-
-
-@pytest.mark.parametrize("gait", WALKS[:2])
-@pytest.mark.parametrize("phase", PHASES)
-def test_the_reference_moves_with_the_foothold(gait, phase, t=0.2):
-    """Oracle: central differences of plan_icp, sideways.
-
-    If a step gets longer, its CoP also moves within the sole.
-    """
-    schedule = in_phase(phase, **gait)
-    ahead, behind = (
-        icp_of(with_foothold(schedule, [0.0, y]), t) for y in (1e-3, -1e-3)
-    )
-    _, _, gamma = plan_of(schedule).at(t)
-    found = (ahead - behind) / 2e-3
-    assert found == pytest.approx([0.0, gamma], abs=1e-9)
-    assert 0.005 < gamma < 0.3
-
-
-@pytest.mark.parametrize("side", Side)
-def test_a_foothold_is_within_reach_and_clear_of_the_stance_foot(side):
-    """Oracle: the reach and the width of the soles, point by point."""
-    stance = FootPose([0.3, -0.2, 0.0], 0.4)
-    A, b = footholds(stance, side, replace(PARAMS, sole_clearance=0.01), MODEL)
-    rng = np.random.default_rng(3)
-    points = rng.uniform(-1.2, 1.2, (2000, 2))
-    inside = (points @ A.T <= b).all(axis=1)
-    assert np.sum(inside) > 100
-    for x, y in stance.to_sole(points[inside]):
-        assert MODEL.reach.in_base_region(x, side.sign * y)
-        assert side.sign * y >= 0.12 + 0.01
-
-
-def test_the_shift_counts_from_the_nominal_foothold():
-    """Oracle: the same answer with the new foothold; back without error."""
-    schedule = swing(length=0.0)
-    icp = icp_of(schedule, MIDDLE) + [0.1, 0.0]
-    first = proposed(icp, schedule)
-    way = first.pose.p_WF - schedule.footsteps[0].pose.p_WF
-    assert way[0] > 0.1
-    moved = with_foothold(schedule, way[:2])
-    again = proposed(icp, moved, first)
-    assert again.pose is first.pose
-    assert again.nominal is schedule.footsteps[0]
-    back = proposed(icp_of(schedule, MIDDLE), moved, first)
-    assert back.pose is schedule.footsteps[0].pose
-
-
-def test_a_change_within_the_dead_band_moves_no_foothold():
-    """Oracle: the dead-band; by Eq. 18, 1 mm of ICP is 1 mm / Gamma."""
-    schedule = swing(length=0.0)
-    icp = icp_of(schedule, MIDDLE) + [0.1, 0.0]
-    gamma = plan_of(schedule).at(MIDDLE)[2]
-    first = proposed(icp, schedule)
-    near, far = (
-        proposed(icp + [gamma * way, 0.0], schedule, first)
-        for way in (0.5 * PARAMS.dead_band, 2.0 * PARAMS.dead_band)
-    )
-    assert near.pose is first.pose
-    way = far.pose.p_WF[0] - first.pose.p_WF[0]
-    assert way == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
+def test_weights_turn_with_the_stance_foot():
+    """Oracle: v' Q_W v = u' Q u, with v = R u."""
+    params = replace(PARAMS, step_weight=[[7.0, 1.0], [1.0, 2.0]])
+    stance, u = FootPose([1.0, 2.0, 0.0], 0.7), np.array([0.3, -0.2])
+    v = stance.rotation @ u
+    found = StepWeights.of(params, stance).step
+    assert v @ found @ v == pytest.approx(u @ params.step_weight @ u)
 
 
 @pytest.mark.parametrize(
-    "phase, t, elapsed, may",
+    "weight",
     [
-        (Phase.SWING, 0.35, 0.35, True),
-        (Phase.SWING, 0.002, 0.002, False),  # just lifted
-        (Phase.SWING, 0.35, 0.005, False),  # the clock was advanced
-        (Phase.SWING, 0.66, 0.66, False),  # about to land
-        (Phase.TRANSFER, 0.1, 0.1, False),
+        [],
+        [[1.0, 0.0]],
+        [[1.0, 0.0], [0.0, -1.0]],
+        [[1.0, 2.0], [2.0, 1.0]],
+        [[1.0, 0.5], [0.0, 1.0]],
     ],
 )
-def test_a_foothold_moves_only_while_the_foot_can_follow(
-    phase, t, elapsed, may
-):
-    """Oracle: settling and freeze time, by hand."""
-    state = WalkingState(in_phase(phase, length=0.0), t, elapsed)
-    assert may_move(state, PARAMS) is may
+def test_refuses_what_is_no_weight(weight):
+    """Oracle: the field, its value, what is allowed."""
+    params = replace(PARAMS, slack_weight=weight)
+    with pytest.raises(ValueError) as error:
+        check(params)
+    assert str(error.value) == (
+        f"slack_weight = {weight}: must be 2 x 2, symmetric and positive "
+        "definite"
+    )

@@ -1,10 +1,14 @@
-"""Oracle: the columns of the Nadia paper's Fig. 10."""
+"""Oracles: the Nadia paper's Fig. 10, the Atlas paper's Fig. 6."""
 
 from itertools import product
 
 import pytest
 
-from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.core.mechanisms import (
+    ATLAS_MECHANISMS,
+    MECHANISMS,
+    Mechanisms,
+)
 
 
 @pytest.mark.parametrize("on", list(product([False, True], repeat=4)))
@@ -22,3 +26,12 @@ def test_each_set_of_mechanisms_has_one_more_than_the_one_before():
     """Oracle: Fig. 10's legend."""
     counts = [on.as_vector().sum() for on in MECHANISMS.values()]
     assert counts == [0, 1, 2, 3, 4]
+
+
+def test_those_of_the_atlas_paper_combine_step_and_timing():
+    """Oracle: Fig. 6's legend; transfers and crossed legs are not in it."""
+    found = {
+        (on.step, on.swing, on.transfer, on.cross_over)
+        for on in ATLAS_MECHANISMS.values()
+    }
+    assert found == set(product([False, True], [False, True], [False], [False]))

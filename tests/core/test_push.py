@@ -4,7 +4,6 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,21 +11,12 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.push import Moment, Push
-from nadia_balance.core.walking import (
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import Phase, Side, WalkingState
+from tests.example_walks import standing
 
 PERIOD = 0.002
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-FEET = FootPoses(FootPose([0.0, 0.125, 0.0]), FootPose([0.0, -0.125, 0.0]))
 RIGHT_SWING = WalkingState(
-    ContactSchedule(Phase.SWING, Side.LEFT, 0.7, FEET, (), REST),
+    replace(standing(), phase=Phase.SWING, duration=0.7),
     time_in_phase=0.175,
     steps_taken=4,
 )

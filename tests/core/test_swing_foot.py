@@ -16,16 +16,14 @@ from nadia_balance.core.swing_foot import (
     swing_foot_motion,
 )
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
-from tests.example_walks import IDEAL_DETOUR, MODEL
+from tests.example_walks import IDEAL_DETOUR, MODEL, standing
 
 HORIZON = 0.6
 TIMES = np.array([HORIZON])
@@ -123,9 +121,8 @@ def swing_state(
     """The right foot swings from `start` to `goal`."""
     feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
     step = Footstep(Side.RIGHT, FootPose(goal, yaw), 0.3, duration)
-    start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-    schedule = ContactSchedule(
-        Phase.SWING, Side.LEFT, duration, feet, (step,), start
+    schedule = replace(
+        standing(feet), phase=Phase.SWING, duration=duration, footsteps=(step,)
     )
     return WalkingState(schedule, t, t - gained, waiting=t >= duration)
 
@@ -163,6 +160,28 @@ def test_continuing_each_tick_is_one_quintic():
         k = round(t / PERIOD)
         xy_yaw = [0, 1, 3]
         assert path[k][:, xy_yaw] == pytest.approx(whole[:, xy_yaw], abs=1e-6)
+
+
+def test_by_sigma_the_foot_goes_on_its_way_but_faster():
+    """Oracle: the quintic of before, its time running sigma times as fast."""
+    start, gain, duration = 0.3, 0.1, 0.7
+    sigma = (duration - start) / (duration - start - gain)
+    before = [swing_state(t) for t in np.arange(0.0, start + 1e-9, PERIOD)]
+    after = [
+        swing_state(min(start + gain + i * PERIOD, duration), gained=gain)
+        for i in range(1, 151)
+    ]
+    after[0] = replace(after[0], speed_up=sigma)
+    path = follow([*before, *after], replace(PARAMS, sigma=True))
+    first = FootMotion.at_rest(before[0].schedule.feet[Side.RIGHT]).pva
+    end = np.zeros((3, 4))
+    end[0] = [0.4, -0.15, 0.0, 0.2]
+    for i in 1, 20, 100, 149:
+        t = start + sigma * i * PERIOD
+        whole = quintic(first, end, np.full(4, duration), t)
+        whole *= sigma ** np.arange(3.0)[:, None]
+        xy_yaw, found = [0, 1, 3], path[len(before) - 1 + i]
+        assert found[:, xy_yaw] == pytest.approx(whole[:, xy_yaw], abs=1e-6)
 
 
 def test_lands_on_the_foothold_with_the_touchdown_velocity():

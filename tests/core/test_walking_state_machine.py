@@ -46,10 +46,16 @@ PARAMS = WalkingStateMachineParams()
 class FakePlan:
     """Its ICP rests over the origin; its CoM says when it was asked for."""
 
+    def moved(self, schedule, steps, t, icp, model):
+        return replace(schedule, footsteps=steps, start_time=t)
+
     def at(self, t):
         zero = np.zeros(2)
         point = ReferencePoint(np.array([t, 0.0]), zero, zero)
-        return SimpleNamespace(icp=zero, point=lambda: point)
+        return SimpleNamespace(
+            **{"icp": zero, "com": point.com, "com_velocity": zero},
+            **{"cop": zero, "point": lambda: point},
+        )
 
 
 def standing(num_steps):
@@ -186,6 +192,17 @@ def test_the_clock_runs_faster_by_what_is_proposed():
     assert state.elapsed == pytest.approx(10 * PERIOD)
 
 
+def test_tells_how_much_faster_the_rest_passes():
+    """Oracle: Eq. 13 of the Atlas paper: T_SS - t over T_SS - t+."""
+    state = step(swinging())
+    left = state.remaining_time
+    hurried = step(state, proposal=Proposal(time_gain=0.1))
+    assert hurried.speed_up == pytest.approx(left / (left - 0.1))
+    assert step(hurried).speed_up == 1.0
+    assert step(state, proposal=Proposal(time_gain=left)).speed_up == 1.0
+    assert step(state, proposal=Proposal(time_gain=-0.1)).speed_up == 1.0
+
+
 def test_the_clock_may_be_held_but_never_runs_back():
     """Oracle: by hand."""
     state = step(swinging())
@@ -211,7 +228,7 @@ def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():
     """Oracle: the pose; the command and the later steps stay."""
-    state = swinging()
+    state = step(swinging())
     pose = FootPose([0.2, -0.3, 0.0])
     nominal = state.schedule.footsteps[0]
     adjustment = Adjustment(nominal, pose, "base")
@@ -222,6 +239,24 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     assert moved.adjustment is adjustment
     again = step(moved, proposal=Proposal(adjustment=adjustment))
     assert again.schedule is moved.schedule  # nothing to plan anew
+    assert moved.schedule.start_time == state.time_in_phase
+    landed, _ = until(again, Phase.TRANSFER)
+    assert landed.schedule.start_time == 0.0  # of the next phase
+
+
+def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
+    """Oracle: the poses, of the next step and the one after it."""
+    state, _ = until(standing(3), Phase.TRANSFER)
+    first, second, _ = state.schedule.footsteps
+    near, far = FootPose([0.1, -0.2, 0.0]), FootPose([0.2, 0.2, 0.0])
+    adjustment = Adjustment(first, near, later=(Adjustment(second, far),))
+    proposal = Proposal(adjustment=adjustment)
+    moved = step(state, proposal=proposal)
+    assert [s.pose for s in moved.schedule.footsteps[:2]] == [near, far]
+    assert step(moved, proposal=proposal).schedule is moved.schedule
+    swinging, _ = until(moved, Phase.SWING)
+    assert swinging.schedule.footsteps[0].pose is near
+    assert swinging.adjustment is adjustment
 
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():

@@ -8,12 +8,10 @@ import pytest
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
@@ -29,7 +27,6 @@ from tests.example_walks import standing
 MASS = 900.0 / GRAVITY
 NO_JOINTS = [np.zeros(0)] * 6
 MODEL = WholeBodyModel(MASS, 0.25, 0.12, *NO_JOINTS)
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
 def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):
@@ -39,7 +36,13 @@ def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):
         FootPose(np.array([0.0, -0.1, 0.0]), yaws[1]),
     )
     step = Footstep(support.other, feet[support.other], 0.3, 0.7)
-    schedule = ContactSchedule(phase, support, 1.0, feet, (step,) * steps, REST)
+    schedule = replace(
+        standing(feet),
+        phase=phase,
+        support_side=support,
+        duration=1.0,
+        footsteps=(step,) * steps,
+    )
     return WalkingState(schedule, **kwargs)
 
 

@@ -11,10 +11,10 @@ from nadia_balance.results.log import icp_error, signal
 from tests.diagrams.simulated import diagram_of, figures, simulated
 
 PERIOD = 0.002
-WALK = "{duration: 6.0, gait: {num_steps: 4}}"
+WALK = "{duration: 4.0, gait: {num_steps: 2}}"
 
 
-def pushed(delta_v, duration, direction, until=2.6):
+def pushed(delta_v, duration, direction, until=1.6):
     """Stands, and is pushed at 0.2 s."""
     return (
         f"{{duration: {until}, pushes: [{{delta_v: {delta_v}, at: 0.2 s, "
@@ -34,19 +34,6 @@ def test_the_icp_follows_eq_3_from_tick_to_tick(model):
     for i in range(len(icp) - 1):
         then = icp_after(icp[i], ecmp[i], model.omega, PERIOD)
         assert icp[i + 1] == pytest.approx(then, abs=1e-12)
-
-
-def test_another_seed_is_another_start():
-    """Oracle: seed 0 starts at rest over the origin, others within 10 um."""
-    starts = [
-        simulated(f"{{duration: 0.01, seed: {seed}}}", "lipm").logs["com_state"]
-        for seed in (0, 1, 2)
-    ]
-    exact, *shifted = (start[0, :2] for start in starts)
-    assert np.array_equal(exact, [0.0, 0.0])
-    assert np.all(np.abs(shifted) <= 1e-5)
-    assert not np.array_equal(*shifted)
-    assert np.all(np.any(shifted, axis=1))
 
 
 def test_the_point_mass_follows_its_closed_form_under_a_push(model):
@@ -73,7 +60,7 @@ def test_a_push_lasts_as_long_as_it_is_told(model):
 
 def test_stands_without_any_error():
     """Oracle: the start is an equilibrium, and an exact one."""
-    logs = simulated("{duration: 2.0}", "lipm").logs
+    logs = simulated("{duration: 1.0}", "lipm").logs
     assert np.max(icp_error(logs)) == 0.0
 
 
@@ -86,31 +73,28 @@ def test_walks_in_place_within_millimetres_of_the_reference():
     found = figures(WALK, "lipm")
     assert found["recovered"]
     assert found["max_icp_error_m"] < 0.003
-    assert found["steps_taken"] == 4
-    assert found["swing_durations_s"] == pytest.approx([0.7] * 4, abs=0.012)
+    assert found["steps_taken"] == 2
+    assert found["swing_durations_s"] == pytest.approx([0.7] * 2, abs=0.012)
     assert found["qp_failures"] == 0
 
 
-@pytest.mark.parametrize(
-    "step", ["length: 0.3", "length: -0.2", "sideways: 0.1", "yaw_deg: 15.0"]
-)
-def test_walks_where_it_is_told(step):
-    """Oracle: three steps of the vector, and the feet together at the end."""
+def test_walks_where_it_is_told():
+    """Oracle: the vectors' sum by hand, and the feet together at the end.
+
+    The turn, 30 deg in all, comes last.
+    """
     text = (
-        "{duration: 5.6, gait: {num_steps: 3, first_swing: left, step: {%s}}}"
+        "{duration: 6.6, gait: {first_swing: left, steps: [{length: 0.3, "
+        "sideways: 0.1}, {length: -0.2}, {yaw_deg: 15.0}, {yaw_deg: 15.0}]}}"
     )
-    run = simulated(text % step, "lipm")
+    run = simulated(text, "lipm")
     assert run.fell_at is None
-    name, value = step.split(": ")
-    expected = {"length": 0.0, "sideways": 0.0, "yaw_deg": 0.0}
-    expected[name] = 3 * float(value)
     soles = signal(run.logs, "walking_signal", -1)
     left, right = soles.left, soles.right
-    yaw = math.radians(expected["yaw_deg"])
+    yaw = math.radians(30.0)
     assert [left[2], right[2]] == pytest.approx([yaw, yaw], abs=1e-6)
     middle = 0.5 * (left[:2] + right[:2])
-    goal = [expected["length"], expected["sideways"]]
-    assert middle == pytest.approx(goal, abs=1e-6)
+    assert middle == pytest.approx([0.1, 0.1], abs=1e-6)
     assert math.dist(left[:2], right[:2]) == pytest.approx(0.25, abs=1e-6)
 
 
@@ -122,22 +106,6 @@ def test_recovers_from_a_push_within_its_reach_and_not_from_a_hopeless_one():
     assert bad.fall_reason == "CoM out of reach of both feet"
     assert 0.2 < bad.fell_at < 1.2
     assert bad.missed_pushes == 0
-
-
-def test_the_mirrored_push_gives_the_mirrored_path():
-    """Oracle: the mirror; a point mass has no left and right.
-
-    The first foot to swing is mirrored too.  The QP's rounding differs.
-    """
-    text = (
-        "{duration: 4.0, gait: {num_steps: 3, first_swing: %s}, pushes: "
-        "[{delta_v: 0.2, at: %s swing 25 %%, direction_deg: %s}]}"
-    )
-    right = simulated(text % ("right", "right", 60), "lipm").logs
-    left = simulated(text % ("left", "left", -60), "lipm").logs
-    for name in ("icp", "icp_reference", "ecmp_command"):
-        mirror = np.tile([1.0, -1.0], right[name].shape[1] // 2)
-        assert right[name] == pytest.approx(left[name] * mirror, abs=1e-9)
 
 
 def test_the_seed_shifts_the_start():

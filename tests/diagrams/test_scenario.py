@@ -1,23 +1,15 @@
 """Scenarios: all of them load, and none that is wrong gets through."""
 
-import math
-
-import numpy as np
 import pytest
-from pydrake.common.yaml import (
-    yaml_dump_typed,
-    yaml_load_file,
-)
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_file
 
 from nadia_balance.core.gait import StepVector
-from nadia_balance.core.walking import Phase, Side
 from nadia_balance.diagrams.scenario import (
     SCENARIO_FOLDER,
     load_scenario,
     scenario_names,
 )
 from nadia_balance.robot import load_robot
-from tests.diagrams.simulated import scenario_of
 
 FILES = sorted(SCENARIO_FOLDER.glob("*.yaml"))
 
@@ -103,6 +95,9 @@ BAD_TEXTS = {
     "{mechanisms: all_with_cross_over, controller: {icp_step_qp: {}}}": (
         "controller.icp_step_qp: must be null where the legs may cross"
     ),
+    "mechanisms: feedback_step": (
+        "mechanisms = 'feedback_step': must go with controller.icp_step_qp"
+    ),
     "pushes: [{delta_v: 0.1, at: 10 s}]": (
         "at = '10 s': must be before duration = 10.0 s"
     ),
@@ -144,33 +139,3 @@ def test_an_unknown_name_or_file_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError) as error:
         load_scenario("mine", tmp_path)
     assert str(error.value) == f"scenario_file = {tmp_path}: no such file"
-
-
-def test_stands_with_the_feet_side_by_side_about_the_origin():
-    """Oracle: step_width / 2 to either side, by hand; Nadia's is 0.25 m."""
-    for text, y in (("{gait: {step_width: 0.3}}", 0.15), ("{}", 0.125)):
-        schedule = start_of(scenario_of(text))
-        assert schedule.feet.left.p_WF == pytest.approx([0.0, y, 0.0])
-        assert schedule.feet.right.p_WF == pytest.approx([0.0, -y, 0.0])
-        assert (schedule.phase, schedule.duration) == (Phase.STANDING, math.inf)
-        rest = schedule.start
-        for point in (rest.com, rest.com_velocity, rest.cop):
-            assert np.array_equal(point, [0.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("gait", "side"),
-    [
-        ("num_steps: 2, first_swing: left", Side.LEFT),
-        ("num_steps: 2, first_swing: right", Side.RIGHT),
-        # Though first_swing is right by default.
-        ("footholds: [{side: left, y: 0.2}]", Side.LEFT),
-    ],
-)
-def test_shifts_to_the_foot_that_does_not_swing_first(gait, side):
-    wait = "walking_state_machine: {standing_duration: 0.7}"
-    text = f"{{gait: {{{gait}}}, controller: {{{wait}}}}}"
-    schedule = start_of(scenario_of(text))
-    assert schedule.duration == 0.7
-    assert schedule.footsteps[0].side is side
-    assert schedule.support_side is side.other

@@ -124,8 +124,10 @@ WALKS = {
 }
 
 
-@pytest.mark.parametrize("when", WALKS)
-@pytest.mark.parametrize("period", [0.002, 0.01])
+@pytest.mark.parametrize(
+    ("period", "when"),
+    [*((0.01, when) for when in WALKS), (0.002, "at: right swing 25 %")],
+)
 def test_from_a_walk_one_goes_on_as_in_one_go(when, period):
     """Oracle: all arrays of the log of one run from start to end.
 
@@ -134,14 +136,14 @@ def test_from_a_walk_one_goes_on_as_in_one_go(when, period):
     text = f"{{mechanisms: all_with_cross_over, seed: 3, lipm_period: {period}"
     text += f", gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
     diagram = diagram_of(text.replace("SIZE", "delta_v: 0"), "lipm")
-    walked, run = walk_to_push(diagram, 3.0, until=lambda context: False)
+    walked, run = walk_to_push(diagram, 2.2, until=lambda context: False)
     assert run.until
     assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * period)
     for delta_v, direction in (0.3, 40.0), (0.6, -130.0):
         size = f"delta_v: {delta_v}, direction_deg: {direction}"
         other = diagram_of(text.replace("SIZE", size), "lipm")
-        whole = simulate(other, 3.0)
-        after = advance(pushed(diagram, walked, delta_v, direction), 3.0)
+        whole = simulate(other, 2.2)
+        after = advance(pushed(diagram, walked, delta_v, direction), 2.2)
         assert whole.missed_pushes == after.missed_pushes == 0
         for name, values in whole.logs.items():
             assert np.array_equal(values, after.logs[name], equal_nan=True)

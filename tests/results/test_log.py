@@ -11,14 +11,7 @@ from nadia_balance.results.log import (
     sole_pose,
     steps,
 )
-from tests.results.made_up_run import (
-    HALF_WIDTH,
-    MASS,
-    Recipe,
-    T,
-    cut,
-    make_log,
-)
+from tests.results.made_up_run import HALF_WIDTH, MASS, Recipe, T, cut, make_log
 
 
 def test_finds_every_phase_with_its_true_times():

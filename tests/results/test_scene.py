@@ -15,10 +15,7 @@ from pydrake.math import RigidTransform
 
 from nadia_balance import palette
 from nadia_balance.results.folder import start_recording, write_replay
-from nadia_balance.results.scene import (
-    FRAMES_PER_SECOND,
-    start_meshcat,
-)
+from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
 BALL = "/ball"

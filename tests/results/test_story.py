@@ -5,12 +5,7 @@ import pytest
 
 from nadia_balance.results.log import pushes, signal
 from nadia_balance.results.story import direction, telling_lines
-from tests.results.made_up_run import (
-    Recipe,
-    cut,
-    make_log,
-    summary_of,
-)
+from tests.results.made_up_run import Recipe, cut, make_log, summary_of
 
 
 def story(log, **told):

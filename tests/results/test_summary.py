@@ -10,10 +10,7 @@ from shapely.affinity import rotate, translate
 
 from nadia_balance.core.walking import Phase
 from nadia_balance.results.log import signal
-from nadia_balance.results.summary import (
-    durations,
-    stance_slip,
-)
+from nadia_balance.results.summary import durations, stance_slip
 from tests.results.made_up_run import (
     OMEGA,
     cut,

@@ -1,10 +1,12 @@
-"""The pictures of the paper's figures, read from the drawing itself."""
+"""The pictures of the papers' figures, read from the drawing itself."""
+
+import functools
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from matplotlib.patches import Polygon
-from shapely import MultiPoint
+from shapely import LineString, MultiPoint, Point
 from shapely import Polygon as Shape
 
 from nadia_balance.core.reachability import (
@@ -39,7 +41,13 @@ def dot(ax, label):
     return np.array([line.get_xdata()[0], line.get_ydata()[0]])
 
 
-@pytest.mark.parametrize("flags", [["--figure", "4", "9"], []])
+@functools.cache
+def axes_of(number):
+    """What that figure is drawn on; do not change it."""
+    return FIGURES[number]().axes
+
+
+@pytest.mark.parametrize("flags", [["--figure", "4", "atlas_5"], []])
 def test_draws_the_figures_that_it_is_told_or_all(tmp_path, capsys, flags):
     """Oracle: pictures with more than one colour, where it says."""
     argv = [*flags, "--out", tmp_path]
@@ -49,15 +57,15 @@ def test_draws_the_figures_that_it_is_told_or_all(tmp_path, capsys, flags):
     assert outcome.out == [f"wrote {tmp_path / name}" for name in names]
     assert sorted(path.name for path in tmp_path.iterdir()) == names
     for name in names:
-        pixels = imread(tmp_path / name)[:, :, :3].reshape(-1, 3)
-        assert len(pixels) > 500_000
-        assert len(np.unique(pixels, axis=0)) > 100
+        pixels = np.rint(255 * imread(tmp_path / name)[:, :, :3]).astype(int)
+        assert pixels.size > 1_500_000
+        assert len(np.unique(pixels @ [1 << 16, 1 << 8, 1])) > 100
 
 
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (["--figure", "5"], "argument --figure: invalid choice: 5"),
+        (["--figure", "5"], "argument --figure: invalid choice: '5'"),
         (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
     ],
 )
@@ -70,7 +78,7 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
 
     The weights leave 0.3 % of the feedback to the effort.
     """
-    without, with_it = FIGURES[3]().axes
+    without, with_it = axes_of("3")
     limit = polygon(without, "limit of the CoP")
     low, high = np.array(limit.bounds).reshape(2, 2)
     asked = regions.COP_R + 3.0 * regions.ERROR
@@ -87,7 +95,7 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
 
 def test_figure_4_nests_the_regions():
     """Oracle: containment, by shapely."""
-    for ax in FIGURES[4]().axes:
+    for ax in axes_of("4"):
         one, two, three = (polygon(ax, name) for name in regions.NAMES)
         assert two.buffer(1e-9).contains(one)
         assert three.buffer(1e-9).contains(two)
@@ -102,7 +110,7 @@ def test_figure_4_shows_what_crossing_over_gains():
     """
     contraction = np.exp(-regions.MODEL.omega * regions.STEP_DURATION)
     gains = []
-    for ax in FIGURES[4]().axes:
+    for ax in axes_of("4"):
         tops = [polygon(ax, name).bounds[3] for name in regions.NAMES[:2]]
         gains.append(tops[1] - tops[0])
     assert gains == pytest.approx(contraction * np.array([1.0, 0.0, 0.1]))
@@ -110,9 +118,7 @@ def test_figure_4_shows_what_crossing_over_gains():
 
 def test_figure_6_sweeps_the_very_regions_of_figure_4():
     """Oracle: shapely's hull of all swept copies, and Fig. 4."""
-    for ax, of_figure_4 in zip(
-        FIGURES[6]().axes, FIGURES[4]().axes[:2], strict=True
-    ):
+    for ax, of_figure_4 in zip(axes_of("6"), axes_of("4")[:2], strict=True):
         swept = [
             Shape(patch.get_xy())
             for patch in ax.patches
@@ -132,7 +138,7 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
 
 def test_figure_8_shows_the_regions_and_how_far_they_go():
     """Oracle: the polygons of the core, mirrored by hand."""
-    together, *alone = FIGURES[8]().axes
+    together, *alone = axes_of("8")
     expected = step_regions(regions.REACH, cross_over=True)
     assert len(polygons(together, "reachable")) == 3
     for ax, name in zip(alone, (BASE, FORWARD, BACKWARD), strict=True):
@@ -153,7 +159,7 @@ def test_figure_9_obeys_the_three_rules():
         name: Shape(region * mirror)
         for name, region in step_regions(regions.REACH, cross_over=True).items()
     }
-    for rule, ax in enumerate(FIGURES[9]().axes, start=1):
+    for rule, ax in enumerate(axes_of("9"), start=1):
         capture = polygon(ax, "capture region C₃")
         chosen = polygon(ax, "reachable")
         (name,) = [n for n, r in reach.items() if r.equals(chosen)]
@@ -170,3 +176,31 @@ def test_figure_9_obeys_the_three_rules():
         foothold = polygon(ax, "adjusted foothold")
         assert chosen.buffer(1e-6).contains(foothold.centroid)
         assert foothold.intersection(polygon(ax, "left foot")).area < 1e-9
+
+
+def test_the_atlas_papers_figure_4_projects_the_icp():
+    """Oracle: shapely; the sped-up reference is on the plan, and near it."""
+    (ax,) = FIGURES["atlas_4"]().axes
+    ends = [dot(ax, label) for label in ("reference, $ξ_r$", "its end, $ξ_t$")]
+    way, icp = LineString(ends), Point(dot(ax, "ICP, $ξ$"))
+    nearest = way.interpolate(way.project(icp))
+    found = dot(ax, "projected ICP, $ξ_p$")
+    assert found == pytest.approx([nearest.x, nearest.y], abs=1e-9)
+    (plan,) = [line for line in ax.lines if line.get_label() == "ICP plan"]
+    sped_up = Point(dot(ax, "sped-up reference"))
+    assert LineString(plan.get_xydata()).distance(sped_up) < 1e-4
+    assert sped_up.distance(nearest) < 0.02
+
+
+def test_the_atlas_papers_figure_5_helps_against_errors_along_the_way():
+    """Oracle: Sec. III: little is left of a forward error, the least of it in
+    fast steps; an error to the side is only marginally reduced.
+    """
+    left = []
+    for ax in FIGURES["atlas_5"]().axes:
+        error = dot(ax, "ICP, $ξ$") - dot(ax, "reference, $ξ_r$")
+        rest = dot(ax, "ICP, $ξ$") - dot(ax, "sped-up reference")
+        left.append(np.linalg.norm(rest) / np.linalg.norm(error))
+    slow, fast, aside = left
+    assert fast < slow < 0.6
+    assert 0.85 < aside < 1.0

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from nadia_balance.results import folder
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.push_source import PushSignal
@@ -21,6 +22,12 @@ from tests.scripts.running import (
 )
 
 QUICK = ["--plant", "lipm", "--no-meshcat"]
+
+
+@pytest.fixture(autouse=True)
+def no_plots(monkeypatch):
+    """They are tested with the results, and take longer than the runs."""
+    monkeypatch.setattr(folder, "write_plots", lambda *_: [])
 
 
 @pytest.fixture
@@ -145,25 +152,16 @@ def test_refuses_an_impossible_port(nothing_runs, capsys):
     assert_refused(outcome, "port = 80: must be in [1024, 65535]")
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "message"),
-    [
-        ("robot.yaml", "com_height: 0.888", "com_height: -1", "com_height ="),
-        ("nadia.urdf", 'mass value="', 'mass value="-', ""),
-    ],
-)
-def test_the_program_refuses_a_bad_robot(tmp_path, file, old, new, message):
+def test_the_program_refuses_a_bad_robot(tmp_path):
     """Oracle: what the shell sees; the path of the file at fault."""
     shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
-    path = tmp_path / "nadia" / file
-    path.write_text(path.read_text().replace(old, new, 1))
-    robot = path.with_name("robot.yaml")
-    argv = ("--no-meshcat", "--robot", robot, "--duration", 1)
+    urdf = tmp_path / "nadia" / "nadia.urdf"
+    urdf.write_text(urdf.read_text().replace('mass value="', 'mass value="-'))
+    argv = ("--no-meshcat", "--robot", urdf.with_name("robot.yaml"))
     done = as_program("push", *argv, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
-    what = "robot" if path == robot else "urdf"
-    assert line.startswith(f"push.py: {what} = {path}: {message}")
+    assert line.startswith(f"push.py: urdf = {urdf}: ")
     assert not (tmp_path / "runs").exists()
 
 
@@ -187,7 +185,7 @@ def test_recovers_and_leaves_all_behind(tmp_path, capsys):
     assert (summary["robot"], summary["plant"]) == ("nadia", "lipm")
     assert summary["fell_at"] is None
     names = {path.name for path in tmp_path.iterdir()}
-    assert names >= {"summary.json", "scenario.yaml", "log.npz", "icp.png"}
+    assert names >= {"summary.json", "scenario.yaml", "log.npz"}
 
 
 @pytest.mark.parametrize(
@@ -201,7 +199,7 @@ def test_a_push_may_come_at_the_very_end_of_a_phase(
     at, moment, tmp_path, capsys
 ):
     """Oracle: it comes, and the story says when; in ticks of 2 ms."""
-    argv = [*QUICK, "--duration", 7, "--delta-v", 0.05, "--at", at]
+    argv = [*QUICK, "--duration", 5.5, "--delta-v", 0.05, "--at", at]
     argv += ["--scenario_text", "{lipm_period: 0.002}"]
     outcome = run_script(push, [*argv, "--out", tmp_path], capsys)
     assert outcome.code == 0
@@ -271,24 +269,24 @@ def test_a_busy_port_is_no_reason_to_stop(tmp_path, capsys):
 
 def test_ctrl_c_ends_the_program_with_its_results(tmp_path):
     """Oracle: SIGINT to a program that would go on for ten minutes."""
-    folder = tmp_path / "run"
+    run = tmp_path / "run"
     program = subprocess.Popen(
         [sys.executable, "-m", "nadia_balance.scripts.push"]
-        + [*QUICK, "--duration", "600", "--out", folder],
+        + [*QUICK, "--duration", "600", "--out", run],
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    while not folder.exists() and program.poll() is None:
+    while not run.exists() and program.poll() is None:
         time.sleep(0.05)  # it is made just before the start
     time.sleep(1.0)
     program.send_signal(signal.SIGINT)
-    out, err = program.communicate(timeout=60)
+    out, err = program.communicate()
     assert err == ""
     assert program.returncode == 1
     assert "INTERRUPTED" in out
-    assert not summary_of(folder)["recovered"]
-    with np.load(folder / "log.npz") as log:
+    assert not summary_of(run)["recovered"]
+    with np.load(run / "log.npz") as log:
         assert 1 <= len(log["t"]) < 100_000
         assert len(log["icp"]) == len(log["t"])

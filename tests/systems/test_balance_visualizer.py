@@ -1,5 +1,7 @@
 """What is drawn, from inputs that are fixed by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.geometry import Meshcat
@@ -7,18 +9,17 @@ from pydrake.geometry import Meshcat
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
     rectangle,
 )
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from tests.blocks import asked, fix, running
+from tests.example_walks import standing
 from tests.fake_meshcat import FakeMeshcat, drawn_edges
 
 SOLE = rectangle(0.25, 0.12)
@@ -44,8 +45,9 @@ def state(phase=Phase.SWING, steps_taken=1, num_footsteps=5):
         for i, side in enumerate(sides[:num_footsteps])
     )
     feet = FootPoses(foot(0.3, Side.LEFT), foot(0.0, Side.RIGHT))
-    start = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
-    schedule = ContactSchedule(phase, Side.LEFT, 0.7, feet, footsteps, start)
+    schedule = replace(
+        standing(feet), phase=phase, duration=0.7, footsteps=footsteps
+    )
     return WalkingState(schedule, steps_taken=steps_taken)
 
 

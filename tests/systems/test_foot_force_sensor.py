@@ -4,29 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    Box,
-    ProximityProperties,
-    Sphere,
-)
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    CoulombFriction,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
-from pydrake.multibody.tree import (
-    SpatialInertia,
-)
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.core.walking import Side
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from tests.boxes import ground, register
 
 ROBOT = SimpleNamespace(foot_bodies={Side.LEFT: "left", Side.RIGHT: "right"})
 WEIGHT_LEFT, WEIGHT_RIGHT = 3.0 * 9.81, 5.0 * 9.81
@@ -38,15 +26,6 @@ ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
 ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
 
 
-def properties() -> ProximityProperties:
-    found = ProximityProperties()
-    AddCompliantHydroelasticProperties(0.05, 1e7, found)
-    AddContactMaterial(
-        properties=found, dissipation=10.0, friction=CoulombFriction(0.8, 0.8)
-    )
-    return found
-
-
 def recorded(
     left, right, contact_model="point", tilt=0.0, period=0.002
 ) -> np.ndarray:
@@ -56,35 +35,15 @@ def recorded(
     one point and rocks: each has four knobs.
     """
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=0.001, contact_model=contact_model),
-        builder,
-    )
+    plant = ground(builder, contact_model)
     instance = plant.AddModelInstance("robot")
     for name, mass in (("left", 3.0), ("right", 5.0)):
         body = plant.AddRigidBody(
-            name,
-            instance,
-            SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size()),
+            name, instance, SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size())
         )
-        plant.RegisterCollisionGeometry(
-            body, RigidTransform(), SHAPE, name, properties()
-        )
-        for i, corner in enumerate(CORNERS):
-            plant.RegisterCollisionGeometry(
-                body,
-                RigidTransform(corner),
-                Sphere(KNOB),
-                f"{name}_{i}",
-                properties(),
-            )
-    plant.RegisterCollisionGeometry(
-        plant.world_body(),
-        RigidTransform([0.0, 0.0, -0.5]),
-        Box(4.0, 4.0, 1.0),
-        "ground",
-        properties(),
-    )
+        register(plant, body, SHAPE)
+        for corner in CORNERS:
+            register(plant, body, Sphere(KNOB), corner)
     plant.mutable_gravity_field().set_gravity_vector(
         9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     )

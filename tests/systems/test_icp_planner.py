@@ -5,6 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp, reference_of
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.systems import icp_planner
@@ -63,6 +68,22 @@ def test_outputs_are_those_of_the_core(planner):
             assert np.array_equal(getattr(view, name), getattr(now, name))
 
 
+def test_plans_as_the_atlas_paper_does():
+    """Oracle: plan_atlas_icp() and reference_of(); no port, if not wanted."""
+    params = AtlasIcpPlanParams()
+    planner = IcpPlanner(params, MODEL, PERIOD)
+    for state in states():
+        context = asked(planner, walking_state=state)
+        expected = plan_atlas_icp(state.schedule, params, MODEL)
+        found, now = plan(planner, context), reference_of(expected, state)
+        np.testing.assert_array_equal(found.coefficients, expected.coefficients)
+        np.testing.assert_array_equal(found.moves, expected.moves)
+        view = IcpReference(reference(planner, context))
+        assert np.array_equal(view.icp, now.icp)
+    alone = IcpPlanner(params, MODEL, PERIOD, has_reference=False)
+    assert not alone.HasOutputPort("icp_reference")
+
+
 def test_plans_a_schedule_once_whatever_the_clock_says(planner, planned):
     """Oracle: the count of plans, over ticks and phases."""
     context, schedule, found = asked(planner), walk(), []
@@ -110,5 +131,6 @@ def test_contexts_do_not_share_their_memory(planner, planned):
 
 def test_refuses_bad_params():
     """Oracle: the message names the field."""
-    with pytest.raises(ValueError, match=r"min_bend_time = -1\.0"):
-        IcpPlanner(IcpPlanParams(min_bend_time=-1.0), MODEL, PERIOD)
+    params = IcpPlanParams(cop=CopWaypointParams(margin=-1.0))
+    with pytest.raises(ValueError, match=r"cop\.margin = -1\.0"):
+        IcpPlanner(params, MODEL, PERIOD)

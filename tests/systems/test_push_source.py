@@ -1,5 +1,6 @@
 """Oracles: ticks counted, momentum of a free body, directions by hand."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -12,27 +13,25 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
 )
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSignal, PushSource
 from tests.blocks import answer, asked, fix, running
+from tests.example_walks import standing
 
 PERIOD = 0.002
 MASS = 90.0
-REST = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 YAW = 0.6
 FEET = FootPoses(
     FootPose([0.0, 0.125, 0.0], YAW), FootPose([0.0, -0.125, 0.0], -0.3)
 )
 RIGHT_SWING = WalkingState(
-    ContactSchedule(Phase.SWING, Side.LEFT, 0.7, FEET, (), REST)
+    replace(standing(FEET), phase=Phase.SWING, duration=0.7)
 )
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
@@ -81,8 +80,9 @@ def test_pushes_once_for_exactly_its_ticks(at, delay, duration, first, count):
     assert active(run([push], 400)) == list(range(first, first + count))
 
 
-def steps(t, skips=()):
-    """A right swing, a transfer to the right foot, a left swing, ...
+@functools.cache
+def steps(skips=()) -> list[WalkingState]:
+    """Ticks of a right swing, a transfer to the right foot, a left swing, ...
 
     The clock leaves out the times of the phase [s] that are in `skips`.
     """
@@ -92,24 +92,25 @@ def steps(t, skips=()):
         (Phase.SWING, Side.RIGHT, 0.7),
         (Phase.TRANSFER, Side.LEFT, 0.3),
     ]
-    ticks = round(t / PERIOD)
-    for k in range(100):
-        phase, side, duration = phases[k % 4]
-        clock = [
-            time
-            for time in PERIOD * np.arange(round(duration / PERIOD))
-            if not any(first <= time < last for first, last in skips)
-        ]
-        if ticks < len(clock):
-            schedule = replace(
+    return [
+        WalkingState(
+            replace(
                 RIGHT_SWING.schedule,
                 phase=phase,
                 support_side=side,
                 duration=duration,
-            )
-            return WalkingState(schedule, time_in_phase=float(clock[ticks]))
-        ticks -= len(clock)
-    raise AssertionError("the walk is over")
+            ),
+            time_in_phase=float(time),
+        )
+        for phase, side, duration in 4 * phases
+        for time in PERIOD * np.arange(round(duration / PERIOD))
+        if not any(first <= time < last for first, last in skips)
+    ]
+
+
+def walking(*skips):
+    """The state at a time [s] of that walk."""
+    return lambda t: steps(skips)[round(t / PERIOD)]
 
 
 @pytest.mark.parametrize(
@@ -131,20 +132,19 @@ def test_a_push_begins_once_at_its_point_of_the_gait(at, skips, tick):
 
     All of a phase is its last tick.
     """
-    forces = run([Push(force=1.0, at=at)], 2200, lambda t: steps(t, skips))
+    forces = run([Push(force=1.0, at=at)], 2200, walking(*skips))
     assert active(forces) == list(range(tick, tick + 50))
 
 
 def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
     """Oracle: the left foot's yaw; the next phase has the right foot's."""
     push = Push(force=1.0, at="right swing 90 %")
-    force = run([push], 200, lambda t: steps(t, [(0.3, 1.0)]))[160]
+    force = run([push], 200, walking((0.3, 1.0)))[160]
     assert force == pytest.approx([math.cos(YAW), math.sin(YAW), 0.0])
 
 
 @pytest.mark.parametrize(
-    ("degrees", "left_foot_frame"),
-    [(0, (1, 0)), (-90, (0, -1))],
+    ("degrees", "left_foot_frame"), [(0, (1, 0)), (-90, (0, -1))]
 )
 def test_the_direction_is_that_of_the_support_foot(degrees, left_foot_frame):
     """Oracle: rotation of the left foot, times m dv / dt."""

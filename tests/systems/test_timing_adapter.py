@@ -1,6 +1,7 @@
 """Oracles: core.time_adjustment, called with the same values; Eq. 16."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,7 @@ from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.time_adjustment import (
     TimingAdapterParams,
-    fraction_done,
     time_adjustment,
-    time_ahead,
 )
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.timing_adapter import TimingAdapter
@@ -66,11 +65,16 @@ def test_makes_up_for_its_time_at_any_period(
     """Oracle: the exponential, times all the time that the ICP is ahead."""
     values = inputs(ahead, transfer)
     icp, plan, state, _ = values.values()
-    done = fraction_done(icp, plan.at(NOW).icp, plan.icp_end)
-    whole = time_ahead(done, state.schedule.duration - NOW, MODEL.omega)
-    assert whole > 0.1
+    whole = plan.time_to(icp, NOW)
+    assert whole == pytest.approx(ahead, abs=1e-4)
     share = 1.0 - math.exp(-period / time_constant)
-    assert gain(values, period=period) == pytest.approx([share * whole])
+    params = replace(
+        PARAMS,
+        swing_time_constant=time_constant,
+        transfer_time_constant=time_constant,
+    )
+    found = gain(values, params, period)
+    assert found == pytest.approx([share * whole])
 
 
 @pytest.mark.parametrize("transfer", [False, True])
@@ -88,16 +92,6 @@ def test_can_be_switched_for_swings_and_for_transfers(transfer):
         fix(adapter, context, mechanisms=switches.as_vector())
         found = answer(adapter, context, "time_adjustment")
         assert found == (always if on is not transfer else 0.0)
-
-
-def test_has_no_memory():
-    """Oracle: a second evaluation, and a context without state."""
-    adapter = TimingAdapter(PARAMS, MODEL, PERIOD)
-    context = asked(adapter, **inputs())
-    first = answer(adapter, context, "time_adjustment").copy()
-    context.SetTime(PERIOD)
-    assert answer(adapter, context, "time_adjustment") == first
-    assert context.num_total_states() == 0
 
 
 def test_refuses_bad_params():

@@ -101,18 +101,6 @@ def test_solves_once_for_all_outputs_and_the_update(system, monkeypatch):
     assert len(calls) == 1
 
 
-def test_contexts_do_not_know_of_each_other(system):
-    """Oracle: a fresh context gives the same bits after others were used."""
-    simulator, context = running(system, **inputs())
-    first = outputs(system, context)
-    tick(simulator, PERIOD)
-    fix(system, context, momentum_rate=-PUSHED)
-    outputs(system, context)
-    fresh = outputs(system, asked(system, **inputs()))
-    for expected, found in zip(first, fresh, strict=True):
-        assert np.array_equal(expected, found)
-
-
 @pytest.mark.parametrize("unsolved", [3, 25, 26])
 def test_damps_without_a_solution_and_gives_up_in_the_end(
     system, monkeypatch, unsolved

@@ -1,5 +1,6 @@
 """Sweeps whose limits are known, without simulating, and quick real trials."""
 
+import functools
 import random
 import time
 from collections.abc import Callable, Mapping
@@ -14,20 +15,17 @@ from nadia_balance.scripts.envelope_sweep.limits import (
     envelope_of,
     references,
 )
-from nadia_balance.scripts.envelope_sweep.plan import (
-    AT,
-    PROTOCOL,
-    SCENARIO,
-    Sweep,
-)
+from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, Sweep
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
+    Situation,
     next_batch,
 )
 from nadia_balance.typed_yaml import load_typed
 
 SEARCH = SearchParams()
+AT = Situation("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
 VERSIONS = {
     "nadia_balance": "0.1.0",
     "drake": "1.51.1",
@@ -38,9 +36,11 @@ VERSIONS = {
 Limits = Mapping[Cell, float]  # [m/s]
 
 
-def paper_times(factor: float, at: str = AT) -> dict[Cell, float]:
-    """The limits of the paper's robot at the reference moment, scaled."""
-    paper = references("nadia", SCENARIO, AT).paper
+def paper_times(
+    factor: float, at: Situation = AT, robot: str = "nadia", of: Situation = AT
+) -> dict[Cell, float]:
+    """The limits of the paper's robot, scaled, in another situation."""
+    paper = references(robot, of).paper
     return {
         Cell(mechanisms, at, direction): factor * value
         for mechanisms, curve in paper.items()
@@ -109,7 +109,9 @@ def _row(
 ) -> dict:
     upright = not recovered and round(100.0 * delta_v) % 3 == 0
     return {
-        **asdict(cell),
+        **cell.situation._asdict(),
+        "mechanisms": cell.mechanisms,
+        "direction_deg": cell.direction_deg,
         "delta_v": delta_v,
         "replica": replica,
         "seed": replica,
@@ -125,7 +127,6 @@ def _row(
         "predicted_at_push": 2 if recovered else -1,
         "predicted_at_touchdowns": "2;1;0;0" if recovered else "-1;-1",
         "robot": robot,
-        "scenario": "push",
         "plant": "humanoid",
         "parameters": "0123456789abcdef",
         "code": "fedcba9876543210",
@@ -140,6 +141,7 @@ WEAKER = 0.04  # is every second replica [m/s]
 def made_up_sweep(**changes) -> Sweep:
     """Six cells, coarsely."""
     fields = {
+        "scenarios": {"push": load_scenario("push")},
         "directions": (0.0, 90.0, 210.0),
         "mechanisms": ("icp_only", "step"),
         "search": SearchParams(
@@ -148,8 +150,6 @@ def made_up_sweep(**changes) -> Sweep:
         "plant": "lipm",
     }
     return Sweep(
-        scenario=load_scenario("push"),
-        scenario_name="push",
         **{**fields, **changes},
     )
 
@@ -157,6 +157,12 @@ def made_up_sweep(**changes) -> Sweep:
 def largest(mechanisms: str, direction_deg: float) -> float:
     """The limit of a cell [m/s], whatever the moment."""
     return LIMITS[mechanisms] + direction_deg / 1000.0
+
+
+@functools.cache
+def scenario_of(walk: str) -> Scenario:
+    """The scenario as it has travelled; do not change it."""
+    return load_typed(Scenario, "walk", data=walk)
 
 
 class MadeUpRobot:
@@ -182,7 +188,7 @@ class MadeUpRobot:
         self, function, identity, walk, plant, delta_v, direction, timeout
     ) -> Future:
         """Looks at the scenario instead of simulating it."""
-        scenario = load_typed(Scenario, "walk", data=walk)
+        scenario = scenario_of(walk)
         trial = scenario.mechanisms, direction, delta_v, scenario.seed
         self.tried.append(trial)
         pause = self._random.uniform(0.0, 0.004)
@@ -228,20 +234,19 @@ def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
         text=f"{{duration: {duration}, gait: {{num_steps: {steps}}}, {push}"
         f"{text}}}",
     )
-    return Sweep(
-        scenario=scenario, scenario_name="push", plant="lipm", **fields
-    )
+    return Sweep(scenarios={"push": scenario}, plant="lipm", **fields)
 
 
 def walk_of(
     sweep: Sweep | None = None,
     mechanisms: str = "step",
-    at: str = AT,
+    at: str = AT.at,
     replica: int = 0,
 ) -> str:
     """The walk of a trial, as it travels."""
     sweep = sweep or stepping_sweep()
-    return yaml_dump_typed(sweep.walk(Cell(mechanisms, at, 0.0), replica))
+    cell = Cell(mechanisms, Situation("push", at), 0.0)
+    return yaml_dump_typed(sweep.walk(cell, replica))
 
 
 def facts(row: dict) -> dict:

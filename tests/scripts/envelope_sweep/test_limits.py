@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep.limits import (
     Rates,
     characteristic_speed,
@@ -13,13 +13,14 @@ from nadia_balance.scripts.envelope_sweep.limits import (
     mark,
     references,
 )
-from nadia_balance.scripts.envelope_sweep.plan import AT
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     Limit,
     SearchParams,
+    Situation,
 )
 from tests.scripts.envelope_sweep.made_up import (
+    AT,
     SEARCH,
     identity_of,
     made_up_envelope,
@@ -28,7 +29,10 @@ from tests.scripts.envelope_sweep.made_up import (
 )
 
 ALL = "all_with_cross_over"
-LEFT, LATE = "left swing 50 %", "right swing 75 %"
+LEFT, LATE, EARLY = (
+    Situation("push", at)
+    for at in ("left swing 50 %", "right swing 75 %", "left swing 5 %")
+)
 
 
 def test_finds_the_limits_again_in_any_order():
@@ -54,12 +58,12 @@ def test_names_are_in_the_order_of_the_paper_and_its_moment_is_first():
         {
             Cell(name, at, direction): 0.2
             for name in (ALL, "icp_only", "step_swing")
-            for at in ("left swing 5 %", LATE, LEFT, AT)
+            for at in (EARLY, LATE, LEFT, AT)
             for direction in (270.0, 0.0)
         }
     )
     assert envelope.mechanisms == ("icp_only", "step_swing", ALL)
-    assert envelope.moments == (AT, "left swing 5 %", LEFT, LATE)
+    assert envelope.situations == (AT, EARLY, LEFT, LATE)
     assert envelope.directions == (0.0, 270.0)
 
 
@@ -117,7 +121,7 @@ def test_the_speed_of_a_robot_is_that_of_its_height():
 
 def test_knows_the_figures_of_the_paper():
     """Oracle: read off the paper's Fig. 10, by hand; what a limit means."""
-    known = references("nadia", "push", AT)
+    known = references("nadia", AT)
     for mechanisms, direction, paper, limit in (
         ("icp_only", 0.0, 0.27, 0.44),
         ("step", 330.0, 0.68, 0.84),
@@ -134,16 +138,36 @@ def test_knows_the_figures_of_the_paper():
             assert value < known.limit[mechanisms][direction]
 
 
+def test_knows_the_figure_of_the_atlas_paper():
+    """Oracle: read off its Fig. 6, by hand, as forces of 0.1 s over weight.
+
+    A force of the weight for 0.1 s is 0.981 m/s.
+    """
+    for gait, mechanisms, direction, weights in (
+        ("forward_fast", "feedback_step_timing", 0.0, 1.60),  # forward
+        ("forward_slow", "feedback_timing", 330.0, 0.90),  # 30 deg outward
+        ("in_place_fast", "feedback_step", 45.0, 0.61),  # 45 deg inward
+        ("in_place_slow", "feedback", 210.0, 0.53),  # back, 30 deg outward
+    ):
+        situation = Situation(f"atlas_{gait}", "right swing 50 %")
+        known = references("atlas", situation)
+        assert not known.limit
+        assert set(known.paper) == set(ATLAS_MECHANISMS)
+        assert {len(curve) for curve in known.paper.values()} == {14}
+        found = known.paper[mechanisms][direction]
+        assert found == pytest.approx(0.981 * weights)
+
+
 @pytest.mark.parametrize(
     ("robot", "scenario", "at"),
     [
-        ("atlas", "push", AT),
-        ("nadia", "backward_shove", AT),
+        ("atlas", *AT),
+        ("nadia", "backward_shove", AT.at),
         ("nadia", "push", "left swing 25 %"),
     ],
 )
 def test_others_are_compared_with_nothing(robot, scenario, at):
-    known = references(robot, scenario, at)
+    known = references(robot, Situation(scenario, at))
     assert known.paper == known.limit == {}
 
 

@@ -11,11 +11,10 @@ import sys
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.robot import MODELS
-from nadia_balance.scripts.command_line import scenario_flags
 from nadia_balance.scripts.envelope_sweep import plan
 from nadia_balance.scripts.envelope_sweep.plan import (
     QUICK,
@@ -28,6 +27,7 @@ from nadia_balance.scripts.envelope_sweep.plan import (
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
+    Situation,
     Trial,
 )
 from tests.scripts.envelope_sweep.made_up import made_up_sweep
@@ -39,7 +39,6 @@ LATER = "left transfer 50 %"
 def sweep_of(*argv):
     parser = argparse.ArgumentParser()
     sweep_flags(parser)
-    scenario_flags(parser, name="push")
     parser.set_defaults(timeout=600.0)
     return sweep_from(parser.parse_args(argv))
 
@@ -51,7 +50,45 @@ def test_without_flags_it_is_the_papers_figure():
     assert sweep.directions == tuple(30.0 * i for i in range(12))
     assert sweep.at == ("right swing 25 %",)
     assert sweep.search == SearchParams()
-    assert (sweep.plant, sweep.scenario_name) == ("humanoid", "push")
+    assert (sweep.plant, list(sweep.scenarios)) == ("humanoid", ["push"])
+
+
+def test_the_protocol_of_the_atlas_paper_is_its_figure_6():
+    """Oracle: its Sec. V and its caption; half of each step forward."""
+    sweep = sweep_of("--protocol", "atlas_fig6")
+    assert sweep.mechanisms == tuple(ATLAS_MECHANISMS)
+    assert sweep.at == ("right swing 50 %",)
+    assert (sweep.robot, len(sweep.cells())) == ("atlas", 4 * 4 * 14)
+    assert {d % 15.0 for d in sweep.directions} == {0.0}
+    gaits = set()
+    for scenario in sweep.scenarios.values():
+        gait, controller = scenario.gait, scenario.controller
+        step = round(gait.swing_duration + gait.transfer_duration, 9)
+        gaits.add((gait.step.length, step))
+        assert controller.icp_step_qp is not None
+        assert controller.timing_adapter.min_swing_duration == 0.6
+        assert scenario.pushes[0].duration == 0.1
+    assert gaits == {(0.5, 0.95), (0.5, 2.0), (0.0, 0.95), (0.0, 2.0)}
+    quick = sweep_of("--protocol", "atlas_fig6", "--quick")
+    assert quick.mechanisms == ("feedback_step_timing",)
+    assert list(quick.scenarios) == list(sweep.scenarios)
+
+
+def test_each_gait_of_a_sweep_is_its_own_scenario():
+    """Oracle: the scenarios, one by one."""
+    names = ["atlas_in_place_fast", "atlas_forward_slow"]
+    sweep = sweep_of(
+        "--protocol=atlas_fig6", "--scenario_name", ",".join(names)
+    )
+    assert list(sweep.scenarios) == names
+    for cell in sweep.cells():
+        gait = load_scenario(cell.situation.scenario).gait
+        assert sweep.walk(cell, replica=0).gait == gait
+    with pytest.raises(ValueError) as refused:
+        sweep_of("--scenario_name", "push,atlas_in_place_fast")
+    assert str(refused.value) == (
+        "robot = atlas, nadia: must be the same in all scenarios"
+    )
 
 
 def test_quick_leaves_alone_what_is_given():
@@ -62,8 +99,9 @@ def test_quick_leaves_alone_what_is_given():
     assert sweep.search == SearchParams(resolution=0.1, stride=4, replicas=1)
     given = {"directions": "3", "mechanisms": "step", "resolution": "0.05"}
     given |= {"stride": "2", "replicas": "4"}
+    quick = {**QUICK, "mechanisms": "all_with_cross_over"}
     for flag, value in given.items():
-        flags = {**{k: str(v) for k, v in QUICK.items()}, flag: value}
+        flags = {**{k: str(v) for k, v in quick.items()}, flag: value}
         written_out = [f"--{name}={value}" for name, value in flags.items()]
         asked, other = (
             sweep_of("--quick", f"--{flag}", value),
@@ -108,12 +146,12 @@ def test_the_flags_of_a_scenario_are_its_own(monkeypatch):
         *("--seed", "5", "--plant", "lipm", "--largest", "1"),
         *("--mechanisms", "step, icp_only", "--robot", "robot.yaml"),
     )
-    assert sweep.scenario.seed == 5
+    assert sweep.seed == 5
     assert sweep.plant == "lipm"
     assert sweep.search.largest == 1.0
     assert sweep.mechanisms == ("step", "icp_only")
     # Found from anywhere.
-    assert sweep.scenario.robot == str(MODELS / "nadia" / "robot.yaml")
+    assert sweep.robot == str(MODELS / "nadia" / "robot.yaml")
 
 
 @pytest.mark.parametrize(
@@ -133,9 +171,10 @@ def test_pushes_are_round_numbers(level, resolution, written):
 def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
     """Oracle: put back what differs, and compare all of the texts."""
     sweep = made_up_sweep(plant=plant)
-    sweep.scenario.seed, sweep.scenario.pushes[0].delay = 7, 0.5
-    before = yaml_dump_typed(sweep.scenario)
-    cell, texts = Cell("step", LATER, 90.0), set()
+    scenario = sweep.scenarios["push"]
+    scenario.seed, scenario.pushes[0].delay = 7, 0.5
+    before = yaml_dump_typed(scenario)
+    cell, texts = Cell("step", Situation("push", LATER), 90.0), set()
     for replica in range(4):
         walk = sweep.walk(cell, replica)
         (push,) = walk.pushes
@@ -145,7 +184,7 @@ def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
         walk.seed, push.delay = 7, 0.5
         texts.add(yaml_dump_typed(walk))
     assert len(texts) == 1
-    assert yaml_dump_typed(sweep.scenario) == before
+    assert yaml_dump_typed(scenario) == before
 
 
 def test_other_cells_make_no_other_identity():
@@ -183,9 +222,9 @@ def test_refuses_what_has_no_meaning(changes, message):
 
 @pytest.mark.parametrize("number", [0, 2])
 def test_wants_exactly_one_push(number):
-    sweep = Sweep(scenario=load_scenario("push"), scenario_name="push")
+    sweep = Sweep(scenarios={"push": load_scenario("push")})
     sweep.validate()
-    sweep.scenario.pushes *= number
+    sweep.scenarios["push"].pushes *= number
     with pytest.raises(ValueError) as refused:
         sweep.validate()
     assert str(refused.value) == (

@@ -7,22 +7,29 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from nadia_balance.core.mechanisms import MECHANISMS
+from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep.plan import AT
 from nadia_balance.scripts.envelope_sweep.plots import (
     COLORS,
     LIMIT_LABEL,
-    PAPER_LABEL,
     SEARCHED_LABEL,
     direction_name,
     draw_envelope,
 )
-from nadia_balance.scripts.envelope_sweep.search import Cell, SearchParams
-from tests.scripts.envelope_sweep.made_up import made_up_envelope, paper_times
+from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    Situation,
+)
+from tests.scripts.envelope_sweep.made_up import (
+    AT,
+    made_up_envelope,
+    paper_times,
+)
 
 ALL = "all_with_cross_over"
-LEFT = "left swing 25 %"
+LEFT = Situation("push", "left swing 25 %")
 SEARCH = SearchParams(resolution=0.1, stride=4)
 envelope_from = partial(made_up_envelope, search=SEARCH)
 ROUND = {0.0: 0.8, 90.0: 0.3, 180.0: 0.6, 270.0: 0.5}
@@ -83,9 +90,28 @@ def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
     assert max(tops) == pytest.approx(1.86)
     assert not dashed(other)
     words = legend_of(figure)
-    assert PAPER_LABEL in words
+    assert "the Nadia paper's, Fig. 10" in words
     assert LIMIT_LABEL in words
     assert any(word.startswith("references: only for") for word in words)
+
+
+def test_the_atlas_papers_figure_has_a_panel_for_each_gait():
+    """Oracle: its Fig. 6 by hand: 1.92 weights forward, fast and in place."""
+    cells = {}
+    for name in PROTOCOLS["atlas_fig6"].scenario_name.split(","):
+        gait = Situation(name, "right swing 50 %")
+        cells |= paper_times(0.8, gait, "atlas", gait)
+    figure = draw_envelope(envelope_from(cells, robot="atlas"))
+    assert [ax.get_title() for ax in figure.axes] == sorted(
+        f"{name}, right swing 50 %" for name in {c.situation[0] for c in cells}
+    )
+    fast = figure.axes[2]
+    most = [line.get_xydata()[0] for line in dashed(fast)]
+    assert max(way[1] for way in most) == pytest.approx(1.92 * 0.981)
+    assert {"1 weight"} <= {t.get_text() for t in fast.texts}
+    assert "the Atlas paper's, Fig. 6" in legend_of(figure)
+    for label in (*ATLAS_MECHANISMS,):
+        assert len(lines_named(fast, label)) == 1
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])

@@ -3,7 +3,6 @@
 import pytest
 
 from nadia_balance.scripts.envelope_sweep.limits import envelope_of
-from nadia_balance.scripts.envelope_sweep.plan import AT
 from nadia_balance.scripts.envelope_sweep.report import (
     LimitTables,
     capturability_table,
@@ -12,8 +11,13 @@ from nadia_balance.scripts.envelope_sweep.report import (
     table_lines,
     what_was_done,
 )
-from nadia_balance.scripts.envelope_sweep.search import Cell, SearchParams
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    Situation,
+)
 from tests.scripts.envelope_sweep.made_up import (
+    AT,
     identity_of,
     made_up_envelope,
     made_up_rows,
@@ -22,7 +26,7 @@ from tests.scripts.envelope_sweep.made_up import (
 )
 
 ALL = "all_with_cross_over"
-LEFT = "left swing 25 %"
+LEFT = Situation("push", "left swing 25 %")
 SEARCH = SearchParams(resolution=0.1, stride=4, largest=2.0)
 # The paper has 1.15, 0.41 and no 45 degrees; the limits are 1.86 and 0.82.
 CELLS = {
@@ -135,12 +139,12 @@ def test_has_a_line_for_each_direction_and_a_column_for_each_set():
     envelope = made_up_envelope(cells, SEARCH, is_unfinished=hurried.__eq__)
     assert table_lines(envelope) == [
         "",
-        "largest recovered push [m/s], right swing 25 %",
+        "largest recovered push [m/s], push, right swing 25 %",
         "direction  icp_only  all_with_cross_over",
         "        0     ~0.30                    -",
         "       90      0.10               >=2.00",
         "",
-        "largest recovered push [m/s], left swing 25 %",
+        "largest recovered push [m/s], push, left swing 25 %",
         "direction  icp_only  all_with_cross_over",
         "        0         -                    -",
         "       90         -                 1.00",

@@ -6,6 +6,7 @@ from concurrent.futures import BrokenExecutor, CancelledError
 
 import pytest
 
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts.envelope_sweep.run import (
     agenda_of,
@@ -13,12 +14,15 @@ from nadia_balance.scripts.envelope_sweep.run import (
     run_sweep,
 )
 from nadia_balance.scripts.envelope_sweep.search import (
-    Cell,
     Progress,
     SearchParams,
     limit,
 )
-from nadia_balance.scripts.envelope_sweep.trials_file import TrialsFile, key_of
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    TrialsFile,
+    cell_of,
+    key_of,
+)
 from nadia_balance.scripts.envelope_sweep.workers import open_workers
 from tests.scripts.envelope_sweep.made_up import (
     WEAKER,
@@ -52,8 +56,24 @@ def results(rows, cell, search):
             row["outcome"] == "recovered"
         )
         for row in rows
-        if Cell(row["mechanisms"], row["at"], row["direction_deg"]) == cell
+        if cell_of(row) == cell
     }
+
+
+def test_rows_name_the_gait_that_was_walked(open_file):
+    """Oracle: the durations of the scenarios that the workers got."""
+    gaits = {
+        name: load_scenario("push", text=f"duration: {duration}")
+        for name, duration in (("long", 14.0), ("short", 13.0))
+    }
+    sweep, walked = made_up_sweep(scenarios=gaits), []
+    file = open_file(sweep)
+    _, done = run(sweep, file, spoil=lambda s: walked.append(s.duration))
+    assert done
+    named = [gaits[row["scenario"]].duration for row in file.rows()]
+    assert sorted(named) == sorted(walked)
+    assert set(named) == {13.0, 14.0}
+    assert run(sweep, open_file(sweep)) == ([], True)
 
 
 def test_finds_the_limit_of_every_cell(open_file):
@@ -220,7 +240,7 @@ def test_ends_when_the_robot_becomes_another_one(open_file, tmp_path):
     """A real process; the file is changed after its hash was taken."""
     shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
     sweep = made_up_sweep()
-    sweep.scenario.robot = str(tmp_path / "nadia" / "robot.yaml")
+    sweep.scenarios["push"].robot = str(tmp_path / "nadia" / "robot.yaml")
     file = open_file(sweep)
     with (tmp_path / "nadia" / "nadia.urdf").open("a") as urdf:
         urdf.write("<!-- changed -->")
@@ -238,7 +258,8 @@ def test_two_processes_make_the_rows_of_one(open_file):
     sweep = made_up_sweep(
         directions=(0.0, 180.0), mechanisms=("icp_only",), search=search
     )
-    sweep.scenario.duration, sweep.scenario.required_steps = 6.0, 1
+    scenario = sweep.scenarios["push"]
+    scenario.duration, scenario.required_steps = 6.0, 1
     written = []
     for slots in (1, 2):
         file = open_file(sweep, f"{slots}.csv")

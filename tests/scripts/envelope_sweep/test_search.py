@@ -17,11 +17,13 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     Limit,
     SearchParams,
+    Situation,
     Trial,
     limit,
     next_batch,
     trials_left,
 )
+from tests.scripts.envelope_sweep.made_up import AT
 
 SEARCH = SearchParams()
 
@@ -240,7 +242,7 @@ def test_what_is_left_is_foreseen(search, last):
 
 
 COARSE = SearchParams(resolution=0.1, stride=3, replicas=3, largest=1.5)
-CELLS = [Cell("step", "right swing 25 %", 30.0 * i) for i in range(4)]
+CELLS = [Cell("step", AT, 30.0 * i) for i in range(4)]
 RUGGED = 0.15  # so often does a trial not go as its cell's limit says
 
 
@@ -303,12 +305,12 @@ def test_goes_on_after_an_end_at_any_time(slots, seed, most):
 
 def test_one_moment_comes_after_the_other():
     """Oracle: one trial at a time; all but two have the same way to go."""
-    later = Cell("step", "left swing 5 %", 0.0)
+    later = Cell("step", Situation("push", "left swing 5 %"), 0.0)
     agenda, done = Agenda([*CELLS[:2], later], COARSE), []
     while trial := agenda.pop():
         agenda.record(trial, trial.level <= 3)
-        done.append(trial.cell.at)
-    assert done == sorted(done, key=[CELLS[0].at, later.at].index)
+        done.append(trial.cell.situation.at)
+    assert done == sorted(done, key=[AT.at, later.situation.at].index)
 
 
 def test_the_count_ends_where_the_total_is():

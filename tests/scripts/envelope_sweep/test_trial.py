@@ -1,5 +1,6 @@
 """What is simulated, and what becomes of it: push.py is the oracle."""
 
+import functools
 import json
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results import folder
 from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import push
@@ -26,9 +28,7 @@ from tests.scripts.envelope_sweep.made_up import (
 PATIENCE = 60.0  # with a machine that is busy [s]
 ALL = "all_with_cross_over"
 # Its eight steps are taken before the end of the run.
-WHOLE = Sweep(
-    scenario=load_scenario("push"), scenario_name="push", plant="lipm"
-)
+WHOLE = Sweep(scenarios={"push": load_scenario("push")}, plant="lipm")
 
 
 @pytest.fixture(autouse=True)
@@ -41,6 +41,7 @@ def tried(walk, delta_v, direction=120.0, plant="lipm"):
     return run_trial(walk, plant, delta_v, direction, PATIENCE)
 
 
+@functools.cache
 def judged(walk, delta_v, direction=120.0, plant="lipm"):
     """The run of that push from start to end, and its summary."""
     scenario = load_typed(Scenario, "walk", data=walk)
@@ -51,8 +52,11 @@ def judged(walk, delta_v, direction=120.0, plant="lipm"):
 
 
 @pytest.mark.parametrize("delta_v", [0.3, 1.5])
-def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, delta_v):
+def test_replica_0_is_what_push_runs_with_the_same_flags(
+    tmp_path, delta_v, monkeypatch
+):
     """Oracle: the summary that push.py leaves behind."""
+    monkeypatch.setattr(folder, "write_plots", lambda *_: [])
     words = "--plant lipm --no-meshcat --seed 3 --duration 4 --direction 120"
     push.main(
         [
@@ -63,7 +67,9 @@ def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, delta_v):
     )
     base = load_scenario("push", text="{duration: 4.0, seed: 3}")
     walk = walk_of(
-        replace(WHOLE, scenario=base), "step_swing", "left transfer 50 %"
+        replace(WHOLE, scenarios={"push": base}),
+        "step_swing",
+        "left transfer 50 %",
     )
     summary = json.loads((tmp_path / "summary.json").read_text())
     row = tried(walk, delta_v)
@@ -272,7 +278,7 @@ def test_the_mirrored_push_has_the_same_predictions(delta_v):
     found = []
     for swing, direction in ("right", 60.0), ("left", -60.0):
         sweep = stepping_sweep(6.0)
-        sweep.scenario.gait.first_swing = swing
+        sweep.scenarios["push"].gait.first_swing = swing
         row = tried(
             walk_of(sweep, ALL, f"{swing} swing 25 %"), delta_v, direction
         )

@@ -91,7 +91,7 @@ def test_a_row_torn_at_any_byte_is_mended(path):
     ("name", "value", "told"),
     [
         ("resolution", 0.2, "resolution = 0.2: must be 0.1 as in "),
-        ("protocol", 1, "protocol = 1: must be 2 as in "),
+        ("protocol", 1, "protocol = 1: must be 3 as in "),
         ("python", "4.0", "python = 4.0: must be 3.11.2 as in "),
         ("parameters", "0", "parameters = 0: must be 0123456789abcdef as in "),
     ],

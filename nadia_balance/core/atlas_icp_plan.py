@@ -1,0 +1,291 @@
+"""The ICP plan of the Atlas paper: the CMP rests in heel and toe (Sec. II-A).
+
+Between these rests it is shifted within splines of the ICP.  All comes
+backward from the point where the robot comes to rest, so that the plan is a
+linear function of the footholds (Eq. 18): points and their shares in the
+footholds go through the same recursion, as columns of one matrix.
+"""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from nadia_balance.core.bounds import bounded
+from nadia_balance.core.cop_waypoints import REST_DURATION
+from nadia_balance.core.icp_plan import IcpPlan, rows_at
+from nadia_balance.core.lipm import icp, icp_after
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import centroid, project, shrink
+from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
+)
+
+_SHORTEST = 1e-9  # what lasts no longer is left out [s]
+
+
+@dataclass(kw_only=True)
+class AtlasIcpPlanParams:
+    """Where in the soles the CMP rests, and how long."""
+
+    # From the sole's centroid: forward, and toward the other foot [m].
+    heel_forward: float = -0.02
+    heel_inside: float = 0.0
+    toe_forward: float = 0.03
+    toe_inside: float = 0.02
+    # Of both, from the edge of the sole.
+    margin: float = bounded(0.01, least=0.0, unit="m")
+    # Of a step, on the toe: alpha_TH.  The shift to it falls into the swing.
+    toe_share: float = bounded(0.5, above=0.0, below=1.0)
+    # Of a transfer, until the shift to the heel: alpha_iniDS.
+    transfer_split: float = bounded(0.5, above=0.0, below=1.0)
+    # Of a swing, in which the CMP goes from heel to toe.
+    swing_shift: float = bounded(0.5, above=0.0, most=1.0)
+    smooth: bool = True  # Fig. 2(b); else the CMP jumps, as in Fig. 2(a)
+    # A transfer starts with the ICP of schedule.start, not on the line from
+    # the last toe (Eq. 5), which is elsewhere if the foot came early or late.
+    continuous: bool = True
+    num_previewed_steps: int = bounded(3, least=1)
+
+
+class Switch(NamedTuple):
+    """The CMP goes to its next point: at `corner` [s], if it jumps.
+
+    If not, from `begin` to `end` [s].
+    """
+
+    begin: float
+    corner: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False)
+class AtlasIcpPlan(IcpPlan):
+    """An IcpPlan that knows how it moves with the footsteps it previews.
+
+    `moves` (N, 6, n), like `coefficients`: per footstep, the change of either
+    axis with the foothold's.  The `cop_waypoints` are the CMPs, in order.
+    """
+
+    moves: Array = field(kw_only=True)
+
+    def moved(
+        self,
+        schedule: ContactSchedule,
+        steps: tuple[Footstep, ...],
+        t: float,
+        icp: Array,
+        model: PointMassModel,
+    ) -> ContactSchedule:
+        """Returns the `schedule` with other `steps`: they move the plan."""
+        return replace(schedule, footsteps=steps)
+
+    def moves_of(self, state: WalkingState) -> Array:
+        """Returns Gamma (2, n) of ICP and eCMP (Eq. 18).
+
+        That is, of what `reference_of(self, state)` returns.
+        """
+        i, rows = self.rows(min(state.time_in_phase, self.duration))
+        gammas = np.asarray(rows[1:] @ self.moves[i])
+        held = state.waiting and state.schedule.phase is not Phase.SWING
+        return gammas[[0, 0]] if held else gammas
+
+
+def plan_atlas_icp(
+    schedule: ContactSchedule, params: AtlasIcpPlanParams, model: PointMassModel
+) -> AtlasIcpPlan:
+    """Returns the plan of the present phase and of the footsteps after it.
+
+    It ends at rest between the feet; the CoM is that of schedule.start.
+
+    Raises:
+        ValueError: a swing without a footstep, or a sole within the margin.
+    """
+    if schedule.phase is Phase.SWING and not schedule.footsteps:
+        raise ValueError("footsteps = (): a swing needs the step in the air")
+    steps = () if schedule.phase is Phase.STANDING else schedule.footsteps
+    steps = steps[: params.num_previewed_steps]
+    points, omega = cmps(schedule, steps, params, model), model.omega
+    now, start = schedule.start, None
+    swinging = schedule.phase is Phase.SWING
+    if params.smooth and params.continuous and not swinging:
+        start = np.zeros(2 + len(steps))
+        start[:2] = icp(now.com, now.com_velocity, omega)
+    durations, pieces = _pieces(
+        switches(schedule, steps, params), points, start, omega
+    )
+    _add_com(pieces, durations, now.com, omega)
+    knots = np.concatenate([[0.0], np.cumsum(durations)])
+    return AtlasIcpPlan(
+        omega=omega,
+        duration=schedule.duration,
+        knots=knots,
+        cop_waypoints=points[:, :2].copy(),
+        coefficients=pieces[:, :, :2].copy(),
+        moves=pieces[:, :, 2:].copy(),
+    )
+
+
+def switches(
+    schedule: ContactSchedule,
+    steps: tuple[Footstep, ...],
+    params: AtlasIcpPlanParams,
+) -> list[Switch]:
+    """Returns when the CMP goes on, in the present phase and in `steps`.
+
+    A step lasts from the corner point of its transfer to that of the next one,
+    and is for `toe_share` of it on the toe; the shift there stays within the
+    swing, though.
+    """
+    last = schedule.final_transfer_duration
+    if len(schedule.footsteps) > len(steps) > 0:
+        last = schedule.footsteps[len(steps)].transfer_duration
+    transfers = [*(step.transfer_duration for step in steps), last]
+    swings = [step.swing_duration for step in steps]
+    if schedule.phase is Phase.SWING:
+        swings[0] = schedule.duration
+    elif schedule.phase is Phase.TRANSFER:
+        transfers[0] = schedule.duration
+    split, found = params.transfer_split, []
+    t = -transfers[0] if schedule.phase is Phase.SWING else 0.0
+    for swing, (transfer, after) in zip(
+        swings, pairwise(transfers), strict=True
+    ):
+        found.append(Switch(t, t + split * transfer, t + transfer))
+        whole = (1.0 - split) * transfer + swing + split * after
+        half = 0.5 * params.swing_shift * swing
+        corner = t + split * transfer + (1.0 - params.toe_share) * whole
+        t += transfer
+        corner = min(max(corner, t + half), t + swing - half)
+        found.append(Switch(corner - half, corner, corner + half))
+        t += swing
+    found.append(Switch(t, t + split * last, t + last))
+    if schedule.phase is Phase.SWING:
+        del found[0]
+    if params.smooth:
+        return found
+    return [Switch(corner, corner, corner) for _, corner, _ in found]
+
+
+def cmps(
+    schedule: ContactSchedule,
+    steps: tuple[Footstep, ...],
+    params: AtlasIcpPlanParams,
+    model: PointMassModel,
+) -> Array:
+    """Returns the CMPs in order, and their shares in the footholds.
+
+    Rows [x, y, share of each of `steps`]; on two feet from schedule.start on,
+    then heel and toe of each stance foot (Eq. 15), and the middle of the soles.
+    """
+    inner = shrink(model.sole, params.margin, "margin")
+    centre = centroid(model.sole)
+    feet = schedule.feet
+    shares = dict.fromkeys(Side, [0.0] * len(steps))
+    found = []
+    if schedule.phase is not Phase.SWING:
+        found.append([*schedule.start.cop, *shares[Side.LEFT]])
+    for i, step in enumerate(steps):
+        side = step.side.other
+        for forward, inside in (
+            (params.heel_forward, params.heel_inside),
+            (params.toe_forward, params.toe_inside),
+        ):
+            offset = np.array([forward, -side.sign * inside])
+            place = project(centre + offset, inner)
+            found.append([*feet[side].to_world(place), *shares[side]])
+        feet = feet.with_foot(step.side, step.pose)
+        shares[step.side] = [float(i == k) for k in range(len(steps))]
+    centres = [[*feet[side].to_world(centre), *shares[side]] for side in Side]
+    found.append(np.mean(centres, axis=0).tolist())
+    return np.array(found)
+
+
+def corner_points(
+    corners: list[float], points: Array, omega: float
+) -> list[Array]:
+    """Returns the ICP (k,) at each of the times `corners` (n,) [s].
+
+    There the CMP goes from one of the `points` (n + 1, k) to the next, and at
+    the last corner the ICP is on the last of them: the recursion of Eq. 4
+    that Algorithm 1 writes out as multipliers.
+    """
+    found = [points[-1]]
+    for (t, t_next), cmp in zip(
+        reversed(list(pairwise(corners))), points[-2:0:-1], strict=True
+    ):
+        found.append(icp_after(found[-1], cmp, omega, t - t_next))
+    return found[::-1]
+
+
+def _pieces(
+    shifts: list[Switch], points: Array, start: Array | None, omega: float
+) -> tuple[list[float], Array]:
+    """Returns durations [s] and coefficients (N, 6, k), those of the CoM 0.
+
+    `start` (k,) is the ICP at which the first shift begins, if not on the way
+    that leads to its corner point.
+    """
+    icps = corner_points([shift.corner for shift in shifts], points, omega)
+    found: list[tuple[float, Array]] = []
+
+    def add(duration: float, piece: Array) -> None:
+        if duration > _SHORTEST:
+            found.append((duration, piece))
+
+    t = 0.0
+    for i, (shift, icp_c) in enumerate(zip(shifts, icps, strict=True)):
+        before, after = points[i], points[i + 1]
+        first = icp_after(icp_c, before, omega, shift.begin - shift.corner)
+        last = icp_after(icp_c, after, omega, shift.end - shift.corner)
+        add(shift.begin - t, _rest(before, first))
+        if i == 0 and start is not None:
+            first = start
+        duration = shift.end - shift.begin
+        add(duration, _spline(first, before, last, after, duration, omega))
+        t = shift.end
+    add(REST_DURATION, _rest(points[-1], points[-1]))
+    return [duration for duration, _ in found], np.array(
+        [piece for _, piece in found]
+    )
+
+
+def _rest(cmp: Array, icp_end: Array) -> Array:
+    """Coefficients (6, k) of a constant CMP with which the ICP gets there."""
+    zero = np.zeros_like(cmp)
+    return np.array([0.5 * (icp_end - cmp), zero, zero, zero, zero, cmp])
+
+
+def _spline(
+    first: Array, before: Array, last: Array, after: Array, T: float, w: float
+) -> Array:
+    """Coefficients (6, k) of the cubic ICP from `first` to `last` (Eq. 6).
+
+    In `T` [s], with the CMP `before` at its start and `after` at its end.
+    """
+    if T <= _SHORTEST:
+        return np.zeros((6, len(first)))
+    v0, v1 = w * (first - before), w * (last - after)
+    way = (last - first) / T
+    a2, a3 = (3.0 * way - 2.0 * v0 - v1) / T, (v0 + v1 - 2.0 * way) / T**2
+    # x + xdot / w of the CoM's cubic is this cubic.
+    c3 = a2 - 3.0 * a3 / w
+    c4 = v0 - 2.0 * c3 / w
+    zero = np.zeros_like(first)
+    return np.array([zero, zero, a3, c3, c4, first - c4 / w])
+
+
+def _add_com(
+    pieces: Array, durations: list[float], com: Array, omega: float
+) -> None:
+    """Makes the CoM go on from `com` (2,) [m], where the ICP draws it."""
+    for piece, duration in zip(pieces, durations, strict=True):
+        begins, _, _ = rows_at(0.0, duration, omega) @ piece
+        piece[1, :2] = com - begins[:2]
+        com = (rows_at(duration, duration, omega) @ piece)[0, :2]

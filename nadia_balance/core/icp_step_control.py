@@ -1,0 +1,259 @@
+"""A tick of the Atlas paper's controller: feedback and footholds by one plan.
+
+What is optimised is executed: the reference is that of the plan with the very
+footholds that are taken, whether the QP or a dead band has chosen them.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
+from nadia_balance.core.com_height import ComHeightPlan, plan_com_height
+from nadia_balance.core.foothold_adjustment import unadjusted
+from nadia_balance.core.icp_plan import IcpReference, reference_of
+from nadia_balance.core.icp_step_qp import (
+    AnkleFeedback,
+    IcpStepQp,
+    IcpStepQpParams,
+    StepLimits,
+    StepWeights,
+)
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import (
+    clip_all,
+    halfspaces,
+    shrink,
+    support_polygon,
+)
+from nadia_balance.core.qp import QpResult
+from nadia_balance.core.reachability import base_region, in_world
+from nadia_balance.core.walking import (
+    Adjustment,
+    Array,
+    FootPose,
+    Footstep,
+    Immutable,
+    Phase,
+    WalkingState,
+)
+
+_NO_QP = QpResult(np.empty(0), True, np.empty(0, np.int8), 0, False, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class StepPhase(Immutable):
+    """What stays the same as long as the contact schedule does.
+
+    `steps` are those in force, `offsets` (n, 2) [m] in W their shifts from the
+    nominal footholds; `adjustment` are the steps as one; `reach` (n, 2) [m] in
+    W is that of the next one.
+    """
+
+    steps: tuple[Adjustment, ...]
+    offsets: Array
+    adjustment: Adjustment
+    reach: Array
+    limits: StepLimits
+    ankles: AnkleFeedback
+    height: ComHeightPlan
+
+
+class StepFeedback(NamedTuple):
+    """What a tick comes to.
+
+    `adjustment` is None while no step may be moved; `reference` is that of the
+    plan with its footholds; `ecmp` (2,) [m] in W is r_cmp,d.
+    """
+
+    adjustment: Adjustment | None
+    reference: IcpReference
+    ecmp: Array
+    result: QpResult
+
+
+def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
+    """Returns where the foot can be put, in the sole frame of the stance foot.
+
+    The base region (n, 2) [m], y toward the swing side, as far as the soles, if
+    parallel, are their clearance apart: this paper knows no crossed legs.
+
+    Raises:
+        ValueError: there is no such place.
+    """
+    apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
+    aside = np.array([[0.0, -1.0]]), np.array([-apart])
+    reach = clip_all(base_region(model.reach), *aside)
+    if not len(reach):
+        raise ValueError(
+            f"sole_clearance = {params.sole_clearance}: must leave some of "
+            f"the reach, {model.reach.describe()}"
+        )
+    return reach
+
+
+def reach_room(
+    stance: FootPose, steps: tuple[Footstep, ...], reach: Array
+) -> tuple[Array, Array]:
+    """Returns half-spaces A s <= b of the shifts s (2 n,) of `steps` (Eq. 22).
+
+    Each foothold is in the convex `reach` (k, 2) [m] of the one before it, the
+    first one in that of `stance`.
+    """
+    n, k = len(steps), len(reach)
+    rows, bounds = np.zeros((n, k, n, 2)), np.zeros((n, k))
+    for i, step in enumerate(steps):
+        turned = in_world(reach, FootPose(yaw=stance.yaw), step.side)
+        A, b = halfspaces(turned)
+        rows[i, :, i], bounds[i] = A, b
+        bounds[i] -= A @ (step.pose.p_WF - stance.p_WF)[:2]
+        if i > 0:
+            rows[i, :, i - 1] = -A
+        stance = step.pose
+    return rows.reshape(n * k, 2 * n), bounds.reshape(n * k)
+
+
+def step_phase(
+    state: WalkingState,
+    reach: Array,
+    qp: IcpStepQp,
+    params: IcpStepQpParams,
+    model: PointMassModel,
+) -> StepPhase:
+    """Returns what the schedule of `state` leaves to feedback and footholds.
+
+    `reach` (n, 2) [m] is that of `uncrossed_reach`.
+    """
+    schedule = state.schedule
+    stance = schedule.feet[schedule.support_side]
+    steps = _in_force(state, params.num_steps)
+    nominal = tuple(a.nominal for a in steps)
+    support = support_polygon(schedule, model.sole)
+    room = shrink(support, params.cop_safe_distance, "cop_safe_distance")
+    weights = StepWeights.of(params, stance)
+    return StepPhase(
+        steps,
+        _shifts(steps),
+        _chain(steps) or unadjusted(schedule),
+        in_world(reach, stance, schedule.support_side.other),
+        qp.limits(
+            weights, halfspaces(room), reach_room(stance, nominal, reach)
+        ),
+        AnkleFeedback(room, weights, params.feedback_gain),
+        plan_com_height(schedule, params.com_height, model),
+    )
+
+
+def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
+    """The adjustments of the next steps, moved or not; none while standing."""
+    if state.schedule.phase is Phase.STANDING:
+        return ()
+    steps, made = state.schedule.footsteps[:num_steps], state.adjustment
+    found = (replace(made, later=()), *made.later) if made else ()
+    more = (Adjustment(step, step.pose) for step in steps[len(found) :])
+    return (*found, *more)[: len(steps)]
+
+
+def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
+    """True with steps to come; in a swing not too early and not too late."""
+    schedule = state.schedule
+    if schedule.phase is Phase.STANDING or not schedule.footsteps:
+        return False
+    left = state.remaining_time
+    in_time = schedule.phase is Phase.TRANSFER or left >= params.freeze_time
+    return in_time and state.elapsed >= params.settling_time
+
+
+def step_feedback(
+    state: WalkingState,
+    phase: StepPhase,
+    plan: AtlasIcpPlan,
+    icp: Array,
+    qp: IcpStepQp,
+    params: IcpStepQpParams,
+    on: bool = True,
+) -> StepFeedback:
+    """Returns feedback and footholds for the measured `icp` (2,) [m] in W.
+
+    `state` is at t+, its clock advanced already; `phase` and `plan` are those
+    of its schedule.  No foothold moves unless the steps are `on`, nor if the QP
+    is not solved: then the feedback does what it can alone.
+    """
+    reference = reference_of(plan, state)
+    steps, result = phase.steps, _NO_QP
+    if on and may_move(state, params):
+        moves = plan.moves_of(state)[:, : len(steps)]
+        back = moves @ phase.offsets  # to the nominal footholds
+        shifts, _, _, result = qp.solve(
+            icp - reference.icp + back[0],
+            reference.ecmp - back[1],
+            moves,
+            phase.limits,
+        )
+        if result.solved:
+            steps = _moved(phase, shifts, params.dead_band)
+        if steps is not phase.steps:
+            dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
+            omega = plan.omega
+            reference = _shifted(reference, dcm, cmp, omega, state.waiting)
+    adjustment = None
+    if on:
+        kept = steps is phase.steps
+        adjustment = phase.adjustment if kept else _chain(steps)
+    # The QP's own delta, if the footholds are the QP's.
+    delta = phase.ankles.delta(icp - reference.icp, reference.ecmp)
+    return StepFeedback(adjustment, reference, reference.ecmp + delta, result)
+
+
+def _moved(
+    phase: StepPhase, shifts: Array, dead_band: float
+) -> tuple[Adjustment, ...]:
+    """The steps, `shifts` (n, 2) [m] away from the nominal footholds.
+
+    Those of `phase` if no pose changes.
+    """
+    if _longest(shifts) < dead_band:
+        if not phase.offsets.any():
+            return phase.steps
+        return tuple(Adjustment(a.nominal, a.nominal.pose) for a in phase.steps)
+    if _longest(shifts - phase.offsets) < dead_band:
+        return phase.steps
+    poses = [a.nominal.pose for a in phase.steps]
+    return tuple(
+        Adjustment(a.nominal, FootPose(p.p_WF + [*shift, 0.0], p.yaw))
+        for a, p, shift in zip(phase.steps, poses, shifts, strict=True)
+    )
+
+
+def _longest(vectors: Array) -> float:
+    return max(math.hypot(x, y) for x, y in vectors.tolist())
+
+
+def _shifts(steps: tuple[Adjustment, ...]) -> Array:
+    """From the nominal footholds (n, 2) [m], in W."""
+    shifts = [(a.pose.p_WF - a.nominal.pose.p_WF)[:2] for a in steps]
+    return np.reshape(shifts, (-1, 2))
+
+
+def _chain(steps: tuple[Adjustment, ...]) -> Adjustment | None:
+    """The adjustment of the next step, with those `later`."""
+    if not steps:
+        return None
+    return replace(steps[0], later=steps[1:])
+
+
+def _shifted(
+    reference: IcpReference, icp: Array, cmp: Array, omega: float, held: bool
+) -> IcpReference:
+    """The `reference`, its ICP and CMP moved by so much (2,) [m] in W."""
+    ecmp = reference.ecmp + cmp
+    velocity = 0.0 if held else omega * (icp - cmp)
+    return replace(
+        reference,
+        icp=reference.icp + icp,
+        icp_velocity=reference.icp_velocity + velocity,
+        cop=ecmp,
+        ecmp=ecmp,
+    )

@@ -1,0 +1,190 @@
+"""ICP control with ankles and footholds, by one QP."""
+
+from dataclasses import replace
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
+from nadia_balance.core.bounds import check
+from nadia_balance.core.com_height import vertical_acceleration
+from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.icp_step_control import (
+    StepFeedback,
+    StepPhase,
+    step_feedback,
+    step_phase,
+    uncrossed_reach,
+)
+from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.momentum_qp import momentum_rate
+from nadia_balance.core.polygon import shrink
+from nadia_balance.core.walking import (
+    Adjustment,
+    ContactSchedule,
+    Phase,
+    WalkingState,
+)
+from nadia_balance.systems.centroidal_estimator import ComState
+from nadia_balance.systems.icp_planner import IcpReference
+from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
+from nadia_balance.systems.ports import (
+    MechanismsInput,
+    Outcome,
+    ValueInput,
+    VectorInput,
+    declare_cache,
+    declare_output,
+    size,
+)
+
+
+class IcpStepController(LeafSystem):
+    """Moves CMP and footholds by one plan (Atlas paper, Sec. IV).
+
+    In place of a step adjuster and a MomentumQp.  The reference that it tells
+    is that of the plan with its own footholds, at the time to which the clock
+    is about to be advanced.
+
+    `com_state` is a ComState, `icp` (2,) [m] in W; `walking_state` is a
+    WalkingState, `icp_plan` the AtlasIcpPlan of its schedule;
+    `time_adjustment` (1,) [s] is about to be added to the clock, 0 if not
+    connected; `mechanisms` (4,), all if not connected.
+
+    `adjustment` is an Adjustment, None while `step` is off; `capture_regions`
+    are CaptureRegions without any, but with reach and footholds of a swing.
+    `ecmp_command` is an EcmpCommand with one point, `momentum_qp_status` a
+    QpStatus, its violation in [m]; `momentum_rate` (3,) [N] is in W,
+    `icp_reference` an IcpReference.  The discrete state is what these four
+    were in the last tick.
+
+    .. pydrake_system::
+
+        name: IcpStepController
+        input_ports: [com_state, icp, walking_state, icp_plan,
+                      time_adjustment, mechanisms]
+        output_ports: [adjustment, capture_regions, ecmp_command,
+                       momentum_qp_status, momentum_rate, icp_reference]
+    """
+
+    def __init__(
+        self, params: IcpStepQpParams, model: PointMassModel, period: float
+    ):
+        """Controls the `model` every `period` [s].
+
+        Raises ValueError for `params` that are out of range, and if the reach
+        leaves no room for a step with uncrossed legs.
+        """
+        super().__init__()
+        check(params)
+        shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
+        self._params, self._model = params, model
+        self._reach = uncrossed_reach(params, model)
+        rows = 2 * len(model.sole) + params.num_steps * len(self._reach)
+        self._qp = IcpStepQp(params, rows)
+        self._com_state = VectorInput(self, "com_state", ComState)
+        self._icp = VectorInput(self, "icp", 2)
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._icp_plan = ValueInput(self, "icp_plan", AtlasIcpPlan)
+        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._mechanisms = MechanismsInput(self)
+        self._phase = declare_cache(
+            self,
+            "phase",
+            self._calc_phase,
+            {self._walking_state.ticket()},
+            (None, None),
+        )
+        needs = {
+            port.ticket()
+            for port in (
+                self._icp,
+                self._walking_state,
+                self._icp_plan,
+                self._time,
+                self._mechanisms,
+            )
+        }
+        self._feedback = declare_cache(
+            self, "feedback", self._calc_feedback, needs
+        )
+        needs = {self._feedback.ticket()}
+        declare_output(self, "adjustment", self._adjustment, needs)
+        declare_output(
+            self, "capture_regions", self._calc_capture_regions, needs
+        )
+        Outcome(
+            self,
+            {
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
+                "momentum_rate": 3,
+                "icp_reference": size(IcpReference),
+            },
+            4,
+            self._calc_outcome,
+            needs | {self._com_state.ticket()},
+            period,
+        )
+
+    def _calc_phase(self, context, last) -> tuple[ContactSchedule, StepPhase]:
+        state = self._walking_state(context)
+        if state.schedule is last[0]:
+            return last
+        phase = step_phase(
+            state, self._reach, self._qp, self._params, self._model
+        )
+        return state.schedule, phase
+
+    def _calc_feedback(self, context, _) -> StepFeedback:
+        state = self._walking_state(context)
+        if (gain := float(self._time(context)[0])) > 0.0:  # t+
+            time = min(state.time_in_phase + gain, state.schedule.duration)
+            state = replace(state, time_in_phase=time)
+        return step_feedback(
+            state,
+            self._phase.Eval(context)[1],
+            self._icp_plan(context),
+            self._icp(context),
+            self._qp,
+            self._params,
+            self._mechanisms(context).step,
+        )
+
+    def _adjustment(self, context) -> Adjustment | None:
+        return self._feedback.Eval(context).adjustment
+
+    def _calc_capture_regions(self, context) -> CaptureRegions:
+        if self._walking_state(context).schedule.phase is not Phase.SWING:
+            return CaptureRegions()
+        phase = self._phase.Eval(context)[1]
+        # While `step` is off, the adjustment of before holds.
+        now = self._adjustment(context) or phase.adjustment
+        return CaptureRegions((), phase.reach, now.nominal.pose, now.pose)
+
+    def _calc_outcome(self, context, last) -> np.ndarray:
+        _, reference, ecmp, result = self._feedback.Eval(context)
+        return np.concatenate(
+            (
+                ecmp,
+                ecmp,
+                QpStatus(last["momentum_qp_status"]).after(result),
+                self._momentum_rate(context, ecmp),
+                reference.icp,
+                reference.icp_velocity,
+                reference.cop,
+                reference.ecmp,
+            )
+        )
+
+    def _momentum_rate(self, context, ecmp) -> np.ndarray:
+        com, time = self._com_state(context), self._walking_state(context)
+        height = self._phase.Eval(context)[1].height
+        acceleration = vertical_acceleration(
+            float(com.z),
+            float(com.vz),
+            *height.at(time.time_in_phase),
+            self._params.com_height,
+        )
+        return momentum_rate(com.position[:2], ecmp, acceleration, self._model)

@@ -1,0 +1,41 @@
+"""Boxes on the ground, of both contact models, for tests of contacts."""
+
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    Box,
+    ProximityProperties,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+
+def properties() -> ProximityProperties:
+    found = ProximityProperties()
+    AddCompliantHydroelasticProperties(0.05, 1e7, found)
+    AddContactMaterial(
+        properties=found, dissipation=10.0, friction=CoulombFriction(0.8, 0.8)
+    )
+    return found
+
+
+def ground(builder: DiagramBuilder, contact_model: str) -> MultibodyPlant:
+    """A plant with a time step of 1 ms that is flat, and empty."""
+    config = MultibodyPlantConfig(time_step=0.001, contact_model=contact_model)
+    plant, _ = AddMultibodyPlant(config, builder)
+    register(plant, plant.world_body(), Box(4.0, 4.0, 1.0), [0.0, 0.0, -0.5])
+    return plant
+
+
+def register(plant: MultibodyPlant, body, shape, p_BG=(0.0, 0.0, 0.0)) -> None:
+    """Gives the body a shape that touches others, at p_BG (3,)."""
+    count = len(plant.GetCollisionGeometriesForBody(body))
+    plant.RegisterCollisionGeometry(
+        body, RigidTransform(p_BG), shape, f"{count}", properties()
+    )

@@ -1,0 +1,65 @@
+"""docs/papers.md has all that is in the papers, and names what there is."""
+
+import ast
+import importlib
+import re
+
+import pytest
+
+from tests.source_files import ROOT, python_files, syntax_tree
+
+NADIA, ATLAS = (
+    [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in part.splitlines()
+        if re.match(r"\| (Eq|Fig|Alg)", line)
+    ]
+    for part in (ROOT / "docs" / "papers.md")
+    .read_text("utf-8")
+    .split("\n## ")[1:]
+)
+ROWS = [*NADIA, *ATLAS]
+
+
+@pytest.mark.parametrize(
+    ("rows", "equations", "algorithms", "figures"),
+    [(NADIA, 16, 0, 14), (ATLAS, 22, 1, 8)],
+)
+def test_every_number_of_a_paper_has_its_row(
+    rows, equations, algorithms, figures
+):
+    """Oracle: the last numbers in print; each row has four cells."""
+    numbers = [("Eq.", equations), ("Algorithm", algorithms), ("Fig.", figures)]
+    printed = [f"{kind} {n + 1}" for kind, most in numbers for n in range(most)]
+    assert [row[0] for row in rows] == printed
+    assert {len(row) for row in rows} == {4}
+
+
+def test_every_function_can_be_imported():
+    """Oracle: Python; one that is not there has a reason."""
+    for number, names, tests, why in ROWS:
+        found = re.findall(r"`([\w.]+)`", names)
+        assert found or why, number
+        assert bool(found) == bool(tests), number
+        for name in [*found, *re.findall(r"`(\w+\.[\w.]+)`", why)]:
+            *modules, last = name.split(".")
+            inner = [last]
+            if modules[-1][0].isupper():  # a method
+                inner.insert(0, modules.pop())
+            thing = importlib.import_module(
+                ".".join(["nadia_balance", *modules])
+            )
+            for part in inner:
+                thing = getattr(thing, part)
+
+
+def test_every_test_is_one():
+    """Oracle: the functions of the files."""
+    known = {
+        f"{path}::{node.name}"
+        for path in python_files("tests")
+        for node in ast.walk(syntax_tree(path))
+        if isinstance(node, ast.FunctionDef)
+    }
+    named = {name for row in ROWS for name in re.findall(r"`([^`]+)`", row[2])}
+    assert named <= known
