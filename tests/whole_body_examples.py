@@ -28,7 +28,7 @@ CONTACTS = [(True, True), (True, False), (False, True)]
 
 @functools.cache
 def nadia() -> RobotModel:
-    return load_robot("nadia")
+    return load_robot("nadia", "realistic")
 
 
 @functools.cache
