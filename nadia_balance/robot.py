@@ -1,12 +1,16 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
     ComPositionConstraint,
@@ -150,26 +154,36 @@ class RobotModel:
         return plant, scene_graph
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-        """Of the robot's own links, only one leg touches the other."""
+        """Of the robot's own links, only one leg touches the other leg.
+
+        Feet do not touch each other.
+        """
         joints = map(plant.get_joint, plant.GetJointIndices())
         parent = {j.child_body().name(): j.parent_body().name() for j in joints}
-        legs = set()
+        legs = []
         for link in self.foot_bodies.values():
+            legs.append([])
             while link != self.pelvis_body:
-                legs.add(link)
+                legs[-1].append(link)
                 link = parent[link]
         pelvis = plant.GetBodyByName(self.pelvis_body)
         own = plant.GetBodyIndices(pelvis.model_instance())
-        others, moving = [], []
-        for body in map(plant.get_body, own):
-            (moving if body.name() in legs else others).append(body)
-        others, moving = map(
-            plant.CollectRegisteredGeometries, (others, moving)
-        )
+        names = {plant.get_body(body).name() for body in own}
+
+        def shapes(links: Iterable[str]) -> GeometrySet:
+            return plant.CollectRegisteredGeometries(
+                [plant.GetBodyByName(link) for link in links]
+            )
+
+        left, right = map(set, legs)
+        others = shapes(names - left - right)
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
+            .ExcludeWithin(shapes(left))
+            .ExcludeWithin(shapes(right))
+            .ExcludeWithin(shapes(self.foot_bodies.values()))
             .ExcludeWithin(others)
-            .ExcludeBetween(others, moving)
+            .ExcludeBetween(others, shapes(left | right))
         )
 
     def control_plant(self) -> MultibodyPlant:

@@ -358,9 +358,10 @@ def test_starts_warm_without_the_rows_of_a_foot_that_has_left():
     one = command(terms, (True, False), pushed)
     warm = qp.solve(terms, command(terms, momentum_rate=pushed), both.qp.active)
     assert both.qp.iterations > 1 == warm.qp.iterations
-    assert np.any(both.qp.active[63:])
+    right = slice(-17, None)
+    assert np.any(both.qp.active[right])
     warm = qp.solve(terms, one, both.qp.active)
-    assert not np.any(warm.qp.active[63:])
+    assert not np.any(warm.qp.active[right])
     cold = qp.solve(terms, one)
     assert warm.torques == pytest.approx(cold.torques, abs=ROUNDING)
 
