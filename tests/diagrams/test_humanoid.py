@@ -213,13 +213,12 @@ def test_torques_stay_within_their_limits():
 
 
 def test_the_mirrored_shove_gives_the_mirrored_path():
-    """Oracle: the mirror image of the ICP's path, within 1.5 mm.
+    """Oracle: the mirror image of the ICP's path, within 3 mm.
 
     Nadia is not quite symmetric: the right arm is weaker, two links differ,
     and standing the pelvis is 0.3 mm beside the middle.  That makes 0.1 mm, and
     may make a foot land a control period sooner, when the ICP is moving at
-    0.5 m/s: another millimetre.  Its drives are ideal: the torques of real ones
-    change as fast as each arm's limit allows, which differ.
+    0.5 m/s: another millimetre for each of its landings.
     """
     right, left = (
         simulated(f"{{fidelity: ideal, {pushed(side, direction)[1:]}").logs
@@ -228,7 +227,7 @@ def test_the_mirrored_shove_gives_the_mirrored_path():
     mirror = np.array([1.0, -1.0])
     apart = np.abs(right["icp"] - left["icp"] * mirror)
     assert np.ptp(right["icp"][:, 1]) > 0.2
-    assert np.max(apart) < 1.5e-3
+    assert np.max(apart) < 3e-3
     assert np.mean(apart) < 1e-4
     phases = [signal(log, "walking_signal").phase for log in (right, left)]
     assert np.count_nonzero(phases[0] != phases[1]) <= 6  # of 6 changes
