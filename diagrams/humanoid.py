@@ -2,6 +2,7 @@
 
 import numpy as np
 from pydrake.geometry import Meshcat
+from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import (
     Context,
     Diagram,
@@ -12,14 +13,16 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.balance_controller import BalanceController
+from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog, region_logs
-from nadia_balance.results.log import FootPositions
+from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
-from nadia_balance.robot import load_robot
+from nadia_balance.robot import actuated_velocities, load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
@@ -71,7 +74,7 @@ class HumanoidDiagram(Diagram):
         self.scenario = scenario
         params = scenario.controller
         period = params.control_period
-        self.robot = load_robot(scenario.robot)
+        self.robot = load_robot(scenario.robot, scenario.fidelity)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self.plant, self.scene_graph = self.robot.add_plant_to(
@@ -121,7 +124,16 @@ class HumanoidDiagram(Diagram):
         connect(builder, plant, self.sensor, "contact_results")
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
-        connect(builder, controller, plant, "actuation")
+        self._torques = controller.GetOutputPort("actuation")
+        self._drives = None
+        if self.robot.drives is not None:
+            self._drives = builder.AddNamedSystem(
+                "joint_drives", JointDrives(plant, self.robot)
+            )
+            connect(builder, controller, self._drives, "actuation")
+            connect(builder, plant, self._drives, "state")
+            self._torques = self._drives.GetOutputPort("torques")
+        builder.Connect(self._torques, plant.get_actuation_input_port())
         connect(
             builder, self.push, plant, spatial_forces="applied_spatial_force"
         )
@@ -150,9 +162,9 @@ class HumanoidDiagram(Diagram):
             for name in filter(self.controller.HasOutputPort, CONTROLLER_LOGS)
         }
         signals["mechanisms"] = self._mechanisms
-        for name in ("push_force", "push_signal"):
-            signals[name] = self.push.GetOutputPort(name)
+        signals["push_signal"] = self.push.GetOutputPort("push_signal")
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
+        signals["torques"] = self._torques
         signals["state"] = self.plant.get_state_output_port()
         self._signal_log = SignalLog(builder, period, signals)
 
@@ -164,6 +176,11 @@ class HumanoidDiagram(Diagram):
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
         self.plant.SetPositions(plant_context, q)
+        if self._drives is not None:  # they hold it already
+            own = self._drives.GetMyMutableContextFromRoot(context)
+            own.SetDiscreteState(
+                self._drives.GetInputPort("actuation").Eval(own)
+            )
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
@@ -187,27 +204,36 @@ class HumanoidDiagram(Diagram):
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
-        logs["foot_poses"] = self._foot_positions(logs["state"])
-        logs["num_positions"] = np.array(self.plant.num_positions())
+        logs["foot_poses"] = self._feet(logs["state"])
         logs["sole"] = self.robot.sole
+        logs["weight"] = np.array(self.robot.mass * GRAVITY)
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
-        logs["joint_speed_limit"] = np.array(self.robot.params.max_joint_speed)
+        velocities = actuated_velocities(self.plant)
+        logs["joint_speed_limits"] = (
+            np.full(velocities.size, np.inf)
+            if self.robot.drives is None
+            else self.robot.max_joint_speeds[velocities - 6]
+        )
+        columns = self.plant.num_positions() + velocities
+        logs["joint_speed_columns"] = columns
         logs |= region_logs(self.robot.point_mass.reach)
         return logs
 
-    def _foot_positions(self, states: np.ndarray) -> np.ndarray:
-        """FootPositions (n, 6) along `states`."""
+    def _feet(self, states: np.ndarray) -> np.ndarray:
+        """MeasuredFeet (n, 8) along `states`."""
         plant = self.robot.control_plant()
         context = plant.CreateDefaultContext()
         feet = [
-            (side, plant.GetBodyByName(name), self.robot.X_FootSole[side])
+            (plant.GetBodyByName(name), self.robot.X_FootSole[side])
             for side, name in self.robot.foot_bodies.items()
         ]
-        positions = FootPositions(np.empty((6, len(states))))
+        poses = np.empty((len(states), len(feet), 4))
         for row, state in enumerate(states):
             plant.SetPositionsAndVelocities(context, state)
-            for side, body, X_FootSole in feet:
+            for foot, (body, X_FootSole) in enumerate(feet):
                 X_WF = plant.EvalBodyPoseInWorld(context, body) @ X_FootSole
-                getattr(positions, side.value)[:, row] = X_WF.translation()
-        return positions[:].T
+                poses[row, foot, :3] = X_WF.translation()
+                yaw = RollPitchYaw(X_WF.rotation()).yaw_angle()
+                poses[row, foot, 3] = yaw
+        return poses.reshape(-1, len(MeasuredFeet.get_fields()))

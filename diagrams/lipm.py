@@ -99,7 +99,7 @@ class LipmDiagram(Diagram):
             for system, names in (
                 (self.plant, ("com_state", "icp", "foot_forces")),
                 (self.swing, ("swing_foot_reference",)),
-                (self.push, ("push_force", "push_signal")),
+                (self.push, ("push_signal",)),
                 (self.controller, CONTROLLER_LOGS),
             )
             for name in filter(system.HasOutputPort, names)

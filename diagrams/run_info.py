@@ -49,6 +49,7 @@ def run_info(
         mechanisms=scenario.mechanisms,
         scenario=name,
         plant=plant,
+        fidelity=scenario.fidelity,
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,

@@ -14,7 +14,7 @@ from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
 from nadia_balance.core.walking import WalkingState
-from nadia_balance.robot import default_plant_config
+from nadia_balance.robot import FIDELITIES, default_plant_config
 from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -31,6 +31,8 @@ class Scenario:
 
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
+    # The robot as it could be built, or with drives that can do anything.
+    fidelity: str = bounded("ideal", one_of=FIDELITIES)
     duration: float = bounded(10.0, above=0.0, unit="s")
     # 0: the exact start; else it is shifted by up to 10 um.
     seed: int = bounded(0, least=0)

@@ -26,6 +26,7 @@ _PUBLIC = {
     "systems.foot_force_sensor": ("FootForceSensor",),
     "systems.icp_planner": ("IcpPlanner",),
     "systems.icp_step_controller": ("IcpStepController",),
+    "systems.joint_drives": ("JointDrives",),
     "systems.live_controls": ("LiveControls",),
     "systems.momentum_qp": ("MomentumQp",),
     "systems.point_mass_plant": ("PointMassPlant",),

@@ -1,12 +1,16 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import (
     ComPositionConstraint,
@@ -15,13 +19,14 @@ from pydrake.multibody.inverse_kinematics import (
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
     ContactResults,
     MultibodyPlant,
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 import nadia_balance
 from nadia_balance.core.bounds import check
@@ -29,10 +34,11 @@ from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
+    check_standing,
     check_urdf,
     improper_contacts,
 )
-from nadia_balance.robot_params import RobotParams
+from nadia_balance.robot_params import RobotParams, idealised
 from nadia_balance.typed_yaml import load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
@@ -44,8 +50,16 @@ MODELS = next(
 )
 
 
+# As it could be built, or with drives that give any torque at any speed, feet
+# of any speed, and arms that pass through the legs.
+FIDELITIES = ("realistic", "ideal")
+
+
 class RobotModel:
-    """A humanoid with two flat feet, as robot.yaml and its URDF describe it."""
+    """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
+
+    `drives` are JointDriveParams; None if it is ideal (see `idealised`).
+    """
 
     def __init__(self, params: RobotParams, urdf: Path):
         """Checks that `urdf` has all that the `params` name.
@@ -57,6 +71,7 @@ class RobotModel:
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
         self.whole_body = params.whole_body
+        self.drives = params.drives
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         feet = params.left_foot_body, params.right_foot_body
@@ -73,14 +88,25 @@ class RobotModel:
         plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
         plant.RegisterAsSourceForSceneGraph(scene_graph)
         self.add_to(plant)
-        check_plant(self.control_plant(), params)
-        self.standing_positions()
+        plant = self.control_plant()
+        check_plant(plant, params)
+        standing = self.standing_positions()
+        with self._naming_the_urdf():
+            check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
 
     @cached_property
     def mass(self) -> float:
         """Of the whole robot [kg]."""
         plant = self.control_plant()
         return plant.CalcTotalMass(plant.CreateDefaultContext())
+
+    @cached_property
+    def max_joint_speeds(self) -> np.ndarray:
+        """Of the joints (nj,) [rad/s], in the order of their velocities."""
+        speeds = self.control_plant().GetVelocityUpperLimits()[6:]
+        return np.where(
+            np.isfinite(speeds), speeds, self.params.max_joint_speed
+        )
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -122,8 +148,43 @@ class RobotModel:
         self.add_to(plant)
         add_ground(plant)
         plant.Finalize()
+        if self.drives is None:
+            self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
         return plant, scene_graph
+
+    def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+        """Of the robot's own links, only one leg touches the other leg.
+
+        Feet do not touch each other.
+        """
+        joints = map(plant.get_joint, plant.GetJointIndices())
+        parent = {j.child_body().name(): j.parent_body().name() for j in joints}
+        legs = []
+        for link in self.foot_bodies.values():
+            legs.append([])
+            while link != self.pelvis_body:
+                legs[-1].append(link)
+                link = parent[link]
+        pelvis = plant.GetBodyByName(self.pelvis_body)
+        own = plant.GetBodyIndices(pelvis.model_instance())
+        names = {plant.get_body(body).name() for body in own}
+
+        def shapes(links: Iterable[str]) -> GeometrySet:
+            return plant.CollectRegisteredGeometries(
+                [plant.GetBodyByName(link) for link in links]
+            )
+
+        left, right = map(set, legs)
+        others = shapes(names - left - right)
+        scene_graph.collision_filter_manager().Apply(
+            CollisionFilterDeclaration()
+            .ExcludeWithin(shapes(left))
+            .ExcludeWithin(shapes(right))
+            .ExcludeWithin(shapes(self.foot_bodies.values()))
+            .ExcludeWithin(others)
+            .ExcludeBetween(others, shapes(left | right))
+        )
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
@@ -132,6 +193,15 @@ class RobotModel:
         with self._naming_the_urdf():
             plant.Finalize()
         return plant
+
+    def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+        """A plant of the robot alone, with its shapes, and what holds both."""
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+        self.add_to(plant)
+        with self._naming_the_urdf():
+            plant.Finalize()
+        return builder.Build(), plant, scene_graph
 
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: ContactResults
@@ -208,14 +278,18 @@ def robot_names() -> list[str]:
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
-def load_robot(name: str) -> RobotModel:
+def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:
-        ValueError: unknown name or field, malformed YAML or URDF, a value out
-            of range; one line that names it.
+        ValueError: unknown name, fidelity or field, malformed YAML or URDF, a
+            value out of range; one line that names it.
         FileNotFoundError: there is no such file.
     """
+    if fidelity not in FIDELITIES:
+        raise ValueError(
+            f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
+        )
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
@@ -234,7 +308,15 @@ def load_robot(name: str) -> RobotModel:
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
+    if fidelity == "ideal":
+        params = idealised(params)
     return RobotModel(params, urdf)
+
+
+def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
+    """Where in v of `plant` the joint of each actuator is (nu,)."""
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    return np.array([a.joint().velocity_start() for a in actuators])
 
 
 def default_plant_config() -> MultibodyPlantConfig:

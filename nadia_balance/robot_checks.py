@@ -1,13 +1,21 @@
 """What a URDF must hold for a robot to walk, and what must not touch."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, world_index
+from pydrake.multibody.tree import (
+    BodyIndex,
+    JacobianWrtVariable,
+    ModelInstanceIndex,
+    world_index,
+)
 
+from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
 
 
@@ -81,7 +89,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     # The joints that move, by name; the floating base is none of them.
     joints = map(plant.get_joint, plant.GetJointIndices())
     joints = {j.name(): j for j in joints if j.num_positions() == 1}
-    _check_actuators(plant, f"urdf = {params.urdf}", joints)
+    _check_drives(plant, params, joints)
     for field, angles in (
         ("posture", params.posture),
         ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
@@ -95,7 +103,10 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
             _require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
 
 
-def _check_actuators(plant: MultibodyPlant, where: str, joints: dict) -> None:
+def _check_drives(
+    plant: MultibodyPlant, params: RobotParams, joints: dict
+) -> None:
+    where = f"urdf = {params.urdf}"
     indices = plant.GetJointActuatorIndices()
     actuators = map(plant.get_joint_actuator, indices)
     actuators = {actuator.joint().name(): actuator for actuator in actuators}
@@ -103,7 +114,13 @@ def _check_actuators(plant: MultibodyPlant, where: str, joints: dict) -> None:
         len(actuators) == len(indices),
         f"{where}: a joint must not have two <transmission>s",
     )
-    for name in joints:
+    for name, joint in joints.items():
+        speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+        _require(
+            speed < math.inf,
+            f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
+            "a max_joint_speed",
+        )
         actuator = actuators.get(name)
         _require(
             actuator is not None and actuator.effort_limit() < math.inf,
@@ -115,6 +132,41 @@ def _check_actuators(plant: MultibodyPlant, where: str, joints: dict) -> None:
             inertia >= 0.0,
             f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
             "must be >= 0 kg m^2",
+        )
+
+
+def check_standing(
+    plant: MultibodyPlant,
+    q: np.ndarray,
+    feet: Mapping[Side, str],
+    X_FootSole: Mapping[Side, RigidTransform],
+) -> None:
+    """Raises ValueError if a joint is too weak for the robot to stand.
+
+    In `plant` at `q` (nq,), either sole carrying half the weight at its centre.
+    """
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    plant.SetPositions(context, q)
+    gravity = plant.gravity_field().gravity_vector()
+    half_weight = -0.5 * plant.CalcTotalMass(context) * gravity
+    torques = -plant.CalcGravityGeneralizedForces(context)
+    for side, foot in feet.items():
+        torques -= half_weight @ plant.CalcJacobianTranslationalVelocity(
+            context,
+            JacobianWrtVariable.kV,
+            plant.GetFrameByName(foot),
+            X_FootSole[side].translation(),
+            world,
+            world,
+        )
+    for i in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(i)
+        joint, limit = actuator.joint(), actuator.effort_limit()
+        needed = abs(torques[joint.velocity_start()])
+        _require(
+            needed <= limit,
+            f"effort limit of {joint.name()} = {limit:g}: must be >= "
+            f"{needed:.0f} N m, for the robot to stand",
         )
 
 

@@ -1,8 +1,10 @@
 """The fields of robot.yaml: what the controller needs to know of a robot."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.model import LegGeometry
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_detour import SwingDetourParams
@@ -45,8 +47,12 @@ class RobotParams:
     legs: LegGeometry = field(default_factory=LegGeometry)
     reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
     swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
-    # Runs are checked against it [rad/s].
-    max_joint_speed: float = bounded(20.0, above=0.0, unit="rad/s")
+    # Of joints that have no velocity limit in the URDF.
+    max_joint_speed: float = bounded(
+        math.inf, above=0.0, finite=False, unit="rad/s"
+    )
+    # Null: drives that can do anything at once.
+    drives: JointDriveParams | None = field(default_factory=JointDriveParams)
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     def validate_more(self) -> None:
@@ -54,3 +60,16 @@ class RobotParams:
         for name in ("name", "urdf"):
             if not getattr(self, name):
                 raise ValueError(f"{name} = '': must not be empty")
+
+
+def idealised(params: RobotParams) -> RobotParams:
+    """The same robot with drives, feet and a ground that bear anything."""
+    inf = math.inf
+    return replace(
+        params,
+        drives=None,
+        swing_detour=replace(
+            params.swing_detour, max_speed=inf, max_descent=inf, settling=0.0
+        ),
+        whole_body=replace(params.whole_body, loading_time=0.0),
+    )

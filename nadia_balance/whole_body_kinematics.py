@@ -161,7 +161,9 @@ def whole_body_model(
         position_lower=lower,
         position_upper=upper,
         max_torque=effort,
+        max_speed=robot.max_joint_speeds,
         is_leg_joint=_is_leg_joint(robot, plant),
+        drives=robot.drives,
     )
 
 

@@ -84,6 +84,10 @@ def scenario_flags(
         "--scenario_text", help="YAML that overrides single fields"
     )
     group.add_argument("--robot", help="a model's name, or a robot.yaml")
+    group.add_argument(
+        "--fidelity",
+        help="realistic, or ideal: any torque at any speed, at once",
+    )
     group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
@@ -131,6 +135,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         args.scenario_file,
         args.scenario_text,
         robot=args.robot,
+        fidelity=args.fidelity,
         mechanisms=args.mechanisms,
         duration=args.duration,
         seed=args.seed,

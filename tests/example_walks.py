@@ -23,6 +23,10 @@ from nadia_balance.core.walking import (
 )
 
 SOLE = rectangle(0.25, 0.12)
+# A foot that slides while it lands, and is as fast as its acceleration allows.
+IDEAL_DETOUR = SwingDetourParams(
+    max_speed=math.inf, max_descent=math.inf, settling=0.0
+)
 MODEL = PointMassModel(
     mass=90.9,
     com_height=0.95,
@@ -32,7 +36,7 @@ MODEL = PointMassModel(
         length=0.782, ankle_height=0.098, com_above_hip=0.12, hip_width=0.26
     ),
     reach=ReachabilityParams(),
-    detour=SwingDetourParams(),
+    detour=IDEAL_DETOUR,
 )
 OMEGA = MODEL.omega
 ALL = MECHANISMS["all_with_cross_over"]

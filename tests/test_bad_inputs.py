@@ -27,6 +27,7 @@ PORTS = {
             "swing_foot_reference",
             "walking_state",
         ),
+        "joint_drives": ("actuation", "state"),
     },
     LipmDiagram: {
         "walking_state_machine": (
@@ -64,7 +65,8 @@ def runs() -> dict[type, Simulator]:
     The push is still to come, so that its source watches the walking state.
     """
     text = (
-        "{mechanisms: all_with_cross_over, pushes: [{delta_v: 0.1, at: 5 s}]}"
+        "{fidelity: realistic, mechanisms: all_with_cross_over, "
+        "pushes: [{delta_v: 0.1, at: 5 s}]}"
     )
     scenario = load_scenario("walk_in_place", text=text)
     simulators = {}

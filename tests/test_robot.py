@@ -119,6 +119,13 @@ def test_refuses_an_unknown_name_and_lists_the_known(tmp_path):
         load_robot(str(tmp_path / "robot.yaml"))
 
 
+def test_refuses_an_unknown_fidelity():
+    """Oracle: the message, by hand."""
+    message = "^fidelity = 'true': must be one of realistic, ideal$"
+    with pytest.raises(ValueError, match=message):
+        load_robot("nadia", "true")
+
+
 @pytest.fixture
 def copy(tmp_path):
     """A robot of one's own: a copy of Nadia's folder."""
@@ -129,6 +136,38 @@ def change(path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("strength", [0.99, 1.01])
+def test_refuses_ankles_too_weak_to_stand(copy, strength):
+    """Oracle: half the weight under the sole's centre, by its lever.
+
+    Less the weight of what is below the ankle.
+    """
+    plant, context = plant_at(ROBOT.standing_positions())
+    ankle = position(plant, context, "LEFT_ANKLE_LINK")[0]
+    needed = 0.5 * ROBOT.mass * 9.81 * (0.0 - ankle)
+    for link in map(plant.GetBodyByName, ("LEFT_ANKLE_LINK", "LEFT_FOOT_LINK")):
+        p_LC = link.CalcCenterOfMassInBodyFrame(context)
+        com = link.EvalPoseInWorld(context) @ p_LC
+        needed -= link.get_mass(context) * 9.81 * (com[0] - ankle)
+    urdf = copy / "nadia.urdf"
+    before, joint, after = urdf.read_text().partition('name="LEFT_ANKLE_Y"')
+    after = after.replace("1000", f"{strength * needed}", 1)
+    urdf.write_text(before + joint + after)
+    if strength > 1.0:
+        load_robot(str(copy / "robot.yaml"))
+        return
+    with pytest.raises(ValueError, match="LEFT_ANKLE_Y = 2.*for the robot to"):
+        load_robot(str(copy / "robot.yaml"))
+
+
+def test_max_joint_speed_is_of_joints_without_a_limit(copy):
+    """Oracle: the first joint of the URDF, the spine's; all others have 12."""
+    change(copy / "nadia.urdf", ' velocity="12"', "")
+    change(copy / "robot.yaml", "name: nadia", "name: own\nmax_joint_speed: 7")
+    speeds = load_robot(str(copy / "robot.yaml")).max_joint_speeds
+    assert sorted(speeds) == [7.0] + 22 * [12.0]
 
 
 def test_loads_a_robot_of_ones_own(copy):
@@ -196,9 +235,14 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
             "lower limit of LEFT_HIP_Z = 1: must be <= its upper limit = -1",
         ),
         (
-            'velocity="100"',
+            'velocity="12"',
             'velocity="-1"',
             "velocity limit of SPINE_Z = -1: must be a number > 0 rad/s",
+        ),
+        (
+            ' velocity="12"',
+            "",
+            "joint SPINE_Z: must have a velocity limit, or robot.yaml a max_jo",
         ),
         (
             'rotor_inertia value="0.001"',
@@ -208,6 +252,11 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
         ('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "must not have two"),
         ("<transmission ", "<ignored ", "SPINE_Z: must have a <transmission>"),
         (' effort="350"', "", "LEFT_KNEE_Y: must have .* an effort limit"),
+        (
+            'effort="350"',
+            'effort="20"',
+            "effort limit of LEFT_KNEE_Y = 20: must be >= 24 N m, for the rob",
+        ),
         # Only a plant with shapes, such as the simulated one, reads these.
         ('<sphere radius="0.005"/>', '<sphere radius="-1"/>', "radius = -1"),
         ('child link="TORSO_LINK"', 'child link="PELVIS_LINK"', "loops"),

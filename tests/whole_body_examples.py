@@ -21,12 +21,14 @@ from nadia_balance.whole_body_kinematics import (
 # The solver accepts 1e-8 of the largest acceleration, here times 91 kg.
 ROUNDING = 1e-5  # [N], [N m]
 
+PERIOD = 0.002  # [s]
+
 CONTACTS = [(True, True), (True, False), (False, True)]
 
 
 @functools.cache
 def nadia() -> RobotModel:
-    return load_robot("nadia")
+    return load_robot("nadia", "realistic")
 
 
 @functools.cache
@@ -92,7 +94,7 @@ def solve(
 ) -> tuple[WholeBodyTerms, WholeBodySolution]:
     """The terms at `state`, and the solution of a `command` there."""
     terms = terms_at(state)
-    qp = WholeBodyQp(params or WholeBodyQpParams(), model())
+    qp = WholeBodyQp(params or WholeBodyQpParams(), model(), PERIOD)
     found = qp.solve(terms, command(terms, contacts, **kwargs))
     assert found.qp.solved
     return terms, found

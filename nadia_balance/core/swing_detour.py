@@ -34,6 +34,22 @@ class SwingDetourParams:
     beside: float = bounded(0.15, least=0.0, most=1.0, unit="m")
     # Horizontally; the rest of the robot reacts to what accelerates the leg.
     max_acceleration: float = bounded(35.0, above=0.0, unit="m/s^2")
+    # The mean over a swing.
+    max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
+    # From where it is to the ground, on average.
+    max_descent: float = bounded(0.6, above=0.0, finite=False, unit="m/s")
+    # The foot is over its foothold so long before it lands: it comes down
+    # without sliding.
+    settling: float = bounded(0.03, least=0.0, most=0.2, unit="s")
+
+    def time_from_rest(self, length: float) -> float:
+        """The least time [s] of a way of this `length` [m], landing included.
+
+        It accelerates for one half and brakes for the other, or keeps to its
+        speed.
+        """
+        fastest = 2.0 * math.sqrt(length / self.max_acceleration)
+        return max(fastest, length / self.max_speed) + self.settling
 
 
 def way_round(
@@ -86,9 +102,10 @@ def shortest_time(
     if d > _TINY:
         v = max((x * vx + y * vy) / d, 0.0)
     a = params.max_acceleration
+    slowest = length / params.max_speed
     stop = 0.5 * v * v / a
     if stop <= length:
-        return (2.0 * math.sqrt(a * (length + stop)) - v) / a
+        return max((2.0 * math.sqrt(a * (length + stop)) - v) / a, slowest)
     if stop <= PEAK * length:
         return 2.0 * length / v
     back = stop / PEAK - length

@@ -111,12 +111,19 @@ def swing_foot_motion(
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
     left = state.remaining_time + (_SOON if state.waiting else period)
-    end[:, XY], left = _within_limits(start[:, XY], way, left, model.detour)
+    # Over the foothold first, and then down on it.
+    settling, height = model.detour.settling, float(start[0, 2] - end[0, 2])
+    over = max(left - settling, min(left, _SOON))
+    end[:, XY], over = _within_limits(start[:, XY], way, over, model.detour)
+    there = math.dist(start[0, XY], goal.p_WF[:2]) < _THERE
+    left = max(left, over if there else over + settling)
+    left = max(left, height / model.detour.max_descent)
     apex = _apex(start[:2, 2], float(end[0, 2]), left, state, params)
     if apex is not None:
         end[:, Z] = _aim(start[:, Z], end[:, Z], left, apex)
-    pva = quintic_at(start, end, np.full(4, left), period)
-    if state.waiting and math.dist(start[0, XY], goal.p_WF[:2]) < _THERE:
+    horizon = np.array([over, over, left, over])
+    pva = quintic_at(start, end, horizon, period)
+    if state.waiting and there:
         z = float(start[0, 2]) - params.touchdown_velocity * period
         pva[:, 2] = z, -params.touchdown_velocity, 0.0
     return FootMotion(pva)

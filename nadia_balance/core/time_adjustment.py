@@ -43,10 +43,11 @@ class TimingAdapterParams:
 
     # The clock makes up for the time by which the ICP is ahead of the plan
     # within about this; 0: all at once.  The paper's gamma is the share of a
-    # tick T, 1 - e^(-T / time constant).  It is for Eq. 16, which overshoots
-    # where the eCMP moves; Eq. 15 does not.
-    swing_time_constant: float = bounded(0.0, least=0.0, unit="s")
-    transfer_time_constant: float = bounded(0.0, least=0.0, unit="s")
+    # tick T, 1 - e^(-T / time constant): in 2 ms, 0.1 of a swing and 0.4 of a
+    # transfer.  All at once, pushes at 120 and 150 deg that are recovered from
+    # are not: the clock cannot be turned back when the error turns.
+    swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
+    transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
     # Smaller ICP errors change no clock, and do not leave.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
     min_swing_duration: float = bounded(0.35, least=0.35, unit="s")
@@ -156,7 +157,7 @@ def least_remaining_time(
         t = least + i / _TIMES_TRIED * more
         growth = math.exp(model.omega * t)
         way = math.hypot(x + growth * error[0], y + growth * error[1])
-        if way <= 0.25 * model.detour.max_acceleration * t * t:
+        if model.detour.time_from_rest(way) <= t:
             return t
     return least
 
@@ -168,7 +169,7 @@ def _time_to_foothold(
     side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
     stance = state.schedule.feet[side]
     way = way_round(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
-    return shortest_time(way, detour)
+    return shortest_time(way, detour) + detour.settling
 
 
 def time_to_return(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.qp import SOLVERS
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
@@ -19,6 +20,8 @@ BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
+MAX_PAIRS = 4  # of links that are kept apart at the same time
+_NO_ROWS = np.empty((0, 0))
 
 
 @dataclass(kw_only=True)
@@ -82,11 +85,24 @@ class WholeBodyQpParams:
     # force that is allowed at its end.
     unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
     unloaded_force: float = bounded(50.0, least=0.0, unit="N")
+    # A foot that has landed takes the weight within this: it may bounce, and
+    # a leg that pushes meanwhile slams it down.
+    loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
-    # How far ahead joint limits are kept, and with which acceleration.
+    # How far ahead position and speed limits of joints are kept, and with
+    # which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
+    # Links that are nearer than `link_attention` are kept `link_clearance`
+    # apart: a distance d gets no smaller than one with the dynamics of
+    # (d/dt + link_rate)^2 (d - link_clearance) = 0.
+    link_attention: float = bounded(0.08, above=0.0, unit="m")
+    link_clearance: float = bounded(0.02, least=0.0, unit="m")
+    link_rate: float = bounded(25.0, above=0.0, unit="1/s")
+    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
+    # Of the joints, while the QP has no solution.
+    failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
     # Of the actuators' limits.
     max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = field(
@@ -108,7 +124,8 @@ class WholeBodyModel:
     """Constants of a robot with nj joints, in the plant's order.
 
     `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
-    `max_torque` (nj,) [N m]; `is_leg_joint` (nj,); sole size [m].
+    `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
+    sole size [m].  Without `drives` torques are there at any speed, at once.
     """
 
     mass: float
@@ -118,7 +135,9 @@ class WholeBodyModel:
     position_lower: Array
     position_upper: Array
     max_torque: Array
+    max_speed: Array
     is_leg_joint: NDArray[np.bool_]
+    drives: JointDriveParams | None = None
 
     @property
     def num_joints(self) -> int:
@@ -149,6 +168,8 @@ class WholeBodyTerms(NamedTuple):
     positions: Array
     v: Array
     com_state: Array
+    distances: Array = _NO_ROWS[0:0, 0:0].ravel()
+    distance_rows: Array = _NO_ROWS
 
     @property
     def forces(self) -> Array:
@@ -260,12 +281,21 @@ def max_normal_force(
     params: WholeBodyQpParams,
     model: WholeBodyModel,
 ) -> float:
-    """Upper bound [N] of a sole's force: the trailing foot unloads.
+    """Upper bound [N] of a sole's force: weight goes from foot to foot.
 
-    The bound falls linearly from the weight in the last part of a transfer
-    to a step.  A transfer that waits for the ICP needs both feet.
+    The bound of a foot that has landed rises linearly to the weight.  That of
+    the trailing foot falls linearly from the weight in the last part of a
+    transfer to a step.  A transfer that waits for the ICP needs both feet.
     """
-    schedule = state.schedule
+    schedule, weight = state.schedule, model.mass * GRAVITY
+    if (
+        schedule.phase is Phase.TRANSFER
+        and side is schedule.support_side
+        and state.steps_taken > 0
+        and state.elapsed < params.loading_time
+    ):
+        done = state.elapsed / params.loading_time
+        return done * weight + (1.0 - done) * params.unloaded_force
     unloads = (
         schedule.phase is Phase.TRANSFER
         and side is not schedule.support_side
@@ -276,4 +306,4 @@ def max_normal_force(
     if not unloads or state.remaining_time >= part:
         return math.inf
     left = state.remaining_time / part
-    return left * (model.mass * GRAVITY) + (1.0 - left) * params.unloaded_force
+    return left * weight + (1.0 - left) * params.unloaded_force

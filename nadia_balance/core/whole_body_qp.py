@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.joint_drives import torque_limits
 from nadia_balance.core.qp import DenseQp, Mask, QpProblem, QpResult
 from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import (
     BASE,
     LEFT_SOLE,
+    MAX_PAIRS,
     RIGHT_SOLE,
     WholeBodyCommand,
     WholeBodyModel,
@@ -71,8 +73,10 @@ class WholeBodyLimits:
     sole.
     """
 
-    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """The limits of `model`, as tightened by `params`.
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
+    ):
+        """The limits of `model`, as tightened by `params`, every `period` [s].
 
         Raises:
             ValueError: the margin leaves nothing of the sole.
@@ -80,6 +84,9 @@ class WholeBodyLimits:
         self._params, self._mass = params, model.mass
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
+        # Of pairs of links that are kept apart.
+        pairs = MAX_PAIRS if model.drives is not None else 0
+        self._apart = slice(2 * n, 2 * n + pairs)
         self._joints = np.eye(n)
         margin = 2.0 * params.sole_margin
         sides = model.sole_length - margin, model.sole_width - margin
@@ -97,26 +104,34 @@ class WholeBodyLimits:
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
         self._wrench[0, -1] = self._least_force
-        self._torques = (
+        self._torques: Array = (
             params.max_effort_ratio / model.mass * model.max_torque * _SIGNS
         )
         self._positions = np.stack((model.position_lower, model.position_upper))
+        self._max_speed, self._drives = model.max_speed, model.drives
+        if model.drives is not None:
+            ticks = model.drives.max_torque_rate * period
+            self._torque_steps = ticks * self._torques
 
     def num_rows(self, num_soles: int) -> int:
         """Returns how many rows there are if so many soles carry."""
-        return self._joint_rows.stop + num_soles * _FOOT_ROWS
+        return self._apart.stop + num_soles * _FOOT_ROWS
 
     def rows_of(self, contacts: tuple[bool, bool]) -> NDArray[np.bool_]:
         """Marks those of all rows that there are with these `contacts`."""
         marks = np.ones(self.num_rows(2), dtype=bool)
         for carries, rows in zip(
-            contacts, marks[self._joint_rows.stop :].reshape(2, -1), strict=True
+            contacts, marks[self._apart.stop :].reshape(2, -1), strict=True
         ):
             rows[:] = carries
         return marks
 
     def bounds(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand, C: Array
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        C: Array,
+        last_torques: Array | None = None,
     ) -> tuple[Array, Array]:
         """Returns lower and upper (m,), and completes the rows `C` (m, n).
 
@@ -124,11 +139,23 @@ class WholeBodyLimits:
         are zero.
         """
         bounds = np.empty((2, len(C)))
-        bounds[:, self.torque_rows] = self._torques - terms.forces[6:, -1]
+        torques = self.torque_bounds(terms.v[6:], last_torques)
+        bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
         bounds[:, self._joint_rows] = self._braking(terms)
+        bounds[0, self._apart], bounds[1, self._apart] = -np.inf, np.inf
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
-        row, column = self._joint_rows.stop, nv
+        if len(terms.distances):
+            rate = self._params.link_rate
+            rows = slice(
+                self._apart.start, self._apart.start + len(terms.distances)
+            )
+            C[rows, :nv] = terms.distance_rows
+            bounds[0, rows] = -rate * (
+                2.0 * (terms.distance_rows @ terms.v)
+                + rate * (terms.distances - self._params.link_clearance)
+            )
+        row, column = self._apart.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:
                 rows = slice(row, row + _FOOT_ROWS)
@@ -139,8 +166,32 @@ class WholeBodyLimits:
                 row, column = rows.stop, column + 6
         return bounds[0], bounds[1]
 
-    def stop_braking(self, lower: Array, upper: Array) -> None:
-        """Widens `lower` and `upper` (m,) in place: no joint brakes early."""
+    def torque_bounds(self, speed: Array, last: Array | None) -> Array:
+        """Least and largest torques (2, nj), per unit of the robot's mass.
+
+        At the joints' `speed` (nj,) [rad/s], and a tick away at most from the
+        `last` torques (nj,) [N m], if there are any.
+        """
+        if self._drives is None:
+            return self._torques
+        lower, upper = bounds = torque_limits(
+            speed, self._torques[1], self._max_speed, self._drives.corner_speed
+        )
+        if last is None:
+            return bounds
+        # What the speed takes away goes at once.
+        near = np.minimum(np.maximum(last / self._mass, lower), upper)
+        near = near + self._torque_steps
+        return np.asarray(np.minimum(np.maximum(near, lower), upper))
+
+    def relax(self, terms: WholeBodyTerms, lower: Array, upper: Array) -> None:
+        """Widens `lower` and `upper` (m,) in place to what is possible at all.
+
+        No joint brakes early, and torques change as fast as need be.
+        """
+        torques = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
+        lower[self.torque_rows], upper[self.torque_rows] = torques
+        lower[self._apart] = -np.inf
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
 
@@ -150,10 +201,11 @@ class WholeBodyLimits:
         return np.asarray((self._cone @ R_FW).reshape(_FOOT_ROWS, 6))
 
     def _braking(self, terms: WholeBodyTerms) -> Array:
-        """Bounds (2, nj) of joint accelerations that keep position limits.
+        """Bounds (2, nj) of joint accelerations that keep the joints' limits.
 
-        Each q + T v + T^2/2 vdot stays within the limits for a horizon T,
-        unless that takes more than the acceleration allowed for it.
+        Each q + T v + T^2/2 vdot stays within the limits for a horizon T, and
+        each v + T vdot for a shorter one, unless that takes more than the
+        acceleration allowed for it.
         """
         horizon, most = (
             self._params.joint_limit_horizon,
@@ -161,6 +213,11 @@ class WholeBodyLimits:
         )
         ahead = terms.positions + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
+        if self._drives is not None:
+            room = self._max_speed * _SIGNS - terms.v[6:]
+            room /= self._params.speed_limit_horizon
+            bounds[0] = np.maximum(bounds[0], room[0])
+            bounds[1] = np.minimum(bounds[1], room[1])
         return np.asarray(np.minimum(np.maximum(bounds, -most), most))
 
 
@@ -197,18 +254,23 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of a sole that carries,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * the limits of contact wrenches, torques and joints; if there is no
-      solution, those of the joints are given up.
+      solution, those of the joints and of torque rates are given up.
 
     Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
     Robots 40 (2016), with weights for the hierarchy.
     """
 
-    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """Builds the program for robots that are this `model`."""
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
+    ):
+        """Builds the program for robots that are this `model`.
+
+        It is solved every `period` [s].
+        """
         self._params, self._model = params, model
         self._tasks = WholeBodyTasks(params, model)
-        self._limits = WholeBodyLimits(params, model)
+        self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         self._qps = {
             n: DenseQp(
@@ -242,21 +304,25 @@ class WholeBodyQp:
         terms: WholeBodyTerms,
         command: WholeBodyCommand,
         active_guess: Mask | None = None,
+        last_torques: Array | None = None,
     ) -> WholeBodySolution:
         """Solves the QP; `active_guess` is `qp.active` of the last tick.
+
+        Torques stay near the `last_torques` (nj,) [N m], if there are any.
 
         Raises:
             ValueError: NaN or infinity in `terms` or `command`.
         """
         contacts = command.contacts
-        problem, rows = self.problem(terms, command), self._rows_of[contacts]
+        rows = self._rows_of[contacts]
+        problem = self.problem(terms, command, last_torques)
         guess = None if active_guess is None else active_guess[rows]
         solver = self._qps[sum(contacts)]
         qp = solver.solve(problem, guess)
         if not qp.solved:
             # At the touchdown of a long step, soles, torques and friction may
             # leave no room for braking, which is no law of physics.
-            self._limits.stop_braking(problem.lower, problem.upper)
+            self._limits.relax(terms, problem.lower, problem.upper)
             again = solver.solve(problem, guess)
             solves = qp.iterations + again.iterations
             qp = again._replace(iterations=solves, fallback=qp.fallback)
@@ -271,8 +337,26 @@ class WholeBodyQp:
             qp.x[:nv], wrenches, mass * torques, qp._replace(active=active)
         )
 
+    def damping_torques(
+        self, terms: WholeBodyTerms, last: Array | None = None
+    ) -> Array:
+        """Torques (nj,) [N m] that bring the joints to rest, within limits.
+
+        -d M v with the joints' part of M: no faster than drives with a lag can
+        follow.  They begin at the `last` ones, so that a tick without a
+        solution does not let go of the weight.
+        """
+        M, v = terms.forces[6:, 6:-1], terms.v[6:]
+        lower, upper = self._limits.torque_bounds(v, last)
+        wanted = -self._params.failure_damping * (M @ v)
+        torques = np.minimum(np.maximum(wanted, lower), upper)
+        return np.asarray(self._model.mass * torques)
+
     def problem(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        last_torques: Array | None = None,
     ) -> QpProblem:
         """Returns the QP as plain matrices."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
@@ -287,7 +371,7 @@ class WholeBodyQp:
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms)
         b = np.concatenate((b[soles], b[BASE]))
-        lower, upper = self._limits.bounds(terms, command, C)
+        lower, upper = self._limits.bounds(terms, command, C, last_torques)
         return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
 
     def _rest(self, terms: WholeBodyTerms) -> Array:

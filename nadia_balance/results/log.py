@@ -2,15 +2,17 @@
 
 `t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is what
 holds at that instant; it has the name of the port that it was read from, and
-`signal` gives its parts by name.  `foot_poses` (n, 6) are FootPositions.
-Without a row for each tick are `sole` (4, 2) [m], `effort_limits` (nu,) [N m],
-`joint_speed_limit` () [rad/s], `actuator_names` (nu,), `num_positions` (), and
-`region_base`, `region_forward` and `region_backward` (n, 2) [m], the regions
-that a step can be put into (see nadia_balance.core.reachability): what else it
-takes to judge the run, and to draw all plots, from the log alone.
+`signal` gives its parts by name.  `foot_poses` (n, 8) are MeasuredFeet.
+Without a row for each tick are `sole` (4, 2) [m], `weight` () [N], of the
+actuators `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s]
+and `joint_speed_columns` of `state`, all (nu,), and `region_base`,
+`region_forward` and `region_backward` (n, 2) [m], the regions that a step can
+be put into (see nadia_balance.core.reachability): what else it takes to judge
+the run, and to draw all plots, from the log alone.
 
+`actuation` is commanded; `torques` are those that the drives give.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  A point
-mass has no `state`, `actuation`, `foot_wrenches` nor `whole_body_qp_status`;
+mass has no joints, and neither `state`, `foot_poses` nor `foot_wrenches`;
 whoever reads a log copes without them.
 """
 
@@ -37,15 +39,19 @@ Log = Mapping[str, np.ndarray]
 QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 
 
-class FootPositions(
+class MeasuredFeet(
     namedview(
-        "FootPositions",
-        [f"{side.value}_{axis}" for side in Side for axis in "xyz"],
+        "MeasuredFeet",
+        [
+            f"{side.value}_{part}"
+            for side in Side
+            for part in ("x", "y", "z", "yaw")
+        ],
     )
 ):
-    """The measured sole centres p_WF [m]."""
+    """The measured soles: their centres p_WF [m], and yaw [rad]."""
 
-    left, right = entries(0, 3), entries(3, 6)
+    left, right = entries(0, 3), entries(4, 7)
 
 
 # A push is in the signal so many rows after it was decided on, and began.
@@ -55,7 +61,7 @@ _VIEWS = {
     "com_state": ComState,
     "ecmp_command": EcmpCommand,
     "foot_forces": FootForces,
-    "foot_poses": FootPositions,
+    "foot_poses": MeasuredFeet,
     "icp_reference": IcpReference,
     "push_signal": PushSignal,
     "walking_signal": WalkingSignal,

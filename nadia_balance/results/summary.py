@@ -7,7 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.polygon import minkowski_sum, project
+from nadia_balance.core.walking import FootPose, Phase, Side
 from nadia_balance.results.log import (
     QP_STATUS,
     Log,
@@ -18,10 +19,14 @@ from nadia_balance.results.log import (
     steps,
     switches,
 )
+from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
 ICP_BACK = 0.05  # the ICP error of a robot that has recovered [m]
 SETTLED = 0.5  # for so long at the end it must be below that [s]
 EFFORT_MARGIN = 1e-6  # rounding allowed on top of a torque limit [-]
+SPEED_MARGIN = 0.02  # overshoot allowed on top of a joint's speed limit [-]
+ROUNDING = 1e-6  # of times [s]
+PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +53,7 @@ class RunInfo:
     mechanisms: str
     scenario: str = ""
     plant: str = "humanoid"  # or lipm
+    fidelity: str = "realistic"  # or ideal
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
@@ -72,6 +78,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "scenario": info.scenario,
         "robot": info.robot,
         "plant": info.plant,
+        "fidelity": info.fidelity,
         "mechanisms": info.mechanisms,
         "switched_mechanisms": [
             {"time_s": time, "on": on} for time, on in switches(log)
@@ -96,9 +103,15 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "stance_slip_m": stance_slip(log),
         "non_foot_contact": bool(run.improper_contacts),
         "improper_contacts": list(run.improper_contacts),
+        "self_contacts": self_contacts(run),
         "max_torque_ratio": _largest(torque_ratio(log)),
+        "max_torque_step": _largest(torque_step(log)),
         "max_joint_speed": _largest(joint_speed(log)),
-        "max_joint_speed_limit": joint_speed_limit(log),
+        "max_joint_speed_ratio": _largest(joint_speed_ratio(log)),
+        "max_power_w": _largest(power(log)),
+        **_swing_figures(log),
+        "max_impact_body_weights": _largest(foot_force_ratio(log)),
+        "min_sole_distance_m": sole_distance(log),
         **_qp_figures(log),
         "real_time_factor": duration / max(run.cpu_time, 1e-9),
         "versions": versions(),
@@ -116,10 +129,14 @@ def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
+    gave_up = "the controller gave up" if _gave_up(log) else ""
     if run.fell_at is not None:
-        return f"fell: {run.fall_reason}" if run.fall_reason else "fell"
+        why = ", ".join(filter(None, (run.fall_reason, gave_up)))
+        return f"fell: {why}" if why else "fell"
     if run.interrupted or len(error) == 0:
         return "interrupted"
+    if gave_up:
+        return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
     if run.missed_pushes:
@@ -150,10 +167,19 @@ def _overload(log: Log) -> str:
     ratio = _largest(torque_ratio(log))
     if ratio is not None and not ratio <= 1.0 + EFFORT_MARGIN:
         return "a torque was above its limit"
-    speed, limit = _largest(joint_speed(log)), joint_speed_limit(log)
-    if speed is not None and limit is not None and not speed <= limit:
-        return f"too fast: a joint at {speed:.2f} rad/s, limit {limit:g} rad/s"
+    ratio = _largest(joint_speed_ratio(log))
+    if ratio is not None and not ratio <= 1.0 + SPEED_MARGIN:
+        return f"too fast: a joint at {100.0 * ratio:.1f} % of its limit"
     return ""
+
+
+def _gave_up(log: Log) -> bool:
+    """Whether the whole-body controller had given up in the end."""
+    if "whole_body_qp_status" not in log:
+        return False
+    t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
+    late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
+    return not np.all(late) and not np.any(solved[late])
 
 
 def durations(log: Log, phase: Phase) -> list[float]:
@@ -197,18 +223,86 @@ def torque_ratio(log: Log) -> np.ndarray:
     return np.abs(log["actuation"]) / log["effort_limits"]
 
 
+def torque_step(log: Log) -> np.ndarray:
+    """|change of commanded torque| (n - 1, nu) [N m] from tick to tick."""
+    return np.abs(np.diff(log.get("actuation", np.zeros((0, 0))), axis=0))
+
+
 def joint_speed(log: Log) -> np.ndarray:
-    """|joint speed| (n, nv - 6) [rad/s]; empty without joints."""
-    if "state" not in log or "num_positions" not in log:
+    """|joint speed| (n, nu) [rad/s]; empty without joints."""
+    return np.abs(_joint_velocity(log))
+
+
+def _joint_velocity(log: Log) -> np.ndarray:
+    if "joint_speed_columns" not in log:
         return np.zeros((0, 0))
-    floating_base = 6
-    return np.abs(log["state"][:, int(log["num_positions"]) + floating_base :])
+    return log["state"][:, log["joint_speed_columns"]]
 
 
-def joint_speed_limit(log: Log) -> float | None:
-    """What no joint may be faster than [rad/s]; None without joints."""
-    limit = log.get("joint_speed_limit")
-    return None if limit is None else float(limit)
+def joint_speed_ratio(log: Log) -> np.ndarray:
+    """|joint speed| / limit (n, nu) [-]; empty without joints."""
+    return joint_speed(log) / log.get("joint_speed_limits", np.ones(0))
+
+
+def power(log: Log) -> np.ndarray:
+    """Mechanical power (n,) [W] of all drives together."""
+    if "torques" not in log:
+        return np.zeros(0)
+    return np.sum(log["torques"] * _joint_velocity(log), axis=1)
+
+
+def foot_force_ratio(log: Log) -> np.ndarray:
+    """Force on a foot / weight (n, 2) [-], each the mean of a tick."""
+    if "weight" not in log:
+        return np.zeros((0, 2))
+    return log["foot_forces"] / log["weight"]
+
+
+def _swing_figures(log: Log) -> dict:
+    """How fast the feet swing [m/s], each the largest of all swings.
+
+    The mean speed of a swing is the way of the sole's centre, over its time.
+    """
+    speeds = [np.zeros(0)]
+    if "foot_poses" in log:
+        for step in steps(log):
+            rows = slice(step.swing.first, step.swing.last + 2)
+            feet = signal(log, "foot_poses", rows)
+            ways = np.diff(getattr(feet, step.side.value))
+            times = np.diff(log["t"][rows])
+            speeds.append(np.linalg.norm(ways, axis=0) / times)
+    means = np.array([np.mean(speed) for speed in speeds[1:]])
+    return {
+        "max_swing_foot_speed": _largest(np.concatenate(speeds)),
+        "mean_swing_foot_speed": _largest(means),
+    }
+
+
+def sole_distance(log: Log) -> float | None:
+    """Least distance [m] of the soles in plan view while they pass.
+
+    0 if one is over the other, and less than PASSING above it.
+    """
+    if "foot_poses" not in log:
+        return None
+    poses = log["foot_poses"].reshape(-1, 2, 4)  # of each foot, p_WF and yaw
+    heights, least = poses[:, :, 2], math.inf
+    for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
+        left, right = (
+            FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet
+        )
+        gap = project(np.zeros(2), minkowski_sum(left, -right))
+        least = min(least, float(np.hypot(*gap)))
+    return least
+
+
+def self_contacts(run: Run) -> list[str]:
+    """The improper contacts that are between two of the robot's own links."""
+    return [
+        pair
+        for pair in run.improper_contacts
+        if not pair.endswith(" - ground") and "::" not in pair
+    ]
 
 
 def _qp_figures(log: Log) -> dict:

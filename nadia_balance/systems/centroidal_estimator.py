@@ -9,7 +9,8 @@ from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
-from nadia_balance.core.whole_body_command import WholeBodyTerms
+from nadia_balance.core.whole_body_command import MAX_PAIRS, WholeBodyTerms
+from nadia_balance.link_distances import LinkDistances
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.ports import declare_output, entries, size
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
@@ -41,8 +42,13 @@ class CentroidalEstimator(LeafSystem):
     def __init__(self, robot: RobotModel):
         """Estimates with a private plant of `robot`."""
         super().__init__()
-        self._plant = plant = robot.control_plant()
+        # The terms are those of a private plant, the shapes' distances too.
+        diagram, plant, scene_graph = robot.control_diagram()
+        self._plant = plant
         self._kinematics = WholeBodyKinematics(robot, plant)
+        self._distances, self._within = None, robot.whole_body.link_attention
+        if robot.drives is not None:
+            self._distances = LinkDistances(plant, scene_graph, MAX_PAIRS)
         self._omega = robot.point_mass.omega
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
@@ -51,7 +57,7 @@ class CentroidalEstimator(LeafSystem):
         self._scratch = self.DeclareCacheEntry(
             "plant context",
             ValueProducer(
-                allocate=lambda: Value(plant.CreateDefaultContext()),
+                allocate=lambda: Value(diagram.CreateDefaultContext()),
                 calc=ValueProducer.NoopCalc,
             ),
             prerequisites_of_calc={self.nothing_ticket()},
@@ -78,9 +84,15 @@ class CentroidalEstimator(LeafSystem):
                 f"'estimated_state' is not finite: "
                 f"{self._plant.GetStateNames()[i]} = {state[i]}"
             )
-        plant_context = self._scratch.Eval(context)
+        plant_context = self._plant.GetMyMutableContextFromRoot(
+            self._scratch.Eval(context)
+        )
         self._plant.SetPositionsAndVelocities(plant_context, state)
-        return self._kinematics.calc(plant_context)
+        terms = self._kinematics.calc(plant_context)
+        if self._distances is None:
+            return terms
+        distances, rows = self._distances.calc(plant_context, self._within)
+        return terms._replace(distances=distances, distance_rows=rows)
 
     def _calc_com_state(self, context, output):
         output.set_value(self._terms.Eval(context).com_state)

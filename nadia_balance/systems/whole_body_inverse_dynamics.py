@@ -10,7 +10,7 @@ from nadia_balance.core.whole_body_command import (
     whole_body_command,
 )
 from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.robot import RobotModel
+from nadia_balance.robot import RobotModel, actuated_velocities
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.ports import (
     Outcome,
@@ -20,6 +20,8 @@ from nadia_balance.systems.ports import (
 )
 from nadia_balance.systems.swing_foot_planner import SwingFootReference
 from nadia_balance.whole_body_kinematics import whole_body_model
+
+GIVES_UP_AFTER = 0.05  # without a solution, in one go [s]
 
 
 class WholeBodyInverseDynamics(LeafSystem):
@@ -35,9 +37,11 @@ class WholeBodyInverseDynamics(LeafSystem):
     Before the update of a tick the outputs are computed from the inputs; after
     it, and up to the next tick, they are those of the state, whatever the
     inputs have become.  The discrete state holds what came of the last tick:
-    the outputs, the active rows that warm-start the next one, and its time.
-    If the QP has no solution, torques and wrenches of the last tick are held
-    and the failure is counted.
+    the outputs, the active rows that warm-start the next one, the ticks
+    without a solution until now, and its time.  In a tick in which the QP has
+    none, the torques damp the joints, the wrenches are 0, and the failure is
+    counted.  After GIVES_UP_AFTER of it in one go nothing else comes any more,
+    and the QP is not asked.
 
     Evaluating any output raises RuntimeError if a vector input is not finite.
 
@@ -60,13 +64,9 @@ class WholeBodyInverseDynamics(LeafSystem):
         plant = robot.control_plant()
         model = whole_body_model(robot, plant, params.joint_lower_limits)
         self._params, self._model = params, model
-        self._qp = WholeBodyQp(params, model)
-        self._joint_of_actuator = np.array(
-            [
-                plant.get_joint_actuator(i).joint().velocity_start() - 6
-                for i in plant.GetJointActuatorIndices()
-            ]
-        )
+        self._qp = WholeBodyQp(params, model, period)
+        self._max_unsolved = round(GIVES_UP_AFTER / period)
+        self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
         self._momentum_rate = VectorInput(self, "momentum_rate", 3)
         shape = size(SwingFootReference)
@@ -79,6 +79,7 @@ class WholeBodyInverseDynamics(LeafSystem):
                 "foot_wrenches": 12,
                 "whole_body_qp_status": size(QpStatus),
                 "active": self._qp.num_inequalities,
+                "unsolved": 1,
             },
             3,
             self._calc_outcome,
@@ -88,6 +89,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         )
 
     def _calc_outcome(self, context, last) -> np.ndarray:
+        terms = self._terms(context)
         command = whole_body_command(
             self._walking_state(context),
             self._momentum_rate(context),
@@ -95,12 +97,20 @@ class WholeBodyInverseDynamics(LeafSystem):
             self._params,
             self._model,
         )
-        guess = last["active"].astype(np.int8)
-        found = self._qp.solve(self._terms(context), command, guess)
-        if found.qp.solved:
-            actuation = found.torques[self._joint_of_actuator]
-            wrenches = found.wrenches
+        active, (unsolved,) = last["active"].astype(np.int8), last["unsolved"]
+        status, torques = QpStatus(last["whole_body_qp_status"]), None
+        if status.solved or unsolved:  # else there was no tick yet
+            torques = np.empty(len(self._joint_of_actuator))
+            torques[self._joint_of_actuator] = last["actuation"]
+        if unsolved > self._max_unsolved:
+            status = 0.0, 0.0, 0.0, np.nan, status.failures + 1
         else:
-            actuation, wrenches = last["actuation"], last["foot_wrenches"]
-        status = QpStatus(last["whole_body_qp_status"]).after(found.qp)
-        return np.concatenate((actuation, wrenches, status, found.qp.active))
+            found = self._qp.solve(terms, command, active, torques)
+            status, active = status.after(found.qp), found.qp.active
+        if status[0]:
+            torques, wrenches, unsolved = found.torques, found.wrenches, 0
+        else:
+            torques = self._qp.damping_torques(terms, torques)
+            wrenches, unsolved = np.zeros(12), unsolved + 1
+        actuation = torques[self._joint_of_actuator]
+        return np.concatenate((actuation, wrenches, status, active, [unsolved]))

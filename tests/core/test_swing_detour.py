@@ -10,13 +10,13 @@ from shapely.geometry import LineString, box
 
 from nadia_balance.core.swing_detour import (
     PEAK,
-    SwingDetourParams,
     shortest_time,
     way_round,
 )
 from nadia_balance.core.walking import FootPose, Side
+from tests.example_walks import IDEAL_DETOUR
 
-PARAMS = SwingDetourParams()
+PARAMS = IDEAL_DETOUR
 AHEAD, BESIDE = PARAMS.ahead, PARAMS.beside
 FRONT, BACK = (AHEAD, BESIDE), (-AHEAD, BESIDE)
 

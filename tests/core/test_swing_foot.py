@@ -8,7 +8,6 @@ import pytest
 from shapely.geometry import Point, Polygon
 
 from nadia_balance.core.reachability import BACKWARD, FORWARD, cross_over_region
-from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
@@ -24,7 +23,7 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from tests.example_walks import MODEL, standing
+from tests.example_walks import IDEAL_DETOUR, MODEL, standing
 
 HORIZON = 0.6
 TIMES = np.array([HORIZON])
@@ -106,7 +105,7 @@ def test_passes_the_point_with_the_least_jerk():
 
 PERIOD = 0.002
 PARAMS = SwingFootParams()
-DETOUR = SwingDetourParams()
+DETOUR = IDEAL_DETOUR
 NOMINAL = (0.0, -0.25)  # beside the stance foot
 
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.icp_plan import IcpReference
 from nadia_balance.core.lipm import icp_after
-from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.time_adjustment import (
     TimingAdapterParams,
     fraction_done,
@@ -30,6 +29,7 @@ from nadia_balance.core.walking import (
 )
 from tests.example_walks import (
     ALL,
+    IDEAL_DETOUR,
     MODEL,
     OMEGA,
     SOLE,
@@ -42,7 +42,7 @@ from tests.example_walks import (
 
 PERIOD = 0.002
 PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
-DETOUR = SwingDetourParams(max_acceleration=30.0)
+DETOUR = replace(IDEAL_DETOUR, max_acceleration=30.0)
 WITH_DETOUR = replace(MODEL, detour=DETOUR)
 # Nothing but Eq. 15: almost no threshold, and as little as possible that
 # limits a swing of 1 s.
@@ -289,7 +289,7 @@ def test_an_icp_that_leaves_hurries_all_it_can_at_once():
     assert gain == pytest.approx(schedule.duration - 0.05, abs=1e-12)
     schedule, plan = swing(length=0.0)
     state = WalkingState(schedule, 0.1, 0.1)
-    nimble = SwingDetourParams(max_acceleration=1e6)
+    nimble = replace(IDEAL_DETOUR, max_acceleration=1e6)
     gain = adjustment([9.0, 0.125], plan, state, detour=nimble)
     assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
 

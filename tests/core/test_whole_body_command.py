@@ -25,7 +25,7 @@ from nadia_balance.core.whole_body_command import (
 from tests.example_walks import standing
 
 MASS = 900.0 / GRAVITY
-NO_JOINTS = [np.zeros(0)] * 5
+NO_JOINTS = [np.zeros(0)] * 6
 MODEL = WholeBodyModel(MASS, 0.25, 0.12, *NO_JOINTS)
 
 

@@ -21,6 +21,7 @@ from nadia_balance.core.whole_body_qp import (
 from tests.qp_examples import by_daqp, by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
+    PERIOD,
     ROUNDING,
     command,
     kinematics,
@@ -118,10 +119,10 @@ def test_wrenches_are_possible(contacts):
 
 def test_refuses_a_margin_that_leaves_nothing_of_the_sole():
     """Oracle: half of Nadia's sole is 0.06 m wide."""
-    WholeBodyLimits(WholeBodyQpParams(sole_margin=0.059), model())
+    WholeBodyLimits(WholeBodyQpParams(sole_margin=0.059), model(), PERIOD)
     message = "^sole_margin = 0.061: must leave some of the sole$"
     with pytest.raises(ValueError, match=message):
-        WholeBodyLimits(WholeBodyQpParams(sole_margin=0.061), model())
+        WholeBodyLimits(WholeBodyQpParams(sole_margin=0.061), model(), PERIOD)
 
 
 def test_keeps_to_the_torque_limits():
@@ -143,16 +144,97 @@ def test_joints_brake_before_their_limits():
     knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
     state[30 + knee] = -3.0  # straightens, and fast
     lowest = state[knee + 1] - 0.005
-    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest))
+    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest), PERIOD)
     terms = terms_at(state)
     found = qp.solve(terms, command(terms, (False, True)))
     ahead = state[knee + 1] + horizon * (-3.0)
     ahead += 0.5 * horizon**2 * found.vdot[knee]
     assert ahead == pytest.approx(lowest, abs=1e-9)
-    free = WholeBodyQp(params, model()).solve(
+    free = WholeBodyQp(params, model(), PERIOD).solve(
         terms, command(terms, (False, True))
     )
     assert free.vdot[knee] < found.vdot[knee] - 1.0
+
+
+def knee_at(speed: float):
+    """Nadia stands on its right foot; its left knee bends at `speed`."""
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    state[30 + knee] = speed
+    return knee, terms_at(state)
+
+
+def bend(terms):
+    """Asks the swing foot to be 3 m behind, which bends the knee."""
+    wish = command(terms, (False, True))
+    wish.swing[0] -= 3.0
+    return wish
+
+
+def test_keeps_to_the_torque_speed_line():
+    """Oracle: at 0.75 of the speed half the torque is left, by hand."""
+    knee, terms = knee_at(9.0)
+    eager = WholeBodyQpParams(damping_ratio=0.0, speed_limit_horizon=0.002)
+    found, free = (
+        WholeBodyQp(eager, body, PERIOD).solve(terms, bend(terms))
+        for body in (model(), dataclasses.replace(model(), drives=None))
+    )
+    assert free.torques[knee - 6] > 200.0
+    assert found.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
+
+
+def test_joints_stay_below_their_speed_limits():
+    """Oracle: the speed that the horizon leads to, by hand."""
+    params = WholeBodyQpParams(damping_ratio=0.0)
+    knee, terms = knee_at(11.0)
+    found, free = (
+        WholeBodyQp(params, body, PERIOD).solve(terms, bend(terms))
+        for body in (model(), dataclasses.replace(model(), drives=None))
+    )
+    ahead = 11.0 + params.speed_limit_horizon * found.vdot[knee]
+    assert ahead <= 12.0 + 1e-9
+    assert free.vdot[knee] > found.vdot[knee] + 10.0
+
+
+def test_torques_change_no_faster_than_they_may():
+    """Oracle: 50 times the limit in a second are 10 % of it in a tick."""
+    terms = terms_at(standing_state())
+    qp, step = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD), 0.1
+    still = qp.solve(terms, command(terms)).torques
+    wish = command(terms, momentum_rate=(800.0, 0.0, 0.0))
+    free = qp.solve(terms, wish).torques
+    found = qp.solve(terms, wish, None, still).torques
+    limits = model().max_torque
+    assert np.max(np.abs(free - still) / limits) > step + 0.05
+    assert np.max(np.abs(found - still) / limits) == pytest.approx(step)
+
+
+def test_torques_change_faster_if_nothing_else_is_possible():
+    """Oracles: quadprog finds no solution; the optimum without that limit."""
+    terms, last = terms_at(standing_state()), model().max_torque
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
+    with pytest.raises(ValueError, match="inconsistent"):
+        by_quadprog(*qp.problem(terms, command(terms), last))
+    found = qp.solve(terms, command(terms), None, last)
+    free = qp.solve(terms, command(terms))
+    assert found.torques == pytest.approx(free.torques, abs=1e-6)
+
+
+def test_damping_torques_slow_the_joints_down():
+    """Oracles: Drake's mass matrix, the pelvis held; the limits."""
+    params, plant = WholeBodyQpParams(), kinematics().plant
+    qp = WholeBodyQp(params, model(), PERIOD)
+    state = random_state(1)
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    M, v = plant.CalcMassMatrix(context)[6:, 6:], state[36:]
+    torques = qp.damping_torques(terms_at(state))
+    slowed = np.linalg.solve(M, torques)
+    assert slowed == pytest.approx(-params.failure_damping * v, rel=1e-6)
+    state[36:] *= 100.0
+    torques = qp.damping_torques(terms_at(state), np.zeros(23))
+    used = np.abs(torques) / model().max_torque
+    assert np.max(used) == pytest.approx(0.1)  # a tick away from nothing
 
 
 def test_a_foot_carries_no_more_than_it_may():
@@ -198,7 +280,7 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)
 def test_agrees_with_independent_solvers(contacts):
     """Oracles: quadprog and daqp on the same matrices, torques in N m."""
-    qp = WholeBodyQp(WholeBodyQpParams(), model())
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
     for seed in range(5):
         terms = terms_at(random_state(seed))
         wish = command(terms, contacts, (200.0, -100.0, 50.0))
@@ -219,7 +301,7 @@ def test_a_still_robot_in_its_posture_needs_no_acceleration():
     # The normal forces' regularisation lowers the CoM a little, and the IK
     # that makes the robot stand does not care about the torso: leave both out.
     params = WholeBodyQpParams(normal_weight=1e-12, torso_weight=0.0)
-    found = WholeBodyQp(params, at_rest).solve(terms, command(terms))
+    found = WholeBodyQp(params, at_rest, PERIOD).solve(terms, command(terms))
     assert found.vdot == pytest.approx(np.zeros(29), abs=1e-6)
     weight = found.wrenches[5] + found.wrenches[11]
     assert weight == pytest.approx(nadia().mass * 9.81, rel=1e-7)
@@ -270,15 +352,16 @@ def test_a_tilted_sole_is_brought_level():
 def test_starts_warm_without_the_rows_of_a_foot_that_has_left():
     """Oracle: the optimum without a guess."""
     terms = terms_at(random_state(3))
-    qp = WholeBodyQp(WholeBodyQpParams(), model())
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
     pushed = (300.0, 150.0, 0.0)
     both = qp.solve(terms, command(terms, momentum_rate=pushed))
     one = command(terms, (True, False), pushed)
     warm = qp.solve(terms, command(terms, momentum_rate=pushed), both.qp.active)
     assert both.qp.iterations > 1 == warm.qp.iterations
-    assert np.any(both.qp.active[63:])
+    right = slice(-17, None)
+    assert np.any(both.qp.active[right])
     warm = qp.solve(terms, one, both.qp.active)
-    assert not np.any(warm.qp.active[63:])
+    assert not np.any(warm.qp.active[right])
     cold = qp.solve(terms, one)
     assert warm.torques == pytest.approx(cold.torques, abs=ROUNDING)
 
@@ -289,7 +372,7 @@ def test_gives_up_braking_if_nothing_else_is_possible():
     knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
     beyond = model(LEFT_KNEE_Y=state[knee + 1] + 10.0)
     terms = terms_at(state)
-    qp, wish = WholeBodyQp(WholeBodyQpParams(), beyond), command(terms)
+    qp, wish = WholeBodyQp(WholeBodyQpParams(), beyond, PERIOD), command(terms)
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(*qp.problem(terms, wish))
     found, (_, free) = qp.solve(terms, wish), solve(state)
@@ -304,7 +387,7 @@ def test_says_that_there_is_no_solution():
     params = WholeBodyQpParams(
         max_effort_ratio=1e-6, min_normal_force=2e3, unloaded_force=3e3
     )
-    found = WholeBodyQp(params, model()).solve(terms, command(terms))
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, command(terms))
     assert not found.qp.solved
     assert np.isnan(found.torques).all()
 
@@ -315,6 +398,6 @@ def test_refuses_nan(name):
     terms = terms_at(standing_state())
     good = command(terms, (True, False))
     bad = good._replace(**{name: np.full_like(getattr(good, name), np.nan)})
-    qp = WholeBodyQp(WholeBodyQpParams(), model())
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
     with pytest.raises(ValueError, match="must be finite"):
         qp.solve(terms, bad)

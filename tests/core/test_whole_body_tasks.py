@@ -11,6 +11,7 @@ from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.core.whole_body_tasks import WholeBodyTasks, rotation_error
 from tests.whole_body_examples import (
     CONTACTS,
+    PERIOD,
     command,
     kinematics,
     model,
@@ -51,7 +52,7 @@ def test_tasks_are_met_where_nothing_is_in_the_way():
     wish = command(terms, (True, False))._replace(
         swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
     )
-    found = WholeBodyQp(params, model()).solve(terms, wish)
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
     acceleration = terms.rows @ np.append(found.vdot, 1.0)
     kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
     upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]

@@ -18,9 +18,12 @@ from pydrake.multibody.plant import ContactResults
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.whole_body_qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.simulation import advance, simulate, start
 from nadia_balance.results.log import signal, switches
+from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.systems.walking_state_machine import PHASES
@@ -178,6 +181,29 @@ def test_a_hopeless_shove_is_a_fall():
     assert run.logs["t"][-1] <= run.fell_at
 
 
+def test_without_solutions_it_goes_down_softly(monkeypatch):
+    """Oracles: the summary; half of the joints' speed limits.
+
+    No force is at least 1 and at most -1, from 0.6 s on.
+    """
+    diagram = diagram_of(STAND)
+    simulator, bounds = start(diagram), WholeBodyLimits.bounds
+    simulator.AdvanceTo(0.6)
+
+    def impossible(self, terms, wish, C, last):
+        lower, upper = bounds(self, terms, wish, C, last)
+        C[-2] = C[-1]
+        lower[-2:], upper[-2:] = [1.0, -np.inf], [np.inf, -1.0]
+        return lower, upper
+
+    monkeypatch.setattr(WholeBodyLimits, "bounds", impossible)
+    run = advance(simulator, 3.0)
+    found = summarize(run, run_info(diagram.scenario, run))
+    assert found["reason"] == "fell: pelvis too low, the controller gave up"
+    assert found["max_joint_speed_ratio"] < 0.5
+    assert found["max_impact_body_weights"] < 4.0
+
+
 def test_torques_stay_within_their_limits():
     """Oracle: the limits of the plant; these runs use two thirds at most."""
     for name, text in RUNS.items():
@@ -187,19 +213,21 @@ def test_torques_stay_within_their_limits():
 
 
 def test_the_mirrored_shove_gives_the_mirrored_path():
-    """Oracle: the mirror image of the ICP's path, within 1.5 mm.
+    """Oracle: the mirror image of the ICP's path, within 3 mm.
 
     Nadia is not quite symmetric: the right arm is weaker, two links differ,
     and standing the pelvis is 0.3 mm beside the middle.  That makes 0.1 mm, and
     may make a foot land a control period sooner, when the ICP is moving at
-    0.5 m/s: another millimetre.
+    0.5 m/s: another millimetre for each of its landings.
     """
-    right = simulated(pushed("right", 90.0)).logs
-    left = simulated(pushed("left", -90.0)).logs
+    right, left = (
+        simulated(f"{{fidelity: ideal, {pushed(side, direction)[1:]}").logs
+        for side, direction in (("right", 90.0), ("left", -90.0))
+    )
     mirror = np.array([1.0, -1.0])
     apart = np.abs(right["icp"] - left["icp"] * mirror)
     assert np.ptp(right["icp"][:, 1]) > 0.2
-    assert np.max(apart) < 1.5e-3
+    assert np.max(apart) < 3e-3
     assert np.mean(apart) < 1e-4
     phases = [signal(log, "walking_signal").phase for log in (right, left)]
     assert np.count_nonzero(phases[0] != phases[1]) <= 6  # of 6 changes

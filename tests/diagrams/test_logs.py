@@ -80,4 +80,6 @@ def ports_of(diagram):
             ports.setdefault(port.get_name(), port)
     if isinstance(diagram.plant, MultibodyPlant):
         ports["state"] = diagram.plant.get_state_output_port()
+        if diagram.robot.drives is None:
+            ports["torques"] = ports["actuation"]
     return ports

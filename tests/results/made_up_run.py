@@ -11,7 +11,7 @@ import numpy as np
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.walking import Phase, Side, rectangle
 from nadia_balance.diagrams.signal_log import region_logs
-from nadia_balance.results.log import FootPositions
+from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.summary import Run, RunInfo, summarize
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.icp_planner import IcpReference
@@ -209,13 +209,15 @@ def _add_robot(log, walking: WalkingSignal, push: np.ndarray) -> None:
     log["actuation"] = wave * limits
     log["effort_limits"], log["actuator_names"] = limits, np.array(JOINTS)
     nq, nv = nu + 7, nu + 6
-    log["num_positions"] = np.array(nq)
-    log["joint_speed_limit"] = np.array(20.0)
+    log["torques"] = log["actuation"].copy()
+    log["joint_speed_columns"] = np.arange(nq + nv - nu, nq + nv)
+    log["joint_speed_limits"] = np.full(nu, 20.0)
     speed = 1.5 * np.abs(np.sin(np.pi * t[:, None] + phases))
     log["state"] = np.hstack([np.zeros((n, nq + nv - nu)), speed])
+    log["weight"] = np.array(MASS * 9.81)
     log["foot_wrenches"] = np.zeros((n, 12))
     log["whole_body_qp_status"] = np.tile([1.0, 0.0, 2.0, 2e-7, 0.0], (n, 1))
-    feet = FootPositions(np.zeros((6, n)))
+    feet = MeasuredFeet(np.zeros((8, n)))
     feet.left[:2], feet.right[:2] = walking.left[:2], walking.right[:2]
     for x in (feet.left_x, feet.right_x):
         x += 0.002 * np.sin(t)  # slips

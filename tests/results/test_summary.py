@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from shapely import Polygon
+from shapely.affinity import rotate, translate
 
 from nadia_balance.core.walking import Phase
 from nadia_balance.results.log import signal
@@ -72,14 +74,92 @@ def test_effort_is_relative_to_the_limits(log):
     """Oracle: one joint set by hand to 0.9 of its limit, and -7 rad/s."""
     log["actuation"][100, 3] = -0.9 * log["effort_limits"][3]
     log["state"][200, -1] = -7.0
+    log["joint_speed_limits"][-1] = 8.0
     log["state"][:, 0] = 50.0  # a position is not a speed
-    first_speed = int(log["num_positions"])
-    log["state"][:, first_speed + 2] = 50.0  # nor is the floating base
+    first_joint = log["joint_speed_columns"][0]
+    log["state"][:, first_joint - 6] = 50.0  # nor is the floating base
     summary = summary_of(log)
     assert summary["max_torque_ratio"] == pytest.approx(0.9)
     assert summary["max_joint_speed"] == pytest.approx(7.0)
-    assert summary["max_joint_speed_limit"] == 20.0
+    assert summary["max_joint_speed_ratio"] == pytest.approx(7.0 / 8.0)
     assert summary["recovered"]
+
+
+def test_torque_steps_are_commanded_and_power_is_delivered(log):
+    """Oracle: two joints set by hand, in an order that is not the state's."""
+    log["actuation"][:] = log["torques"][:] = log["state"][:] = 0.0
+    log["joint_speed_columns"] = log["joint_speed_columns"][::-1]
+    log["actuation"][100:, 3] = -80.0
+    log["torques"][200, [0, 1]] = 100.0, -30.0
+    log["state"][200, [-1, -2]] = 5.0, 2.0
+    summary = summary_of(log)
+    assert summary["max_torque_step"] == 80.0
+    assert summary["max_power_w"] == pytest.approx(500.0 - 60.0)
+
+
+def test_impacts_are_in_body_weights(log):
+    """Oracle: a force set by hand."""
+    log["foot_forces"][100, 1] = 3.5 * log["weight"]
+    assert summary_of(log)["max_impact_body_weights"] == pytest.approx(3.5)
+
+
+def test_speed_of_the_swing_foot(log):
+    """Oracle: an arc whose length and largest speed are known.
+
+    The right foot goes round a half circle of 0.2 m in its first 0.7 s, from
+    rest to rest, at pi/2 times the mean speed at the most.
+    """
+    feet = signal(log, "foot_poses")
+    feet[:] = 0.0
+    first = int(np.flatnonzero(log["t"] > 0.8 - 1e-9)[0])
+    share = np.linspace(0.0, 1.0, 351)
+    angle = np.pi * 0.5 * (1.0 - np.cos(np.pi * share))
+    feet.right_x[first : first + 351] = 0.2 * (1.0 - np.cos(angle))
+    feet.right_z[first : first + 351] = 0.2 * np.sin(angle)
+    feet.right_x[first + 351 :] = 0.4
+    mean = np.pi * 0.2 / 0.7
+    summary = summary_of(log)
+    found = [summary[f"{kind}_swing_foot_speed"] for kind in ("mean", "max")]
+    assert found == pytest.approx([mean, 0.5 * np.pi * mean], rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_of_the_soles_in_plan_view(log, seed):
+    """Oracle: shapely; one foot far above the other does not pass it."""
+    rng, feet = np.random.default_rng(seed), signal(log, "foot_poses")
+    feet[:] = 0.0
+    feet.right_y[:], feet.right_z[:] = -5.0, 0.2
+    rows, least = rng.integers(len(log["t"]), size=6), math.inf
+    for row in rows:
+        soles = []
+        for foot in np.split(log["foot_poses"][row], 2):
+            foot[:2], foot[3] = rng.normal(size=2), rng.normal()
+            sole = rotate(Polygon(log["sole"]), foot[3], (0, 0), True)
+            soles.append(translate(sole, *foot[:2]))
+        log["foot_poses"][row, [2, 6]] = 0.5, 0.401
+        least = min(least, soles[0].distance(soles[1]))
+    assert summary_of(log)["min_sole_distance_m"] == pytest.approx(least)
+    log["foot_poses"][rows[0], [0, 4, 1, 5]] = 0.0
+    assert summary_of(log)["min_sole_distance_m"] == 0.0
+
+
+def test_self_contacts_are_those_of_two_links(log):
+    """Oracle: names as improper_contacts gives them."""
+    touched = ("A - B", "A - ground", "B - box::lid")
+    assert summary_of(log, improper_contacts=touched)["self_contacts"] == [
+        "A - B"
+    ]
+
+
+@pytest.mark.parametrize("ticks", [25, 26])
+def test_says_that_the_controller_gave_up(log, ticks):
+    """Oracle: more than 25 ticks without a solution, at the end."""
+    status = signal(log, "whole_body_qp_status")
+    status.solved[100:200] = status.solved[-ticks:] = 0.0
+    gave_up = "the controller gave up" if ticks > 25 else ""
+    assert summary_of(log)["reason"] == gave_up
+    fallen = summary_of(log, fell_at=5.0, fall_reason="low")["reason"]
+    assert fallen == ", ".join(filter(None, ("fell: low", gave_up)))
 
 
 def test_slip_is_the_stance_foots_way_during_its_step(log):
@@ -143,9 +223,9 @@ def test_says_that_a_run_is_too_short_to_ask_for_more(log):
 @pytest.mark.parametrize(
     ("name", "rows", "value", "reason"),
     [
-        ("state", 200, -20.0, ""),
-        ("state", 200, -20.01, "too fast: a joint at 20.01 rad/s, limit 20"),
-        ("state", 200, np.nan, "too fast: a joint at nan rad/s, limit 20"),
+        ("state", 200, -20.3, ""),
+        ("state", 200, -20.5, "too fast: a joint at 102.5 % of its limit"),
+        ("state", 200, np.nan, "too fast: a joint at nan % of its limit"),
         ("actuation", 200, 300.0, ""),
         ("actuation", 200, -301.0, "a torque was above its limit"),
         ("actuation", 200, np.nan, "a torque was above its limit"),
@@ -164,8 +244,11 @@ def test_a_point_mass_has_no_joints_but_all_other_figures(log):
     summary = summary_of(without_robot(log), plant="lipm")
     assert summary["recovered"] is True
     missing = {name for name, value in summary.items() if value is None}
-    of_joints = "max_torque_ratio max_joint_speed max_joint_speed_limit"
-    assert missing >= {*of_joints.split(), "stance_slip_m"}
+    of_joints = "max_torque_ratio max_torque_step max_joint_speed "
+    of_joints += "max_joint_speed_ratio max_power_w"
+    of_feet = "max_swing_foot_speed mean_swing_foot_speed stance_slip_m "
+    of_feet += "min_sole_distance_m max_impact_body_weights"
+    assert missing >= {*of_joints.split(), *of_feet.split()}
     assert summary["qp_solves"] == len(log["t"])
 
 

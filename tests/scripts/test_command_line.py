@@ -101,6 +101,14 @@ def test_an_early_end_writes_what_was_logged(
         assert len(log["icp"]) == len(log["t"]) == 31
 
 
+def test_fidelity_is_a_flag(tmp_path, capsys):
+    """Oracles: the scenario that is left behind; the message, by hand."""
+    assert run(capsys, "--fidelity", "realistic", "--out", tmp_path).code == 0
+    assert "fidelity: realistic" in (tmp_path / "scenario.yaml").read_text()
+    message = "fidelity = 'true': must be one of realistic, ideal"
+    assert_refused(run(capsys, "--fidelity", "true"), message)
+
+
 @pytest.mark.parametrize(
     ("argv", "message"),
     [

@@ -15,6 +15,7 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 from tests import example_walks
 from tests.blocks import answer, asked, fix, running, tick
 from tests.whole_body_examples import (
+    PERIOD,
     command,
     kinematics,
     model,
@@ -23,7 +24,6 @@ from tests.whole_body_examples import (
     terms_at,
 )
 
-PERIOD = 0.002
 PUSHED = np.array([200.0, 100.0, 0.0])
 OUTPUTS = ("actuation", "foot_wrenches", "whole_body_qp_status")
 
@@ -50,7 +50,7 @@ def outputs(system, context):
 def test_gives_what_the_core_function_gives(system):
     """Oracle: WholeBodyQp, torques sorted by the plant's B matrix."""
     terms = terms_at(standing_state())
-    found = WholeBodyQp(WholeBodyQpParams(), model()).solve(
+    found = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD).solve(
         terms, command(terms, momentum_rate=PUSHED)
     )
     actuation, wrenches, status = outputs(system, asked(system, **inputs()))
@@ -101,35 +101,46 @@ def test_solves_once_for_all_outputs_and_the_update(system, monkeypatch):
     assert len(calls) == 1
 
 
-def test_holds_the_last_torque_when_there_is_none(system, monkeypatch):
-    """Oracle: a QP without solution, by an impossible bound of forces."""
+@pytest.mark.parametrize("unsolved", [3, 25, 26])
+def test_damps_without_a_solution_and_gives_up_in_the_end(
+    system, monkeypatch, unsolved
+):
+    """Oracles: at rest no damping, reached by the drives' rate; the count.
+
+    The QP has no solution by an impossible bound; then it has one again.
+    """
     simulator, context = running(system, **inputs())
-    good = outputs(system, context)
-    tick(simulator, PERIOD)
+    good, *_ = outputs(system, context)
+    simulator.AdvanceTo(PERIOD)
     make_infeasible(monkeypatch)
     fix(system, context, momentum_rate=PUSHED + 1.0)
-    for failures in (1, 2, 3):
+    step = nadia().drives.max_torque_rate * PERIOD
+    step *= kinematics().plant.GetEffortUpperLimits()
+    for failures in range(1, unsolved + 1):
         actuation, wrenches, status = outputs(system, context)
-        assert np.array_equal(actuation, good[0])
-        assert np.array_equal(wrenches, good[1])
-        view = QpStatus(status)
-        assert (view.solved, view.fallback, view.failures) == (0, 1, failures)
-        tick(simulator, PERIOD)
+        left = np.maximum(np.abs(good) - failures * step, 0.0)
+        assert actuation == pytest.approx(np.sign(good) * left, abs=1e-9)
+        assert not wrenches.any()
+        assert not QpStatus(status).solved
+        assert QpStatus(status).failures == failures
+        simulator.AdvanceTo((failures + 1) * PERIOD)
     monkeypatch.undo()
-    fix(system, context, momentum_rate=PUSHED)
-    actuation, _, status = outputs(system, context)
-    assert actuation == pytest.approx(good[0], abs=1e-7)
-    assert (QpStatus(status).solved, QpStatus(status).failures) == (1, 3)
+    actuation, wrenches, status = outputs(system, context)
+    goes_on = unsolved <= 25  # 0.05 s
+    assert QpStatus(status).solved == wrenches.any() == goes_on
+    assert QpStatus(status).failures == unsolved + (not goes_on)
+    assert actuation.any() == goes_on
 
 
 def make_infeasible(monkeypatch):
-    """Bounds one torque from below by 1 and from above by -1."""
+    """Bounds one force from below by 1 and from above by -1."""
     bounds = WholeBodyLimits.bounds
 
-    def impossible(self, terms, wish, C):
-        lower, upper = bounds(self, terms, wish, C)
-        C[0] = C[1]
-        lower[0], upper[1] = 1.0, -1.0
+    def impossible(self, terms, wish, C, last):
+        lower, upper = bounds(self, terms, wish, C, last)
+        C[-2] = C[-1]
+        lower[-2], upper[-2] = 1.0, np.inf
+        lower[-1], upper[-1] = -np.inf, -1.0
         return lower, upper
 
     monkeypatch.setattr(WholeBodyLimits, "bounds", impossible)

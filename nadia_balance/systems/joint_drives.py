@@ -1,0 +1,64 @@
+"""The drives between the commanded torques and the joints."""
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import EventStatus, LeafSystem
+
+from nadia_balance.core.joint_drives import lag_share, torque_limits
+from nadia_balance.robot import RobotModel, actuated_velocities
+from nadia_balance.systems.ports import VectorInput
+
+
+class JointDrives(LeafSystem):
+    """Follows the commanded torques as real drives do.
+
+    With a lag, and within the torque-speed line of each joint.  `actuation`
+    (nu,) [N m] is what is commanded, `torques` (nu,) [N m] what is there, both
+    in the order of the plant's actuators; `state` is [q, v] of the plant.  The
+    discrete state is `torques`, 0 at the start; it follows in every step of
+    the plant, so that a command is felt one step late.
+
+    An update raises RuntimeError if an input is not finite.
+
+    .. pydrake_system::
+
+        name: JointDrives
+        input_ports: [actuation, state]
+        output_ports: [torques]
+    """
+
+    def __init__(self, plant: MultibodyPlant, robot: RobotModel):
+        """The drives of `robot` in a `plant` that holds it alone.
+
+        Raises:
+            ValueError: the robot's fidelity is ideal: it has no drives.
+        """
+        super().__init__()
+        if robot.drives is None:
+            raise ValueError("fidelity = 'ideal': must be realistic")
+        velocities = actuated_velocities(plant)
+        self._max_speed = robot.max_joint_speeds[velocities - 6]
+        self._speeds = plant.num_positions() + velocities
+        self._max_torque = plant.GetEffortUpperLimits()
+        self._corner_speed = robot.drives.corner_speed
+        step = plant.time_step()
+        self._share = lag_share(robot.drives.bandwidth, step)
+        self._actuation = VectorInput(self, "actuation", velocities.size)
+        size = plant.num_multibody_states()
+        self._plant_state = VectorInput(self, "state", size)
+        state = self.DeclareDiscreteState(velocities.size)
+        self.DeclareStateOutputPort("torques", state)
+        self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
+
+    def _follow(self, context, new):
+        torques = context.get_discrete_state_vector().value()
+        missing = self._actuation(context) - torques
+        least, most = torque_limits(
+            self._plant_state(context)[self._speeds],
+            self._max_torque,
+            self._max_speed,
+            self._corner_speed,
+        )
+        torques = torques + self._share * missing
+        new.set_value(np.minimum(np.maximum(torques, least), most))
+        return EventStatus.Succeeded()
