@@ -204,3 +204,31 @@ def test_the_atlas_papers_figure_5_helps_against_errors_along_the_way():
     slow, fast, aside = left
     assert fast < slow < 0.6
     assert 0.85 < aside < 1.0
+
+
+def test_the_atlas_papers_figure_2_rounds_the_corners():
+    """Oracle: Eq. 3, straight away from a CMP that rests; the same CMPs."""
+    jumps, smooth = FIGURES["atlas_2"]().axes
+    cmps, knots = (
+        [line.get_xydata() for line in jumps.lines if line.get_label() == label]
+        for label in ("CMPs of heel and toe", "knots")
+    )
+    (cmps,), (knots,) = cmps, knots
+    for cmp, begin, end in zip(cmps, knots, knots[1:], strict=False):
+        a, b = begin - cmp, end - cmp
+        assert a[0] * b[1] - a[1] * b[0] == pytest.approx(0.0, abs=1e-9)
+    (same,) = [
+        line.get_xydata()
+        for line in smooth.lines
+        if line.get_label() == "CMPs of heel and toe"
+    ]
+    assert np.array_equal(cmps, same)
+
+
+def test_the_atlas_papers_figure_3_is_farther_from_the_foot_the_faster():
+    """Oracle: the distances from the stance sole's centre at mid-swing."""
+    away = []
+    for ax in FIGURES["atlas_3"]().axes:
+        x, y = dot(ax, "half-way through a swing")
+        away.append(np.hypot(x, y - 0.125))
+    assert away[0] < away[1] < away[2]
