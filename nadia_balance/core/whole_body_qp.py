@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -184,16 +185,21 @@ class WholeBodyLimits:
         near = near + self._torque_steps
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
-    def relax(self, terms: WholeBodyTerms, lower: Array, upper: Array) -> None:
-        """Widens `lower` and `upper` (m,) in place to what is possible at all.
+    def free_joints(self, lower: Array, upper: Array) -> None:
+        """Widens `lower` and `upper` (m,) in place: no joint brakes early.
 
-        No joint brakes early, and torques change as fast as need be.
+        Nor are links kept apart.
         """
+        most = self._params.max_joint_acceleration
+        lower[self._apart] = -np.inf
+        lower[self._joint_rows], upper[self._joint_rows] = -most, most
+
+    def free_torques(
+        self, terms: WholeBodyTerms, lower: Array, upper: Array
+    ) -> None:
+        """The same: torques change as fast as need be."""
         torques = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
         lower[self.torque_rows], upper[self.torque_rows] = torques
-        lower[self._apart] = -np.inf
-        most = self._params.max_joint_acceleration
-        lower[self._joint_rows], upper[self._joint_rows] = -most, most
 
     def _rotated_cone(self, terms: WholeBodyTerms, side: int) -> Array:
         """Rows (_FOOT_ROWS, 6) for the wrench of a sole, which is in W."""
@@ -319,13 +325,16 @@ class WholeBodyQp:
         guess = None if active_guess is None else active_guess[rows]
         solver = self._qps[sum(contacts)]
         qp = solver.solve(problem, guess)
-        if not qp.solved:
-            # At the touchdown of a long step, soles, torques and friction may
-            # leave no room for braking, which is no law of physics.
-            self._limits.relax(terms, problem.lower, problem.upper)
-            again = solver.solve(problem, guess)
-            solves = qp.iterations + again.iterations
-            qp = again._replace(iterations=solves, fallback=qp.fallback)
+        # At the touchdown of a long step, soles, torques and friction may leave
+        # no room for braking, nor for torques that change slowly: neither is a
+        # law of physics.
+        limits = self._limits
+        for free in limits.free_joints, partial(limits.free_torques, terms):
+            if not qp.solved:
+                free(problem.lower, problem.upper)
+                again = solver.solve(problem, guess)
+                solves = qp.iterations + again.iterations
+                qp = again._replace(iterations=solves, fallback=qp.fallback)
         active = np.zeros(rows.size, dtype=np.int8)
         active[rows] = qp.active
         nv, mass = terms.v.size, self._model.mass
