@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from functools import partial
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -185,21 +185,22 @@ class WholeBodyLimits:
         near = near + self._torque_steps
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
-    def free_joints(self, lower: Array, upper: Array) -> None:
-        """Widens `lower` and `upper` (m,) in place: no joint brakes early.
+    def freed(
+        self, terms: WholeBodyTerms, lower: Array, upper: Array
+    ) -> Iterator[None]:
+        """Widens `lower` and `upper` (m,) in place, once more at each turn.
 
-        Nor are links kept apart.
+        No joint brakes early; torques change as fast as need be; links are not
+        kept apart.
         """
         most = self._params.max_joint_acceleration
-        lower[self._apart] = -np.inf
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
-
-    def free_torques(
-        self, terms: WholeBodyTerms, lower: Array, upper: Array
-    ) -> None:
-        """The same: torques change as fast as need be."""
+        yield
         torques = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
         lower[self.torque_rows], upper[self.torque_rows] = torques
+        yield
+        lower[self._apart] = -np.inf
+        yield
 
     def _rotated_cone(self, terms: WholeBodyTerms, side: int) -> Array:
         """Rows (_FOOT_ROWS, 6) for the wrench of a sole, which is in W."""
@@ -328,13 +329,11 @@ class WholeBodyQp:
         # At the touchdown of a long step, soles, torques and friction may leave
         # no room for braking, nor for torques that change slowly: neither is a
         # law of physics.
-        limits = self._limits
-        for free in limits.free_joints, partial(limits.free_torques, terms):
-            if not qp.solved:
-                free(problem.lower, problem.upper)
-                again = solver.solve(problem, guess)
-                solves = qp.iterations + again.iterations
-                qp = again._replace(iterations=solves, fallback=qp.fallback)
+        freed = self._limits.freed(terms, problem.lower, problem.upper)
+        while not qp.solved and next(freed, True) is None:
+            again = solver.solve(problem, guess)
+            solves = qp.iterations + again.iterations
+            qp = again._replace(iterations=solves, fallback=qp.fallback)
         active = np.zeros(rows.size, dtype=np.int8)
         active[rows] = qp.active
         nv, mass = terms.v.size, self._model.mass
