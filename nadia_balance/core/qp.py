@@ -60,18 +60,22 @@ class QpProblem(NamedTuple):
         return max(float(violations[violations.argmax()]), 0.0)
 
     def scaled(self) -> "QpProblem":
-        """The same problem, all rows about as long as 1 (0.5 to 1).
+        """The same problem, all rows about as long as 1; itself if they are.
 
         Else tolerances would not mean the same for all.  By powers of two,
-        because these round nothing.
+        because these round nothing; what is within a factor of 1000 stays.
 
         Raises:
             ValueError: NaN or infinity, but for the bounds.
         """
         H, g, A, b, C, lower, upper = self
-        if not math.isfinite(sum(np.vdot(m, m) for m in (H, g, A, b, C))):
+        squares = [np.einsum("ij,ij->i", rows, rows) for rows in (A, C)]
+        every = np.concatenate(squares)
+        if not math.isfinite(np.vdot(H, H) + g @ g + b @ b + every.sum()):
             self.require_finite()
-        s, t = _scales(A), _scales(C)
+        if ((every > 1e-6) & (every < 1e6) | (every == 0.0)).all():
+            return self
+        s, t = map(_scales, squares)
         rows, limits = t[:, None] * C, (t * lower, t * upper)
         return QpProblem(H, g, s[:, None] * A, s * b, rows, *limits)
 
@@ -91,11 +95,9 @@ class QpProblem(NamedTuple):
             raise ValueError("upper bound of the QP: must be > -inf, not NaN")
 
 
-def _scales(rows: Array) -> Array:
-    if not len(rows):
-        return np.ones(0)
-    lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    return np.asarray(np.ldexp(1.0, -np.frexp(lengths)[1]))
+def _scales(squares: Array) -> Array:
+    """What brings rows with these squared lengths (m,) to 0.5 to 1."""
+    return np.asarray(np.ldexp(1.0, -np.frexp(np.sqrt(squares))[1]))
 
 
 class QpResult(NamedTuple):
@@ -234,7 +236,7 @@ def solve_active_set(
     have the right signs and no other row is violated (Nocedal and Wright,
     Numerical Optimization, Theorem 16.4).  Each round drops all rows of the
     wrong sign and adds all violated ones; one or two are mostly enough, but
-    they could cycle.  `problem` is `scaled`; the result lacks `violation`.
+    they could cycle.  `problem` is `scaled`.
 
     Raises:
         ValueError: NaN or infinity in the problem.
@@ -245,12 +247,15 @@ def solve_active_set(
     for solves in range(1, _MAX_ROUNDS + 1):
         x, multipliers = qp.solve(problem, active)
         value = problem.C @ x
-        excess = problem.excess(value) - _PRIMAL_TOLERANCE * np.abs(value)
-        violation = problem.violation(x, excess)
+        excess = problem.excess(value)
+        violation = whole = problem.violation(x, excess)
+        if not violation <= primal_limit:
+            excess -= _PRIMAL_TOLERANCE * np.abs(value)
+            violation = problem.violation(x, excess)
         wrong = active * multipliers > dual_limit
         wrong &= problem.lower != problem.upper
         if violation <= primal_limit and not wrong.any():
-            return QpResult(x, True, active, solves)
+            return QpResult(x, True, active, solves, violation=whole)
         problem.require_finite()
         if math.isnan(violation):  # the active rows contradict each other
             break
@@ -324,6 +329,8 @@ class DenseQp:
             found = solve_active_set(self._equality_qp, scaled, active_guess)
             if not found.solved:
                 found = self._fall_back(scaled, found)
+        if scaled is problem and not math.isnan(found.violation):
+            return found
         excess = problem.excess(problem.C @ found.x)
         return found._replace(violation=problem.violation(found.x, excess))
 
