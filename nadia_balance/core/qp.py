@@ -71,10 +71,16 @@ class QpProblem(NamedTuple):
         H, g, A, b, C, lower, upper = self
         squares = [np.einsum("ij,ij->i", rows, rows) for rows in (A, C)]
         every = np.concatenate(squares)
-        if not math.isfinite(np.vdot(H, H) + g @ g + b @ b + every.sum()):
+        finite = math.isfinite(np.vdot(H, H) + g @ g + b @ b)
+        if finite and every.size:
+            # argmin() finds a NaN, and takes a fifth of the time of min().
+            least, most = every[every.argmin()], every[every.argmax()]
+            if least == 0.0:  # rows of nothing, too
+                least = np.min(every, initial=1.0, where=every > 0.0)
+            if 1e-6 < least and most < 1e6:
+                return self
+        if not finite or not np.isfinite(every).all():
             self.require_finite()
-        if ((every > 1e-6) & (every < 1e6) | (every == 0.0)).all():
-            return self
         s, t = map(_scales, squares)
         rows, limits = t[:, None] * C, (t * lower, t * upper)
         return QpProblem(H, g, s[:, None] * A, s * b, rows, *limits)
