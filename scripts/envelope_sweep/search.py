@@ -30,8 +30,8 @@ class SearchParams:
     # Of the limit.
     resolution: float = bounded(0.02, least=FINEST, unit="m/s")
     # Of the march upward, in resolutions [-].
-    stride: int = bounded(8, least=1)
-    replicas: int = bounded(5, least=1)  # of the same push [-]
+    stride: int = bounded(8, least=1, most=1000)
+    replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
     largest: float = 3.0  # nothing larger is tried [m/s]
 
     def validate_more(self) -> None:
