@@ -29,7 +29,7 @@ from nadia_balance.results.folder import (
 from nadia_balance.results.scene import set_scene, start_meshcat
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
-from nadia_balance.scripts import INTERRUPTED
+from nadia_balance.scripts import INTERRUPTED, interruptible
 
 DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 FASTEST = 1000  # of the rates that make sense [-]
@@ -59,7 +59,8 @@ def program(main: Main) -> Main:
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            return main(argv)
+            with interruptible():
+                return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
         except OSError as error:
@@ -111,6 +112,14 @@ def place(text: str) -> Path:
 
 class CommandLine(argparse.ArgumentParser):
     """Says on one line what is wrong with the command line."""
+
+    def parse_args(self, args=None, namespace=None):
+        """Refuses --flag=-- too, of which argparse makes an empty list."""
+        found = super().parse_args(args, namespace)
+        for name, value in vars(found).items():
+            if value == []:
+                self.error(f"argument --{name}: must have a value")
+        return found
 
     def error(self, message: str) -> NoReturn:
         """Ends the program."""

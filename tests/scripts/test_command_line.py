@@ -269,6 +269,7 @@ class Press(importlib.abc.MetaPathFinder):
             os.kill(os.getpid(), signal.SIGINT)
 
 script = sys.argv.pop(1)
+sys.argv[0] = f"{script}.py"
 sys.meta_path.insert(0, Press())
 runpy.run_module(f"nadia_balance.scripts.{script}", run_name="__main__")
 """

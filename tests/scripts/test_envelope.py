@@ -236,7 +236,7 @@ REFUSED = [
     (["--workers", "0"], "workers = 0: must be >= 1"),
     (["--timeout", "0"], "timeout = 0.0: must be in (0, 1e+06] s"),
     (["--robot", "fred"], "robot = 'fred': must be one of atlas, nadia"),
-    (["--seed", "-1"], "seed = -1: must be >= 0"),
+    (["--seed", "-1"], "seed = -1: must be in [0, 4.29"),
     (
         ["--scenario_name", "stand"],
         "scenario_name = 'stand': must have exactly one push, has 0",
