@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import yaml
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System
 
@@ -22,6 +21,7 @@ from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.results.scene import start_meshcat
 
 # output port: the input ports that it depends on within the same instant.
 ICP_CONTROL = {"com_state", "icp", "icp_reference", "walking_state"}
@@ -125,7 +125,7 @@ def diagrams() -> list[Diagram]:
     text = "{mechanisms: step_swing, controller: {icp_step_qp: {}}}"
     by_qp = load_scenario("walk_in_place", text=text)
     return [
-        HumanoidDiagram(scenario, Meshcat()),
+        HumanoidDiagram(scenario, start_meshcat()[0]),
         LipmDiagram(scenario),
         LipmDiagram(by_qp),
     ]

@@ -32,7 +32,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Trial,
 )
 
-PROTOCOL = 3  # how limits are searched, trials judged, and cells named
+PROTOCOL = 4  # how limits are searched, trials judged, and cells named
 PLANTS = ("humanoid", "lipm")
 LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 MOST_DIRECTIONS = 72  # that a count may ask for
