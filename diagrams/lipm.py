@@ -36,9 +36,13 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port.
+            ValueError: a block lacks a port, or the engine is not Drake.
         """
         super().__init__()
+        if scenario.engine != "drake":
+            raise ValueError(
+                f"engine = {scenario.engine!r}: must be drake for a point mass"
+            )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
         model, period = self.robot.point_mass, scenario.lipm_period

@@ -3,6 +3,8 @@
 import argparse
 import io
 import json
+import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -107,6 +109,22 @@ def test_fidelity_is_a_flag(tmp_path, capsys):
     assert "fidelity: realistic" in (tmp_path / "scenario.yaml").read_text()
     message = "fidelity = 'true': must be one of realistic, ideal"
     assert_refused(run(capsys, "--fidelity", "true"), message)
+
+
+def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
+    """Oracles: what is left behind; the messages, by hand."""
+    flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
+    assert run(capsys, *flags, "--out", tmp_path).code == 0
+    assert "engine: mujoco" in (tmp_path / "scenario.yaml").read_text()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["engine"] == "mujoco"
+    assert summary["versions"]["mujoco"] == version("mujoco")
+    message = "engine = 'mujoco': must be drake for a point mass"
+    assert_refused(run(capsys, "--engine", "mujoco"), message)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "nadia_balance.mujoco_model")
+    message = "engine = 'mujoco': must have its package: pip install mujoco"
+    assert_refused(run(capsys, *flags), message)
 
 
 @pytest.mark.parametrize(
