@@ -36,9 +36,14 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port, or a push its body.
+            ValueError: a block lacks a port, a push its body, or the engine
+                is not Drake.
         """
         super().__init__()
+        if scenario.engine != "drake":
+            raise ValueError(
+                f"engine = {scenario.engine!r}: must be drake for a point mass"
+            )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
         # It has no bodies, but the robot that it stands for has.

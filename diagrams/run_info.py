@@ -50,6 +50,7 @@ def run_info(
         scenario=name,
         plant=plant,
         fidelity=scenario.fidelity,
+        engine=scenario.engine,
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,

@@ -23,6 +23,7 @@ PLANT_NUMBERS = (  # of MultibodyPlantConfig
     ("stiction_tolerance", 1e-6, 1.0),
     ("sap_near_rigid_threshold", 0.0, 10.0),
 )
+ENGINES = ("drake", "mujoco")
 PLANT_WORDS = {  # of MultibodyPlantConfig
     "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
     "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
@@ -38,6 +39,8 @@ class Scenario:
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # The robot as it could be built, or with drives that can do anything.
     fidelity: str = bounded("ideal", one_of=FIDELITIES)
+    # What moves it.  Of plant_config, MuJoCo has the time step only.
+    engine: str = bounded("drake", one_of=ENGINES)
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; else it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)
@@ -64,6 +67,8 @@ class Scenario:
         """Raises ValueError if fields do not go together."""
         period = self.controller.control_period
         _check_plant(self.plant_config, period)
+        if self.engine == "mujoco":
+            _check_untouched(self.plant_config)
         if self.duration < period:
             raise ValueError(
                 f"duration = {self.duration}: must be >= "
@@ -118,6 +123,19 @@ def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
             f"time_step = {config.time_step}: must divide "
             f"control_period = {control_period} s"
         )
+
+
+def _check_untouched(config: MultibodyPlantConfig) -> None:
+    """Refuses what would have no effect."""
+    default = default_plant_config()
+    default.time_step = config.time_step
+    for field_name in (entry.name for entry in config.__fields__):
+        value = getattr(config, field_name)
+        if value != (allowed := getattr(default, field_name)):
+            raise ValueError(
+                f"{field_name} = {value!r}: must be {allowed!r} with "
+                "engine = mujoco, which has the time_step only"
+            )
 
 
 def scenario_names() -> dict[str, Path]:

@@ -164,6 +164,9 @@ def scenario_flags(
         "--fidelity",
         help="realistic, or ideal: any torque at any speed, at once",
     )
+    group.add_argument(
+        "--engine", help="drake, or mujoco: what moves the robot"
+    )
     group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
@@ -212,6 +215,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         args.scenario_text,
         robot=args.robot,
         fidelity=args.fidelity,
+        engine=args.engine,
         mechanisms=args.mechanisms,
         duration=args.duration,
         seed=args.seed,

@@ -58,6 +58,7 @@ class RunInfo:
     scenario: str = ""
     plant: str = "humanoid"  # or lipm
     fidelity: str = "realistic"  # or ideal
+    engine: str = "drake"  # or mujoco
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
@@ -85,6 +86,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "robot": info.robot,
         "plant": info.plant,
         "fidelity": info.fidelity,
+        "engine": info.engine,
         "mechanisms": info.mechanisms,
         "switched_mechanisms": [
             {"time_s": time, "on": on} for time, on in switches(log)
@@ -121,7 +123,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "min_sole_distance_m": sole_distance(log),
         **_qp_figures(log),
         "real_time_factor": duration / max(run.cpu_time, 1e-9),
-        "versions": versions(),
+        "versions": versions(info.engine),
     }
     return {  # JSON knows neither NaN nor infinity
         name: None
@@ -388,10 +390,10 @@ def _qp_figures(log: Log) -> dict:
     }
 
 
-def versions() -> dict[str, str]:
-    """The versions that the figures depend on."""
+def versions(engine: str = "drake") -> dict[str, str]:
+    """The versions that the figures of an `engine` depend on."""
     found = {"python": platform.python_version()}
-    for package in ("nadia_balance", "drake", "numpy"):
+    for package in dict.fromkeys(("nadia_balance", "drake", "numpy", engine)):
         try:
             found[package] = version(package)
         except PackageNotFoundError:  # run from a checkout

@@ -68,7 +68,7 @@ class Sweep:
                     f"scenario_name = {name!r}: must have exactly one push, "
                     f"has {number}"
                 )
-        for name in ("robot", "seed"):
+        for name in ("robot", "seed", "engine"):
             given = {getattr(s, name) for s in self.scenarios.values()}
             if len(given) > 1:
                 raise ValueError(
@@ -145,6 +145,11 @@ class Sweep:
         return next(iter(self.scenarios.values())).robot
 
     @property
+    def engine(self) -> str:
+        """What moves the robot, in all scenarios."""
+        return next(iter(self.scenarios.values())).engine
+
+    @property
     def seed(self) -> int:
         """The seed of all scenarios."""
         return next(iter(self.scenarios.values())).seed
@@ -163,6 +168,7 @@ class Sweep:
             "seed": self.seed,
             "parameters": parameters_hash(*self.scenarios.values()),
             **this_code(),
+            **versions(self.engine),
             "robot_files": robot_hash(self.robot),
         }
 

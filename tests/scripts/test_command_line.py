@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -146,6 +147,22 @@ def test_fidelity_is_a_flag(monkeypatch, capsys):
     assert_refused(
         run_script(Job, ["--no-meshcat", "--fidelity", "true"], capsys), message
     )
+
+
+def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
+    """Oracles: what is left behind; the messages, by hand."""
+    flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
+    assert run(capsys, *flags, "--out", tmp_path).code == 0
+    assert "engine: mujoco" in (tmp_path / "scenario.yaml").read_text()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["engine"] == "mujoco"
+    assert summary["versions"]["mujoco"] == version("mujoco")
+    message = "engine = 'mujoco': must be drake for a point mass"
+    assert_refused(run(capsys, "--engine", "mujoco"), message)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "nadia_balance.mujoco_model")
+    message = "engine = 'mujoco': must have its package: pip install mujoco"
+    assert_refused(run(capsys, *flags), message)
 
 
 @pytest.mark.parametrize(
