@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import textwrap
+import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
@@ -175,3 +176,30 @@ def leaves(tree: dict, params: object) -> Iterator[tuple[str, tuple]]:
                 yield f"{name}.{leaf}", pair
         else:
             yield name, (value, other)
+
+
+def test_the_citation_has_the_version_licence_and_papers_of_the_package():
+    """Oracle: pyproject.toml, and the titles in docs/papers.md."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    citation = yaml.safe_load(text)
+    for field in ("version", "license"):
+        assert citation[field] == project[field]
+    papers = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
+    titles = re.findall(r"^Griffin et al\., \*(.*?)\*", papers, re.M | re.S)
+    assert [" ".join(title.split()) for title in titles] == [
+        paper["title"] for paper in citation["references"]
+    ]
+
+
+def test_the_source_of_each_file_of_a_model_is_told():
+    """Oracle: the files in the folder of each model."""
+    text = (ROOT / "models" / "README.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"`(\w+/[\w.]+)`", text))
+    models = ROOT / "models"
+    assert told == {
+        str(path.relative_to(models))
+        for pattern in ("*/*.csv", "*/*.urdf", "*/*.yaml")
+        for path in models.glob(pattern)
+    }
