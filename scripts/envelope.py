@@ -13,6 +13,7 @@ Examples:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
     python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
     python scripts/envelope.py --plot-only envelopes/mine
+    python scripts/envelope.py --limit --robot path/robot.yaml
 """
 
 import argparse
@@ -33,6 +34,10 @@ from nadia_balance.scripts.command_line import (
     finite,
 )
 from nadia_balance.scripts.envelope_sweep.limits import envelope_of
+from nadia_balance.scripts.envelope_sweep.physical import (
+    limit_lines,
+    with_limits,
+)
 from nadia_balance.scripts.envelope_sweep.plan import (
     Sweep,
     sweep_flags,
@@ -79,6 +84,8 @@ def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
     try:
         if args.plot_only is not None:
             return _plot_only(args.plot_only)
+        if args.limit:
+            return _limit(sweep_from(args))
         job = _prepare(args, stack)
     except (ValueError, OSError) as error:
         return _complain(error, BAD_INPUT)
@@ -133,6 +140,11 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="FOLDER",
         help="only write what follows from FOLDER/trials.csv",
+    )
+    group.add_argument(
+        "--limit",
+        action="store_true",
+        help="simulate no push: print what no controller can recover from",
     )
     return parser
 
@@ -229,9 +241,21 @@ def _plot_only(folder: Path) -> int:
     return DONE
 
 
+def _limit(sweep: Sweep) -> int:
+    """Prints the limits of a point mass with the robot's own figures."""
+    most, directions = sweep.mechanisms[-1], sweep.directions
+    for cell in sweep.cells():
+        if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
+            walk, at = sweep.walk(cell, replica=0), cell.situation
+            lines = limit_lines(walk, at, sweep.plant, directions)
+            print("\n".join(lines), flush=True)
+    return DONE
+
+
 def _report(folder: Path, written: list[str]) -> None:
     """Writes the report; prints the table, and the names of all files."""
     envelope = envelope_of(*read_trials(folder / TRIALS))
+    envelope = with_limits(envelope, folder / "scenario.yaml")
     written = [*write_report(folder, envelope), *written]
     print("\n".join(table_lines(envelope)))
     print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)

@@ -12,15 +12,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from pydrake.solvers import ClpSolver, MathematicalProgram
 
 from nadia_balance.core.capturability import lift_off_time
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import convex_hull, halfspaces, minkowski_sum
+from nadia_balance.core.qp import largest_first
 from nadia_balance.core.reachability import circle, step_regions, total_region
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import (
@@ -274,7 +273,7 @@ class LipmLimit:
                 disc = _DIRECTIONS, np.full(len(_DIRECTIONS), speed * swing)
                 moved = of_step[k] + of_step[k - 1] if k else of_step[0]
                 limits.append((moved, _ZERO if k else -foot, disc))
-        x = _maximise_first(
+        x = largest_first(
             np.vstack([A @ M for M, _, (A, _) in limits]),
             np.concatenate([b - A @ p for _, p, (A, b) in limits]),
         )
@@ -282,16 +281,6 @@ class LipmLimit:
             return None
         footholds = np.cumsum(x[1:].reshape(n, 2), axis=0)
         return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
-
-
-def _maximise_first(A: Array, b: Array) -> Array | None:
-    """Returns the x (n,) of largest x[0] with A x <= b; None: there is none."""
-    program: Any = MathematicalProgram()  # its stubs know no Array
-    x = program.NewContinuousVariables(A.shape[1])
-    program.AddLinearConstraint(A, np.full(len(b), -np.inf), b, x)
-    program.AddLinearCost(-x[0])
-    result = ClpSolver().Solve(program)
-    return np.asarray(result.GetSolution(x)) if result.is_success() else None
 
 
 def _mean_decay(x: float) -> float:
