@@ -41,7 +41,7 @@ _BEFORE = 0.03  # a step lands [s]
 # Looks at the robot's middle; hides all that is not the scene.
 _LOOK = """
 ({time, path, azimuth_deg, elevation_deg, distance, height}) => {
-  for (const node of document.querySelectorAll("#legend, .dg")) {
+  for (const node of document.querySelectorAll("#legend, #status, .dg")) {
     node.style.display = "none";
   }
   viewer.set_render_callback("() => {}");  // no longer follows by itself

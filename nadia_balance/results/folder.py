@@ -14,6 +14,7 @@ from nadia_balance import palette
 from nadia_balance.results.log import Log
 from nadia_balance.results.plots import effort, footsteps, icp, timeline
 from nadia_balance.results.plots.style import RC
+from nadia_balance.results.replay_page import replay_status
 from nadia_balance.results.scene import FRAMES_PER_SECOND
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
@@ -104,7 +105,8 @@ def write_run(
     """
     written = []
     if meshcat is not None:
-        write_replay(meshcat, folder / "replay.html")
+        status = replay_status(log, summary)
+        write_replay(meshcat, folder / "replay.html", status)
         written.append("replay.html")
     np.savez(folder / "log.npz", **log)
     text = json.dumps(summary, indent=2, allow_nan=False)
@@ -114,24 +116,27 @@ def write_run(
     return written + write_plots(folder, log, summary)
 
 
-def write_replay(meshcat: Meshcat, path: Path) -> None:
+def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     """Ends the recording and writes it, with a legend, to `path`.
 
-    A browser that shows the scene gets the recording, too.
+    A browser that shows the scene gets the recording, too.  `status` is HTML
+    (see replay_status).
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
     additions = _LEGEND % legend_entries("div") + _FOLLOW % MIDDLE
+    additions += status
     path.write_text(page + additions + end + rest, encoding="utf-8")
 
 
 def legend_entries(tag: str) -> str:
     """What the colours mean, as HTML, each entry in a `tag`."""
-    return "".join(
+    entries = "".join(
         f'<{tag}><b style="color:{color}">&#9632;</b> {name}</{tag}>'
         for name, color in palette.LEGEND.items()
     )
+    return f"{entries}<{tag}>&#9633; adjusted foothold, in its colour</{tag}>"
 
 
 def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
