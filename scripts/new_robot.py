@@ -79,7 +79,10 @@ def _parser() -> CommandLine:
         help="has the packages of package://; so do the folders above FILE",
     )
     parser.add_argument(
-        "--fidelity", choices=FIDELITIES, default="realistic", help="of the walk"
+        "--fidelity",
+        choices=FIDELITIES,
+        default="realistic",
+        help="of the walk",
     )
     parser.add_argument(
         "--no-walk", action="store_true", help="make the folder only"
@@ -97,11 +100,19 @@ def _parser() -> CommandLine:
 
 
 def _walk(robot: str, fidelity: str) -> int:
-    """Walks in place, and says how that went."""
+    """Walks in place, and says how that went.
+
+    A robot may be too small for the parameters of the scenario.
+    """
     scenario = load_scenario(
         "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
     )
-    run = simulate(HumanoidDiagram(scenario), scenario.duration)
+    try:
+        diagram = HumanoidDiagram(scenario)
+    except ValueError as error:
+        print(f"DID NOT WALK: {error}")
+        return NOT_RECOVERED
+    run = simulate(diagram, scenario.duration)
     info = run_info(scenario, run, "humanoid", "walk_in_place")
     found = summarize(run, info)
     walked = found["recovered"]

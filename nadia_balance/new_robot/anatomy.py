@@ -186,9 +186,9 @@ def find_anatomy(
 ) -> Anatomy:
     """Returns what is what; the root of `tree` is the pelvis.
 
-    `toes` are the arms (2, 3) in the root's axes from either ankle to the
-    middle of its sole: toes are longer than heels.  If they are not, knees
-    tell what is forward: they bend so that the foot goes back.
+    Forward is where the knees bend, which take the feet back; or else where
+    the `toes` are: the arms (2, 3) in the root's axes from either ankle to the
+    middle of its sole.
     """
     up = vertical(tree, legs)
     poses = tree.poses()
@@ -198,17 +198,9 @@ def find_anatomy(
     for leg, several in zip(legs, _by_leg(named, legs), strict=True):
         _find_pitch(tree, leg, lateral, several)
     forward = np.cross(lateral, up)
-    ahead = forward @ np.mean(toes, axis=0)
-    if named.left_foot or named.right_foot:
-        first = legs[0].foot in map(
-            tree.holder, filter(None, [named.left_foot])
-        ) or legs[1].foot in map(tree.holder, filter(None, [named.right_foot]))
-        sign = 1.0 if first else -1.0
-    elif abs(ahead) > 0.01 * np.linalg.norm(across):
-        sign = np.sign(ahead)
-    else:
-        sign = np.mean([_bends(tree, leg, forward) for leg in legs])
-        sign = 1.0 if sign >= 0.0 else -1.0
+    sign = _first_is_left(tree, legs, named)
+    sign = sign or _sign([_goes_back(tree, leg, forward) for leg in legs])
+    sign = sign or _sign([forward @ toe for toe in toes]) or 1.0
     ordered = legs if sign > 0.0 else legs[::-1]
     torso = _link(tree, named.torso) if named.torso else ""
     torso = torso or find_torso(tree, pelvis, legs)
@@ -272,14 +264,25 @@ def _find_pitch(
     leg.knee = named.get("knee", max(pitch[1:-1], key=apart))
 
 
-def _bends(tree: Tree, leg: Leg, forward: Array) -> float:
-    """Positive if the knee has more range to bring the foot back."""
+def _first_is_left(tree: Tree, legs: Sequence[Leg], named: Named) -> float:
+    """1 or -1 as the user has named the feet; 0 if that is not known."""
+    for name, sign in (named.left_foot, 1.0), (named.right_foot, -1.0):
+        if name:
+            return sign if tree.holder(name) == legs[0].foot else -sign
+    return 0.0
+
+
+def _sign(lengths: Sequence[float]) -> float:
+    """Of lengths [m] that agree; else 0."""
+    low, high = min(lengths), max(lengths)
+    return float(low > 0.01) - float(high < -0.01)
+
+
+def _goes_back(tree: Tree, leg: Leg, forward: Array) -> float:
+    """How much more its knee can bring the foot back than forward [m]."""
     knee = tree.joints[leg.knee]
-    share = 0.1 * min(abs(knee.upper), abs(knee.lower), 1.0) + 0.1
-    moved = [
-        tree.poses({leg.knee: knee.nearest(angle)})[leg.foot].translation()
-        for angle in (knee.lower, knee.upper)
+    at = [
+        tree.poses({leg.knee: angle})[leg.foot].translation()
+        for angle in (knee.lower, knee.nearest(0.0), knee.upper)
     ]
-    at_zero = tree.poses()[leg.foot].translation()
-    back = [forward @ (at_zero - there) for there in moved]
-    return float(sum(back)) / share
+    return float(forward @ (2.0 * at[1] - at[0] - at[2]))

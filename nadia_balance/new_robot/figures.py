@@ -198,6 +198,13 @@ def _posture(tree: Tree, anatomy: Anatomy, p_FS: Array) -> dict[str, float]:
             ]
         )
 
+    for leg in legs:
+        most = _knee(tree, leg).most
+        if most < _BENDS[-1]:
+            raise ValueError(
+                f"joint {leg.knee}: must bend the knee, so that the foot goes "
+                f"back, by {_BENDS[-1]:.2f} rad; it does by {most:.2f} rad"
+            )
     for bend in _BENDS:
         for leg in legs:
             knee = tree.joints[leg.knee]

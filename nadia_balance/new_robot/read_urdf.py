@@ -41,12 +41,19 @@ def read_urdf(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
     for tag in dropped:
         if "loop" in tag or "bushing" in tag or "constraint" in tag:
             name = top.find(tag).get("name", "")
-            raise ValueError(f"<{tag}> {name}: must not be there, a closed loop")
+            raise ValueError(
+                f"<{tag}> {name}: must not be there, a closed loop"
+            )
     if dropped:
         notes.changed.append(f"left out the tags {', '.join(dropped)}")
     reader = _Reader(file, roots, notes, _colours(top))
     links = [reader.link(element) for element in top.findall("link")]
     joints = [reader.joint(element) for element in top.findall("joint")]
+    if reader.mended:
+        notes.changed.append(
+            "moments of inertia that no body has, made possible: "
+            + ", ".join(reader.mended)
+        )
     _read_rotors(top, joints)
     for what, named in ("link", links), ("joint", joints):
         names = [one.name for one in named]
@@ -145,6 +152,7 @@ class _Reader:
     def __init__(self, file, roots, notes, colours):
         self._file, self._roots, self._notes = file, roots, notes
         self._colours = colours
+        self.mended: list[str] = []  # links
 
     def link(self, element: Element) -> Link:
         name = element.get("name", "")
@@ -154,7 +162,7 @@ class _Reader:
             ("collision", link.collisions),
         ):
             for part in element.findall(kind):
-                if shape := self._shape(part, f"{kind} of link {name}"):
+                if shape := self._shape(part, f"{kind} of link {name}", link):
                     shapes.append(shape)
         return link
 
@@ -176,10 +184,7 @@ class _Reader:
         given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         possible = _possible(given, mass)
         if not np.allclose(given, possible, rtol=1e-3, atol=0.0):
-            self._notes.changed.append(
-                f"{where}: no body has its moments of inertia; took the "
-                "nearest that are possible"
-            )
+            self.mended.append(where.removeprefix("link "))
         X = _origin(inertial, where)
         unit = UnitInertia(RotationalInertia(*_six(possible / mass)))
         central = SpatialInertia(mass, np.zeros(3), unit)
@@ -198,8 +203,8 @@ class _Reader:
         axis = element.find("axis")
         axis = Element("axis") if axis is None else axis
         direction = _vector(axis, "xyz", where, "1 0 0")
-        length = np.linalg.norm(direction)
-        if not length:
+        length = np.linalg.norm(direction) or 1.0
+        if kind != "fixed" and not direction.any():
             raise ValueError(f"{where}: axis = 0 0 0: must have a direction")
         limit = element.find("limit")
         limit = Element("limit") if limit is None else limit
@@ -231,7 +236,7 @@ class _Reader:
             mimics=element.find("mimic") is not None,
         )
 
-    def _shape(self, part: Element, where: str) -> Shape | None:
+    def _shape(self, part: Element, where: str, link: Link) -> Shape | None:
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
             return None
@@ -239,6 +244,7 @@ class _Reader:
         kind = size.tag.removeprefix(_DRAKE)
         mesh = self._mesh(kind, size, where)
         if mesh is None:
+            link.missing.append(size.get("filename", kind))
             return None
         material = part.find("material")
         colour = ""

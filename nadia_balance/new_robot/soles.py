@@ -47,6 +47,7 @@ def find_sole(link: Link, down: Array) -> SolePlane:
     if not found:
         raise ValueError(
             f"foot {link.name}: must have a shape with a flat side below"
+            + (f"; there is no {link.missing[0]}" if link.missing else "")
         )
     if len(found) == 2 and found[1].area > 2.0 * found[0].area:
         return found[1]

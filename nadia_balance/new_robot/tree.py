@@ -39,6 +39,7 @@ class Link:
     inertia: SpatialInertia | None = None
     visuals: list[Shape] = field(default_factory=list)
     collisions: list[Shape] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)  # meshes
 
     @property
     def mass(self) -> float:
@@ -57,6 +58,7 @@ class Link:
         """Makes `other`, in the same frame, a part of this link."""
         self.visuals += other.visuals
         self.collisions += other.collisions
+        self.missing += other.missing
         if self.inertia and other.inertia:
             self.inertia += other.inertia
         self.inertia = self.inertia or other.inertia

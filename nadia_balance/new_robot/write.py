@@ -72,9 +72,7 @@ def _text(values) -> str:
 
 def _origin(parent: Element, X: RigidTransform) -> None:
     rpy = RollPitchYaw(X.rotation()).vector()
-    SubElement(
-        parent, "origin", xyz=_text(X.translation()), rpy=_text(rpy)
-    )
+    SubElement(parent, "origin", xyz=_text(X.translation()), rpy=_text(rpy))
 
 
 def _inertial(parent: Element, link: Link) -> None:
@@ -231,5 +229,3 @@ def write_yaml(
 
 def _flow(**values: float) -> str:
     return f"{{{', '.join(f'{k}: {v:.4f}' for k, v in values.items())}}}"
-
-
