@@ -288,7 +288,9 @@ def _add_actuators(
     """Drives the joints for which the URDF has no <transmission>."""
     # Not those of the instance: these are known once it is finalized.
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    driven = {actuator.joint().index() for actuator in actuators}
+    driven = [actuator.joint().index() for actuator in actuators]
+    if len(set(driven)) < len(driven):
+        raise ValueError("a joint must not have two <transmission>s")
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
         limit = effort_limits.get(joint.name())
         if limit and joint.num_positions() and joint.index() not in driven:

@@ -18,7 +18,6 @@ from pydrake.multibody.tree import (
 from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
 
-
 _JOINTS = ("revolute", "continuous", "fixed")
 
 
@@ -111,6 +110,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     for field, angles in (
         ("posture", params.posture),
         ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
+        ("whole_body.joint_upper_limits", params.whole_body.joint_upper_limits),
     ):
         for name, angle in angles.items():
             what = f"{field}.{name} = {angle}: must be"
@@ -125,13 +125,8 @@ def _check_drives(
     plant: MultibodyPlant, params: RobotParams, joints: dict
 ) -> None:
     where = f"urdf = {params.urdf}"
-    indices = plant.GetJointActuatorIndices()
-    actuators = map(plant.get_joint_actuator, indices)
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     actuators = {actuator.joint().name(): actuator for actuator in actuators}
-    _require(
-        len(actuators) == len(indices),
-        f"{where}: a joint must not have two <transmission>s",
-    )
     for name, joint in joints.items():
         speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
         _require(

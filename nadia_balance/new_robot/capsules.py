@@ -16,6 +16,7 @@ from nadia_balance.new_robot.tree import Array, Link, Tree
 # Links that are smaller have none, of the length of a leg [-].
 _SMALLEST = 0.15
 _THICKNESS = 0.9  # of the mean of a link's other extents
+_BONE = 0.15  # radius of a thigh or shin of which nothing is known [-]
 # What is nearer, where it stands, is made thinner, at the most so much.
 _CLEARANCE, _THINNEST = 0.03, 0.5
 SHOE_ABOVE_SOLE = 0.004  # [m]
@@ -52,6 +53,15 @@ def fit_capsules(
     for name, link in tree.links.items():
         if name not in capsules and (capsule := _fitted(link, figures.length)):
             capsules[name] = [capsule]
+    for leg in anatomy.legs.values():
+        for upper, lower in (
+            (leg.hip_pitch, leg.knee),
+            (leg.knee, leg.ankle_pitch),
+        ):
+            name = tree.joints[lower].parent
+            if name not in capsules:
+                capsules[name] = [_bone(tree, name, upper, lower)]
+                notes.guessed.append(f"a capsule for {name}: a bone")
     ignored = _neighbours(tree, set(capsules))
     poses = tree.poses(figures.posture)
     for pair in map(frozenset, itertools.combinations(capsules, 2)):
@@ -87,6 +97,20 @@ def _fitted(link: Link, leg: float) -> Capsule | None:
     length = max(large - 2.0 * radius, 0.01 * large)
     X_BG = RigidTransform(RotationMatrix(R_BG))
     return Capsule(X_LB @ X_BG, float(radius), float(length))
+
+
+def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
+    """From one joint to the next, in the frame of `link`."""
+    poses = tree.poses()
+    ends = [
+        poses[link].inverse() @ poses[tree.joints[name].child].translation()
+        for name in (upper, lower)
+    ]
+    along = ends[1] - ends[0]
+    length = float(np.linalg.norm(along))
+    R = RotationMatrix.MakeFromOneVector(along, 2)
+    X_LG = RigidTransform(R, 0.5 * (ends[0] + ends[1]))
+    return Capsule(X_LG, _BONE * length, (1.0 - 2.0 * _BONE) * length)
 
 
 def _shoe(figures: Figures) -> list[Capsule]:

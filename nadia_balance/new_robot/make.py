@@ -70,7 +70,12 @@ def clean(
 ) -> list[Leg]:
     """Leaves driven joints only, all links with a mass; returns the legs."""
     for expression in fix:
-        found = [n for n in tree.joints if re.fullmatch(expression, n)]
+        try:
+            found = [n for n in tree.joints if re.fullmatch(expression, n)]
+        except re.error as error:
+            raise ValueError(
+                f"fix = {expression!r}: must be a regular expression ({error})"
+            ) from None
         if not found:
             raise ValueError(f"fix = {expression!r}: must match a joint")
         for name in found:
@@ -210,6 +215,6 @@ def guess_drives(tree: Tree, figures: Figures, notes: Notes) -> None:
             f"{_PLAUSIBLE:g} rad/s"
         )
     notes.unknown.append(
-        "friction and damping of joints, bandwidth of drives: left out, or "
-        "as docs/robot.md has them"
+        "dry friction of joints, which is left out; bandwidth and corner "
+        "speed of drives: the defaults of docs/robot.md"
     )

@@ -222,6 +222,12 @@ class _Reader:
         for what, value in ("effort", effort), ("velocity", speed):
             if value < 0.0:
                 raise ValueError(f"{where}: {what} = {value}: must be >= 0")
+        dynamics = element.find("dynamics")
+        damping = (
+            0.0
+            if dynamics is None
+            else _number(dynamics, "damping", where, 0.0)
+        )
         return Joint(
             name=name,
             type=kind,
@@ -233,6 +239,7 @@ class _Reader:
             upper=upper,
             effort=effort,
             speed=speed,
+            damping=max(damping, 0.0),
             mimics=element.find("mimic") is not None,
         )
 

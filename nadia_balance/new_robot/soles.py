@@ -120,30 +120,28 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
     """
     sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
     a_x, a_y, c = sides.T
-    widest = min(float(np.abs(sole[:, 1]).max()) for sole in soles)
-    # a_x x <= -c - a_y y for y = +-w.
     ahead, behind = a_x > 1e-9, a_x < -1e-9
+    beside = ~(ahead | behind)
 
     def ends(width: float) -> tuple[float, float]:
-        room = -c - np.abs(a_y) * width
-        return (
-            float((room[behind] / a_x[behind]).max()),
-            float((room[ahead] / a_x[ahead]).min()),
-        )
+        """Heel and toe at y = +-width, in any order if there is none."""
+        room = -c - np.abs(a_y) * width  # a_x x <= room
+        heel = (room[behind] / a_x[behind]).max()
+        toe = (room[ahead] / a_x[ahead]).min()
+        return float(heel), float(toe)
 
-    def area(width: float) -> float:
+    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
+    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
+
+    def lost(width: float) -> float:
         heel, toe = ends(width)
-        blocked = (-c - np.abs(a_y) * width)[~(ahead | behind)].min(initial=0.0)
-        return -width * max(toe - heel, 0.0) + 1e3 * max(-blocked - 1e-12, 0.0)
+        return -width * (toe - heel)
 
+    if widest <= 0.0 or ends(0.0)[0] >= ends(0.0)[1]:
+        raise ValueError("soles: must have a part on y = 0 in common")
     found = minimize_scalar(
-        area, bounds=(0.0, widest), method="bounded", options={"xatol": 1e-6}
+        lost, bounds=(0.0, widest), method="bounded", options={"xatol": 1e-7}
     )
-    width = float(found.x)
     # A rectangle's own width is at the end of the search.
-    if area(widest) <= found.fun:
-        width = widest
-    heel, toe = ends(width)
-    if not (toe > heel and width > 0.0):
-        raise ValueError("the soles must have a part on y = 0 in common")
-    return heel, toe, width
+    width = min(float(found.x), widest, key=lost)
+    return *ends(width), width

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,7 @@ class Joint:
     effort: float = 0.0  # [N m]; 0: not given
     speed: float = 0.0  # [rad/s]; 0: not given
     rotor_inertia: float = 0.0  # reflected [kg m^2]; 0: not given
+    damping: float = 0.0  # [N m s/rad]
     mimics: bool = False
 
     def pose(self, angle: float) -> RigidTransform:

@@ -154,6 +154,8 @@ def _joint(parent: Element, joint: Joint) -> None:
     if joint.speed:
         limit["velocity"] = _text(joint.speed)
     SubElement(element, "limit", limit)
+    if joint.damping:
+        SubElement(element, "dynamics", damping=_text(joint.damping))
 
 
 def _transmission(parent: Element, joint: Joint) -> None:

@@ -52,7 +52,10 @@ def test_a_sole_has_a_sphere_at_each_corner_and_shoes_above(robot):
 
 
 def test_legs_touch_each_other_and_no_link_its_neighbour(robot):
-    """Oracle: the chain of a leg; spheres of 3 cm have no capsule."""
+    """Oracle: the chain of a leg.
+
+    Shins have a sphere of 5 cm only; the capsule is from the knee to the ankle.
+    """
     diagram, plant, scene_graph = robot.control_diagram()
     inspector = scene_graph.model_inspector()
 
