@@ -8,6 +8,7 @@ Examples:
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
@@ -15,8 +16,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.new_robot.anatomy import Named
-from nadia_balance.new_robot.make import make_robot
+from nadia_balance.new_robot.named import Named
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot import FIDELITIES, load_robot
 from nadia_balance.scripts.command_line import (
@@ -38,6 +38,7 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     named = Named(**{f.name: getattr(args, f.name) for f in fields(Named)})
     with parser.refusing():
+        make_robot = _maker()
         for line in make_robot(
             args.file,
             args.out,
@@ -52,6 +53,17 @@ def main(argv: list[str] | None = None) -> int:
     if args.no_walk:
         return RECOVERED
     return _walk(str(robot), args.fidelity)
+
+
+def _maker() -> Callable:
+    """Returns make_robot; what it needs is an extra."""
+    try:
+        from nadia_balance.new_robot.make import make_robot
+    except ImportError as error:
+        raise ValueError(
+            f"{error.name} is missing: pip install 'nadia_balance[robots]'"
+        ) from None
+    return make_robot
 
 
 def _parser() -> CommandLine:

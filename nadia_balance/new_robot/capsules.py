@@ -14,7 +14,7 @@ from nadia_balance.new_robot.notes import Notes
 from nadia_balance.new_robot.tree import Array, Link, Tree
 
 # Links that are smaller have none, of the length of a leg [-].
-_SMALLEST = 0.15
+_SMALLEST = 0.25
 _THICKNESS = 0.9  # of the mean of a link's other extents
 _BONE = 0.15  # radius of a thigh or shin of which nothing is known [-]
 # What is nearer, where it stands, is made thinner, at the most so much.
@@ -45,23 +45,31 @@ def fit_capsules(
 ) -> tuple[Capsules, Pairs]:
     """Returns the capsules by link, and the pairs that may not touch.
 
-    These are neighbours, with no other link that has capsules in between, and
-    what overlaps where the robot stands although it was made thinner.
+    Of a leg only thigh, shin and foot have any.  The pairs are neighbours, with
+    no other link that has capsules in between, and what overlaps where the
+    robot stands although it was made thinner.
     """
     feet = anatomy.feet.values()
     capsules = {foot: _shoe(figures) for foot in feet}
-    for name, link in tree.links.items():
-        if name not in capsules and (capsule := _fitted(link, figures.length)):
-            capsules[name] = [capsule]
+    of_legs = {
+        tree.joints[name].child
+        for leg in anatomy.legs.values()
+        for name in leg.joints
+    }
     for leg in anatomy.legs.values():
-        for upper, lower in (
-            (leg.hip_pitch, leg.knee),
-            (leg.knee, leg.ankle_pitch),
+        knee = tree.joints[leg.knee]
+        for name, upper, lower in (
+            (knee.parent, leg.hip_pitch, leg.knee),
+            (knee.child, leg.knee, leg.ankle_pitch),
         ):
-            name = tree.joints[lower].parent
-            if name not in capsules:
-                capsules[name] = [_bone(tree, name, upper, lower)]
-                notes.guessed.append(f"a capsule for {name}: a bone")
+            capsule = _fitted(tree.links[name], figures.length)
+            if not capsule:
+                notes.guessed.append(f"the thickness of {name}")
+            capsules[name] = [capsule or _bone(tree, name, upper, lower)]
+    for name, link in tree.links.items():
+        if name not in of_legs:
+            if capsule := _fitted(link, figures.length):
+                capsules[name] = [capsule]
     ignored = _neighbours(tree, set(capsules))
     poses = tree.poses(figures.posture)
     for pair in map(frozenset, itertools.combinations(capsules, 2)):

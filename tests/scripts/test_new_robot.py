@@ -1,5 +1,7 @@
 """One command from a URDF of anybody's to a robot that walks."""
 
+import sys
+
 import pytest
 
 from nadia_balance.scripts import new_robot
@@ -70,3 +72,13 @@ def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
     (line,) = outcome.err
     assert outcome.code == 2
     assert "effort limit of l_knee = 10: must be >= " in line
+
+
+def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
+    """Oracle: without trimesh, one line."""
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.make")
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.tree")
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+    message = "trimesh is missing: pip install 'nadia_balance[robots]'"
+    assert_refused(outcome, message)
