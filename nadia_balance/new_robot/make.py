@@ -20,6 +20,7 @@ from nadia_balance.new_robot.capsules import fit_capsules
 from nadia_balance.new_robot.figures import Figures, measure, set_frames
 from nadia_balance.new_robot.named import Named
 from nadia_balance.new_robot.notes import Notes
+from nadia_balance.new_robot.read_drake import read_with_drake
 from nadia_balance.new_robot.read_urdf import read_urdf
 from nadia_balance.new_robot.soles import SolePlane, find_sole
 from nadia_balance.new_robot.tree import Tree
@@ -52,7 +53,7 @@ def make_robot(
         OSError: a file cannot be read or written.
     """
     notes, named = Notes(), named or Named()
-    tree = read_urdf(file, package_roots, notes)
+    tree = _read(file, package_roots, notes)
     legs = clean(tree, fix, named, notes)
     anatomy, figures = study(tree, legs, named, notes)
     guess_drives(tree, figures, notes)
@@ -63,6 +64,15 @@ def make_robot(
     speed = _SPEED if slow else None
     write_yaml(tree, anatomy, figures, speed, folder)
     return notes
+
+
+def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
+    """The robot in a URDF, or in an MJCF or SDF, which Drake reads."""
+    with file.open("rb") as start:
+        text = start.read(10000)
+    if b"<mujoco" in text or b"<sdf" in text:
+        return read_with_drake(file, roots, notes)
+    return read_urdf(file, roots, notes)
 
 
 def clean(

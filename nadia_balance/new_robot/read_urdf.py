@@ -16,6 +16,7 @@ from pydrake.multibody.tree import (
 )
 
 from nadia_balance.new_robot.notes import Notes
+from nadia_balance.new_robot.primitives import primitive_mesh
 from nadia_balance.new_robot.tree import Joint, Link, Shape, Tree
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -263,28 +264,12 @@ class _Reader:
         return Shape(kind, dict(size.attrib), X_LG, mesh, colour)
 
     def _mesh(self, kind, size, where) -> trimesh.Trimesh | None:
-        def number(name: str) -> float:
-            value = _number(size, name, where)
-            if value <= 0.0:
-                raise ValueError(f"{where}: {name} = {value}: must be > 0 m")
-            return value
-
-        make = trimesh.creation
         if kind == "mesh":
             return self._load(size, where)
-        if kind == "box":
-            return make.box(_vector(size, "size", where, ""))
-        if kind == "sphere":
-            return make.icosphere(3, number("radius"))
-        if kind in ("cylinder", "capsule"):
-            height, radius = number("length"), number("radius")
-            return getattr(make, kind)(height=height, radius=radius)
-        if kind == "ellipsoid":
-            mesh = make.icosphere(3, 1.0)
-            mesh.apply_scale([number(half_axis) for half_axis in "abc"])
-            return mesh
-        self._notes.changed.append(f"left out the {kind} of {where}")
-        return None
+        mesh = primitive_mesh(kind, size.attrib, where)
+        if mesh is None:
+            self._notes.changed.append(f"left out the {kind} of {where}")
+        return mesh
 
     def _load(self, size: Element, where: str) -> trimesh.Trimesh | None:
         name = size.get("filename", "")
