@@ -1,4 +1,4 @@
-"""Makes a robot folder of a URDF, and sees whether the robot walks.
+"""Makes a robot folder of anybody's URDF, and sees whether the robot walks.
 
 Examples:
     python scripts/new_robot.py robot.urdf --out my_robot
@@ -73,7 +73,7 @@ def _parser() -> CommandLine:
         epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
         "2 bad input.",
     )
-    parser.add_argument("file", type=Path, help="a URDF")
+    parser.add_argument("file", type=Path, help="a URDF, MJCF or SDF")
     parser.add_argument("--out", type=Path, required=True, help="the folder")
     parser.add_argument(
         "--fix",

@@ -20,6 +20,7 @@ _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # m, or rad
 # Soles that stand stay so far apart, of the length of a leg [-].
 _GAP = 0.05
+_SAME_LENGTH = 0.01  # of both legs [-]
 _NEVER_STRAIGHT = 0.1  # bend of a knee, at least [rad]
 
 
@@ -84,7 +85,13 @@ def measure(
     """
     heel, toe, half_width = largest_rectangle(list(soles.values()))
     knees = [_knee(tree, leg) for leg in anatomy.legs.values()]
-    length = float(np.mean([knee.longest() for knee in knees]))
+    lengths = [knee.longest() for knee in knees]
+    length = float(np.mean(lengths))
+    if np.ptp(lengths) > _SAME_LENGTH * length:
+        raise ValueError(
+            f"legs to {' and '.join(anatomy.feet.values())}: must be alike; "
+            f"they are {lengths[0]:.3f} and {lengths[1]:.3f} m long"
+        )
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
     posture = _posture(tree, anatomy, p_FS)
     poses = tree.poses(posture)

@@ -1,5 +1,7 @@
 """A Tree and its figures as robot.urdf, meshes and robot.yaml."""
 
+import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -38,7 +40,7 @@ def write_urdf(
         link = SubElement(top, "link", name=name)
         _inertial(link, tree.links[name])
         for i, shape in enumerate(tree.links[name].visuals):
-            _visual(link, shape, folder, f"{name}_{i}")
+            _visual(link, shape, folder, re.sub(r"\W", "_", f"{name}_{i}"))
         for capsule in capsules.get(name, []):
             size = {"radius": capsule.radius, "length": capsule.length}
             _collision(link, capsule.X_LG, f"{_DRAKE}capsule", size)
@@ -198,17 +200,17 @@ def write_yaml(
     )
     lines = [
         "# Made by nadia-new-robot from the robot's description.",
-        f"name: {tree.name}",
+        f"name: {json.dumps(tree.name)}",
         "urdf: robot.urdf",
-        f"pelvis_body: {anatomy.pelvis}",
-        f"torso_body: {anatomy.torso}",
-        f"left_foot_body: {left}",
-        f"right_foot_body: {right}",
+        f"pelvis_body: {json.dumps(anatomy.pelvis)}",
+        f"torso_body: {json.dumps(anatomy.torso)}",
+        f"left_foot_body: {json.dumps(left)}",
+        f"right_foot_body: {json.dumps(right)}",
         "sole: "
         + _flow(x_min=f.heel, x_max=f.toe, half_width=f.half_width, z=f.sole_z),
         f"com_height: {f.com_height:.4f}",
         f"step_width: {f.step_width:.4f}",
-        f"posture: {_flow(**f.posture)}",
+        f"posture: {_by_joint(f.posture)}",
         "legs: "
         + _flow(
             length=f.length,
@@ -224,9 +226,14 @@ def write_yaml(
     lines.append("whole_body:  # knees that are never straight")
     for which, limits in ("lower", lower), ("upper", upper):
         finite = {k: v for k, v in limits.items() if np.isfinite(v)}
-        lines.append(f"  joint_{which}_limits: {_flow(**finite)}")
+        lines.append(f"  joint_{which}_limits: {_by_joint(finite)}")
     text = "\n".join(lines) + "\n"
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
+
+
+def _by_joint(values: Mapping[str, float]) -> str:
+    """Quoted: a joint may have any name."""
+    return _flow(**{json.dumps(k): v for k, v in values.items()})
 
 
 def _flow(**values: float) -> str:

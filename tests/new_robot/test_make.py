@@ -118,6 +118,9 @@ class Editor:
         joint.set("type", values.pop("type", joint.get("type")))
         joint.find("limit").attrib.update(values)
 
+    def moved(self, joint: str, xyz: str) -> None:
+        self.named("joint", joint).find("origin").set("xyz", xyz)
+
     def no_effort(self, name: str) -> None:
         del self.named("joint", name).find("limit").attrib["effort"]
 
@@ -216,6 +219,11 @@ def edit(tmp_path):
             lambda e: e.no_meshes(),
             "foot l_foot: must have a shape with a flat side below; there is "
             "no package://biped_description/meshes/l_foot.stl",
+        ),
+        (
+            lambda e: e.moved("l_ankle", "0 0 -0.35"),
+            "legs to l_foot and r_foot: must be alike; they are 0.750 and "
+            "0.780 m long",
         ),
         (
             lambda e: e.rod("chest", "l_foot"),
