@@ -1,6 +1,6 @@
 """The lengths of a robot that robot.yaml has, and the posture it stands in."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +61,7 @@ def set_frames(
         x -= (x @ z) * z
         x /= np.linalg.norm(x)
         turns[foot] = np.stack([x, np.cross(z, x), z], axis=1)
-    for link in {anatomy.torso, anatomy.pelvis}:
+    for link in anatomy.pelvis, anatomy.torso:
         turns[link] = poses[link].rotation().inverse().matrix() @ upright
     for link, turn in turns.items():
         R = RotationMatrix.ProjectToRotationMatrix(turn)
@@ -84,30 +84,21 @@ def measure(
         ValueError: it cannot stand with bent knees on level soles.
     """
     heel, toe, half_width = largest_rectangle(list(soles.values()))
-    knees = [_knee(tree, leg) for leg in anatomy.legs.values()]
-    lengths = [knee.longest() for knee in knees]
-    length = float(np.mean(lengths))
-    if np.ptp(lengths) > _SAME_LENGTH * length:
-        raise ValueError(
-            f"legs to {' and '.join(anatomy.feet.values())}: must be alike; "
-            f"they are {lengths[0]:.3f} and {lengths[1]:.3f} m long"
-        )
+    knees = {leg.knee: _knee(tree, leg) for leg in anatomy.legs.values()}
+    length = _length(anatomy, knees.values())
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
     posture = _posture(tree, anatomy, p_FS)
     poses = tree.poses(posture)
     com = tree.com(poses)
-    ankles, hips = (
-        np.mean(
-            [
-                poses[tree.joints[getattr(leg, what)].child].translation()
-                for leg in anatomy.legs.values()
-            ],
-            axis=0,
-        )
-        for what in ("ankle_pitch", "hip_pitch")
-    )
+
+    def height(what: str) -> float:
+        """Of both legs' joints of that name, on average [m]."""
+        names = [getattr(leg, what) for leg in anatomy.legs.values()]
+        links = [tree.joints[name].child for name in names]
+        return float(np.mean([poses[link].translation()[2] for link in links]))
+
     centres = [poses[foot] @ p_FS for foot in anatomy.feet.values()]
-    ground = np.mean(centres, axis=0)[2]
+    ground = float(np.mean(centres, axis=0)[2])
     across = float(centres[0][1] - centres[1][1])
     return Figures(
         heel=heel,
@@ -115,16 +106,13 @@ def measure(
         half_width=half_width,
         sole_z=-depth,
         length=length,
-        ankle_height=float(ankles[2] - ground),
-        com_above_hip=float(com[2] - hips[2]),
+        ankle_height=height("ankle_pitch") - ground,
+        com_above_hip=float(com[2]) - height("hip_pitch"),
         hip_width=across,
         com_height=float(com[2] - ground),
         step_width=max(across, 2.0 * half_width + _GAP * length),
         posture=posture,
-        knee_limits={
-            leg.knee: knee.limits()
-            for leg, knee in zip(anatomy.legs.values(), knees, strict=True)
-        },
+        knee_limits={name: knee.limits() for name, knee in knees.items()},
     )
 
 
@@ -155,6 +143,18 @@ class _Knee:
             return -np.inf, np.inf
         angle = self.angle(_NEVER_STRAIGHT)
         return (angle, np.inf) if self.sense > 0.0 else (-np.inf, angle)
+
+
+def _length(anatomy: Anatomy, knees: Iterable[_Knee]) -> float:
+    """Of a leg; ValueError if one is longer than the other."""
+    left, right = (knee.longest() for knee in knees)
+    length = 0.5 * (left + right)
+    if abs(left - right) > _SAME_LENGTH * length:
+        raise ValueError(
+            f"legs to {' and '.join(anatomy.feet.values())}: must be alike; "
+            f"they are {left:.3f} and {right:.3f} m long"
+        )
+    return length
 
 
 def _knee(tree: Tree, leg: Leg) -> _Knee:

@@ -10,6 +10,7 @@ from pydrake.geometry import (
     GeometryId,
     Mesh,
     Role,
+    SceneGraph,
     SceneGraphInspector,
 )
 from pydrake.geometry import Shape as DrakeShape
@@ -47,17 +48,7 @@ def read_with_drake(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
     if not file.is_file():
         raise FileNotFoundError(f"{file}: no such file")
     _refuse_several_joints(file)
-    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
-    parser = Parser(plant)
-    for package in (p for root in roots for p in root.iterdir()):
-        if package.is_dir():
-            parser.package_map().Add(package.name, str(package.resolve()))
-    # SystemExit is how pydrake reports a condition of Drake's own code.
-    try:
-        models = parser.AddModels(str(file))
-        plant.Finalize()
-    except (RuntimeError, SystemExit) as error:
-        raise ValueError(f"Drake cannot read it: {error}") from None
+    plant, scene_graph, name = _parsed(file, roots)
     bases = [plant.get_body(i).name() for i in plant.GetFloatingBaseBodies()]
     if len(bases) != 1:
         raise ValueError(
@@ -65,7 +56,6 @@ def read_with_drake(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
         )
     if plant.num_constraints():
         raise ValueError("constraints: must not be there: closed loops, mimics")
-    name = plant.GetModelInstanceName(models[0])
     inspector = scene_graph.model_inspector()
     bodies = [
         plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())
@@ -82,6 +72,24 @@ def read_with_drake(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
     _move_to_joints(plant, tree)
     notes.changed.append("read by Drake, which leaves out what it cannot show")
     return tree
+
+
+def _parsed(
+    file: Path, roots: Sequence[Path]
+) -> tuple[MultibodyPlant, SceneGraph, str]:
+    """The plant of `file`, finalized, its shapes, and its model's name."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    parser = Parser(plant)
+    for package in (p for root in roots for p in root.iterdir()):
+        if package.is_dir():
+            parser.package_map().Add(package.name, str(package.resolve()))
+    # SystemExit is how pydrake reports a condition of Drake's own code.
+    try:
+        models = parser.AddModels(str(file))
+        plant.Finalize()
+    except (RuntimeError, SystemExit) as error:
+        raise ValueError(f"Drake cannot read it: {error}") from None
+    return plant, scene_graph, plant.GetModelInstanceName(models[0])
 
 
 def _refuse_several_joints(file: Path) -> None:

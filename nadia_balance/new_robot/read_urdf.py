@@ -130,6 +130,33 @@ def _number(
     raise ValueError(f"{where}: {attribute} = {text}: must be a finite number")
 
 
+def _read_limits(element: Element, joint: Joint) -> None:
+    where = f"joint {joint.name}"
+
+    def value(tag: str, attribute: str) -> float:
+        child = element.find(tag)
+        if child is None:
+            return 0.0
+        return _number(child, attribute, where, 0.0)
+
+    joint.lower, joint.upper = value("limit", "lower"), value("limit", "upper")
+    if joint.lower > joint.upper:
+        raise ValueError(
+            f"{where}: lower limit = {joint.lower}: must be <= upper = "
+            f"{joint.upper}"
+        )
+    if joint.type == "continuous":
+        joint.lower, joint.upper = -math.pi, math.pi
+    joint.effort = value("limit", "effort")
+    joint.speed = value("limit", "velocity")
+    joint.damping = max(value("dynamics", "damping"), 0.0)
+    for what in ("effort", "speed"):
+        if getattr(joint, what) < 0.0:
+            raise ValueError(
+                f"{where}: {what} = {getattr(joint, what)}: must be >= 0"
+            )
+
+
 def _vector(element: Element, attribute: str, where: str, default: str):
     text = element.get(attribute, default)
     try:
@@ -207,42 +234,17 @@ class _Reader:
         length = np.linalg.norm(direction) or 1.0
         if kind != "fixed" and not direction.any():
             raise ValueError(f"{where}: axis = 0 0 0: must have a direction")
-        limit = element.find("limit")
-        limit = Element("limit") if limit is None else limit
-        lower = _number(limit, "lower", where, 0.0)
-        upper = _number(limit, "upper", where, 0.0)
-        if lower > upper:
-            raise ValueError(
-                f"{where}: lower limit = {lower}: must be <= upper = {upper}"
-            )
-        if kind == "continuous":
-            lower, upper = -math.pi, math.pi
-        effort, speed = (
-            _number(limit, what, where, 0.0) for what in ("effort", "velocity")
-        )
-        for what, value in ("effort", effort), ("velocity", speed):
-            if value < 0.0:
-                raise ValueError(f"{where}: {what} = {value}: must be >= 0")
-        dynamics = element.find("dynamics")
-        damping = (
-            0.0
-            if dynamics is None
-            else _number(dynamics, "damping", where, 0.0)
-        )
-        return Joint(
+        found = Joint(
             name=name,
             type=kind,
             parent=element.find("parent").get("link", ""),
             child=element.find("child").get("link", ""),
             X_PC=_origin(element, where),
             axis=direction / length,
-            lower=lower,
-            upper=upper,
-            effort=effort,
-            speed=speed,
-            damping=max(damping, 0.0),
             mimics=element.find("mimic") is not None,
         )
+        _read_limits(element, found)
+        return found
 
     def _shape(self, part: Element, where: str, link: Link) -> Shape | None:
         geometry = part.find("geometry")
