@@ -364,7 +364,7 @@ def test_the_legend_names_what_is_drawn(replay):
 
 def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
     """Oracle: the story of the made-up run, and the viewer's own clock."""
-    meshcat, path = start_meshcat(), tmp_path / "replay.html"
+    meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
     start_recording(meshcat)
     log = make_log(Recipe())
     summary = summary_of(log)
