@@ -45,7 +45,7 @@ class LipmDiagram(Diagram):
                 f"engine = {scenario.engine!r}: must be drake for a point mass"
             )
         self.scenario = scenario
-        self.robot = load_robot(scenario.robot)
+        self.robot = load_robot(scenario.robot, scenario.fidelity)
         # It has no bodies, but the robot that it stands for has.
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)

@@ -38,7 +38,7 @@ class Scenario:
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # The robot as it could be built, or with drives that can do anything.
-    fidelity: str = bounded("ideal", one_of=FIDELITIES)
+    fidelity: str = bounded("realistic", one_of=FIDELITIES)
     # What moves it.  Of plant_config, MuJoCo has the time step only.
     engine: str = bounded("drake", one_of=ENGINES)
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")

@@ -306,7 +306,7 @@ def robot_names() -> list[str]:
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
-def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
+def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:

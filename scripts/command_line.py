@@ -162,7 +162,7 @@ def scenario_flags(
     group.add_argument("--robot", help="a model's name, or a robot.yaml")
     group.add_argument(
         "--fidelity",
-        help="realistic, or ideal: any torque at any speed, at once",
+        help="realistic, or ideal: drives and feet as fast as need be",
     )
     group.add_argument(
         "--engine", help="drake, or mujoco: what moves the robot"
@@ -274,11 +274,6 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     if not 0.0 <= args.realtime_rate <= FASTEST:
         raise ValueError(
             f"realtime_rate = {args.realtime_rate}: must be in [0, {FASTEST}]"
-        )
-    if args.plant == "lipm" and args.fidelity is not None:
-        raise ValueError(
-            f"fidelity = {args.fidelity!r}: must not come with --plant lipm, "
-            "which has no drives"
         )
     reason = "--plant lipm" if args.plant == "lipm" else ""
     reason = "--no-meshcat" if args.no_meshcat else reason

@@ -139,10 +139,6 @@ def test_fidelity_is_a_flag(monkeypatch, capsys):
     argv = ["--no-meshcat", "--fidelity", "realistic"]
     assert_refused(run_script(Job, argv, capsys), "looked at")
     assert seen == ["realistic"]
-    assert_refused(
-        run(capsys, "--fidelity", "realistic"),
-        "fidelity = 'realistic': must not come with --plant lipm, which has no",
-    )
     message = "fidelity = 'true': must be one of realistic, ideal"
     assert_refused(
         run_script(Job, ["--no-meshcat", "--fidelity", "true"], capsys), message
