@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pydrake.common.yaml import yaml_load_file
 from pydrake.multibody.plant import MultibodyPlantConfig
@@ -13,11 +14,17 @@ from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
+from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import WalkingState
-from nadia_balance.robot import FIDELITIES, default_plant_config
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.robot import (
+    FIDELITIES,
+    default_plant_config,
+    load_robot_params,
+)
+from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+UNITS = ("si", "froude")
 PLANT_WORDS = {  # of MultibodyPlantConfig
     "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
     "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
@@ -31,6 +38,9 @@ class Scenario:
 
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
+    # Of what its file says: SI, or "froude": as for a robot of Nadia's size
+    # (core/size.py).  What it does not say is always the latter.
+    units: str = bounded("si", one_of=UNITS)
     # The robot as it could be built, or with drives that can do anything.
     fidelity: str = bounded("ideal", one_of=FIDELITIES)
     duration: float = bounded(10.0, above=0.0, unit="s")
@@ -42,7 +52,7 @@ class Scenario:
     required_steps: int = bounded(0, least=0)
     # Control period of the point mass.  It has the same largest pushes at
     # 0.01 as at the robot's, controller.control_period, but is faster.
-    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s")
+    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
@@ -136,7 +146,9 @@ def load_scenario(
     """Returns the scenario `name` of the package, or of the file.
 
     `text` is YAML that overrides single fields, and so do `changes`, unless
-    they are None.
+    they are None; both are in SI units.  So is the scenario that is returned:
+    what is not given, or in a file whose `units` are "froude", has been scaled
+    from Nadia's size to that of the robot.
 
     Raises:
         ValueError: unknown name or field, malformed YAML, a value out of
@@ -154,12 +166,28 @@ def load_scenario(
     elif not Path(filename).is_file():
         raise FileNotFoundError(f"{what}: no such file")
     scenario = load_typed(Scenario, what, filename=filename, child_name=name)
+    given: dict = {}
+    if scenario.units == "si":
+        given = load_tree(Path(filename).read_text(encoding="utf-8"), name)
     if text:
         scenario = load_typed(
             Scenario, "scenario_text", data=text, defaults=scenario
         )
+        given = _merged(given, load_tree(text))
+    changes = {k: v for k, v in changes.items() if v is not None}
     for field_name, value in changes.items():
-        if value is not None:
-            setattr(scenario, field_name, value)
+        setattr(scenario, field_name, value)
+    check(scenario)
+    size = load_robot_params(scenario.robot)[0].size
+    scenario.units = "si"
+    scenario = scaled(scenario, size, given | changes)
     check(scenario)
     return scenario
+
+
+def _merged(tree: object, over: object) -> Any:
+    """The tree of YAML, with the leaves and lists of the one over it."""
+    if not (isinstance(tree, dict) and isinstance(over, dict)):
+        return over
+    merged = {key: _merged(tree.get(key), over[key]) for key in over}
+    return tree | merged

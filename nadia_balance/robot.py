@@ -31,6 +31,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 import nadia_balance
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
@@ -39,7 +40,7 @@ from nadia_balance.robot_checks import (
     improper_contacts,
 )
 from nadia_balance.robot_params import RobotParams, idealised
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.typed_yaml import load_tree, load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
 # by `import models`: a user may have a folder of that name.
@@ -290,6 +291,20 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
         raise ValueError(
             f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
         )
+    params, urdf = load_robot_params(name)
+    if fidelity == "ideal":
+        params = idealised(params)
+    return RobotModel(params, urdf)
+
+
+def load_robot_params(name: str) -> tuple[RobotParams, Path]:
+    """Returns what robot.yaml says, and its URDF.
+
+    What it does not say is Nadia's, scaled to its `size`.
+
+    Raises:
+        ValueError, FileNotFoundError: as load_robot, but the URDF is not read.
+    """
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
@@ -308,9 +323,8 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    if fidelity == "ideal":
-        params = idealised(params)
-    return RobotModel(params, urdf)
+    given = load_tree(path.read_text(encoding="utf-8"))
+    return scaled(params, params.size, given), urdf
 
 
 def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:

@@ -32,8 +32,8 @@ _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 class StepVector:
     """Where the next step goes, in the frame between the feet."""
 
-    length: float = 0.0  # forward [m]
-    sideways: float = 0.0  # to the left [m]
+    length: float = bounded(0.0, unit="m")  # forward
+    sideways: float = bounded(0.0, unit="m")  # to the left
     yaw_deg: float = 0.0  # turn to the left [deg]
 
 
@@ -42,8 +42,8 @@ class Foothold:
     """A foothold in the frame between the feet at the start."""
 
     side: str = bounded("left", one_of=_SIDES)  # the foot that moves
-    x: float = 0.0  # sole centre, forward [m]
-    y: float = 0.0  # sole centre, to the left [m]
+    x: float = bounded(0.0, unit="m")  # sole centre, forward
+    y: float = bounded(0.0, unit="m")  # sole centre, to the left
     yaw_deg: float = 0.0  # [deg]
 
 

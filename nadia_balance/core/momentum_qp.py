@@ -37,7 +37,9 @@ class MomentumQpParams:
     # eCMP from CoP, along and across the foot.
     max_kappa: float = bounded(0.05, least=0.0, unit="m")
     # How far inside the support polygon the CoP stays.
-    cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
+    cop_safe_distance: float = bounded(
+        0.005, least=0.0, unit="m", of="sole_width"
+    )
     solver: str = bounded("active_set", one_of=SOLVERS)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
 

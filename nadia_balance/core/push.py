@@ -58,15 +58,15 @@ class Push:
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    delta_v: float | None = bounded(None, least=0.0)  # of the whole mass [m/s]
-    force: float | None = bounded(None, least=0.0)  # [N]
-    duration: float = bounded(0.1, above=0.0, unit="s")  # [s]
+    delta_v: float | None = bounded(None, least=0.0, unit="m/s")  # of the mass
+    force: float | None = bounded(None, least=0.0, unit="N")
+    duration: float = bounded(0.1, above=0.0, unit="s")
     direction_deg: float = 0.0  # 0 forward, 90 left [deg]
     at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
     # Not in a phase before so many steps are taken [-].
     after_steps: int = bounded(0, least=0)
-    # Later than said above, for replicas [s].
-    delay: float = bounded(0.0, least=0.0)
+    # Later than said above, for replicas.
+    delay: float = bounded(0.0, least=0.0, unit="s")
 
     @property
     def moment(self) -> Moment:

@@ -50,14 +50,14 @@ class TimingAdapterParams:
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
     # Smaller ICP errors change no clock, and do not leave.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
-    min_swing_duration: float = bounded(0.35, least=0.35, unit="s")
-    min_transfer_duration: float = bounded(0.03, least=0.03, unit="s")
+    min_swing_duration: float = bounded(0.35, above=0.0, unit="s")
+    min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
     # What the swing foot always needs: so much time, and a rest of the swing
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
     # eCMPs nearer the edge are not feasible.
-    support_margin: float = bounded(0.02, least=0.0, unit="m")
+    support_margin: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
 
     def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
         """Least rest [s] of a swing of `duration` [s] after `elapsed` [s].
