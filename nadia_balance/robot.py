@@ -35,6 +35,7 @@ from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
+    check_sizes,
     check_standing,
     check_urdf,
     improper_contacts,
@@ -85,12 +86,11 @@ class RobotModel:
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         with self._naming_the_urdf():
             check_urdf(urdf)
-        # Once with all shapes: the plant of the controller reads none.
-        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self.add_to(plant)
+        # With all shapes: the plant of the controller reads none.
+        _, shaped, scene_graph = self.control_diagram()
         plant = self.control_plant()
         check_plant(plant, params)
+        check_sizes(shaped, scene_graph.model_inspector(), params)
         standing = self.standing_positions()
         with self._naming_the_urdf():
             check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
@@ -257,9 +257,12 @@ class RobotModel:
         prog.SetInitialGuess(com, over_origin)
         result = SnoptSolver().Solve(prog)
         if not result.is_success():
+            legs = self.params.legs
+            highest = legs.length + legs.ankle_height + legs.com_above_hip
             raise ValueError(
                 f"step_width = {width}, com_height = {self.com_height}: must "
-                f"be within reach of the legs of {self.name}, in m"
+                f"be within reach of the legs of {self.name}, in m; with "
+                f"straight ones, the CoM is {highest:.3f} m high"
             )
         return result.GetSolution(q)
 

@@ -24,7 +24,7 @@ from nadia_balance.core.walking import (
 )
 
 _SIDES = ("left", "right")
-_DISPLACED = 0.05  # unless pushed, feet land nearer to their footholds [m]
+_DISPLACED = 0.2  # of w_nom: unless pushed, feet land nearer to footholds
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 
 
@@ -207,7 +207,7 @@ def within_reach(
     all of the reach.  A step that needs no change is the very same object.
     """
     share = 1.0
-    if landed is not None and not _is_at(feet[landed.side], landed.pose):
+    if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
         share = reach.return_share
     steps = []
     for step in commanded[:num_steps]:
@@ -226,8 +226,11 @@ def within_reach(
     return (*steps, *commanded[num_steps:])
 
 
-def _is_at(foot: FootPose, commanded: FootPose) -> bool:
-    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= _DISPLACED
+def _is_at(
+    foot: FootPose, commanded: FootPose, reach: ReachabilityParams
+) -> bool:
+    near = _DISPLACED * reach.width_nominal
+    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
 def _share_of_region(reach: ReachabilityParams, share: float) -> Array:

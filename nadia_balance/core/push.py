@@ -60,7 +60,7 @@ class Push:
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
     delta_v: float | None = bounded(None, least=0.0, unit="m/s")  # of the mass
     force: float | None = bounded(None, least=0.0, unit="N")
-    duration: float = bounded(0.1, above=0.0, unit="s")
+    duration: float = bounded(0.1, above=0.0, unit="s", of="")
     direction_deg: float = 0.0  # 0 forward, 90 left [deg]
     at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
     # Not in a phase before so many steps are taken [-].

@@ -30,7 +30,6 @@ from nadia_balance.core.walking import (
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
-_TOLERATED = 0.03  # a foot that comes so late needs no time back [s]
 
 # A foot in the second half of its swing, at its full speed, needs this share
 # of the time that it would need from rest.
@@ -55,6 +54,8 @@ class TimingAdapterParams:
     # What the swing foot always needs: so much time, and a rest of the swing
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
+    # A foot that comes so late needs no time back.
+    tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
     # eCMPs nearer the edge are not feasible.
     support_margin: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
@@ -173,16 +174,20 @@ def _time_to_foothold(
 
 
 def time_to_return(
-    state: WalkingState, foot: FootPose, detour: SwingDetourParams
+    state: WalkingState,
+    foot: FootPose,
+    detour: SwingDetourParams,
+    tolerated: float,
 ) -> float:
     """Returns by how much [s] the swing was shortened too much, >= 0.
 
     The foothold may have moved away from the foot, now at its measured pose
-    `foot`, since the clock was advanced.  No more than has been gained.
+    `foot`, since the clock was advanced.  No more than has been gained; a delay
+    of `tolerated` [s] needs none.
     """
     gained = max(state.time_in_phase - state.elapsed, 0.0)
     needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
-    return min(max(needed - _TOLERATED - state.remaining_time, 0.0), gained)
+    return min(max(needed - tolerated - state.remaining_time, 0.0), gained)
 
 
 def time_adjustment(
@@ -219,7 +224,9 @@ def time_adjustment(
         least = params.min_transfer_duration - state.elapsed
     elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
         foot = feet[state.schedule.support_side.other]
-        if (late := time_to_return(state, foot, model.detour)) > 0.0:
+        tolerated = params.tolerated_delay
+        late = time_to_return(state, foot, model.detour, tolerated)
+        if late > 0.0:
             return -late
         least = least_remaining_time(state, foot, error, params, model)
     if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:

@@ -217,7 +217,7 @@ def test_time_is_given_back_if_the_foothold_moves_away(
     target = schedule.footsteps[0].pose
     foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, foot)
-    found = time_to_return(state, foot, DETOUR)
+    found = time_to_return(state, foot, DETOUR, 0.03)
     assert found == pytest.approx(expected, abs=1e-12)
     reference = plan.at(0.9).icp
     proposed = adjustment(reference, plan, state, feet=feet)
