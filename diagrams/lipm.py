@@ -14,7 +14,7 @@ from nadia_balance.diagrams.signal_log import SignalLog, region_logs
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 
 CONTROLLER_LOGS = (
@@ -36,11 +36,19 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port.
+            ValueError: a block lacks a port, a push its body, or the engine
+                is not Drake.
         """
         super().__init__()
+        if scenario.engine != "drake":
+            raise ValueError(
+                f"engine = {scenario.engine!r}: must be drake for a point mass"
+            )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
+        # It has no bodies, but the robot that it stands for has.
+        for name in filter(None, (push.body for push in scenario.pushes)):
+            find_body(self.robot.control_plant(), name)
         model, period = self.robot.point_mass, scenario.lipm_period
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)

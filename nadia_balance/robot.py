@@ -146,13 +146,17 @@ class RobotModel:
         plant, scene_graph = AddMultibodyPlant(
             config or default_plant_config(), builder
         )
+        self.stand_in(plant, scene_graph)
+        return plant, scene_graph
+
+    def stand_in(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+        """Puts the robot on flat ground into an empty `plant`; finalizes it."""
         self.add_to(plant)
         add_ground(plant)
         plant.Finalize()
         if self.drives is None:
             self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
-        return plant, scene_graph
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
         """Of the robot's own links, only one leg touches the other leg.

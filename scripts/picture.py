@@ -9,6 +9,9 @@ Examples:
 
 from __future__ import annotations
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import argparse
 import base64
 import html
@@ -19,9 +22,20 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.results.folder import legend_entries, read_run
+from nadia_balance.results.folder import (
+    appearing,
+    legend_entries,
+    read_run,
+)
 from nadia_balance.results.log import pushes, steps
-from nadia_balance.scripts.command_line import CommandLine, finite
+from nadia_balance.scripts.command_line import (
+    DONE,
+    CommandLine,
+    finite,
+    place,
+    program,
+    say,
+)
 from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
 try:
@@ -29,7 +43,7 @@ try:
 except ImportError:  # it is optional, and missed in write_strip
     sync_api = None
 
-_MISSING = "playwright is missing: pip install 'nadia_balance[docs]'"
+_MISSING = "playwright is missing: pip install playwright"
 _FLAGS = (
     "--no-sandbox",  # there is none for root
     "--enable-unsafe-swiftshader",  # WebGL without a GPU
@@ -83,21 +97,22 @@ _STRIP = """
 """
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0, bad input ends the program."""
+    """Runs the command line `argv`; returns 0; bad input ends it."""
     parser = CommandLine(
         prog="picture.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 written, 2 bad input.",
+        epilog="Exit code: 0 written, 2 bad input, 130 Ctrl-C.",
     )
     parser.add_argument(
-        "--run", type=Path, required=True, help="folder with its replay.html"
+        "--run", type=place, required=True, help="folder with its replay.html"
     )
     parser.add_argument("--times", type=finite, nargs="+", help="[s]")
     parser.add_argument("--captions", nargs="+", help="one for each time")
     parser.add_argument(
-        "--out", type=Path, help="PNG; by default picture.png in the folder"
+        "--out", type=place, help="PNG; by default picture.png in the folder"
     )
     group = parser.add_argument_group("view")
     for flag, field, kind, meaning in (
@@ -113,11 +128,12 @@ def main(argv: list[str] | None = None) -> int:
         )
     args = parser.parse_args(argv)
     with parser.refusing():
-        _write(args)
-    return 0
+        out = _write(args)
+    say(f"wrote {out}")
+    return DONE
 
 
-def _write(args: argparse.Namespace) -> None:
+def _write(args: argparse.Namespace) -> Path:
     view = View(
         azimuth_deg=args.azimuth_deg,
         elevation_deg=args.elevation_deg,
@@ -141,7 +157,7 @@ def _write(args: argparse.Namespace) -> None:
     if out.suffix != ".png":
         raise ValueError(f"out = {str(out)!r}: must end in .png")
     write_strip(replay, times, captions, view, out)
-    print(f"wrote {out}")
+    return out
 
 
 def moments(run: Path) -> list[float]:
@@ -214,8 +230,10 @@ def write_strip(
             {"width": len(times) * (view.width_px + 8), "height": 100}
         )
         page.set_content(_strip(pictures, captions, view))
-        page.locator("#strip").screenshot(path=out)
+        strip = page.locator("#strip").screenshot()
         browser.close()
+    with appearing(out.parent) as drafts:
+        (drafts / out.name).write_bytes(strip)
 
 
 def _pictures(

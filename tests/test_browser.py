@@ -15,7 +15,6 @@ import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, Page
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -39,6 +38,7 @@ from nadia_balance.results.scene import (
     ROBOT,
     add_robot_view,
     set_scene,
+    start_meshcat,
 )
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.capture_region_step_adjuster import (
@@ -142,7 +142,7 @@ def write_imitation(path: Path) -> None:
 
     With capture regions in every frame: twice as often as in a simulation.
     """
-    meshcat = Meshcat()
+    meshcat = start_meshcat()[0]
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
     Parser(plant).AddModels(str(URDF))

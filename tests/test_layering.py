@@ -26,6 +26,7 @@ LAYERS = (
     "nadia_balance.robot",
     "nadia_balance.link_distances",
     "nadia_balance.whole_body_kinematics",
+    "nadia_balance.mujoco_model",
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",
     "nadia_balance.balance_controller",

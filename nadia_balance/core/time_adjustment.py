@@ -54,6 +54,9 @@ class TimingAdapterParams:
     # What the swing foot always needs: so much time, and a rest of the swing
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
+    # So near its foothold, a foot lands where it is: what the leg does not
+    # follow its reference by would else hold the clock, the foot in the air.
+    near_foothold: float = bounded(0.03, least=0.0, unit="m")
     # A foot that comes so late needs no time back.
     tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
@@ -177,17 +180,21 @@ def time_to_return(
     state: WalkingState,
     foot: FootPose,
     detour: SwingDetourParams,
-    tolerated: float,
+    params: TimingAdapterParams,
 ) -> float:
     """Returns by how much [s] the swing was shortened too much, >= 0.
 
     The foothold may have moved away from the foot, now at its measured pose
-    `foot`, since the clock was advanced.  No more than has been gained; a delay
-    of `tolerated` [s] needs none.
+    `foot`, since the clock was advanced.  No more than has been gained.
     """
+    goal = state.schedule.footsteps[0].pose.p_WF
+    if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
+        return 0.0
     gained = max(state.time_in_phase - state.elapsed, 0.0)
     needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
-    return min(max(needed - tolerated - state.remaining_time, 0.0), gained)
+    return min(
+        max(needed - params.tolerated_delay - state.remaining_time, 0.0), gained
+    )
 
 
 def time_adjustment(
@@ -224,8 +231,7 @@ def time_adjustment(
         least = params.min_transfer_duration - state.elapsed
     elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
         foot = feet[state.schedule.support_side.other]
-        tolerated = params.tolerated_delay
-        late = time_to_return(state, foot, model.detour, tolerated)
+        late = time_to_return(state, foot, model.detour, params)
         if late > 0.0:
             return -late
         least = least_remaining_time(state, foot, error, params, model)

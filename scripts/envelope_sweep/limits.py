@@ -20,11 +20,15 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Situation,
     limit,
 )
-from nadia_balance.scripts.envelope_sweep.trials_file import cell_of
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    NO_ANSWER,
+    UNDECIDED,
+    cell_of,
+    recovered,
+)
 
 ORDER = tuple(NAMED)  # fewer before more
-NO_ANSWER = ("error", "crashed", "hung")  # outcomes, no fault of the robot
-# Before a figure: the search goes on; nothing larger was tried.
+# Before a figure: the search goes on; nothing larger was decided.
 UNSURE, AT_LEAST = "~", ">="
 
 Limits = dict[float, Limit]  # direction [deg] in [0, 360) -> limit
@@ -104,6 +108,11 @@ class Envelope:
             if cell not in self.limits or not self.limits[cell].complete
         ]
 
+    @property
+    def undecided(self) -> set[Cell]:
+        """Those without a limit, as no trial was decided."""
+        return {cell_of(row) for row in self.rows}.difference(self.limits)
+
     def known(self, situation: Situation) -> References:
         """What the limits in this situation can be compared with."""
         return references(self.robot, situation)
@@ -152,25 +161,35 @@ def mark(limits: Iterable[Limit]) -> str:
 def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
     """Returns the envelope of the trials of one file, as read_trials gives it.
 
+    A cell in which nothing was decided has no limit.
+
     Raises:
-        ValueError: there is no trial.
+        ValueError: there is no trial, or none that was decided.
     """
     if not rows:
         raise ValueError("rows = []: must have at least one trial")
+    if all(recovered(row) is None for row in rows):
+        raise ValueError(
+            f"rows: must have a trial that was decided, of {len(rows)}; the "
+            f"first is {rows[0]['reason']}"
+        )
     search = SearchParams(
         **{f.name: identity[f.name] for f in fields(SearchParams)}
     )
-    results: dict[Cell, dict[tuple[int, int], bool]] = {}
+    results: dict[Cell, dict[tuple[int, int], bool | None]] = {}
     for row in rows:
         trial = round(row["delta_v"] / search.resolution), row["replica"]
-        recovered = row["outcome"] == "recovered"
-        results.setdefault(cell_of(row), {})[trial] = recovered
+        results.setdefault(cell_of(row), {})[trial] = recovered(row)
     return Envelope(
         robot=rows[0]["robot"],
         plant=rows[0]["plant"],
         search=search,
         rows=rows,
-        limits={cell: limit(seen, search) for cell, seen in results.items()},
+        limits={
+            cell: found
+            for cell, seen in results.items()
+            if (found := limit(seen, search)) is not None
+        },
     )
 
 
@@ -210,18 +229,15 @@ def confusion(rows: Iterable[Mapping]) -> dict[str, Rates]:
         "every touchdown": [],
     }
     for row in rows:
-        if row["outcome"] in NO_ANSWER:
+        if row["outcome"] in (UNDECIDED, *NO_ANSWER):
             continue
-        recovered, push = (
-            row["outcome"] == "recovered",
-            row["predicted_at_push"],
-        )
+        success, push = recovered(row), row["predicted_at_push"]
         landings = [
             int(n) for n in row["predicted_at_touchdowns"].split(";") if n
         ]
         steps = ([] if push is None else [push], landings[:1], landings)
         for found, predicted in zip(told.values(), steps, strict=True):
-            found += [(n, recovered) for n in predicted]
+            found += [(n, success) for n in predicted]
     return {when: _rates(found) for when, found in told.items()}
 
 

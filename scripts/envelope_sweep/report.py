@@ -8,10 +8,10 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.envelope_sweep.limits import (
     AT_LEAST,
-    NO_ANSWER,
     UNSURE,
     Envelope,
     Rates,
@@ -26,20 +26,24 @@ from nadia_balance.scripts.envelope_sweep.plots import (
     draw_envelope,
 )
 from nadia_balance.scripts.envelope_sweep.search import Limit, Situation
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    NO_ANSWER,
+    OUTCOMES,
+    UNDECIDED,
+)
 
 PICTURE = "envelope.png"
 TABLES = "tables.md"
 NOTHING = "–"  # where there is no value
-OUTCOMES = ("recovered", "fell", "failed", *NO_ANSWER)
 _MOST_REASONS = 10
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
 0 is forward, 90 left, of the stance foot's heading. *recovered* is the largest
 push from which, as from every smaller one that was tried, the robot recovered
-(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was tried),
-*fails at* the smallest from which it did not; z is the height of the centre of
-mass."""
+(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was
+decided), *fails at* the smallest from which it did not; z is the height of the
+centre of mass."""
 
 
 def write_report(folder: Path, envelope: Envelope) -> list[str]:
@@ -48,11 +52,11 @@ def write_report(folder: Path, envelope: Envelope) -> list[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    with mpl.rc_context(RC):
-        draw_envelope(envelope).savefig(folder / PICTURE)
     speed = characteristic_speed(envelope.robot)
     text = report_text(envelope, speed)
-    (folder / TABLES).write_text(text, encoding="utf-8")
+    with mpl.rc_context(RC), appearing(folder) as drafts:
+        draw_envelope(envelope).savefig(drafts / PICTURE)
+        (drafts / TABLES).write_text(text, encoding="utf-8")
     return [PICTURE, TABLES]
 
 
@@ -169,7 +173,7 @@ class LimitTables:
             limit = limits.get(direction)
             if limit is None:
                 blank = [NOTHING] * (len(head) - 2)
-                rows.append([name, *blank, "not begun"])
+                rows.append([name, *blank, "no limit"])
                 continue
             values = self._values(mechanisms, situation, direction, limit)
             cells = [
@@ -261,12 +265,17 @@ def table_lines(envelope: Envelope) -> list[str]:
     if UNSURE in marks:
         lines.append(f"{UNSURE} the search is not complete")
     if AT_LEAST in marks:
-        lines.append(f"{AT_LEAST} nothing larger was tried")
+        lines.append(f"{AT_LEAST} nothing larger was decided")
     odd = sum(row["outcome"] in NO_ANSWER for row in envelope.rows)
     if odd:
         lines.append(
             f"{odd} of {len(envelope.rows)} trials did not run to their end "
             f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv"
+        )
+    if short := sum(row["outcome"] == UNDECIDED for row in envelope.rows):
+        lines.append(
+            f"{short} of {len(envelope.rows)} trials are undecided: see "
+            "`reason` in trials.csv; a longer --duration helps"
         )
     return [*lines, ""]
 
@@ -275,9 +284,8 @@ def outcomes_table(envelope: Envelope) -> str:
     """How many trials ended in which way, by mechanisms, and odd reasons."""
     rows = envelope.rows
     counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
-    found = {row["outcome"] for row in rows}
     lines = []
-    for outcome in (*OUTCOMES, *sorted(found.difference(OUTCOMES))):
+    for outcome in OUTCOMES:
         cells = [counts[outcome, name] for name in envelope.mechanisms]
         if any(cells):
             lines.append([outcome, *map(str, [*cells, sum(cells)])])
@@ -285,7 +293,7 @@ def outcomes_table(envelope: Envelope) -> str:
     reasons = Counter(
         f"{row['outcome']}: {row['reason']}"
         for row in rows
-        if row["outcome"] in (*NO_ANSWER, "recovered") and row["reason"]
+        if row["outcome"] in (UNDECIDED, *NO_ANSWER) and row["reason"]
     )
     odd = [[reason, str(n)] for reason, n in reasons.most_common(_MOST_REASONS)]
     if (more := len(reasons) - _MOST_REASONS) > 0:

@@ -167,6 +167,5 @@ def test_says_that_playwright_is_missing(folder, tmp_path, monkeypatch):
     )
     assert (outcome.returncode, outcome.stderr) == (
         2,
-        "picture.py: playwright is missing: pip install "
-        "'nadia_balance[docs]'\n",
+        "picture.py: playwright is missing: pip install playwright\n",
     )

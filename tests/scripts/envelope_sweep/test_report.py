@@ -87,7 +87,7 @@ def test_cells_that_are_not_complete_say_so():
     figures = [row["recovered [m/s]"] for row in rows]
     assert figures == ["1.30", "~0.80", "0.30"]
     rows = read_table(tables.details("step", AT))
-    assert [r["complete"] for r in rows] == ["yes", "not begun", "not begun"]
+    assert [r["complete"] for r in rows] == ["yes", "no limit", "no limit"]
     assert rows[1]["recovered [m/s]"] == rows[1]["fails at"] == "–"
     rows = read_table(tables.summary(AT))
     assert [row["complete"] for row in rows] == ["1 of 3", "2 of 3"]
@@ -149,7 +149,7 @@ def test_has_a_line_for_each_direction_and_a_column_for_each_set():
         "        0         -                    -",
         "       90         -                 1.00",
         "~ the search is not complete",
-        ">= nothing larger was tried",
+        ">= nothing larger was decided",
         "",
     ]
 
@@ -168,23 +168,23 @@ def envelope_from(changed):
 
 
 def test_counts_how_the_trials_ended():
-    rows = read_table(outcomes_table(envelope_from({3: {"outcome": "hm"}})))
+    rows = read_table(outcomes_table(envelope_from({3: {"outcome": "failed"}})))
     assert [list(row.values()) for row in rows] == [
         ["recovered", "3", "1", "4"],
         ["fell", "0", "1", "1"],
-        ["hm", "1", "0", "1"],
+        ["failed", "1", "0", "1"],
     ]
 
 
-def test_says_why_trials_have_no_answer_or_less_was_asked():
+def test_says_why_trials_have_no_answer_or_no_verdict():
     crash = {"outcome": "crashed", "reason": "SIGSEGV | x"}
-    short = {"reason": "the run is too short"}
-    envelope = envelope_from({0: short, 3: crash, 5: crash})
+    short = {"outcome": "undecided", "reason": "the run is too short"}
+    envelope = envelope_from({2: short, 3: crash, 5: crash})
     first, second = outcomes_table(envelope).split("\n\n")
     assert read_table(first)[-1]["outcome"] == "crashed"
     assert second.splitlines()[2:] == [
         "| crashed: SIGSEGV \\| x           |      2 |",
-        "| recovered: the run is too short |      1 |",
+        "| undecided: the run is too short |      1 |",
     ]
     (line,) = (line for line in table_lines(envelope) if "did not run" in line)
     assert line.startswith("2 of 6 trials did not run to their end (error, ")
