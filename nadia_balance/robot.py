@@ -38,7 +38,9 @@ from nadia_balance.robot_checks import (
     check_sizes,
     check_standing,
     check_urdf,
+    effort_limits,
     improper_contacts,
+    remarks_on,
 )
 from nadia_balance.robot_params import RobotParams, idealised
 from nadia_balance.typed_yaml import load_tree, load_typed
@@ -61,6 +63,7 @@ class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
 
     `drives` are JointDriveParams; None if it is ideal (see `idealised`).
+    `remarks` are lines on what is allowed, but may not be meant so.
     """
 
     def __init__(self, params: RobotParams, urdf: Path):
@@ -90,6 +93,8 @@ class RobotModel:
         _, shaped, scene_graph = self.control_diagram()
         plant = self.control_plant()
         check_plant(plant, params)
+        with self._naming_the_urdf():
+            self.remarks = remarks_on(shaped, set(feet))
         check_sizes(shaped, scene_graph.model_inspector(), params)
         standing = self.standing_positions()
         with self._naming_the_urdf():
@@ -132,7 +137,9 @@ class RobotModel:
         parser = Parser(plant)
         parser.SetStrictParsing()
         with self._naming_the_urdf():
-            return parser.AddModels(str(self.urdf))[0]
+            instance = parser.AddModels(str(self.urdf))[0]
+            _add_actuators(plant, instance, effort_limits(self.urdf))
+        return instance
 
     def add_plant_to(
         self,
@@ -279,6 +286,23 @@ class RobotModel:
         except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
             reason = " ".join(str(error).split())
             raise ValueError(f"urdf = {self.urdf}: {reason}") from error
+
+
+def _add_actuators(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    effort_limits: dict[str, float],
+) -> None:
+    """Drives the joints for which the URDF has no <transmission>."""
+    # Not those of the instance: these are known once it is finalized.
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    driven = [actuator.joint().index() for actuator in actuators]
+    if len(set(driven)) < len(driven):
+        raise ValueError("a joint must not have two <transmission>s")
+    for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
+        limit = effort_limits.get(joint.name())
+        if limit and joint.num_positions() and joint.index() not in driven:
+            plant.AddJointActuator(joint.name(), joint, limit)
 
 
 def robot_names() -> list[str]:

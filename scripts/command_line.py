@@ -245,6 +245,8 @@ def main_job(
         folder = new_folder(args.out, args.scenario_name)
         if args.graphviz:
             _write_graph(diagram, args.graphviz)
+    for remark in diagram.robot.remarks:
+        print(f"robot: {remark}")
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())

@@ -93,6 +93,7 @@ class WholeBodyQpParams:
     loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
+    joint_upper_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead position and speed limits of joints are kept, and with
     # which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
