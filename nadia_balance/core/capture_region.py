@@ -56,10 +56,10 @@ class CaptureRegionStepAdjusterParams:
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
     # Margins at the sole's front, back, inner and outer edge that the capture
     # regions leave to the CoP.
-    foot_front: float = bounded(0.02, least=0.0, unit="m")
-    foot_back: float = bounded(0.05, least=0.0, unit="m")
-    foot_inside: float = bounded(0.02, least=0.0, unit="m")
-    foot_outside: float = bounded(0.03, least=0.0, unit="m")
+    foot_front: float = bounded(0.02, least=0.0, unit="m", of="sole_length")
+    foot_back: float = bounded(0.05, least=0.0, unit="m", of="sole_length")
+    foot_inside: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
+    foot_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
     # The foot may take its load so much later than planned: the ICP may be
     # short of the foothold when the foot lands, and catch up in transfer.
     waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
@@ -80,7 +80,7 @@ class CaptureRegionStepAdjusterParams:
     dead_band: float = bounded(0.01, least=0.0, unit="m")
     # How deep inside the capture region to step, if possible.
     margin: float = bounded(0.03, least=0.0, unit="m")
-    sole_clearance: float = bounded(0.005, least=0.0, unit="m")
+    sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # No change so shortly before touchdown, nor so early in a swing.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")

@@ -24,7 +24,7 @@ from nadia_balance.core.walking import (
 )
 
 _SIDES = ("left", "right")
-_DISPLACED = 0.05  # unless pushed, feet land nearer to their footholds [m]
+_DISPLACED = 0.2  # of w_nom: unless pushed, feet land nearer to footholds
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 
 
@@ -32,8 +32,8 @@ _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 class StepVector:
     """Where the next step goes, in the frame between the feet."""
 
-    length: float = 0.0  # forward [m]
-    sideways: float = 0.0  # to the left [m]
+    length: float = bounded(0.0, unit="m")  # forward
+    sideways: float = bounded(0.0, unit="m")  # to the left
     yaw_deg: float = 0.0  # turn to the left [deg]
 
 
@@ -42,8 +42,8 @@ class Foothold:
     """A foothold in the frame between the feet at the start."""
 
     side: str = bounded("left", one_of=_SIDES)  # the foot that moves
-    x: float = 0.0  # sole centre, forward [m]
-    y: float = 0.0  # sole centre, to the left [m]
+    x: float = bounded(0.0, unit="m")  # sole centre, forward
+    y: float = bounded(0.0, unit="m")  # sole centre, to the left
     yaw_deg: float = 0.0  # [deg]
 
 
@@ -207,7 +207,7 @@ def within_reach(
     all of the reach.  A step that needs no change is the very same object.
     """
     share = 1.0
-    if landed is not None and not _is_at(feet[landed.side], landed.pose):
+    if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
         share = reach.return_share
     steps = []
     for step in commanded[:num_steps]:
@@ -226,8 +226,11 @@ def within_reach(
     return (*steps, *commanded[num_steps:])
 
 
-def _is_at(foot: FootPose, commanded: FootPose) -> bool:
-    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= _DISPLACED
+def _is_at(
+    foot: FootPose, commanded: FootPose, reach: ReachabilityParams
+) -> bool:
+    near = _DISPLACED * reach.width_nominal
+    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
 def _share_of_region(reach: ReachabilityParams, share: float) -> Array:
