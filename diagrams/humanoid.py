@@ -17,6 +17,7 @@ from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog, region_logs
+from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
 from nadia_balance.robot import actuated_velocities, load_robot
@@ -67,10 +68,15 @@ class HumanoidDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: the robot cannot stand as it is told, or a block lacks
-                a port.
+            ValueError: the robot cannot stand as it is told, a block lacks a
+                port, or the terrain is not flat.
         """
         super().__init__()
+        if scenario.terrain.name != FLAT:
+            raise ValueError(
+                f"terrain.name = {scenario.terrain.name!r}: must be {FLAT} "
+                "with the whole robot; --plant lipm walks on level regions"
+            )
         self.scenario = scenario
         params = scenario.controller
         period = params.control_period

@@ -9,6 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.walking import Side
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog, region_logs
 from nadia_balance.robot import load_robot
@@ -36,12 +37,19 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port.
+            ValueError: a block lacks a port, or the terrain has heights.
         """
         super().__init__()
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
-        model, period = self.robot.point_mass, scenario.lipm_period
+        model, period = scenario.point_mass(self.robot), scenario.lipm_period
+        self._ground = scenario.terrain.ground(self.robot.sole)
+        for ground in (self._ground, model.ground):
+            if ground is not None and not ground.is_level:
+                raise ValueError(
+                    f"terrain.name = {scenario.terrain.name!r}: must be level "
+                    "and at one height, as a point mass knows no others"
+                )
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()
@@ -126,6 +134,19 @@ class LipmDiagram(Diagram):
         )
         if nearest > FALLEN_DISTANCE:
             return "CoM out of reach of both feet"
+        return self._beside_regions(context)
+
+    def _beside_regions(self, context: Context) -> str:
+        """Which foot is down but not on one region; empty if none is."""
+        if self._ground is None:
+            return ""
+        port = self.GetOutputPort("walking_state")
+        schedule = port.Eval(context).schedule
+        for side in Side:
+            if schedule.in_contact(side) and not self._ground.region_under(
+                schedule.feet[side]
+            ):
+                return f"{side.value} foot beside its region"
         return ""
 
     def improper_contacts(self, context: Context) -> set[str]:

@@ -17,7 +17,8 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
     with its own transfer and swing, less one, since a push delays the steps.
     A run without a push is judged from its start.
     """
-    start = scenario.start(load_robot(scenario.robot).point_mass).schedule
+    model = scenario.point_mass(load_robot(scenario.robot))
+    start = scenario.start(model).schedule
     begin, taken = 0.0, 0
     if felt := pushes(log):
         begin = felt[-1].start

@@ -1,0 +1,71 @@
+"""Which ground the robot walks on, and what its controller knows of it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.courses import COURSES
+from nadia_balance.core.ground import (
+    Ground,
+    GroundError,
+    Region,
+    believed,
+    check_ground,
+)
+from nadia_balance.core.walking import Array
+from nadia_balance.typed_yaml import load_typed
+
+FLAT = "flat"
+
+
+@dataclass(kw_only=True)
+class Terrain:
+    """Ground of convex regions; both the plant and the controller have it."""
+
+    # flat: level ground everywhere.  Else one of the courses, or a YAML file
+    # with `regions`.
+    name: str = FLAT
+    seed: int = bounded(0, least=0)  # of random tiles, and of the error
+    # From a sole to the edge of its region, for the controller.
+    margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
+    error: GroundError = field(default_factory=GroundError)
+
+    def ground(self, sole: Array) -> Ground | None:
+        """The true ground for soles (n, 2) [m]; None if it is flat.
+
+        Raises:
+            ValueError: there is no such course or file, or its regions are
+                none: not convex, upside down, too small, or they overlap.
+        """
+        if self.name == FLAT:
+            return None
+        ground = Ground(self._regions(), sole, self.margin)
+        for region in ground.regions:
+            check(region)
+        check_ground(ground)
+        return ground
+
+    def known(self, truth: Ground | None) -> Ground | None:
+        """What the controller takes for the ground, with its error."""
+        if truth is None or self.error == GroundError():
+            return truth
+        regions = believed(truth.regions, self.error, self.seed)
+        return Ground(regions, truth.sole, truth.margin)
+
+    def _regions(self) -> tuple[Region, ...]:
+        if self.name in COURSES:
+            return tuple(COURSES[self.name](self.seed))
+        if not Path(self.name).is_file():
+            raise ValueError(
+                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
+                f"{', '.join((FLAT, *COURSES))}"
+            )
+        what = f"terrain {self.name}"
+        return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+
+
+@dataclass(kw_only=True)
+class RegionFile:
+    """What is in a YAML file of regions."""
+
+    regions: list[Region] = field(default_factory=list)
