@@ -116,7 +116,8 @@ class GroundLanding(Landing):
         self, current: Adjustment, params: CaptureRegionStepAdjusterParams
     ) -> tuple[Place | None, Array]:
         """The foothold closest to the capture region, if none is in it."""
-        least, best = math.inf, (None, current.pose.p_WF[:2])
+        least = math.inf
+        best: tuple[Place | None, Array] = None, current.pose.p_WF[:2]
         for place in self.footing.places:
             point, gap = closest_point(place.polygon, self.capture_region)
             if self._is_last(place, current):

@@ -43,7 +43,8 @@ from nadia_balance.core.walking import Array, ContactSchedule, Immutable
 
 Rows = tuple[Array, Array]  # A (m, 2 n), b (m,): A (p_1, ..., p_n) <= b
 
-_PARALLEL = 1e-12  # sine of the angle between two normals [-]
+_PARALLEL = 1e-14  # the sine of an angle that is 0 but for rounding [-]
+_LINE = 1e-6  # three normals whose sines add up to less are on a line [-]
 _ORIGIN = np.zeros((1, 2))
 
 
@@ -77,8 +78,8 @@ class Place(Immutable):
 class Footing(Immutable):
     """What the ground offers in one swing; the same in all its ticks.
 
-    `weights[n - 1]` are a_1, ..., a_n [-], `rests[n - 1]` is the rest of
-    sequences of n regions, a polygon (k, 2) [m].
+    `weights[n - 1]` are a_1, a_1, ..., a_n, a_n [-], of x and y;
+    `rests[n - 1]` is the rest of n regions, a polygon (k, 2) [m].
     """
 
     ground: Ground
@@ -100,7 +101,7 @@ class Footing(Immutable):
             if n not in couplings:
                 rest = self.rests[n - 1]
                 A, b = halfspaces(minkowski_sum(one_step, -rest))
-                couplings[n] = np.kron(self.weights[n - 1], A), b - margin
+                couplings[n] = np.tile(A, n) * self.weights[n - 1], b - margin
             part = place.polygon
             A, b = first_foothold(sequence, couplings[n])
             if len(part := clip_all(part, A, b) if len(b) else part):
@@ -139,11 +140,13 @@ def without_last(A: Array, b: Array) -> Rows:
     weights = np.stack([cross[j, k], cross[k, i], cross[i, j]])
     positive = (weights > -_PARALLEL).all(axis=0)
     positive |= (weights < _PARALLEL).all(axis=0)
-    weights = np.abs(weights[:, positive])
+    weights = np.abs(weights)
+    total = weights.sum(axis=0)
+    positive &= total > _LINE
     i, j, k = i[positive], j[positive], k[positive]
-    u, v, w = weights / np.maximum(weights.sum(axis=0), _PARALLEL)
+    u, v, w = (weights[:, positive] / total[positive])[..., None]
     joint = np.column_stack([A[:, :-2], b])
-    joint = (np.stack([u, v, w])[..., None] * joint[[i, j, k]]).sum(axis=0)
+    joint = u * joint[i] + v * joint[j] + w * joint[k]
     return (
         np.concatenate([free, joint[:, :-1]]),
         np.concatenate([free_b, joint[:, -1]]),
@@ -209,7 +212,7 @@ def footing(
         rest = weight[-1] * rest
         for share, foot in zip(weight[:-1], feet, strict=False):
             rest = minkowski_sum(rest, share * foot)
-        weights.append(weight)
+        weights.append(weight.repeat(2))
         rests.append(rest)
     return Footing(ground, tuple(places), tuple(weights), tuple(rests))
 
@@ -224,10 +227,7 @@ def _is_everywhere(
     for reach in reaches[: len(holds) - 1]:
         extent = minkowski_sum(extent, convex_hull(np.vstack([reach, _ORIGIN])))
     return any(
-        all(
-            len(hold) and all(contains(p, hold) for p in extent)
-            for hold in same
-        )
+        all(len(hold) and contains(p, hold) for hold in same for p in extent)
         for same in zip(*holds, strict=True)
     )
 
