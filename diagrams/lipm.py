@@ -11,7 +11,11 @@ from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.walking import Side
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import SignalLog, region_logs
+from nadia_balance.diagrams.signal_log import (
+    SignalLog,
+    ground_logs,
+    region_logs,
+)
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
@@ -157,4 +161,5 @@ class LipmDiagram(Diagram):
         """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
+        logs |= ground_logs(self._ground)
         return logs | region_logs(self.robot.point_mass.reach)

@@ -94,7 +94,8 @@ def scenario_flags(
     group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument(
         "--terrain",
-        help=f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions",
+        help=f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
+        "push.py takes the scenario of this name, if there is one",
     )
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")

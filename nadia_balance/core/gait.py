@@ -245,7 +245,7 @@ def within_reach(
         else:
             region = _share_of_region(reach, share)
             step = _moved(step, stance, mirror * project(p_F, region))
-            if ground is not None:
+            if ground is not None and not ground.allows(step.pose):
                 within = (region, base_region(reach))
                 parts = [in_world(part, stance, step.side) for part in within]
                 step = moved_to(ground, step, parts) or step

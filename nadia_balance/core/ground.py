@@ -121,6 +121,14 @@ class Ground(Immutable):
             )
         return self._known[yaw]
 
+    def allows(self, foot: FootPose) -> bool:
+        """True if the sole is on one region, and keeps the margin."""
+        return any(
+            contains(foot.p_WF[:2], part, _ROUNDING)
+            for part in self.footholds(foot.yaw)
+            if len(part)
+        )
+
     def nearest(
         self, point: Array, yaw: float, within: Array | None = None
     ) -> Array | None:
@@ -199,12 +207,18 @@ class GroundError:
 def believed(
     regions: tuple[Region, ...], error: GroundError, seed: int
 ) -> tuple[Region, ...]:
-    """Returns the regions as the controller knows them; the same for a seed."""
+    """Returns the regions as the controller knows them; the same for a seed.
+
+    It knows the one about the origin of W, where the robot stands at first.
+    """
     if error == GroundError():
         return regions
     rng = np.random.default_rng(seed)
     found = []
     for region in regions:
+        if contains(np.zeros(2), region.polygon):
+            found.append(region)
+            continue
         up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()
         slope = math.tan(math.radians(error.tilt_deg))
         x, y, z = region.normal

@@ -115,6 +115,15 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
+    (["--terrain", "gap"], "terrain.name = 'gap': must be flat with the wh"),
+    (
+        ["--terrain", "stairs", "--plant", "lipm"],
+        "terrain.name = 'stairs': must be level and at one height",
+    ),
+    (
+        ["--terrain", "gap", TEXT, "gait: {step_width: 0.8}", "--plant=lipm"],
+        "left foot at the start: the sole at x = 0.000, y = 0.400 m must be",
+    ),
     (["--plant", "moon"], "argument --plant: invalid choice: 'moon'"),
     (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
     (
