@@ -7,9 +7,8 @@ waiting times.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
@@ -87,9 +86,9 @@ class Landing(Immutable):
     icp: Array
     touchdown: tuple[float, float]
 
-    def at(self, icp: Array, touchdown: tuple[float, float]) -> Self:
+    def at(self, icp: Array, touchdown: tuple[float, float]) -> Landing:
         """Returns the same swing's landing as seen in another tick."""
-        return replace(self, icp=icp, touchdown=touchdown)
+        return Landing(self.geometry, icp, touchdown)
 
     @cached_property
     def one_step(self) -> Array:

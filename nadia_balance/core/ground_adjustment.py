@@ -23,6 +23,10 @@ class GroundLanding(Landing):
 
     footing: Footing
 
+    def at(self, icp: Array, touchdown: tuple[float, float]) -> "GroundLanding":
+        """Returns the same swing's landing as seen in another tick."""
+        return GroundLanding(self.geometry, icp, touchdown, self.footing)
+
     def adjust(
         self,
         current: Adjustment,
