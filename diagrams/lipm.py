@@ -9,13 +9,13 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.core.walking import Side
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import (
     SignalLog,
     ground_logs,
     region_logs,
 )
+from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
@@ -41,19 +41,13 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port, or the terrain has heights.
+            ValueError: a block lacks a port, or the terrain is not level.
         """
         super().__init__()
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
-        self._ground = scenario.terrain.ground(self.robot.sole)
-        for ground in (self._ground, model.ground):
-            if ground is not None and not ground.is_level:
-                raise ValueError(
-                    f"terrain.name = {scenario.terrain.name!r}: must be level "
-                    "and at one height, as a point mass knows no others"
-                )
+        self._ground = scenario.terrain.level_ground(self.robot.sole)
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()
@@ -138,20 +132,8 @@ class LipmDiagram(Diagram):
         )
         if nearest > FALLEN_DISTANCE:
             return "CoM out of reach of both feet"
-        return self._beside_regions(context)
-
-    def _beside_regions(self, context: Context) -> str:
-        """Which foot is down but not on one region; empty if none is."""
-        if self._ground is None:
-            return ""
-        port = self.GetOutputPort("walking_state")
-        schedule = port.Eval(context).schedule
-        for side in Side:
-            if schedule.in_contact(side) and not self._ground.region_under(
-                schedule.feet[side]
-            ):
-                return f"{side.value} foot beside its region"
-        return ""
+        state = self.GetOutputPort("walking_state").Eval(context)
+        return foot_beside(self._ground, state.schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """A point mass touches nothing."""

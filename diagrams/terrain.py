@@ -12,7 +12,7 @@ from nadia_balance.core.ground import (
     believed,
     check_ground,
 )
-from nadia_balance.core.walking import Array
+from nadia_balance.core.walking import Array, ContactSchedule, Side
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
@@ -45,6 +45,21 @@ class Terrain:
         check_ground(ground)
         return ground
 
+    def level_ground(self, sole: Array) -> Ground | None:
+        """The true ground, as long as nothing else can be walked on.
+
+        Raises:
+            ValueError: as of `ground`; or it is not level at z = 0, or not
+                taken for that.
+        """
+        truth = self.ground(sole)
+        if not all(g is None or g.is_level for g in (truth, self.known(truth))):
+            raise ValueError(
+                f"terrain.name = {self.name!r}: must be level, at height 0, "
+                "with an error of its place only, to be walked on for now"
+            )
+        return truth
+
     def known(self, truth: Ground | None) -> Ground | None:
         """What the controller takes for the ground, with its error."""
         if truth is None or self.error == GroundError():
@@ -62,6 +77,15 @@ class Terrain:
             )
         what = f"terrain {self.name}"
         return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+
+
+def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
+    """Says which foot stands, but not on one region; empty if none does."""
+    if ground is not None:
+        for side in filter(schedule.in_contact, Side):
+            if ground.region_under(schedule.feet[side]) is None:
+                return f"{side.value} foot beside its region"
+    return ""
 
 
 @dataclass(kw_only=True)

@@ -96,11 +96,11 @@ class Ground(Immutable):
 
     @cached_property
     def is_level(self) -> bool:
-        """True if all that can be stepped on is level, and at one height."""
-        steps = [r for r in self.regions if not r.obstacle]
+        """True if all that can be stepped on is level, at z = 0."""
         return all(
-            r.height == steps[0].height and r.unit_normal[2] == 1.0
-            for r in steps
+            region.height == 0.0 and region.unit_normal[2] == 1.0
+            for region in self.regions
+            if not region.obstacle
         )
 
     @cached_property

@@ -60,15 +60,16 @@ class Case:
             swing=rng.uniform(0.35, 0.7),
             turn=rng.uniform(-0.2, 0.2),
         )
-        self.model = replace(MODEL, ground=random_ground(rng))
-        geometry = swing_geometry(schedule, self.params, self.model, self.on)
-        self.footing = footing(
-            schedule, self.params, self.model, self.on, geometry
-        )
+        places = ()
+        while not places:
+            self.model = replace(MODEL, ground=random_ground(rng))
+            of = schedule, self.params, self.model, self.on
+            geometry = swing_geometry(*of)
+            self.footing = footing(*of, geometry)
+            places = self.footing.places
         self.steps = schedule.footsteps[: self.params.num_steps]
         time = rng.uniform(0.05, 0.4)
         # An ICP that comes near to one of the places.
-        places = self.footing.places
         goal = places[rng.integers(len(places))].polygon.mean(axis=0)
         goal = goal + rng.uniform(-0.1, 0.1, 2)
         stance = geometry.foot.mean(axis=0)

@@ -115,10 +115,10 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
-    (["--terrain", "gap"], "terrain.name = 'gap': must be flat with the wh"),
+    (["--terrain", "tiles"], "terrain.name = 'tiles': must be level, at"),
     (
         ["--terrain", "stairs", "--plant", "lipm"],
-        "terrain.name = 'stairs': must be level and at one height",
+        "terrain.name = 'stairs': must be level, at height 0",
     ),
     (
         ["--terrain", "gap", TEXT, "gait: {step_width: 0.8}", "--plant=lipm"],
