@@ -1,19 +1,21 @@
 """Oracles: shapely, flat ground, messages by hand."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
 from nadia_balance.core.ground import GroundError
+from nadia_balance.core.walking import FootPose, Side
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.diagrams.terrain import Terrain
+from nadia_balance.diagrams.terrain import Terrain, foot_beside
 from nadia_balance.results.log import ground_regions, steps
 from nadia_balance.results.plots import footsteps
-from tests.example_walks import SOLE
+from tests.example_walks import SOLE, swing
 from tests.results.made_up_run import summary_of
 
 LARGE = """
@@ -72,6 +74,17 @@ def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     scenario.terrain.margin = 0.0
     run = run_of(scenario)
     assert run.fall_reason.endswith("foot beside its region")
+
+
+def test_a_foot_that_stands_across_an_edge_is_beside_its_region():
+    """Oracle: by hand; what is in the air does not count."""
+    ground = Terrain(name="stepping_stones").ground(SOLE)
+    schedule = swing()  # the right foot's
+    assert foot_beside(ground, schedule) == foot_beside(None, schedule) == ""
+    for side, expected in (Side.LEFT, "left foot beside"), (Side.RIGHT, ""):
+        feet = schedule.feet.with_foot(side, FootPose([0.25, 0.2, 0.0]))
+        found = foot_beside(ground, replace(schedule, feet=feet))
+        assert found.startswith(expected) and bool(found) == bool(expected)
 
 
 def test_footsteps_png_shows_the_regions():

@@ -91,6 +91,13 @@ def test_a_standing_robot_takes_no_steps(asked_for):
     assert scenario.pushes[0].at == "1 s"
 
 
+def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
+    """Oracle: the scenario, by its pushes; another one may be named."""
+    assert asked_for("--terrain", "gap").gait.step_width == 0.3
+    named = asked_for("--terrain", "gap", "--scenario_name", "push")
+    assert named.gait.num_steps == 30 and named.terrain.name == "gap"
+
+
 # What is asked for, and how the answer begins; what scenarios and robots refuse
 # is tested with them.
 TEXT = "--scenario_text"
