@@ -45,12 +45,16 @@ def test_whole_soles_land_on_stones(direction_deg, delta_v):
     run = pushed(direction_deg, delta_v)
     assert run.fell_at is None and not run.error
     stones = [shapely.Polygon(r) for r in ground_regions(run.logs)]
-    inner = [stone.buffer(-0.01) for stone in stones]
+    inside = []
     taken = steps(run.logs)
     assert max(np.linalg.norm(s.adjustment) for s in taken) > 0.07
     for step in taken:
         sole = shapely.Polygon(step.achieved.to_world(run.logs["sole"]))
-        assert any(stone.covers(sole) for stone in inner)
+        (stone,) = (stone for stone in stones if stone.covers(sole))
+        inside.append(stone.exterior.distance(sole))
+    assert min(inside) > 0.01
+    found = summary_of(run.logs)["min_edge_distances_m"]
+    assert found == pytest.approx(inside, abs=1e-9)
 
 
 def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
