@@ -29,6 +29,7 @@ from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.live_controls import LiveControls
+from nadia_balance.systems.mujoco_plant import add_mujoco_plant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 
@@ -88,9 +89,7 @@ class HumanoidDiagram(Diagram):
         self.robot.point_mass = scenario.point_mass(self.robot)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
-        self.plant, self.scene_graph = self.robot.add_plant_to(
-            builder, scenario.plant_config
-        )
+        self._add_plant(builder)
         self.controller = builder.AddNamedSystem(
             "balance_controller",
             BalanceController(
@@ -111,7 +110,8 @@ class HumanoidDiagram(Diagram):
             ),
         )
         self.sensor = builder.AddNamedSystem(
-            "foot_force_sensor", FootForceSensor(self.plant, self.robot, period)
+            "foot_force_sensor",
+            FootForceSensor(self.plant, self.robot, period, self.engine),
         )
         self._close_loop(builder)
         self._mechanisms = self._add_mechanisms(builder, meshcat)
@@ -129,24 +129,37 @@ class HumanoidDiagram(Diagram):
             builder.ExportOutput(self.controller.GetOutputPort(name), name)
         builder.BuildInto(self)
 
+    def _add_plant(self, builder: DiagramBuilder) -> None:
+        """Adds the engine: the plant itself, or what stands in for it."""
+        config = self.scenario.plant_config
+        if self.scenario.engine == "mujoco":
+            self.engine, self.plant, self.scene_graph = add_mujoco_plant(
+                builder, self.robot, config
+            )
+        else:
+            self.plant, self.scene_graph = self.robot.add_plant_to(
+                builder, config
+            )
+            self.engine = self.plant
+
     def _close_loop(self, builder: DiagramBuilder) -> None:
-        plant, controller = self.plant, self.controller
-        connect(builder, plant, controller, state="estimated_state")
-        connect(builder, plant, self.sensor, "contact_results")
+        engine, controller = self.engine, self.controller
+        connect(builder, engine, controller, state="estimated_state")
+        connect(builder, engine, self.sensor, "contact_results")
         connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:
             self._drives = builder.AddNamedSystem(
-                "joint_drives", JointDrives(plant, self.robot)
+                "joint_drives", JointDrives(self.plant, self.robot)
             )
             connect(builder, controller, self._drives, "actuation")
-            connect(builder, plant, self._drives, "state")
+            connect(builder, engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
-        builder.Connect(self._torques, plant.get_actuation_input_port())
+        builder.Connect(self._torques, engine.GetInputPort("actuation"))
         connect(
-            builder, self.push, plant, spatial_forces="applied_spatial_force"
+            builder, self.push, engine, spatial_forces="applied_spatial_force"
         )
 
     def _add_mechanisms(
@@ -176,17 +189,17 @@ class HumanoidDiagram(Diagram):
         signals["push_signal"] = self.push.GetOutputPort("push_signal")
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
         signals["torques"] = self._torques
-        signals["state"] = self.plant.get_state_output_port()
+        signals["state"] = self.engine.GetOutputPort("state")
         self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
         """Puts the robot on its feet, shifted as the scenario's seed says."""
-        plant_context = self.plant.GetMyMutableContextFromRoot(context)
         q = self._standing.copy()
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
-        self.plant.SetPositions(plant_context, q)
+        own = self.engine.GetMyMutableContextFromRoot(context)
+        self.engine.SetPositions(own, q)
         if self._drives is not None:  # they hold it already
             own = self._drives.GetMyMutableContextFromRoot(context)
             own.SetDiscreteState(
@@ -195,23 +208,25 @@ class HumanoidDiagram(Diagram):
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
-        plant_context = self.plant.GetMyContextFromRoot(context)
-        pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
-        X_WP = pelvis.EvalPoseInWorld(plant_context)
-        if X_WP.translation()[2] < FALLEN_HEIGHT * self._standing[6]:
+        # The pelvis is the floating base: quaternion and position come first.
+        q = self._read(context, "state")[:7]
+        w, x, y, z = q[:4] ** 2
+        if q[6] < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
-        if X_WP.rotation().matrix()[2, 2] < np.cos(FALLEN_TILT):
+        if w - x - y + z < np.cos(FALLEN_TILT) * (w + x + y + z):
             return "pelvis tilted"
         state = self.GetOutputPort("walking_state").Eval(context)
         return foot_beside(self._ground, state.schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Contacts that are not those of a foot and the ground, by name."""
-        plant_context = self.plant.GetMyContextFromRoot(context)
-        port = self.plant.get_contact_results_output_port()
-        return self.robot.improper_contacts(
-            self.plant, port.Eval(plant_context)
-        )
+        results = self._read(context, "contact_results")
+        return self.robot.improper_contacts(self.plant, results)
+
+    def _read(self, context: Context, port: str):
+        """The value of a `port` of the engine."""
+        own = self.engine.GetMyContextFromRoot(context)
+        return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.diagrams.signal_log)."""

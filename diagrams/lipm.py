@@ -19,7 +19,7 @@ from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 
 CONTROLLER_LOGS = (
@@ -41,11 +41,19 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port, or the terrain is not level.
+            ValueError: a block lacks a port, a push its body, the engine is
+                not Drake, or the terrain is not level.
         """
         super().__init__()
+        if scenario.engine != "drake":
+            raise ValueError(
+                f"engine = {scenario.engine!r}: must be drake for a point mass"
+            )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot)
+        # It has no bodies, but the robot that it stands for has.
+        for name in filter(None, (push.body for push in scenario.pushes)):
+            find_body(self.robot.control_plant(), name)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
         self._ground = scenario.terrain.level_ground(self.robot.sole)
         params = replace(scenario.controller, control_period=period)

@@ -9,13 +9,13 @@ from nadia_balance.robot import load_robot
 
 
 def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
-    """Returns how many steps the last push requires, and how many were wanted.
+    """Returns how many steps the last push requires, and how many of them fit.
 
-    Wanted are the scenario's `required_steps`, or as many as the gait had left
-    to take when the push began: none of a robot that only stands.  Required
-    are no more of them than fit between the push and the end of the run, each
-    with its own transfer and swing, less one, since a push delays the steps.
-    A run without a push is judged from its start.
+    Required are the scenario's `required_steps`, or as many as the gait had
+    left to take when the push began: none of a robot that only stands.  They
+    fit between the push and the end of the run, each with its own transfer and
+    swing, less one, since a push delays the steps: with fewer the robot has
+    failed.  A run without a push is judged from its start.
     """
     model = scenario.point_mass(load_robot(scenario.robot))
     start = scenario.start(model).schedule
@@ -25,7 +25,7 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
         walking = signal(log, "walking_signal", felt[-1].first)
         taken = int(walking.steps_taken)
     left = start.footsteps[taken:]
-    wanted = min(scenario.required_steps, len(left))
+    required = min(scenario.required_steps, len(left))
     ends = itertools.accumulate(
         (step.transfer_duration + step.swing_duration for step in left),
         initial=max(begin, start.duration),  # until then it stands
@@ -33,7 +33,7 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
     gait = scenario.gait
     last = scenario.duration - gait.transfer_duration - gait.swing_duration
     fitting = sum(end <= last + 1e-9 for end in itertools.islice(ends, 1, None))
-    return min(wanted, fitting), wanted
+    return required, min(required, fitting)
 
 
 def run_info(
@@ -44,16 +44,17 @@ def run_info(
     `plant` is humanoid or lipm, `name` that of the scenario.
     """
     push = scenario.pushes[0] if scenario.pushes else None
-    required, wanted = required_steps(scenario, run.logs)
+    required, fitting = required_steps(scenario, run.logs)
     return RunInfo(
         robot=scenario.robot,
         mechanisms=scenario.mechanisms,
         scenario=name,
         plant=plant,
         fidelity=scenario.fidelity,
+        engine=scenario.engine,
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
         required_steps=required,
-        wanted_steps=wanted,
+        fitting_steps=fitting,
     )

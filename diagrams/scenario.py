@@ -1,6 +1,5 @@
 """What is simulated: robot, walking command, pushes, all parameters."""
 
-import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +22,13 @@ from nadia_balance.robot import (
 from nadia_balance.typed_yaml import load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+PLANT_NUMBERS = (  # of MultibodyPlantConfig
+    ("time_step", 1e-5, 0.1),
+    ("penetration_allowance", 1e-6, 0.1),
+    ("stiction_tolerance", 1e-6, 1.0),
+    ("sap_near_rigid_threshold", 0.0, 10.0),
+)
+ENGINES = ("drake", "mujoco")
 PLANT_WORDS = {  # of MultibodyPlantConfig
     "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
     "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
@@ -38,13 +44,15 @@ class Scenario:
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # The robot as it could be built, or with drives that can do anything.
     fidelity: str = bounded("ideal", one_of=FIDELITIES)
-    duration: float = bounded(10.0, above=0.0, unit="s")
+    # What moves it.  Of plant_config, MuJoCo has the time step only.
+    engine: str = bounded("drake", one_of=ENGINES)
+    duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; else it is shifted by up to 10 um.
-    seed: int = bounded(0, least=0)
+    seed: int = bounded(0, least=0, most=2**32 - 1)
     # What may be used to recover.
     mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
     # After a push, to have recovered from it [-].
-    required_steps: int = bounded(0, least=0)
+    required_steps: int = bounded(0, least=0, most=1000)
     # Control period of the point mass.  It has the same largest pushes at
     # 0.01 as at the robot's, controller.control_period, but is faster.
     lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s")
@@ -75,6 +83,8 @@ class Scenario:
         """Raises ValueError if fields do not go together."""
         period = self.controller.control_period
         _check_plant(self.plant_config, period)
+        if self.engine == "mujoco":
+            _check_untouched(self.plant_config)
         if self.duration < period:
             raise ValueError(
                 f"duration = {self.duration}: must be >= "
@@ -116,15 +126,12 @@ class Scenario:
 
 def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
     """Drake would refuse these late, and some by ending the process."""
-    for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
+    for name, least, most in PLANT_NUMBERS:
         value = getattr(config, name)
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} = {value}: must be finite and > 0")
-    threshold = config.sap_near_rigid_threshold
-    if not 0.0 <= threshold < math.inf:
-        raise ValueError(
-            f"sap_near_rigid_threshold = {threshold}: must be finite and >= 0"
-        )
+        if not least <= value <= most:
+            raise ValueError(
+                f"{name} = {value}: must be in [{least:g}, {most:g}]"
+            )
     for name, words in PLANT_WORDS.items():
         value = getattr(config, name)
         if value not in words:
@@ -137,6 +144,19 @@ def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
             f"time_step = {config.time_step}: must divide "
             f"control_period = {control_period} s"
         )
+
+
+def _check_untouched(config: MultibodyPlantConfig) -> None:
+    """Refuses what would have no effect."""
+    default = default_plant_config()
+    default.time_step = config.time_step
+    for field_name in (entry.name for entry in config.__fields__):
+        value = getattr(config, field_name)
+        if value != (allowed := getattr(default, field_name)):
+            raise ValueError(
+                f"{field_name} = {value!r}: must be {allowed!r} with "
+                "engine = mujoco, which has the time_step only"
+            )
 
 
 def scenario_names() -> dict[str, Path]:

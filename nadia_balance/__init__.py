@@ -29,6 +29,7 @@ _PUBLIC = {
     "systems.joint_drives": ("JointDrives",),
     "systems.live_controls": ("LiveControls",),
     "systems.momentum_qp": ("MomentumQp",),
+    "systems.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
     "systems.point_mass_plant": ("PointMassPlant",),
     "systems.ports": ("connect",),
     "systems.push_source": ("PushSource",),

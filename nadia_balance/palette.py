@@ -36,7 +36,7 @@ LEGEND = {
     "C\N{SUBSCRIPT TWO}": CAPTURE_REGIONS[1],
     "C\N{SUBSCRIPT THREE}": CAPTURE_REGIONS[2],
     "reachable": REACH,
-    "nominal foothold": NOMINAL,
+    "planned foothold": NOMINAL,
 }
 
 

@@ -36,7 +36,9 @@ from nadia_balance.robot_checks import (
     check_plant,
     check_standing,
     check_urdf,
+    effort_limits,
     improper_contacts,
+    remarks_on,
 )
 from nadia_balance.robot_params import RobotParams, idealised
 from nadia_balance.typed_yaml import load_typed
@@ -59,6 +61,7 @@ class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
 
     `drives` are JointDriveParams; None if it is ideal (see `idealised`).
+    `remarks` are lines on what is allowed, but may not be meant so.
     """
 
     def __init__(self, params: RobotParams, urdf: Path):
@@ -85,11 +88,13 @@ class RobotModel:
         with self._naming_the_urdf():
             check_urdf(urdf)
         # Once with all shapes: the plant of the controller reads none.
-        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self.add_to(plant)
+        shaped, scene_graph = MultibodyPlant(0.001), SceneGraph()
+        shaped.RegisterAsSourceForSceneGraph(scene_graph)
+        self.add_to(shaped)
         plant = self.control_plant()
         check_plant(plant, params)
+        with self._naming_the_urdf():
+            self.remarks = remarks_on(shaped, set(feet))
         standing = self.standing_positions()
         with self._naming_the_urdf():
             check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
@@ -131,7 +136,9 @@ class RobotModel:
         parser = Parser(plant)
         parser.SetStrictParsing()
         with self._naming_the_urdf():
-            return parser.AddModels(str(self.urdf))[0]
+            instance = parser.AddModels(str(self.urdf))[0]
+            _add_actuators(plant, instance, effort_limits(self.urdf))
+        return instance
 
     def add_plant_to(
         self,
@@ -145,13 +152,17 @@ class RobotModel:
         plant, scene_graph = AddMultibodyPlant(
             config or default_plant_config(), builder
         )
+        self.stand_in(plant, scene_graph)
+        return plant, scene_graph
+
+    def stand_in(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+        """Puts the robot on flat ground into an empty `plant`; finalizes it."""
         self.add_to(plant)
         add_ground(plant)
         plant.Finalize()
         if self.drives is None:
             self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
-        return plant, scene_graph
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
         """Of the robot's own links, only one leg touches the other leg.
@@ -271,6 +282,23 @@ class RobotModel:
         except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
             reason = " ".join(str(error).split())
             raise ValueError(f"urdf = {self.urdf}: {reason}") from error
+
+
+def _add_actuators(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    effort_limits: dict[str, float],
+) -> None:
+    """Drives the joints for which the URDF has no <transmission>."""
+    # Not those of the instance: these are known once it is finalized.
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    driven = [actuator.joint().index() for actuator in actuators]
+    if len(set(driven)) < len(driven):
+        raise ValueError("a joint must not have two <transmission>s")
+    for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
+        limit = effort_limits.get(joint.name())
+        if limit and joint.num_positions() and joint.index() not in driven:
+            plant.AddJointActuator(joint.name(), joint, limit)
 
 
 def robot_names() -> list[str]:

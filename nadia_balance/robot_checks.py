@@ -18,6 +18,8 @@ from pydrake.multibody.tree import (
 from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
 
+_JOINTS = ("revolute", "continuous", "fixed")
+
 
 def check_urdf(urdf: Path) -> None:
     """Checks the figures that Drake takes as they are, or ends Python for.
@@ -31,7 +33,12 @@ def check_urdf(urdf: Path) -> None:
         for mass in link.iter("mass"):
             _positive(f"mass of {link.get('name')}", mass.get("value"), "kg")
     for joint in root.findall("joint"):
-        name = joint.get("name")
+        name, kind = joint.get("name"), joint.get("type", "")
+        _require(
+            kind in _JOINTS and joint.find("mimic") is None,
+            f"joint {name}: must be one of {', '.join(_JOINTS)}, and no mimic "
+            f"(nadia-new-robot welds others); it is {kind}",
+        )
         for limit in joint.iter("limit"):
             velocity = limit.get("velocity", "1")
             _positive(f"velocity limit of {name}", velocity, "rad/s")
@@ -41,6 +48,16 @@ def check_urdf(urdf: Path) -> None:
                 f"lower limit of {name} = {low}: must be <= its upper limit = "
                 f"{high}",
             )
+
+
+def effort_limits(urdf: Path) -> dict[str, float]:
+    """The effort limit of each joint of a checked `urdf` that has one."""
+    limits = {
+        joint.get("name", ""): _number(limit.get("effort"))
+        for joint in ElementTree.parse(urdf).getroot().findall("joint")
+        for limit in joint.findall("limit")
+    }
+    return {name: effort for name, effort in limits.items() if effort > 0.0}
 
 
 def _require(fulfilled: bool, message: str) -> None:
@@ -93,6 +110,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     for field, angles in (
         ("posture", params.posture),
         ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
+        ("whole_body.joint_upper_limits", params.whole_body.joint_upper_limits),
     ):
         for name, angle in angles.items():
             what = f"{field}.{name} = {angle}: must be"
@@ -107,13 +125,8 @@ def _check_drives(
     plant: MultibodyPlant, params: RobotParams, joints: dict
 ) -> None:
     where = f"urdf = {params.urdf}"
-    indices = plant.GetJointActuatorIndices()
-    actuators = map(plant.get_joint_actuator, indices)
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     actuators = {actuator.joint().name(): actuator for actuator in actuators}
-    _require(
-        len(actuators) == len(indices),
-        f"{where}: a joint must not have two <transmission>s",
-    )
     for name, joint in joints.items():
         speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
         _require(
@@ -124,8 +137,7 @@ def _check_drives(
         actuator = actuators.get(name)
         _require(
             actuator is not None and actuator.effort_limit() < math.inf,
-            f"{where}: joint {name}: must have a <transmission> and an effort "
-            "limit",
+            f"{where}: joint {name}: must have an effort limit",
         )
         inertia = actuator.default_reflected_inertia()
         _require(
@@ -133,6 +145,38 @@ def _check_drives(
             f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
             "must be >= 0 kg m^2",
         )
+
+
+def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
+    """What of a plant, which has shapes, may not be meant so; one line each.
+
+    Raises:
+        ValueError: a foot has no collision shape.
+    """
+    shaped = {
+        body.name()
+        for body in map(
+            plant.get_body, map(BodyIndex, range(plant.num_bodies()))
+        )
+        if plant.GetCollisionGeometriesForBody(body)
+    }
+    for foot in sorted(feet):
+        _require(foot in shaped, f"foot {foot}: must have a collision shape")
+    remarks = []
+    if shaped == feet:
+        remarks.append(
+            "only the feet have collision shapes: a fall, or legs in each "
+            "other, are not noticed"
+        )
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    light = [
+        actuator.joint().name()
+        for actuator in actuators
+        if not actuator.default_reflected_inertia()
+    ]
+    if light:
+        remarks.append(f"no rotor inertia: {', '.join(light)}")
+    return remarks
 
 
 def check_standing(

@@ -1,14 +1,17 @@
 """YAML into dataclasses, with errors that a user can read."""
 
 import dataclasses
+import itertools
 import types
 import typing
 from pathlib import Path
 
+import yaml
 from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 T = typing.TypeVar("T")
 
+_MOST_NODES = 100_000  # in a file, each as often as it is referred to
 _NAMES = {
     bool: "true or false",
     float: "a number",
@@ -58,7 +61,7 @@ def load_typed(
 def _parse(text: str) -> object:
     """Raises ValueError if `text` is no YAML."""
     try:
-        return yaml_load_data(text)
+        tree = yaml_load_data(text)
     except Exception as error:
         # Any: PyYAML has errors of its own, and passes on those of Python,
         # for a date that does not exist as for a structure nested too deep.
@@ -67,6 +70,44 @@ def _parse(text: str) -> object:
             place = f"line {mark.line + 1}, column {mark.column + 1}"
             reason = f"{place}: {error.problem}"
         raise ValueError(f"malformed YAML: {reason}") from error
+    _check_nodes(text)
+    return tree
+
+
+def _check_nodes(text: str) -> None:
+    """Refuses what YAML allows, but nobody means.
+
+    Raises:
+        ValueError: a key twice in one mapping, of which the last would count;
+            1:30, which would be 90; or aliases that grow beyond all bounds.
+    """
+    root, sizes = yaml.compose(text, Loader=yaml.CSafeLoader), {}
+
+    def size(node: yaml.Node | None) -> int:
+        if id(node) in sizes:
+            return sizes[id(node)]
+        children = []
+        if isinstance(node, yaml.MappingNode):
+            _check_keys([key for key, _ in node.value])
+            children = list(itertools.chain.from_iterable(node.value))
+        elif isinstance(node, yaml.SequenceNode):
+            children = node.value
+        elif node is not None and node.tag.endswith((":int", ":float")):
+            if ":" in node.value:
+                raise ValueError(f"{node.value}: must be a number without ':'")
+        sizes[id(node)] = 1 + sum(map(size, children))
+        if sizes[id(node)] > _MOST_NODES:
+            raise ValueError(f"must have at most {_MOST_NODES} values")
+        return sizes[id(node)]
+
+    size(root)
+
+
+def _check_keys(keys: list[yaml.Node]) -> None:
+    names = [key.value for key in keys if isinstance(key, yaml.ScalarNode)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{name}: must be given only once")
 
 
 def _child(tree: object, name: str) -> object:

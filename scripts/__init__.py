@@ -1,1 +1,46 @@
-"""The main programs."""
+"""The programs of this package: `push`, `simulate`, `envelope` and others.
+
+Whoever imports this first ends at once at Ctrl-C while it imports all the
+rest: Drake would take the exception for a fault of its own.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+INTERRUPTED = 130  # exit code after Ctrl-C
+_PROGRAMS = (
+    *("benchmark", "capture_regions", "envelope", "picture", "push"),
+    *("simulate", "_m"),  # the last of `python -m`
+)
+
+
+def _end(*_: object) -> None:
+    os._exit(INTERRUPTED)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Makes Ctrl-C a KeyboardInterrupt, as ever, in this block."""
+    is_program = signal.getsignal(signal.SIGINT) is _end
+    if is_program:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        if is_program:
+            signal.signal(signal.SIGINT, _end)
+
+
+def _is_program() -> bool:
+    """Whether one of them is run, by its file, its command or `-m`."""
+    name = Path(sys.argv[0]).stem.removeprefix("nadia-").replace("-", "_")
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    return usual and name in _PROGRAMS
+
+
+if _is_program():
+    signal.signal(signal.SIGINT, _end)

@@ -16,6 +16,9 @@ Examples:
     python scripts/benchmark.py --scenario_text "{robot: my/robot.yaml}"
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import json
 import sys
 import time
@@ -31,22 +34,27 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.robot import add_ground, load_robot
 from nadia_balance.scripts.command_line import (
+    DONE,
     ONE_OF,
     CommandLine,
     finite,
+    program,
+    say,
 )
 
 STIFFNESS, DAMPING = 3000.0, 100.0  # of the joints of the plant alone
+LONGEST = 3600  # [s]
 START = 1.0  # when the measurement begins: the robot steps [s]
 ROUNDS, TICKS = 10, 500  # of alone and loop in turns; one after the other
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0, bad input ends the program."""
+    """Runs the command line `argv`; returns 0; bad input ends it."""
     parser = CommandLine(
         prog="benchmark.py",
         description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 done, 2 bad input.",
+        epilog="Exit code: 0 done, 2 bad input, 130 Ctrl-C.",
     )
     parser.add_argument(
         "--scenario_name",
@@ -71,11 +79,13 @@ def main(argv: list[str] | None = None) -> int:
             text=args.scenario_text,
             mechanisms=args.mechanisms,
         )
-        if not args.seconds > 0.0:
-            raise ValueError(f"seconds = {args.seconds}: must be > 0")
+        if not 0.0 < args.seconds <= LONGEST:
+            raise ValueError(
+                f"seconds = {args.seconds}: must be in (0, {LONGEST}]"
+            )
     figures = measure(scenario, args.seconds)
-    print(json.dumps(figures, indent=2) if args.json else as_text(figures))
-    return 0
+    say(json.dumps(figures, indent=2) if args.json else as_text(figures))
+    return DONE
 
 
 def measure(scenario: Scenario, seconds: float) -> dict:

@@ -11,16 +11,24 @@ Examples:
     python scripts/capture_regions.py --figure 4 atlas_5 --out figures
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import argparse
 import sys
-from pathlib import Path
 
 import matplotlib as mpl
 
-from nadia_balance.results.folder import prepare_folder
+from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.plots import atlas_figures, capture_regions
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.command_line import CommandLine
+from nadia_balance.scripts.command_line import (
+    DONE,
+    CommandLine,
+    place,
+    program,
+    say,
+)
 
 FIGURES = {
     "3": capture_regions.draw_feedback,
@@ -35,13 +43,14 @@ FIGURES = {
 }
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0, bad input ends the program."""
+    """Runs the command line `argv`; returns 0; bad input ends it."""
     parser = CommandLine(
         prog="capture_regions.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 drawn, 2 bad input.",
+        epilog="Exit code: 0 drawn, 1 disk failed, 2 bad input, 130 Ctrl-C.",
     )
     parser.add_argument(
         "--figure",
@@ -52,18 +61,19 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument(
         "--out",
-        type=Path,
+        type=place,
         help="folder for the pictures "
         "(default: runs/<date>_<time>_capture_regions)",
     )
     args = parser.parse_args(argv)
-    with parser.refusing(), mpl.rc_context(RC):
-        folder = prepare_folder(args.out, "capture_regions")
-        for number in args.figure:
-            path = folder / f"figure_{number}.png"
-            FIGURES[number]().savefig(path)
-            print(f"wrote {path}")
-    return 0
+    names = [f"figure_{number}.png" for number in args.figure]
+    with parser.refusing():
+        folder = new_folder(args.out, "capture_regions", names)
+    with mpl.rc_context(RC), appearing(folder) as drafts:
+        for number, name in zip(args.figure, names, strict=True):
+            FIGURES[number]().savefig(drafts / name)
+    say(*(f"wrote {folder / name}" for name in names))
+    return DONE
 
 
 if __name__ == "__main__":

@@ -2,12 +2,14 @@
 
 import argparse
 import contextlib
+import functools
 import math
+import os
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
@@ -23,19 +25,77 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.results.folder import (
-    prepare_folder,
+    new_folder,
     start_recording,
     write_run,
 )
 from nadia_balance.results.scene import set_scene, start_meshcat
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
+from nadia_balance.scripts import INTERRUPTED, interruptible
 
-RECOVERED, NOT_RECOVERED, BAD_INPUT = 0, 1, 2
+DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
+FASTEST = 1000  # of the rates that make sense [-]
+CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
+# Of main_job, for --help.
+EXIT_CODES = (
+    "1 did not (summary.json says why), 2 bad input, 3 undecided (the run was "
+    "too short, or nobody was pushed), 130 Ctrl-C."
+)
 
 # Help of --mechanisms, for a sweep and for a single run.
 SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
 ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
+
+
+Main = Callable[[list[str] | None], int]
+
+
+def program(main: Main) -> Main:
+    """Makes `main` end without a traceback, whatever the terminal does.
+
+    Ctrl-C at any time is the exit code 130.  What fails to be written is told
+    in one line, with exit code 1: what is still to be read from this program,
+    on the other hand, may go unread.
+    """
+
+    @functools.wraps(main)
+    def run(argv: list[str] | None = None) -> int:
+        try:
+            with interruptible():
+                return main(argv)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        except OSError as error:
+            name = main.__module__.rpartition(".")[2]
+            complain(f"{name}.py", error)
+            return FAILED
+        finally:
+            say()
+
+    return run
+
+
+def say(*lines: str) -> None:
+    """Prints the lines; goes on without if nobody can read them."""
+    _print(sys.stdout, lines)
+
+
+def complain(name: str, error: Exception) -> None:
+    """Prints the error on one line of stderr, after the program's `name`."""
+    _print(sys.stderr, [f"{name}: {' '.join(str(error).split())}"])
+
+
+def _print(stream: TextIO | None, lines: Sequence[str]) -> None:
+    try:
+        for line in lines:
+            print(line, file=stream)
+        if stream is not None:
+            stream.flush()
+    except OSError:  # a closed pipe, a full disk
+        # Or else Python tries again at its end, and complains.
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def finite(text: str) -> float:
@@ -46,12 +106,28 @@ def finite(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text!r}: must be a finite number")
 
 
+def place(text: str) -> Path:
+    """A path that is not empty, which would be the present folder."""
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a path")
+    return Path(text)
+
+
 class CommandLine(argparse.ArgumentParser):
     """Says on one line what is wrong with the command line."""
 
+    def parse_args(self, args=None, namespace=None):
+        """Refuses --flag=-- too, of which argparse makes an empty list."""
+        found = super().parse_args(args, namespace)
+        for name, value in vars(found).items():
+            if value == []:
+                self.error(f"argument --{name}: must have a value")
+        return found
+
     def error(self, message: str) -> NoReturn:
         """Ends the program."""
-        self.exit(BAD_INPUT, f"{self.prog}: {message}\n")
+        complain(self.prog, ValueError(message))
+        self.exit(BAD_INPUT)
 
     @contextlib.contextmanager
     def refusing(self) -> Iterator[None]:
@@ -59,7 +135,7 @@ class CommandLine(argparse.ArgumentParser):
         try:
             yield
         except (ValueError, OSError) as error:
-            self.error(" ".join(str(error).split()))
+            self.error(str(error))
 
 
 def scenario_flags(
@@ -74,7 +150,7 @@ def scenario_flags(
     """
     group = parser.add_argument_group("scenario")
     group.add_argument(
-        "--scenario_file", type=Path, help="YAML with named scenarios"
+        "--scenario_file", type=place, help="YAML with named scenarios"
     )
     group.add_argument(
         "--scenario_name",
@@ -90,6 +166,9 @@ def scenario_flags(
     group.add_argument(
         "--fidelity",
         help="realistic, or ideal: any torque at any speed, at once",
+    )
+    group.add_argument(
+        "--engine", help="drake, or mujoco: what moves the robot"
     )
     group.add_argument("--mechanisms", help=mechanisms)
     group.add_argument(
@@ -112,7 +191,7 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("output")
     group.add_argument(
         "--out",
-        type=Path,
+        type=place,
         help="folder for the results (default: runs/<date>_<time>_<scenario>)",
     )
     group.add_argument(
@@ -132,7 +211,7 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
         help="1 is real time, 0 as fast as possible",
     )
     group.add_argument(
-        "--graphviz", type=Path, help="write the diagram as Graphviz dot"
+        "--graphviz", type=place, help="write the diagram as Graphviz dot"
     )
 
 
@@ -144,6 +223,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         args.scenario_text,
         robot=args.robot,
         fidelity=args.fidelity,
+        engine=args.engine,
         mechanisms=args.mechanisms,
         duration=args.duration,
         seed=args.seed,
@@ -174,9 +254,11 @@ def main_job(
             else HumanoidDiagram(scenario, meshcat)
         )
         simulator = start(diagram)
-        folder = prepare_folder(args.out, args.scenario_name)
+        folder = new_folder(args.out, args.scenario_name)
         if args.graphviz:
             _write_graph(diagram, args.graphviz)
+    for remark in diagram.robot.remarks:
+        print(f"robot: {remark}")
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
@@ -184,14 +266,15 @@ def main_job(
     run = advance(simulator, scenario.duration, args.realtime_rate)
     info = run_info(scenario, run, args.plant, args.scenario_name)
     summary = summarize(run, info)
-    for line in telling_lines(run.logs, summary):
-        print(line)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
-    written = write_run(folder, run.logs, summary, text, meshcat)
-    print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
+    try:
+        written = write_run(folder, run.logs, summary, text, meshcat)
+    finally:
+        say(*telling_lines(run.logs, summary))
+    say(f"wrote {folder}/{{{', '.join(written)}}}")
     if args.hold:
         _hold(meshcat)
-    return RECOVERED if summary["recovered"] else NOT_RECOVERED
+    return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
@@ -200,8 +283,15 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     Raises:
         ValueError: an output flag can have no effect.
     """
-    if args.realtime_rate < 0.0:
-        raise ValueError(f"realtime_rate = {args.realtime_rate}: must be >= 0")
+    if not 0.0 <= args.realtime_rate <= FASTEST:
+        raise ValueError(
+            f"realtime_rate = {args.realtime_rate}: must be in [0, {FASTEST}]"
+        )
+    if args.plant == "lipm" and args.fidelity is not None:
+        raise ValueError(
+            f"fidelity = {args.fidelity!r}: must not come with --plant lipm, "
+            "which has no drives"
+        )
     reason = "--plant lipm" if args.plant == "lipm" else ""
     reason = "--no-meshcat" if args.no_meshcat else reason
     for name in ("open", "hold"):
@@ -224,15 +314,13 @@ def _write_graph(diagram: Diagram, path: Path) -> None:
 def _meshcat(port: int | None) -> Meshcat:
     """Meshcat with its scene; says where it is."""
     meshcat, message = start_meshcat(port)
-    if message:
-        print(message)
-    print(f"Meshcat: {meshcat.web_url()}", flush=True)
+    say(*filter(None, [message]), f"Meshcat: {meshcat.web_url()}")
     set_scene(meshcat)
     return meshcat
 
 
 def _hold(meshcat: Meshcat) -> None:
     """Keeps Meshcat alive until Enter, Ctrl-C or the end of the input."""
-    print(f"Meshcat: {meshcat.web_url()}  (Enter ends)", flush=True)
+    say(f"Meshcat: {meshcat.web_url()}  (Enter ends)")
     with contextlib.suppress(KeyboardInterrupt):
         sys.stdin.readline()

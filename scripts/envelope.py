@@ -13,8 +13,12 @@ Examples:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
     python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
     python scripts/envelope.py --plot-only envelopes/mine
+    python scripts/envelope.py --limit --robot path/robot.yaml
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import argparse
 import contextlib
 import os
@@ -27,12 +31,24 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
+from nadia_balance.scripts import INTERRUPTED
 from nadia_balance.scripts.command_line import (
     BAD_INPUT,
+    DONE,
+    FAILED,
+    UNDECIDED,
     CommandLine,
+    complain,
     finite,
+    place,
+    program,
+    say,
 )
-from nadia_balance.scripts.envelope_sweep.limits import envelope_of
+from nadia_balance.scripts.envelope_sweep.limits import Envelope, envelope_of
+from nadia_balance.scripts.envelope_sweep.physical import (
+    limit_lines,
+    with_limits,
+)
 from nadia_balance.scripts.envelope_sweep.plan import (
     Sweep,
     sweep_flags,
@@ -53,32 +69,33 @@ from nadia_balance.scripts.envelope_sweep.trials_file import (
     TrialsFile,
     alone_in,
     read_trials,
+    recovered,
 )
 from nadia_balance.scripts.envelope_sweep.workers import Workers, open_workers
 
-DONE, FAILED, INTERRUPTED = 0, 1, 130
 TRIALS = "trials.csv"
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`.
 
-    Returns 0 done, 1 the workers or the disk failed, 2 bad input, 130 Ctrl-C.
+    Returns 0 done, 1 the workers or the disk failed, 2 bad input, 3 undecided,
+    130 Ctrl-C.
     """
     argv = sys.argv[1:] if argv is None else argv
     args = _parser().parse_args(argv)
     args.command = shlex.join(["envelope.py", *argv])
-    try:
-        with contextlib.ExitStack() as stack:
-            return _main(args, stack)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    with contextlib.ExitStack() as stack:
+        return _main(args, stack)
 
 
 def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
     try:
         if args.plot_only is not None:
             return _plot_only(args.plot_only)
+        if args.limit:
+            return _limit(sweep_from(args))
         job = _prepare(args, stack)
     except (ValueError, OSError) as error:
         return _complain(error, BAD_INPUT)
@@ -89,8 +106,7 @@ def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
 
 
 def _complain(error: Exception, code: int) -> int:
-    message = " ".join(str(error).split())
-    print(f"envelope.py: {message}", file=sys.stderr)
+    complain("envelope.py", error)
     return code
 
 
@@ -100,7 +116,8 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="Exit code: 0 done, 1 the workers or the disk failed, "
-        "2 bad input, 130 Ctrl-C.",
+        "2 bad input, 3 undecided (the runs are too short for some limits, or "
+        "nobody was pushed), 130 Ctrl-C.",
     )
     sweep_flags(parser)
     group = parser.add_argument_group("running")
@@ -124,15 +141,20 @@ def _parser() -> argparse.ArgumentParser:
     group = parser.add_argument_group("output")
     group.add_argument(
         "--out",
-        type=Path,
+        type=place,
         help="folder for the results (default: envelopes/<date>_<protocol>); "
         "one with a trials.csv goes on",
     )
     group.add_argument(
         "--plot-only",
-        type=Path,
+        type=place,
         metavar="FOLDER",
         help="only write what follows from FOLDER/trials.csv",
+    )
+    group.add_argument(
+        "--limit",
+        action="store_true",
+        help="simulate no push: print what no controller can recover from",
     )
     return parser
 
@@ -181,7 +203,7 @@ def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
     folder, code = trials_file.path.parent, DONE
     progress = agenda_of(sweep, trials_file).progress()
     lines = _plan_lines(sweep, progress, workers.slots, folder)
-    print(*lines, sep="\n", flush=True)
+    say(*lines)
     with until_ctrl_c() as stopped:
         try:
             with progress_bar(progress) as show:
@@ -190,11 +212,15 @@ def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
         except RuntimeError as error:
             code = _complain(error, FAILED)
         trials_file.finish()
-        if trials_file.rows():
+        if rows := trials_file.rows():
+            if all(recovered(row) is None for row in rows):
+                why = f"no limit: of {len(rows)} trials none was decided: "
+                return _complain(ValueError(why + rows[0]["reason"]), UNDECIDED)
             written = [TRIALS, "costs.csv", "scenario.yaml", "command.txt"]
-            _report(folder, written)
-        if code:
-            print(f"the same flags and --out {folder} go on from here")
+            if _report(folder, written).undecided and code == DONE:
+                code = UNDECIDED
+        if code in (FAILED, INTERRUPTED):
+            say(f"the same flags and --out {folder} go on from here")
     return code
 
 
@@ -225,16 +251,28 @@ def _plot_only(folder: Path) -> int:
         raise ValueError(
             f"plot_only = {str(folder)!r}: must be a folder with a {TRIALS}"
         )
-    _report(prepare_folder(folder), [])
+    envelope = _report(prepare_folder(folder), [])
+    return UNDECIDED if envelope.undecided else DONE
+
+
+def _limit(sweep: Sweep) -> int:
+    """Prints the limits of a point mass with the robot's own figures."""
+    most, directions = sweep.mechanisms[-1], sweep.directions
+    for cell in sweep.cells():
+        if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
+            walk, at = sweep.walk(cell, replica=0), cell.situation
+            lines = limit_lines(walk, at, sweep.plant, directions)
+            say(*lines)
     return DONE
 
 
-def _report(folder: Path, written: list[str]) -> None:
+def _report(folder: Path, written: list[str]) -> Envelope:
     """Writes the report; prints the table, and the names of all files."""
     envelope = envelope_of(*read_trials(folder / TRIALS))
+    envelope = with_limits(envelope, folder / "scenario.yaml")
     written = [*write_report(folder, envelope), *written]
-    print("\n".join(table_lines(envelope)))
-    print(f"wrote {folder}/{{{', '.join(written)}}}", flush=True)
+    say(*table_lines(envelope), f"wrote {folder}/{{{', '.join(written)}}}")
+    return envelope
 
 
 if __name__ == "__main__":

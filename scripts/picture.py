@@ -1,27 +1,47 @@
 """Takes pictures of a run's replay and puts them side by side.
 
-By default the push, and each of the next two steps just before it lands.
+By default the push, and each of the next two steps just before it lands; with
+--gif, a small moving picture of the push and the 2.5 s after it.
 
 Examples:
     python scripts/picture.py --run runs/my_run
     python scripts/picture.py --run runs/my_run --times 3.5 3.9 --out two.png
+    python scripts/picture.py --run runs/my_run --gif --width 320
 """
 
 from __future__ import annotations
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import argparse
 import base64
 import html
+import io
 import shutil
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from zipfile import BadZipFile
 
+import numpy as np
+from PIL import Image
+
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.results.folder import legend_entries, read_run
+from nadia_balance.results.folder import (
+    appearing,
+    legend_entries,
+    read_run,
+)
 from nadia_balance.results.log import pushes, steps
-from nadia_balance.scripts.command_line import CommandLine, finite
+from nadia_balance.scripts.command_line import (
+    DONE,
+    CommandLine,
+    finite,
+    place,
+    program,
+    say,
+)
 from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
 try:
@@ -29,7 +49,7 @@ try:
 except ImportError:  # it is optional, and missed in write_strip
     sync_api = None
 
-_MISSING = "playwright is missing: pip install 'nadia_balance[docs]'"
+_MISSING = "playwright is missing: pip install playwright"
 _FLAGS = (
     "--no-sandbox",  # there is none for root
     "--enable-unsafe-swiftshader",  # WebGL without a GPU
@@ -37,11 +57,13 @@ _FLAGS = (
 _SHARPNESS = 2  # pixels of a picture for each pixel of the strip
 _NUM_STEPS = 2  # after the push
 _BEFORE = 0.03  # a step lands [s]
+_GIF = 0.4, 2.5  # before the push begins, and after [s]
+_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # of its frames [s]
 
 # Looks at the robot's middle; hides all that is not the scene.
 _LOOK = """
 ({time, path, azimuth_deg, elevation_deg, distance, height}) => {
-  for (const node of document.querySelectorAll("#legend, .dg")) {
+  for (const node of document.querySelectorAll("#legend, #status, .dg")) {
     node.style.display = "none";
   }
   viewer.set_render_callback("() => {}");  // no longer follows by itself
@@ -83,21 +105,25 @@ _STRIP = """
 """
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0, bad input ends the program."""
+    """Runs the command line `argv`; returns 0; bad input ends it."""
     parser = CommandLine(
         prog="picture.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 written, 2 bad input.",
+        epilog="Exit code: 0 written, 2 bad input, 130 Ctrl-C.",
     )
     parser.add_argument(
-        "--run", type=Path, required=True, help="folder with its replay.html"
+        "--run", type=place, required=True, help="folder with its replay.html"
     )
     parser.add_argument("--times", type=finite, nargs="+", help="[s]")
     parser.add_argument("--captions", nargs="+", help="one for each time")
     parser.add_argument(
-        "--out", type=Path, help="PNG; by default picture.png in the folder"
+        "--out", type=place, help="PNG; by default picture.png in the folder"
+    )
+    parser.add_argument(
+        "--gif", action="store_true", help="moving, picture.gif by default"
     )
     group = parser.add_argument_group("view")
     for flag, field, kind, meaning in (
@@ -113,11 +139,12 @@ def main(argv: list[str] | None = None) -> int:
         )
     args = parser.parse_args(argv)
     with parser.refusing():
-        _write(args)
-    return 0
+        out = _write(args)
+    say(f"wrote {out}")
+    return DONE
 
 
-def _write(args: argparse.Namespace) -> None:
+def _write(args: argparse.Namespace) -> Path:
     view = View(
         azimuth_deg=args.azimuth_deg,
         elevation_deg=args.elevation_deg,
@@ -130,6 +157,13 @@ def _write(args: argparse.Namespace) -> None:
         raise ValueError(
             f"run = {str(args.run)!r}: must be a folder with a replay.html"
         )
+    if args.gif:
+        out = args.out or args.run / "picture.gif"
+        if out.suffix != ".gif":
+            raise ValueError(f"out = {str(out)!r}: must end in .gif")
+        write_gif(replay, args.times or gif_times(args.run), view, out)
+        print(f"wrote {out}")
+        return
     times = args.times or moments(args.run)
     captions = args.captions or [f"{time:.2f} s" for time in times]
     if len(captions) != len(times):
@@ -141,7 +175,7 @@ def _write(args: argparse.Namespace) -> None:
     if out.suffix != ".png":
         raise ValueError(f"out = {str(out)!r}: must end in .png")
     write_strip(replay, times, captions, view, out)
-    print(f"wrote {out}")
+    return out
 
 
 def moments(run: Path) -> list[float]:
@@ -151,6 +185,22 @@ def moments(run: Path) -> list[float]:
         ValueError: there is no push in the `run`, or its log is not whole.
         OSError: there is no log.
     """
+    _, end, landings = _pushed_and_landed(run)
+    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+
+
+def gif_times(run: Path) -> list[float]:
+    """Of the frames around the last push [s]; raises as `moments`."""
+    start, end, _ = _pushed_and_landed(run)
+    first = max(start - _GIF[0], 0.0)
+    # The replay's last frame may be before the log's last row.
+    whole = float(read_run(run)[0]["t"][-1]) - REGIONS_PERIOD
+    last = min(end + _GIF[1], whole)
+    return np.arange(first, last, _GIF_PERIOD).tolist()
+
+
+def _pushed_and_landed(run: Path) -> tuple[float, float, list[float]]:
+    """When the last push began and ended, and the landings after it [s]."""
     try:
         log, _ = read_run(run)
         pushed, landed = pushes(log), steps(log)
@@ -163,7 +213,7 @@ def moments(run: Path) -> list[float]:
         raise ValueError("times: must be given, without a push")
     end = pushed[-1].end
     landings = [step.swing.end for step in landed if step.swing.end > end]
-    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+    return pushed[-1].start, end, landings
 
 
 @dataclass(kw_only=True)
@@ -214,17 +264,53 @@ def write_strip(
             {"width": len(times) * (view.width_px + 8), "height": 100}
         )
         page.set_content(_strip(pictures, captions, view))
-        page.locator("#strip").screenshot(path=out)
+        strip = page.locator("#strip").screenshot()
         browser.close()
+    with appearing(out.parent) as drafts:
+        (drafts / out.name).write_bytes(strip)
+
+
+def write_gif(replay: Path, times: list[float], view: View, out: Path) -> None:
+    """Writes to `out` what `replay` shows at `times` [s], one after the other.
+
+    It loops, in real time if the times are as far apart as `gif_times`.
+
+    Raises:
+        ValueError: as of `write_strip`.
+    """
+    if sync_api is None:
+        raise ValueError(_MISSING)
+    check(view)
+    with sync_api.sync_playwright() as playwright:
+        browser = launch_chromium(playwright)
+        pictures = _pictures(browser, replay, times, view, sharpness=1)
+        browser.close()
+    first, *others = (
+        Image.open(io.BytesIO(picture))
+        .convert("RGB")
+        .quantize(method=Image.Quantize.MAXCOVERAGE)  # keeps rare colours
+        for picture in pictures
+    )
+    first.save(
+        out,
+        save_all=True,
+        append_images=others,
+        duration=round(1000 * _GIF_PERIOD),
+        loop=0,
+    )
 
 
 def _pictures(
-    browser: sync_api.Browser, replay: Path, times: list[float], view: View
+    browser: sync_api.Browser,
+    replay: Path,
+    times: list[float],
+    view: View,
+    sharpness: int = _SHARPNESS,
 ) -> list[bytes]:
     """Returns a PNG for each of the `times` [s]."""
     page = browser.new_page(
         viewport={"width": view.width_px, "height": view.height_px},
-        device_scale_factor=_SHARPNESS,
+        device_scale_factor=sharpness,
         offline=True,
     )
     duration = _open(page, replay)

@@ -5,40 +5,47 @@ Examples:
     python scripts/push.py --direction inward --delta-v 0.2 --open --hold
     python scripts/push.py --direction 210 --at "left swing 50 %"
     python scripts/push.py --plant lipm --terrain stepping_stones
+    python scripts/push.py --random 8 --seed 1
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import argparse
 import sys
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.push import Moment
+from nadia_balance.core.push import SHAPES, Moment, random_pushes
 from nadia_balance.core.walking import Side
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
 from nadia_balance.scripts.command_line import (
+    EXIT_CODES,
     ONE_OF,
     CommandLine,
     finite,
     main_job,
     output_flags,
+    program,
     scenario_flags,
     scenario_from,
 )
 
+MOST_RANDOM = 100  # pushes
 STANDING = "standing"
 # Relative to a left stance foot, that is, to a right swing.
 WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`.
 
-    Returns 0 recovered, 1 did not recover, 2 bad input.
+    Returns 0 recovered, 1 did not, 2 bad input, 3 undecided, 130 Ctrl-C.
     """
     parser = CommandLine(
         prog="push.py",
         description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 recovered, 1 did not recover (summary.json says "
-        "why), 2 bad input.",
+        epilog=f"Exit code: 0 recovered, {EXIT_CODES}",
     )
     _push_flags(parser)
     scenario_flags(parser, name="push", mechanisms=ONE_OF)
@@ -68,6 +75,17 @@ def _push_flags(parser: argparse.ArgumentParser) -> None:
         'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
     )
 
+    group.add_argument(
+        "--shape", help=f"of the force over time: {', '.join(SHAPES)}"
+    )
+    group.add_argument(
+        "--random",
+        type=int,
+        metavar="N",
+        help="N pushes instead, in directions at random, of up to --delta-v, "
+        "1 to 3 s after each other; --seed gives others",
+    )
+
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     """The scenario, its first push changed as the flags say.
@@ -84,6 +102,8 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
             f"scenario_name = {args.scenario_name!r}: must have a push"
         )
     push = scenario.pushes[0]
+    if args.shape is not None:
+        push.shape = args.shape
     if args.delta_v is not None:
         push.delta_v, push.force = args.delta_v, None
     if args.at == STANDING:
@@ -93,8 +113,37 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         push.at = str(Moment.parse(args.at))
     if args.direction is not None:
         push.direction_deg = _degrees(args.direction, push.moment)
+    if args.random is not None:
+        _push_at_random(args, scenario)
     check(scenario)
     return scenario
+
+
+def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
+    """Puts --random pushes in place of those of the scenario.
+
+    The gait and the run are as much longer, unless --duration is given.
+    """
+    for name in ("at", "direction", "shape"):
+        if (value := getattr(args, name)) is not None:
+            raise ValueError(f"{name} = {value!r}: must not come with --random")
+    if not 1 <= args.random <= MOST_RANDOM:
+        raise ValueError(
+            f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
+        )
+    check(scenario)
+    largest = scenario.pushes[0].delta_v
+    if largest is None:
+        raise ValueError("delta_v: must be given with --random")
+    pushes = random_pushes(args.random, scenario.seed, largest)
+    for push in pushes:
+        push.body = scenario.pushes[0].body
+    scenario.pushes, gait = pushes, scenario.gait
+    if args.duration is None:
+        scenario.duration += pushes[-1].moment.time
+    if gait.num_steps:
+        step = gait.swing_duration + gait.transfer_duration
+        gait.num_steps = max(gait.num_steps, int(scenario.duration / step) + 1)
 
 
 def _degrees(direction: str, moment: Moment) -> float:

@@ -5,31 +5,37 @@ Examples:
     python scripts/simulate.py --scenario_name walk_in_place --plant lipm
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import sys
 
 from nadia_balance.diagrams.scenario import scenario_names
 from nadia_balance.scripts.command_line import (
+    EXIT_CODES,
     ONE_OF,
     CommandLine,
     main_job,
     output_flags,
+    program,
     scenario_flags,
     scenario_from,
 )
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`.
 
-    Returns 0 stood, walked or recovered, 1 did not, 2 bad input.
+    Returns 0 stood, walked or recovered, 1 did not, 2 bad input, 3 undecided,
+    130 Ctrl-C.
     """
     names = ", ".join(scenario_names())
     parser = CommandLine(
         prog="simulate.py",
         description=__doc__.partition("\n")[0],
         epilog=f"scenarios: {names}. "
-        "Exit code: 0 stood, walked or recovered, 1 did not (summary.json "
-        "says why), 2 bad input.",
+        f"Exit code: 0 stood, walked or recovered, {EXIT_CODES}",
     )
     scenario_flags(parser, name=None, mechanisms=ONE_OF)
     output_flags(parser)

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
@@ -23,6 +22,7 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import steps
+from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -209,7 +209,7 @@ def test_uses_a_step_adjuster_of_the_user_s():
 def test_meshcat_needs_no_capture_regions():
     """Oracle: a run that draws, without the port."""
     diagram = HumanoidDiagram(
-        scenario_of("pushes: []"), Meshcat(), step_adjuster=Aside()
+        scenario_of("pushes: []"), start_meshcat()[0], step_adjuster=Aside()
     )
     assert simulate(diagram, 0.1).error == ""
 

@@ -19,6 +19,7 @@ from tests.source_files import (
 # Lowest first: a layer imports itself and those before it.
 LAYERS = (
     "nadia_balance.core",
+    "nadia_balance.new_robot",
     "nadia_balance.palette",
     "nadia_balance.typed_yaml",
     "nadia_balance.robot_params",
@@ -26,6 +27,7 @@ LAYERS = (
     "nadia_balance.robot",
     "nadia_balance.link_distances",
     "nadia_balance.whole_body_kinematics",
+    "nadia_balance.mujoco_model",
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",
     "nadia_balance.balance_controller",

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, EventStatus
 from pydrake.systems.primitives import ConstantValueSource, LogVectorOutput
 
 from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
 from nadia_balance.core.walking import WalkingState
+from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSignal, PushSource
@@ -49,7 +49,7 @@ class StandingRun:
         self.url = self._url.get(timeout=PATIENCE)
 
     def _run(self):
-        meshcat = Meshcat()
+        meshcat = start_meshcat()[0]
         builder = DiagramBuilder()
         controls = builder.AddSystem(LiveControls(meshcat, ALL))
         state = builder.AddSystem(

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import yaml
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System
 
@@ -22,6 +21,8 @@ from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.results.scene import start_meshcat
+from nadia_balance.systems.mujoco_plant import PointContacts
 
 # output port: the input ports that it depends on within the same instant.
 ICP_CONTROL = {"com_state", "icp", "icp_reference", "walking_state"}
@@ -71,6 +72,10 @@ FEEDTHROUGH = {
         "ecmp_command": ICP_CONTROL,
         "momentum_rate": ICP_CONTROL,
         "momentum_qp_status": ICP_CONTROL,
+    },
+    "MujocoPlant": {
+        "state": set(),
+        "contact_results": {"actuation", "applied_spatial_force"},
     },
     "PointMassPlant": {
         "com_state": set(),
@@ -125,9 +130,10 @@ def diagrams() -> list[Diagram]:
     text = "{mechanisms: step_swing, controller: {icp_step_qp: {}}}"
     by_qp = load_scenario("walk_in_place", text=text)
     return [
-        HumanoidDiagram(scenario, Meshcat()),
+        HumanoidDiagram(scenario, start_meshcat()[0]),
         LipmDiagram(scenario),
         LipmDiagram(by_qp),
+        HumanoidDiagram(load_scenario("walk_in_place", engine="mujoco")),
     ]
 
 
@@ -193,13 +199,18 @@ def our_outputs(diagram: Diagram, root: Context) -> dict[str, str]:
 
 def text(value: object) -> str:
     """Equal for equal numbers, arrays and dataclasses, and only for them."""
-    if isinstance(value, list):  # of Drake's forces, whose repr is an address
+    # The repr of what is Drake's is an address.
+    if isinstance(value, list):
         value = [(f.body_index, f.F_Bq_W.get_coeffs()) for f in value]
+    if isinstance(value, PointContacts):
+        value = [(c.contact_force(), c.contact_point()) for c in value.pairs]
     with np.printoptions(floatmode="unique", threshold=10**6):
         return repr(value)
 
 
-@pytest.mark.parametrize("index", [0, 1, 2], ids=["humanoid", "lipm", "by qp"])
+@pytest.mark.parametrize(
+    "index", range(4), ids=["humanoid", "lipm", "by qp", "mujoco"]
+)
 def test_equal_contexts_give_equal_outputs(index, diagrams):
     """Oracle: the state that a run led to, given to new contexts.
 

@@ -1,5 +1,7 @@
 """YAML that fits gives dataclasses, YAML that does not one readable line."""
 
+import itertools
+import re
 from dataclasses import dataclass, field
 
 import pytest
@@ -144,3 +146,26 @@ def test_a_file_that_cannot_be_read(tmp_path):
         load_typed(Cart, "cart.yaml", filename=path)
     with pytest.raises(FileNotFoundError):
         load_typed(Cart, "cart.yaml", filename=tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{seats: 1, seats: 2}", "seats: must be given only once"),
+        ("{load: 1:30}", "1:30: must be a number without ':'"),
+        (
+            "[&a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"
+            + "".join(
+                f", &{b} [{', '.join(10 * ['*' + a])}]"
+                for a, b in itertools.pairwise("abcdef")
+            )
+            + "]",
+            "must have at most 100000 values",
+        ),
+    ],
+    ids=["twice", "sexagesimal", "a million laughs"],
+)
+def test_refuses_what_yaml_allows_and_nobody_means(text, told):
+    """Oracle: the message, by hand."""
+    with pytest.raises(ValueError, match=re.escape(told)):
+        load_typed(Cart, "text", data=text)

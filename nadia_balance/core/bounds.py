@@ -11,11 +11,16 @@ import dataclasses
 import math
 from typing import Any, NamedTuple
 
+# So large a number may be, whatever it is: by its unit, or without one.
+LARGEST = {"s": 10.0, "m": 10.0}
+LARGEST_OF_ALL = 1e6
+
 
 class Bounds(NamedTuple):
     """What is allowed: >= `least`, > `above`, <= `most`, < `below`, `one_of`.
 
-    As far as these are given, and `finite`; `unit` appears in the message.
+    As far as these are given; a side that is not ends at +-LARGEST of its
+    `unit`, where infinity may be allowed, too, if not `finite`.
     """
 
     least: float | None = None
@@ -29,23 +34,37 @@ class Bounds(NamedTuple):
     def allow(self, value: float) -> bool:
         """True if the number is within these bounds."""
         return (
-            not math.isnan(value)
-            and (math.isfinite(value) or not self.finite)
+            self._is_sane(value)
             and (self.least is None or value >= self.least)
             and (self.above is None or value > self.above)
             and (self.most is None or value <= self.most)
             and (self.below is None or value < self.below)
         )
 
+    @property
+    def _largest(self) -> float:
+        return LARGEST.get(self.unit, LARGEST_OF_ALL)
+
+    def _is_sane(self, value: float) -> bool:
+        """False for NaN, and beyond LARGEST where no bound is given."""
+        if math.isinf(value):
+            return not self.finite
+        above = value > 0.0
+        given = (self.most, self.below) if above else (self.least, self.above)
+        return given != (None, None) or abs(value) <= self._largest
+
     def rule(self, value: float) -> str:
         """What is allowed in place of the number `value`."""
         low, high = self.least, self.most
+        unit = f" {self.unit}" if self.unit else ""
+        if math.isfinite(value) and not self._is_sane(value):
+            low = -self._largest if low is None else low
+            high = self._largest if high is None else high
         opening, closing = "[", "]"
         if self.above is not None:
             low, opening = self.above, "("
         if self.below is not None:
             high, closing = self.below, ")"
-        unit = f" {self.unit}" if self.unit else ""
         if low is not None and high is not None:
             return f"in {opening}{low:g}, {high:g}{closing}{unit}"
         rule = "a number"
@@ -74,9 +93,10 @@ def bounded(default: Any, **bounds: Any) -> Any:
 def check(params: object, name: str = "") -> None:
     """Checks all fields of the dataclass `params` against their bounds.
 
-    Numbers without bounds must be finite.  Descends into dataclasses, lists
-    and mappings, then calls `params.validate_more()`, if there is one, for
-    conditions between fields.  `name` is that of `params` itself.
+    Numbers without bounds must be finite, and no larger than LARGEST_OF_ALL.
+    Descends into dataclasses, lists and mappings, then calls
+    `params.validate_more()`, if there is one, for conditions between fields.
+    `name` is that of `params` itself.
 
     Raises:
         ValueError: names the first field out of its bounds, its value and

@@ -66,7 +66,7 @@ class Gait:
     `footholds`, in which the feet take turns; only one of the three.
     """
 
-    num_steps: int = bounded(0, least=0)  # times `step`
+    num_steps: int = bounded(0, least=0, most=1000)  # times `step`
     step: StepVector = field(default_factory=StepVector)
     steps: list[StepVector] = field(default_factory=list)
     footholds: list[Foothold] = field(default_factory=list)

@@ -4,8 +4,10 @@ import functools
 import re
 from dataclasses import dataclass
 
+import numpy as np
+
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.core.walking import Array, Phase, Side, WalkingState
 
 # A clock that counts ticks may miss a round number by a rounding error.
 TIME_TOLERANCE = 1e-9  # [s]
@@ -49,22 +51,34 @@ class Moment:
         return f"{self.swing.value} {self.phase.value} {percent} %"
 
 
+# How the force goes, as a share of its peak, with x from 0 to 1: 1; sin(pi x);
+# x (quasi-static, if it is slow); sin(2 pi f t).
+SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
+    *("rectangle", "half_sine", "ramp", "sine"),
+)
+
+
 @dataclass(kw_only=True)
 class Push:
-    """A constant horizontal force on one body.
+    """A horizontal force on one body.
 
     Either `delta_v` or `force` tells how hard.  The direction is relative to
     the heading of the support foot when the push begins.
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    delta_v: float | None = bounded(None, least=0.0)  # of the whole mass [m/s]
-    force: float | None = bounded(None, least=0.0)  # [N]
-    duration: float = bounded(0.1, above=0.0, unit="s")  # [s]
-    direction_deg: float = 0.0  # 0 forward, 90 left [deg]
+    # Of the whole mass [m/s].
+    delta_v: float | None = bounded(None, least=0.0, most=100.0)
+    force: float | None = bounded(None, least=0.0, most=1e5)  # its peak [N]
+    shape: str = bounded(RECTANGLE, one_of=SHAPES)
+    # Of a sine.
+    frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")
+    duration: float = bounded(0.1, above=0.0, most=60.0, unit="s")
+    # 0 forward, 90 left [deg].
+    direction_deg: float = bounded(0.0, least=-3600.0, most=3600.0)
     at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
     # Not in a phase before so many steps are taken [-].
-    after_steps: int = bounded(0, least=0)
+    after_steps: int = bounded(0, least=0, most=1000)
     # Later than said above, for replicas [s].
     delay: float = bounded(0.0, least=0.0)
 
@@ -80,14 +94,38 @@ class Push:
                 f"delta_v = {self.delta_v}, force = {self.force}: must give "
                 "exactly one of them"
             )
+        if self.shape == SINE and self.force is None:
+            raise ValueError(
+                f"delta_v = {self.delta_v}: must be null for a {SINE}, which "
+                "has a force"
+            )
         Moment.parse(self.at)
 
-    def newtons(self, mass: float) -> float:
-        """The force [N] on a robot of this mass [kg]: m delta_v / duration."""
+    def shares(self, period: float) -> Array:
+        """The force over its peak (n,) in each tick of `period` [s].
+
+        It is that in the middle of the tick.
+        """
+        n = max(round(self.duration / period), 1)
+        x = (np.arange(n) + 0.5) / n
+        if self.shape == HALF_SINE:
+            return np.sin(np.pi * x)
+        if self.shape == RAMP:
+            return x
+        if self.shape == SINE:
+            return np.sin(2.0 * np.pi * self.frequency * n * period * x)
+        return np.ones(n)
+
+    def newtons(self, mass: float, period: float) -> float:
+        """The peak of the force [N] on a robot of this mass [kg].
+
+        The force in all ticks of `period` [s] together gives m delta_v.
+        """
         if self.force is not None:
             return self.force
         assert self.delta_v is not None
-        return mass * self.delta_v / self.duration
+        mean = float(np.mean(self.shares(period)))
+        return mass * self.delta_v / (self.duration * mean)
 
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
         """True if the push is to begin by `time` [s], apart from `delay`.
@@ -114,6 +152,26 @@ class Push:
             and state.schedule.support_side.other is moment.swing
             and state.steps_taken >= self.after_steps
         )
+
+
+def random_pushes(number: int, seed: int, largest: float) -> list[Push]:
+    """Returns pushes in directions at random, 1 to 3 s after each other.
+
+    The first comes 2 to 4 s after the start; each is of up to `largest` [m/s].
+    mjlab trains policies with such pushes.
+    """
+    rng, time, pushes = np.random.default_rng(seed), 1.0, []
+    for _ in range(number):
+        time += rng.uniform(1.0, 3.0)
+        size, angle = rng.uniform(0.0, [largest, 360.0])
+        pushes.append(
+            Push(
+                delta_v=round(size, 3),
+                direction_deg=round(angle, 1),
+                at=f"{time:.2f} s",
+            )
+        )
+    return pushes
 
 
 def _short(value: float) -> str:

@@ -30,6 +30,9 @@ from nadia_balance.core.walking import (
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
+# So near its foothold, a foot lands where it is [m]: what the leg does not
+# follow its reference by would else hold the clock, and the foot in the air.
+_NEAR = 0.03
 _TOLERATED = 0.03  # a foot that comes so late needs no time back [s]
 
 # A foot in the second half of its swing, at its full speed, needs this share
@@ -180,6 +183,9 @@ def time_to_return(
     The foothold may have moved away from the foot, now at its measured pose
     `foot`, since the clock was advanced.  No more than has been gained.
     """
+    goal = state.schedule.footsteps[0].pose.p_WF
+    if math.dist(foot.p_WF[:2], goal[:2]) < _NEAR:
+        return 0.0
     gained = max(state.time_in_phase - state.elapsed, 0.0)
     needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
     return min(max(needed - _TOLERATED - state.remaining_time, 0.0), gained)

@@ -46,10 +46,10 @@ class WholeBodyQpParams:
     serve robots of any size.  Gains are kp [1/s^2].
     """
 
-    # Soft tasks: horizontal and vertical linear momentum / mass, angular
+    # Soft tasks: direction of the force, vertical momentum / mass, angular
     # momentum about the CoM / mass, orientation of pelvis and torso.
     momentum_weight: float = bounded(1e3, least=0.0)
-    height_weight: float = bounded(30.0, least=0.0)
+    height_weight: float = bounded(300.0, least=0.0)
     angular_momentum_weight: float = bounded(0.1, least=0.0)
     angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
     pelvis_weight: float = bounded(0.5, least=0.0)
@@ -59,7 +59,8 @@ class WholeBodyQpParams:
     swing_position_gain: float = bounded(150.0, least=0.0)
     swing_orientation_weight: float = bounded(10.0, least=0.0)
     swing_orientation_gain: float = bounded(200.0, least=0.0)
-    posture_weight: float = bounded(0.03, above=0.0)
+    # Of arms and spine: free enough to help, and to come back.
+    posture_weight: float = bounded(0.1, above=0.0)
     # Pelvis and feet determine the legs: this one only breaks ties.
     leg_posture_weight: float = bounded(1e-4, above=0.0)
     posture_gain: float = bounded(80.0, least=0.0)
@@ -90,6 +91,7 @@ class WholeBodyQpParams:
     loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
+    joint_upper_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead position and speed limits of joints are kept, and with
     # which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")

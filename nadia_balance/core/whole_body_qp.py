@@ -62,6 +62,7 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
+_HASTE = (2.0, 4.0, math.inf)  # with which torques may change if they must
 _SIGNS = np.array([[-1.0], [1.0]])
 
 
@@ -167,38 +168,46 @@ class WholeBodyLimits:
                 row, column = rows.stop, column + 6
         return bounds[0], bounds[1]
 
-    def torque_bounds(self, speed: Array, last: Array | None) -> Array:
+    def torque_bounds(
+        self, speed: Array, last: Array | None, haste: float = 1.0
+    ) -> Array:
         """Least and largest torques (2, nj), per unit of the robot's mass.
 
         At the joints' `speed` (nj,) [rad/s], and a tick away at most from the
-        `last` torques (nj,) [N m], if there are any.
+        `last` torques (nj,) [N m], if there are any; or `haste` ticks.
         """
         if self._drives is None:
             return self._torques
         lower, upper = bounds = torque_limits(
             speed, self._torques[1], self._max_speed, self._drives.corner_speed
         )
-        if last is None:
+        if last is None or math.isinf(haste):
             return bounds
         # What the speed takes away goes at once.
         near = np.minimum(np.maximum(last / self._mass, lower), upper)
-        near = near + self._torque_steps
+        near = near + haste * self._torque_steps
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
     def freed(
-        self, terms: WholeBodyTerms, lower: Array, upper: Array
+        self,
+        terms: WholeBodyTerms,
+        last_torques: Array | None,
+        lower: Array,
+        upper: Array,
     ) -> Iterator[None]:
         """Widens `lower` and `upper` (m,) in place, once more at each turn.
 
-        No joint brakes early; torques change as fast as need be; links are not
+        No joint brakes early; torques change faster and faster; links are not
         kept apart.
         """
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
         yield
-        torques = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
-        lower[self.torque_rows], upper[self.torque_rows] = torques
-        yield
+        for haste in _HASTE if last_torques is not None else (math.inf,):
+            torques = self.torque_bounds(terms.v[6:], last_torques, haste)
+            torques = torques - terms.forces[6:, -1]
+            lower[self.torque_rows], upper[self.torque_rows] = torques
+            yield
         lower[self._apart] = -np.inf
         yield
 
@@ -329,7 +338,9 @@ class WholeBodyQp:
         # At the touchdown of a long step, soles, torques and friction may leave
         # no room for braking, nor for torques that change slowly: neither is a
         # law of physics.
-        freed = self._limits.freed(terms, problem.lower, problem.upper)
+        freed = self._limits.freed(
+            terms, last_torques, problem.lower, problem.upper
+        )
         while not qp.solved and next(freed, True) is None:
             again = solver.solve(problem, guess)
             solves = qp.iterations + again.iterations

@@ -19,6 +19,7 @@ from nadia_balance.core.whole_body_command import (
 
 # Rows of the tasks.
 _LINEAR = slice(0, 3)
+_HORIZONTAL = slice(0, 2)
 _ANGULAR = slice(3, 6)
 _TORSO = slice(6, 9)
 _PELVIS = slice(9, 12)
@@ -81,6 +82,11 @@ class WholeBodyTasks:
         # The moment about the CoM: minus the arm times the force.  The arm is
         # in M, since the base's velocity is expressed in W.
         selection[_ANGULAR, _FORCE] = -terms.rows[_MOMENT, 3:6]
+        # The force is along the line from the eCMP to the CoM, however large it
+        # is.  Were its horizontal part wanted as such, a robot that sinks would
+        # tilt instead, and one that is to brake would jump.
+        share = command.momentum_rate[:2] / (self._mass * GRAVITY)
+        selection[_HORIZONTAL, _FORCE.stop - 1] -= share
         rows = selection @ terms.rows
         error, velocity, acceleration = self._wanted(terms, command)
         kp, kd = self._kp[: error.size], self._kd[: error.size]
@@ -96,8 +102,7 @@ class WholeBodyTasks:
         self, terms: WholeBodyTerms, command: WholeBodyCommand
     ) -> Array:
         """Returns [error, velocity, acceleration] (3, n) of all tasks."""
-        x, y, z = command.momentum_rate.tolist()
-        m = self._mass
+        z = float(command.momentum_rate[2]) / self._mass
         yaw, rate, acceleration = command.heading
         turn, turn_rate, turn_acceleration = command.turn
         error = [
@@ -107,7 +112,7 @@ class WholeBodyTasks:
         ]
         velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate + turn_rate]
         # The force holds the weight, too: that is no rate of momentum.
-        wanted = [x / m, y / m, z / m + GRAVITY, 0.0, 0.0, 0.0]
+        wanted = [0.0, 0.0, z + GRAVITY, 0.0, 0.0, 0.0]
         wanted += 0.0, 0.0, acceleration
         wanted += 0.0, 0.0, acceleration + turn_acceleration
         if not all(command.contacts):

@@ -1,8 +1,10 @@
 """The folder of a run: its log, summary, scenario, replay and plots."""
 
+import contextlib
 import json
 import os
 import tempfile
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from nadia_balance import palette
 from nadia_balance.results.log import Log
 from nadia_balance.results.plots import effort, footsteps, icp, timeline
 from nadia_balance.results.plots.style import RC
+from nadia_balance.results.replay_page import replay_status
 from nadia_balance.results.scene import FRAMES_PER_SECOND
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
@@ -23,6 +26,9 @@ PLOTS = {
     "icp.png": icp.draw,
     "effort.png": effort.draw,
 }
+
+# All that a run may leave in its folder.
+FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
 
 _LEGEND = (
     '<div id="legend" style="position:fixed; left:14px; bottom:12px; '
@@ -55,6 +61,22 @@ _FOLLOW = """
 })();
 </script>
 """
+
+
+def new_folder(
+    out: str | os.PathLike | None, name: str = "run", files: Sequence = FILES
+) -> Path:
+    """Makes the folder `out` (see prepare_folder) for `files` to come.
+
+    Raises:
+        ValueError: it has one of them already, or as of prepare_folder.
+    """
+    for file in files if out is not None else ():
+        if (Path(out) / file).exists():
+            raise ValueError(
+                f"out = {str(out)!r}: must be a folder without {file}"
+            )
+    return prepare_folder(out, name)
 
 
 def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
@@ -101,37 +123,57 @@ def write_run(
 
     `scenario` is the YAML of what was simulated.  With a `meshcat`, its
     recording becomes the replay.
+
+    Raises:
+        OSError: they cannot be written; there is none of them.
     """
-    written = []
-    if meshcat is not None:
-        write_replay(meshcat, folder / "replay.html")
-        written.append("replay.html")
-    np.savez(folder / "log.npz", **log)
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    (folder / "summary.json").write_text(f"{text}\n", encoding="utf-8")
-    (folder / "scenario.yaml").write_text(scenario, encoding="utf-8")
-    written += ["log.npz", "summary.json", "scenario.yaml"]
-    return written + write_plots(folder, log, summary)
+    with appearing(folder) as drafts:
+        if meshcat is not None:
+            status = replay_status(log, summary)
+            write_replay(meshcat, drafts / "replay.html", status)
+        np.savez(drafts / "log.npz", **log)
+        text = json.dumps(summary, indent=2, allow_nan=False)
+        (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
+        (drafts / "scenario.yaml").write_text(scenario, encoding="utf-8")
+        write_plots(drafts, log, summary)
+    return [name for name in FILES if (folder / name).exists()]
 
 
-def write_replay(meshcat: Meshcat, path: Path) -> None:
+@contextlib.contextmanager
+def appearing(folder: Path) -> Iterator[Path]:
+    """Yields a place for files that then appear in `folder`, all and whole.
+
+    Raises:
+        OSError: they cannot be written; none of them appears.
+    """
+    with tempfile.TemporaryDirectory(prefix=".", dir=folder) as place:
+        drafts = Path(place)
+        yield drafts
+        for draft in sorted(drafts.iterdir()):
+            draft.replace(folder / draft.name)
+
+
+def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     """Ends the recording and writes it, with a legend, to `path`.
 
-    A browser that shows the scene gets the recording, too.
+    A browser that shows the scene gets the recording, too.  `status` is HTML
+    (see replay_status).
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
     additions = _LEGEND % legend_entries("div") + _FOLLOW % MIDDLE
+    additions += status
     path.write_text(page + additions + end + rest, encoding="utf-8")
 
 
 def legend_entries(tag: str) -> str:
     """What the colours mean, as HTML, each entry in a `tag`."""
-    return "".join(
+    entries = "".join(
         f'<{tag}><b style="color:{color}">&#9632;</b> {name}</{tag}>'
         for name, color in palette.LEGEND.items()
     )
+    return f"{entries}<{tag}>&#9633; adjusted foothold, in its colour</{tag}>"
 
 
 def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:

@@ -18,6 +18,7 @@ whoever reads a log copes without them.
 """
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -227,25 +228,41 @@ class PushSpan:
     first: int  # row in the log
     start: float  # [s]
     end: float  # [s]
-    force: np.ndarray  # (3,) [N], in W
+    force: np.ndarray  # its peak (3,) [N], the way it began, in W
     delta_v: float  # [m/s]
+    direction_deg: float  # seen from the support foot, in [0, 360) [deg]
+    rows: np.ndarray  # of the log in which it is felt
 
 
 def pushes(log: Log) -> list[PushSpan]:
-    """Returns the pushes of the run, in order."""
+    """Returns the pushes of the run, in the order in which they began.
+
+    One may hide another while both act: that has the time of both.
+    """
+    push = signal(log, "push_signal")
+    numbers = dict.fromkeys(push.number[np.any(push.force != 0.0, axis=0)])
+    spans = [np.flatnonzero(push.number == number) for number in numbers]
+    return [_push_span(log, rows) for rows in spans]
+
+
+def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
     t, push = log["t"], signal(log, "push_signal")
-    edges = [0, *_changes(push.number), len(t)]
-    return [
-        PushSpan(
-            first=max(a - _FELT, 0),
-            start=float(t[max(a - _FELT, 0)]),
-            end=float(t[b - _FELT]),
-            force=push.force[:, a],
-            delta_v=float(push.delta_v[a]),
-        )
-        for a, b in itertools.pairwise(edges)
-        if b > a and np.any(push.force[:, a])
-    ]
+    first = max(int(rows[0]) - _FELT, 0)
+    force = push.force[:, rows]
+    sizes = np.linalg.norm(force, axis=0)
+    begins = force[:, 0] / max(sizes[0], 1e-9)
+    span = span_at(log, first)
+    angle = math.atan2(begins[1], begins[0])
+    angle -= sole_pose(log, first, span.support).yaw
+    return PushSpan(
+        first=first,
+        start=float(t[first]),
+        end=float(t[rows[-1] + 1 - _FELT]),
+        force=begins * np.max(sizes),
+        delta_v=float(push.delta_v[rows[0]]),
+        direction_deg=round(math.degrees(angle), 6) % 360.0,
+        rows=rows,
+    )
 
 
 def switches(log: Log) -> list[tuple[float, list[str]]]:

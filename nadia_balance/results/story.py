@@ -10,15 +10,13 @@ from nadia_balance.results.log import (
     PhaseSpan,
     PushSpan,
     Step,
-    icp_error,
     pushes,
     signal,
-    sole_pose,
     span_at,
     steps,
     switches,
 )
-from nadia_balance.results.summary import ICP_BACK
+from nadia_balance.results.summary import recovered_at
 
 # Smaller changes of a foothold [m] and of a duration [s] are not told.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
@@ -26,7 +24,15 @@ _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
 def telling_lines(log: Log, summary: dict) -> list[str]:
-    """Returns the story: the pushes, what they changed, and the end."""
+    """Returns the story as lines for a terminal."""
+    return [f"t={time:.2f} s  {text}" for time, text in telling(log, summary)]
+
+
+def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
+    """Returns the pushes, what they changed, and the end, each with its time.
+
+    In the order of time [s].
+    """
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
     for time, on in switches(log):
@@ -36,8 +42,7 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:
         end = max(end, told[-1][0])  # what is told belongs to the recovery
-    told.append((end, _tell_end(log, summary, end)))
-    return [f"t={time:.2f} s  {text}" for time, text in told]
+    return [*told, (end, _tell_end(log, summary, end))]
 
 
 def _tell_push(log: Log, push: PushSpan) -> str:
@@ -46,14 +51,15 @@ def _tell_push(log: Log, push: PushSpan) -> str:
         f"{moment(log, push.first)}"
     )
     newtons = float(np.linalg.norm(push.force))
-    return f"{what:<44}  F = {newtons:.0f} N for {push.end - push.start:.2f} s"
+    sizes = np.linalg.norm(signal(log, "push_signal", push.rows).force, axis=0)
+    sign = "=" if np.min(sizes) > 0.999 * newtons else "<="
+    seconds = push.end - push.start
+    return f"{what:<44}  F {sign} {newtons:.0f} N for {seconds:.2f} s"
 
 
 def direction(log: Log, push: PushSpan) -> str:
     """Where a push went, in the frame of the support foot, in words."""
-    span = span_at(log, push.first)
-    yaw = sole_pose(log, push.first, span.support).yaw
-    angle = math.degrees(math.atan2(push.force[1], push.force[0]) - yaw)
+    span, angle = span_at(log, push.first), push.direction_deg
     inward = 90.0 * span.support.sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
     if span.phase is Phase.SWING:
@@ -61,7 +67,7 @@ def direction(log: Log, push: PushSpan) -> str:
     for word, degrees in words.items():
         if abs((angle - degrees + 180.0) % 360.0 - 180.0) < 0.5:
             return word
-    return f"at {angle:.0f} deg"
+    return f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg"
 
 
 def moment(log: Log, row: int) -> str:
@@ -121,13 +127,6 @@ def _end_time(log: Log, summary: dict) -> float:
     return recovered_at(log, pushed[-1])
 
 
-def recovered_at(log: Log, push: PushSpan) -> float:
-    """When the ICP error went below 5 cm for good, after the push [s]."""
-    after = log["t"] >= push.end
-    large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
-    return float(log["t"][large[-1]]) if len(large) else push.end
-
-
 def _tell_end(log: Log, summary: dict, end: float) -> str:
     figures = [_tell_outcome(log, summary, end)]
     for text, name, scale in (
@@ -144,6 +143,8 @@ def _tell_end(log: Log, summary: dict, end: float) -> str:
 def _tell_outcome(log: Log, summary: dict, end: float) -> str:
     pushed = pushes(log)
     reason = summary["reason"]
+    if summary["outcome"] == "undecided":
+        return f"UNDECIDED: {reason}"
     if not summary["recovered"]:
         verb, _, why = reason.partition(": ")
         return f"{verb.upper()}: {why}" if why else verb.upper()
@@ -153,6 +154,6 @@ def _tell_outcome(log: Log, summary: dict, end: float) -> str:
         count = int(taken[row] - taken[pushed[-1].first])
         plural = "" if count == 1 else "s"
         how = f"in {count} step{plural}" if count else "without a step"
-        return f"RECOVERED {how}" + (f" ({reason})" if reason else "")
+        return f"RECOVERED {how}"
     count = summary["steps_taken"]
     return f"WALKED {count} steps" if count else "STOOD"

@@ -12,6 +12,7 @@ from nadia_balance.core.walking import FootPose, Phase, Side
 from nadia_balance.results.log import (
     QP_STATUS,
     Log,
+    PushSpan,
     ground_regions,
     icp_error,
     phase_spans,
@@ -48,38 +49,45 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class RunInfo:
-    """What was simulated, and what is required of it."""
+    """What was simulated, and what is required of it.
+
+    `direction_deg` and `delta_v` are those of the scenario's first push.
+    """
 
     robot: str
     mechanisms: str
     scenario: str = ""
     plant: str = "humanoid"  # or lipm
     fidelity: str = "realistic"  # or ideal
+    engine: str = "drake"  # or mujoco
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
-    required_steps: int = 0  # to be taken after the push
-    wanted_steps: int = 0  # what would be required of a longer run
+    required_steps: int = 0  # to be taken after the push, to have recovered
+    fitting_steps: float = math.inf  # of them, so many fit into the run
 
 
 def summarize(run: Run, info: RunInfo) -> dict:
     """Returns all figures of a run as plain values, None if there is none.
 
-    `reason` tells why the run does not count as recovered or, if it does, with
-    what reservation.
+    `outcome` is recovered (or stood, or walked as it should), failed, or
+    undecided: nothing speaks against it, but the run ended before the push, or
+    before all steps that are required.  `reason` tells why it is not recovered.
     """
     log = run.logs
     error, t = icp_error(log), log["t"]
     duration = float(t[-1] - t[0]) if len(t) else 0.0
-    failure = _failure(run, info, error)
+    outcome, reason = _judge(run, info, error)
     summary = {
-        "recovered": not failure,
-        "reason": failure or _reservation(info),
+        "outcome": outcome,
+        "recovered": outcome == "recovered",
+        "reason": reason,
         "fell_at": run.fell_at,
         "scenario": info.scenario,
         "robot": info.robot,
         "plant": info.plant,
         "fidelity": info.fidelity,
+        "engine": info.engine,
         "mechanisms": info.mechanisms,
         "switched_mechanisms": [
             {"time_s": time, "on": on} for time, on in switches(log)
@@ -87,10 +95,11 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "seed": info.seed,
         "direction_deg": info.direction_deg,
         "delta_v": info.delta_v,
-        "pushes": [
-            {"time_s": push.start, "delta_v": push.delta_v}
-            for push in pushes(log)
-        ],
+        "pushes": [_push_figures(log, push) for push in pushes(log)],
+        "recovery_time_s": recovery_time(log)
+        if outcome == "recovered"
+        else None,
+        "body_sway_deg": _largest(body_sway(log)),
         "duration_s": duration,
         "max_icp_error_m": _largest(error),
         "rms_icp_error_m": math.sqrt(np.mean(error**2)) if len(t) else None,
@@ -116,7 +125,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "min_edge_distances_m": edge_distances(log),
         **_qp_figures(log),
         "real_time_factor": duration / max(run.cpu_time, 1e-9),
-        "versions": versions(),
+        "versions": versions(info.engine),
     }
     return {  # JSON knows neither NaN nor infinity
         name: None
@@ -126,8 +135,18 @@ def summarize(run: Run, info: RunInfo) -> dict:
     }
 
 
-def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
-    """Why the run does not count as recovered; empty if it does."""
+def _judge(run: Run, info: RunInfo, error: np.ndarray) -> tuple[str, str]:
+    """The outcome, and why it is not recovered."""
+    if reason := _failure(run, error):
+        return "failed", reason
+    if reason := _doubt(run, info):
+        return "undecided", reason
+    reason = _shortfall(run.logs, info, error)
+    return ("failed" if reason else "recovered"), reason
+
+
+def _failure(run: Run, error: np.ndarray) -> str:
+    """What must not happen at any time; empty if it did not."""
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
@@ -141,27 +160,78 @@ def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
         return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
+    return _overload(log)
+
+
+def _doubt(run: Run, info: RunInfo) -> str:
+    """Why the run ended too early to judge it; empty if it did not."""
+    log = run.logs
     if run.missed_pushes:
         return "not pushed: the push did not come before the end"
-    settled = log["t"] >= log["t"][-1] - SETTLED
-    if not np.all(error[settled] < ICP_BACK):
-        return f"the ICP error did not stay below {ICP_BACK} m"
-    if failure := _overload(log):
-        return failure
-    if steps_after_push(log) < info.required_steps:
-        failure = f"fewer than {info.required_steps} steps after the push"
-        return ", ".join(filter(None, (failure, _reservation(info))))
+    taken = steps_after_push(log)
+    if info.fitting_steps <= taken < info.required_steps:
+        return (
+            f"too short: the run ended after {taken} of {info.required_steps} "
+            "steps"
+        )
+    for push in pushes(log)[-1:]:
+        if (left := log["t"][-1] - push.end) < SETTLED - ROUNDING:
+            return f"too short: the run ended {left:.2f} s after the push"
     return ""
 
 
-def _reservation(info: RunInfo) -> str:
-    """That less was required than was wanted; empty if it was not."""
-    if info.required_steps >= info.wanted_steps:
-        return ""
-    return (
-        f"the run is too short for {info.wanted_steps} more steps, "
-        f"{info.required_steps} were required"
-    )
+def _shortfall(log: Log, info: RunInfo, error: np.ndarray) -> str:
+    """What is missing in the end; empty if nothing is."""
+    settled = log["t"] >= log["t"][-1] - SETTLED
+    if not np.all(error[settled] < ICP_BACK):
+        return f"the ICP error did not stay below {ICP_BACK} m"
+    if steps_after_push(log) < info.required_steps:
+        due = min(info.required_steps, info.fitting_steps)
+        return f"fewer than {due} steps after the push"
+    return ""
+
+
+def _push_figures(log: Log, push: PushSpan) -> dict:
+    """What one push was, and what it gave to the robot."""
+    felt = push.rows
+    before = np.maximum(felt - 1, 0)
+    force = signal(log, "push_signal", felt).force
+    impulses = force * (log["t"][felt] - log["t"][before])
+    com = signal(log, "com_state").velocity
+    work = np.sum(impulses * 0.5 * (com[:, before] + com[:, felt]))
+    return {
+        "time_s": push.start,
+        "duration_s": push.end - push.start,
+        "delta_v": push.delta_v,
+        "direction_deg": push.direction_deg,
+        "force_n": float(np.linalg.norm(push.force)),
+        "impulse_n_s": float(np.linalg.norm(np.sum(impulses, axis=1))),
+        "absorbed_energy_j": float(work),
+    }
+
+
+def recovered_at(log: Log, push: PushSpan) -> float:
+    """When the ICP error went below 5 cm for good, after the push [s]."""
+    after = log["t"] >= push.end
+    large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
+    return float(log["t"][large[-1]]) if len(large) else push.end
+
+
+def recovery_time(log: Log) -> float | None:
+    """From the beginning of the last push to `recovered_at` [s], if pushed."""
+    last = pushes(log)[-1:]
+    return recovered_at(log, last[0]) - last[0].start if last else None
+
+
+def body_sway(log: Log) -> np.ndarray:
+    """Tilt (n,) [deg] of the line from between the soles to the CoM.
+
+    On the ground a foot is where it stands, in the air where it stood.
+    """
+    feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
+    middle = 0.5 * (feet.left[:2] + feet.right[:2])
+    away = np.hypot(*(com[:2] - middle))
+    return np.degrees(np.arctan2(away, com[2]))
 
 
 def _overload(log: Log) -> str:
@@ -336,10 +406,10 @@ def _qp_figures(log: Log) -> dict:
     }
 
 
-def versions() -> dict[str, str]:
-    """The versions that the figures depend on."""
+def versions(engine: str = "drake") -> dict[str, str]:
+    """The versions that the figures of an `engine` depend on."""
     found = {"python": platform.python_version()}
-    for package in ("nadia_balance", "drake", "numpy"):
+    for package in dict.fromkeys(("nadia_balance", "drake", "numpy", engine)):
         try:
             found[package] = version(package)
         except PackageNotFoundError:  # run from a checkout

@@ -2,10 +2,9 @@
 
 import numpy as np
 from pydrake.common.containers import namedview
-from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import EventStatus, LeafSystem, System
 
 from nadia_balance.core.walking import Side
 from nadia_balance.robot import RobotModel
@@ -30,8 +29,16 @@ class FootForceSensor(LeafSystem):
         output_ports: [foot_forces]
     """
 
-    def __init__(self, plant: MultibodyPlant, robot: RobotModel, period: float):
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        robot: RobotModel,
+        period: float,
+        engine: System | None = None,
+    ):
         """Senses the feet of `robot` in `plant`, over a `period` [s].
+
+        `engine` is what computes the contacts, unless `plant` does.
 
         Raises:
             ValueError: the period is not a multiple of the plant's time step.
@@ -63,7 +70,8 @@ class FootForceSensor(LeafSystem):
             )
         }
         self._contact_results = self.DeclareAbstractInputPort(
-            "contact_results", AbstractValue.Make(ContactResults())
+            "contact_results",
+            (engine or plant).GetOutputPort("contact_results").Allocate(),
         )
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)

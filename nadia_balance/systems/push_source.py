@@ -10,6 +10,7 @@ from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     MultibodyPlant,
 )
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import (
     BasicVector,
     Context,
@@ -27,9 +28,11 @@ class PushSignal(
     namedview(
         "PushSignal",
         [
-            "number",  # of the push that acts, from 1 on; 0: none
+            # Of the push that acts, from 1 on, live ones after the others; the
+            # one that began last, if there are more; 0: none.
+            "number",
             "delta_v",  # of that push [m/s]
-            *("force_x", "force_y", "force_z"),
+            *("force_x", "force_y", "force_z"),  # of that push, in W [N]
             "waiting",  # scripted pushes that have not begun, or not ended
         ],
     )
@@ -38,7 +41,7 @@ class PushSignal(
 
     @property
     def force(self) -> np.ndarray:
-        """Of all pushes that act, in W (3,) [N]."""
+        """Of that push, in W (3,) [N]."""
         return self[2:5]
 
 
@@ -55,14 +58,15 @@ class PushSource(LeafSystem):
     The force acts at the centre of mass of the pushed body.  `push_force` is
     the sum of the forces [N] in W, shape (3,); `push_signal` is a PushSignal.
     Whenever the count in the optional input `live_push`, [count, delta_v [m/s],
-    direction [deg]], has increased, one more such push begins, with the number
-    after those of the others; it replaces the last of its kind.
+    direction [deg]], has increased, one more such push begins, with a number of
+    its own; it replaces the last of its kind.
 
-    Numeric parameter i: [force [N], direction [deg]] of push i, so that copies
-    of one Context can be pushed in different ways (see `set_push`).
+    Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
+    copies of one Context can be pushed in different ways (see `set_push`).
     State, for each push and then for the live one: [ticks left, heading [rad]
     in W (of the support foot until the push begins, of the force from then
-    on), force [N]]; in the end the last count.  The outputs depend on it only.
+    on), peak force [N]]; in the end the last count, and the number of live
+    pushes.  The outputs depend on it only.
     A push is decided on in the update at one tick and felt by a discrete plant
     from its next step on.  Without a plant (a point mass) there is no port
     `spatial_forces`.
@@ -94,18 +98,25 @@ class PushSource(LeafSystem):
         for push in pushes:
             check(push)
         self._pushes, self._mass, self.period = list(pushes), mass, period
+        for push in pushes:
+            _ticks("duration", push.duration, period)
+        live = Push(duration=number_of_ticks(Push.duration, period) * period)
         # The last is the live one.
-        self._durations = [*(p.duration for p in pushes), Push.duration]
-        self._ticks = [_ticks("duration", p.duration, period) for p in pushes]
-        self._ticks.append(number_of_ticks(Push.duration, period))
+        self._shares = [push.shares(period) for push in (*pushes, live)]
+        self._ticks = [len(shares) for shares in self._shares]
+        # For so long the peak force would do the same [s].
+        self._effective = [
+            push.duration * float(np.mean(shares))
+            for push, shares in zip((*pushes, live), self._shares, strict=True)
+        ]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._live_push = self.DeclareVectorInputPort("live_push", 3)
         for push in pushes:
-            size = [push.newtons(mass), push.direction_deg]
+            size = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(BasicVector(size))
         self._state = self.DeclareDiscreteState(
-            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(4)]
+            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(5)]
         )
         needs = {self.discrete_state_ticket(self._state)}
         self._active = declare_cache(
@@ -119,7 +130,8 @@ class PushSource(LeafSystem):
         )
         if plant is not None:
             names = [p.body or base_body for p in pushes] + [base_body]
-            self._bodies = [_body(plant, name) for name in names]
+            bodies = [find_body(plant, name) for name in names]
+            self._bodies = [(b.index(), b.default_com()) for b in bodies]
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -137,7 +149,7 @@ class PushSource(LeafSystem):
 
         `context` is that of this system.
         """
-        newtons = self._mass * delta_v / self._durations[i]
+        newtons = self._mass * delta_v / self._effective[i]
         parameter = context.get_mutable_numeric_parameter(i)
         parameter.SetFromVector([newtons, direction_deg])
 
@@ -151,11 +163,11 @@ class PushSource(LeafSystem):
     def _rows(self, context: Context) -> np.ndarray:
         """Ticks, heading and force of each push: a view of the state."""
         state = context.get_discrete_state(self._state).value()
-        return state[:-1].reshape(-1, 3)
+        return state[:-2].reshape(-1, 3)
 
     def _update(self, context, state):
         now = state.get_mutable_discrete_state(self._state)
-        rows, count = self._rows(context).copy(), now.value()[-1]
+        rows, (count, number) = self._rows(context).copy(), now.value()[-2:]
         for i, row in enumerate(rows):
             if row[0] > 0.0:
                 row[0] -= 1.0
@@ -168,11 +180,12 @@ class PushSource(LeafSystem):
                     delta_v=delta_v, at="0 s", direction_deg=direction_deg
                 )
                 check(push)
+                number += 1.0
                 yaw = _yaw(self._walking_state(context))
-                newtons = push.newtons(self._mass)
+                newtons = push.newtons(self._mass, self.period)
                 self._begin(-1, rows[-1], yaw, newtons, direction_deg)
             count = clicks
-        now.set_value([*rows.ravel(), count])
+        now.set_value([*rows.ravel(), count, number])
         return EventStatus.Succeeded()
 
     def _await(self, context, i: int, row) -> None:
@@ -191,15 +204,17 @@ class PushSource(LeafSystem):
         heading = yaw + math.radians(direction_deg)
         row[:] = self._ticks[i], heading, newtons
 
-    def _calc_active(self, context, _) -> list[tuple[int, float, np.ndarray]]:
-        """The pushes that act now: index, newtons, force (3,) [N] in W."""
+    def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
+        """The pushes that act now: index, ticks passed, force (3,) [N] in W."""
         active = []
         for i, (left, heading, newtons) in enumerate(
             self._rows(context).tolist()
         ):
             if 0.0 < left <= self._ticks[i]:  # what is more is a delay
-                along = [math.cos(heading), math.sin(heading), 0.0]
-                active.append((i, newtons, newtons * np.array(along)))
+                passed = self._ticks[i] - round(left)
+                along = np.array([math.cos(heading), math.sin(heading), 0.0])
+                force = newtons * self._shares[i][passed] * along
+                active.append((i, passed, force))
         return active
 
     def _calc_force(self, context, output):
@@ -207,13 +222,18 @@ class PushSource(LeafSystem):
         output.set_value(sum(forces, np.zeros(3)))
 
     def _calc_signal(self, context, output):
-        number, delta_v, total = 0, 0.0, np.zeros(3)
-        for i, newtons, force in self._active.Eval(context):
+        number, delta_v, force = 0, 0.0, np.zeros(3)
+        rows = self._rows(context)
+        active = self._active.Eval(context)
+        if active:
+            i, _, force = min(active, key=lambda push: (push[1], -push[0]))
+            delta_v = rows[i, 2] * self._effective[i] / self._mass
             number = i + 1
-            delta_v = newtons * self._durations[i] / self._mass
-            total += force
-        waiting = np.count_nonzero(self._rows(context)[:-1, 0])
-        output.SetFromVector([number, delta_v, *total, waiting])
+            if i == len(self._pushes):
+                state = context.get_discrete_state(self._state).value()
+                number = i + state[-1]
+        waiting = np.count_nonzero(rows[:-1, 0])
+        output.SetFromVector([number, delta_v, *force, waiting])
 
     def _calc_spatial(self, context, output):
         forces = []
@@ -238,8 +258,12 @@ def _ticks(name: str, time: float, period: float) -> int:
     return ticks
 
 
-def _body(plant: MultibodyPlant, name: str):
+def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
+    """Returns the body `name` of the `plant`.
+
+    Raises:
+        ValueError: there is none.
+    """
     if not plant.HasBodyNamed(name):
         raise ValueError(f"body = {name!r}: must be a body of the robot")
-    body = plant.GetBodyByName(name)
-    return body.index(), body.default_com()
+    return plant.GetBodyByName(name)

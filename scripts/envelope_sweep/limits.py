@@ -1,7 +1,7 @@
 """The envelope that the trials of a sweep trace, from their rows alone."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from nadia_balance.core.capturability import LOST
@@ -20,11 +20,15 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Situation,
     limit,
 )
-from nadia_balance.scripts.envelope_sweep.trials_file import cell_of
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    NO_ANSWER,
+    UNDECIDED,
+    cell_of,
+    recovered,
+)
 
 ORDER = tuple(NAMED)  # fewer before more
-NO_ANSWER = ("error", "crashed", "hung")  # outcomes, no fault of the robot
-# Before a figure: the search goes on; nothing larger was tried.
+# Before a figure: the search goes on; nothing larger was decided.
 UNSURE, AT_LEAST = "~", ">="
 
 Limits = dict[float, Limit]  # direction [deg] in [0, 360) -> limit
@@ -34,15 +38,23 @@ class References(NamedTuple):
     """Curves by the name of the mechanisms; empty where there is none."""
 
     paper: Curves
-    limit: Curves  # of any controller
+    limit: Curves  # of any controller, without momentum
+    with_hips: Curves  # and with it
 
 
-def references(robot: str, situation: Situation) -> References:
-    """Returns what a robot's pushes in a situation can be compared with."""
-    if (protocol := protocol_of(robot, situation)) is None:
-        return References({}, {})
-    files = protocol.figures, protocol.limit
-    return References(*(protocol.curves(f, situation.scenario) for f in files))
+def paper_curves(robot: str, situation: Situation) -> Curves:
+    """Returns the paper's curves, if its robot was pushed so."""
+    protocol = protocol_of(robot, situation)
+    return protocol.curves(situation.scenario) if protocol else {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physical:
+    """The limits of any controller in one situation (core.lipm_limit)."""
+
+    limit: Curves
+    with_hips: Curves
+    assumptions: str  # of `limit`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +66,7 @@ class Envelope:
     search: SearchParams
     rows: Sequence[dict]  # the trials, as read_trials gives them
     limits: dict[Cell, Limit]
+    physical: Mapping[Situation, Physical] = field(default_factory=dict)
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
@@ -104,9 +117,17 @@ class Envelope:
             if cell not in self.limits or not self.limits[cell].complete
         ]
 
+    @property
+    def undecided(self) -> set[Cell]:
+        """Those without a limit, as no trial was decided."""
+        return {cell_of(row) for row in self.rows}.difference(self.limits)
+
     def known(self, situation: Situation) -> References:
         """What the limits in this situation can be compared with."""
-        return references(self.robot, situation)
+        paper = paper_curves(self.robot, situation)
+        if (physical := self.physical.get(situation)) is None:
+            return References(paper, {}, {})
+        return References(paper, physical.limit, physical.with_hips)
 
     @property
     def unit(self) -> str:
@@ -152,38 +173,55 @@ def mark(limits: Iterable[Limit]) -> str:
 def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
     """Returns the envelope of the trials of one file, as read_trials gives it.
 
+    A cell in which nothing was decided has no limit.
+
     Raises:
-        ValueError: there is no trial.
+        ValueError: there is no trial, or none that was decided.
     """
     if not rows:
         raise ValueError("rows = []: must have at least one trial")
+    if all(recovered(row) is None for row in rows):
+        raise ValueError(
+            f"rows: must have a trial that was decided, of {len(rows)}; the "
+            f"first is {rows[0]['reason']}"
+        )
     search = SearchParams(
         **{f.name: identity[f.name] for f in fields(SearchParams)}
     )
-    results: dict[Cell, dict[tuple[int, int], bool]] = {}
+    results: dict[Cell, dict[tuple[int, int], bool | None]] = {}
     for row in rows:
         trial = round(row["delta_v"] / search.resolution), row["replica"]
-        recovered = row["outcome"] == "recovered"
-        results.setdefault(cell_of(row), {})[trial] = recovered
+        results.setdefault(cell_of(row), {})[trial] = recovered(row)
     return Envelope(
         robot=rows[0]["robot"],
         plant=rows[0]["plant"],
         search=search,
         rows=rows,
-        limits={cell: limit(seen, search) for cell, seen in results.items()},
+        limits={
+            cell: found
+            for cell, seen in results.items()
+            if (found := limit(seen, search)) is not None
+        },
     )
 
 
-def characteristic_speed(robot: str) -> float | None:
-    """Returns sqrt(g z) [m/s] of the robot's CoM height z.
+class Scale(NamedTuple):
+    """What a push is measured by."""
 
-    None if the robot cannot be loaded: results outlive the files of a robot.
+    mass: float  # [kg]
+    speed: float  # sqrt(g z), z the height of the CoM [m/s]
+
+
+def scale_of(robot: str) -> Scale | None:
+    """Returns the scale of a robot.
+
+    None if it cannot be loaded: results outlive the files of a robot.
     """
     try:
         model = load_robot(robot).point_mass
     except (ValueError, OSError):
         return None
-    return model.omega * model.com_height
+    return Scale(model.mass, model.omega * model.com_height)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,18 +248,15 @@ def confusion(rows: Iterable[Mapping]) -> dict[str, Rates]:
         "every touchdown": [],
     }
     for row in rows:
-        if row["outcome"] in NO_ANSWER:
+        if row["outcome"] in (UNDECIDED, *NO_ANSWER):
             continue
-        recovered, push = (
-            row["outcome"] == "recovered",
-            row["predicted_at_push"],
-        )
+        success, push = recovered(row), row["predicted_at_push"]
         landings = [
             int(n) for n in row["predicted_at_touchdowns"].split(";") if n
         ]
         steps = ([] if push is None else [push], landings[:1], landings)
         for found, predicted in zip(told.values(), steps, strict=True):
-            found += [(n, recovered) for n in predicted]
+            found += [(n, success) for n in predicted]
     return {when: _rates(found) for when, found in told.items()}
 
 

@@ -32,7 +32,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Trial,
 )
 
-PROTOCOL = 3  # how limits are searched, trials judged, and cells named
+PROTOCOL = 4  # how limits are searched, trials judged, and cells named
 PLANTS = ("humanoid", "lipm")
 LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 MOST_DIRECTIONS = 72  # that a count may ask for
@@ -68,7 +68,7 @@ class Sweep:
                     f"scenario_name = {name!r}: must have exactly one push, "
                     f"has {number}"
                 )
-        for name in ("robot", "seed"):
+        for name in ("robot", "seed", "engine"):
             given = {getattr(s, name) for s in self.scenarios.values()}
             if len(given) > 1:
                 raise ValueError(
@@ -145,6 +145,11 @@ class Sweep:
         return next(iter(self.scenarios.values())).robot
 
     @property
+    def engine(self) -> str:
+        """What moves the robot, in all scenarios."""
+        return next(iter(self.scenarios.values())).engine
+
+    @property
     def seed(self) -> int:
         """The seed of all scenarios."""
         return next(iter(self.scenarios.values())).seed
@@ -163,6 +168,7 @@ class Sweep:
             "seed": self.seed,
             "parameters": parameters_hash(*self.scenarios.values()),
             **this_code(),
+            **versions(self.engine),
             "robot_files": robot_hash(self.robot),
         }
 

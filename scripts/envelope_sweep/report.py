@@ -1,6 +1,7 @@
 """Everything that a reader sees of a sweep: pictures and tables."""
 
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -8,16 +9,17 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.envelope_sweep.limits import (
     AT_LEAST,
-    NO_ANSWER,
     UNSURE,
     Envelope,
     Rates,
-    characteristic_speed,
+    Scale,
     confusion,
     mark,
+    scale_of,
 )
 from nadia_balance.scripts.envelope_sweep.plots import (
     NAMES,
@@ -26,20 +28,24 @@ from nadia_balance.scripts.envelope_sweep.plots import (
     draw_envelope,
 )
 from nadia_balance.scripts.envelope_sweep.search import Limit, Situation
+from nadia_balance.scripts.envelope_sweep.trials_file import (
+    NO_ANSWER,
+    OUTCOMES,
+    UNDECIDED,
+)
 
 PICTURE = "envelope.png"
 TABLES = "tables.md"
 NOTHING = "–"  # where there is no value
-OUTCOMES = ("recovered", "fell", "failed", *NO_ANSWER)
 _MOST_REASONS = 10
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
 0 is forward, 90 left, of the stance foot's heading. *recovered* is the largest
 push from which, as from every smaller one that was tried, the robot recovered
-(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was tried),
-*fails at* the smallest from which it did not; z is the height of the centre of
-mass."""
+(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was
+decided), *fails at* the smallest from which it did not; z is the height of the
+centre of mass."""
 
 
 def write_report(folder: Path, envelope: Envelope) -> list[str]:
@@ -48,23 +54,24 @@ def write_report(folder: Path, envelope: Envelope) -> list[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    with mpl.rc_context(RC):
-        draw_envelope(envelope).savefig(folder / PICTURE)
-    speed = characteristic_speed(envelope.robot)
-    text = report_text(envelope, speed)
-    (folder / TABLES).write_text(text, encoding="utf-8")
+    scale = scale_of(envelope.robot)
+    text = report_text(envelope, scale)
+    with mpl.rc_context(RC), appearing(folder) as drafts:
+        draw_envelope(envelope, scale).savefig(drafts / PICTURE)
+        (drafts / TABLES).write_text(text, encoding="utf-8")
     return [PICTURE, TABLES]
 
 
-def report_text(envelope: Envelope, speed: float | None) -> str:
-    """Returns tables.md; `speed` is sqrt(g z) [m/s], if it is known."""
-    limits = LimitTables(envelope=envelope, speed=speed)
+def report_text(envelope: Envelope, scale: Scale | None) -> str:
+    """Returns tables.md."""
+    limits = LimitTables(envelope=envelope, scale=scale)
     parts = [
         f"# Push-recovery envelope: {envelope.robot}, "
         f"{PLANTS.get(envelope.plant, envelope.plant)}",
         f"![envelope]({PICTURE})",
         _NOTES,
         *_notes_on_the_paper(envelope),
+        *_notes_on_the_limit(envelope),
         what_was_done(envelope),
         "## Largest recovered pushes",
     ]
@@ -83,13 +90,22 @@ def _notes_on_the_paper(envelope: Envelope) -> list[str]:
     if (protocol := envelope.protocol) is None:
         return []
     text = f"*paper* is {protocol.paper}"
-    if protocol.limit:
-        text += "; *limit* is the best of any\ncontroller on a point mass 1 m "
-        text += "high in up to four steps"
     if protocol.unit_speed != 1.0:
         text += f": forces over the robot's {protocol.unit}, for 0.1 s; 1 is"
         text += f"\n{protocol.unit_speed:g} m/s"
     return [f"{text}."]
+
+
+def _notes_on_the_limit(envelope: Envelope) -> list[str]:
+    said = dict.fromkeys(p.assumptions for p in envelope.physical.values())
+    if not said:
+        return []
+    text = (
+        "*limit* is the largest push that any controller could recover from, "
+        f"computed for {'; or '.join(said)}. *with hips*: the eCMP may leave "
+        "the soles by as much as the controller's may."
+    )
+    return ["\n".join(textwrap.wrap(text, 80, break_on_hyphens=False))]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -133,13 +149,10 @@ _RECOVERED = "recovered [m/s]"
 
 @dataclass(frozen=True, kw_only=True)
 class LimitTables:
-    """Writes tables of an `envelope`.
-
-    `speed` is sqrt(g z) [m/s]; None leaves its column out.
-    """
+    """Writes tables of an `envelope`; without a `scale`, in m/s alone."""
 
     envelope: Envelope
-    speed: float | None
+    scale: Scale | None
 
     def summary(self, situation: Situation) -> str:
         """Worst and mean over the directions, a row for each mechanisms."""
@@ -169,7 +182,7 @@ class LimitTables:
             limit = limits.get(direction)
             if limit is None:
                 blank = [NOTHING] * (len(head) - 2)
-                rows.append([name, *blank, "not begun"])
+                rows.append([name, *blank, "no limit"])
                 continue
             values = self._values(mechanisms, situation, direction, limit)
             cells = [
@@ -194,9 +207,11 @@ class LimitTables:
         columns: dict[str, Words] = {}
         for name, curves in self.envelope.known(situation)._asdict().items():
             if curves:
+                name = name.replace("_", " ")
                 for column in (f"{name} [m/s]", f"/ {name}"):
                     columns[column] = "{:.2f}".format
-        if self.speed:
+        if self.scale:
+            columns["[N s]"] = "{:.0f}".format
             columns["/ sqrt(g z)"] = "{:.3f}".format
         return columns
 
@@ -214,7 +229,10 @@ class LimitTables:
             other = curves.get(mechanisms, {}).get(direction)
             share = limit.recovered / other if other else None
             values += [other, share]
-        return values + ([limit.recovered / self.speed] if self.speed else [])
+        if self.scale:
+            pushed = limit.recovered
+            values += [pushed * self.scale.mass, pushed / self.scale.speed]
+        return values
 
 
 def direction_words(direction: float) -> str:
@@ -261,12 +279,17 @@ def table_lines(envelope: Envelope) -> list[str]:
     if UNSURE in marks:
         lines.append(f"{UNSURE} the search is not complete")
     if AT_LEAST in marks:
-        lines.append(f"{AT_LEAST} nothing larger was tried")
+        lines.append(f"{AT_LEAST} nothing larger was decided")
     odd = sum(row["outcome"] in NO_ANSWER for row in envelope.rows)
     if odd:
         lines.append(
             f"{odd} of {len(envelope.rows)} trials did not run to their end "
             f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv"
+        )
+    if short := sum(row["outcome"] == UNDECIDED for row in envelope.rows):
+        lines.append(
+            f"{short} of {len(envelope.rows)} trials are undecided: see "
+            "`reason` in trials.csv; a longer --duration helps"
         )
     return [*lines, ""]
 
@@ -275,9 +298,8 @@ def outcomes_table(envelope: Envelope) -> str:
     """How many trials ended in which way, by mechanisms, and odd reasons."""
     rows = envelope.rows
     counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
-    found = {row["outcome"] for row in rows}
     lines = []
-    for outcome in (*OUTCOMES, *sorted(found.difference(OUTCOMES))):
+    for outcome in OUTCOMES:
         cells = [counts[outcome, name] for name in envelope.mechanisms]
         if any(cells):
             lines.append([outcome, *map(str, [*cells, sum(cells)])])
@@ -285,7 +307,7 @@ def outcomes_table(envelope: Envelope) -> str:
     reasons = Counter(
         f"{row['outcome']}: {row['reason']}"
         for row in rows
-        if row["outcome"] in (*NO_ANSWER, "recovered") and row["reason"]
+        if row["outcome"] in (UNDECIDED, *NO_ANSWER) and row["reason"]
     )
     odd = [[reason, str(n)] for reason, n in reasons.most_common(_MOST_REASONS)]
     if (more := len(reasons) - _MOST_REASONS) > 0:

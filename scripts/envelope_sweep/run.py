@@ -25,6 +25,7 @@ from nadia_balance.scripts.envelope_sweep.trial import row_without_run
 from nadia_balance.scripts.envelope_sweep.trials_file import (
     TrialsFile,
     cell_of,
+    recovered,
 )
 from nadia_balance.scripts.envelope_sweep.workers import Workers, run_task
 
@@ -65,7 +66,7 @@ def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
         cell = cell_of(row)
         level = round(row["delta_v"] / sweep.search.resolution)
         trial = Trial(cell=cell, level=level, replica=row["replica"])
-        known.append((trial, row["outcome"] == "recovered"))
+        known.append((trial, recovered(row)))
     return Agenda(sweep.cells(), sweep.search, known)
 
 
@@ -97,7 +98,7 @@ def run_sweep(
                 return True
             for trial, result in queue.wait():
                 trials_file.append({**_labels(sweep, trial), **result})
-                agenda.record(trial, result["outcome"] == "recovered")
+                agenda.record(trial, recovered(result))
                 progress(agenda.progress())
         return False
     finally:

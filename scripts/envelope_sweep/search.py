@@ -19,7 +19,8 @@ FINEST = 1e-4  # resolution [m/s]
 LARGEST = 100.0  # push, far above any recovery [m/s]
 TYPICAL = 0.6  # the limit of a cell that has not been tried yet [m/s]
 
-Results = Mapping[tuple[int, int], bool]  # (level, replica) -> recovered
+# (level, replica) -> recovered; None: undecided, as the run was too short.
+Results = Mapping[tuple[int, int], bool | None]
 
 
 @dataclass(kw_only=True)
@@ -29,8 +30,8 @@ class SearchParams:
     # Of the limit.
     resolution: float = bounded(0.02, least=FINEST, unit="m/s")
     # Of the march upward, in resolutions [-].
-    stride: int = bounded(8, least=1)
-    replicas: int = bounded(5, least=1)  # of the same push [-]
+    stride: int = bounded(8, least=1, most=1000)
+    replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
     largest: float = 3.0  # nothing larger is tried [m/s]
 
     def validate_more(self) -> None:
@@ -88,7 +89,8 @@ class Limit:
     # It and every smaller push that was tried are recovered from.  While the
     # search is incomplete, all trials so far are enough.  0 if there is none.
     recovered: float  # [m/s]
-    failed: float | None  # the smallest push that fails [m/s], if there is one
+    # The smallest push that fails [m/s]; None if none is known to.
+    failed: float | None
     complete: bool  # nothing is left to try
 
 
@@ -97,23 +99,32 @@ class _Level:
     """What is known of one level that was tried."""
 
     level: int
-    outcomes: dict[int, bool]  # replica -> recovered
-    verdict: bool | None  # whether it is recovered from; None: undecided
+    outcomes: dict[int, bool | None]  # replica -> recovered
+    verdict: bool | None  # whether it is recovered from; None: more to try
 
     @property
     def is_doubtful(self) -> bool:
         return self.verdict is None and not all(self.outcomes.values())
 
+    @property
+    def is_decided(self) -> bool:
+        return None not in self.outcomes.values()
+
 
 def _levels(results: Results, search: SearchParams) -> list[_Level]:
-    """Every level that was tried, the lowest first."""
-    tried: dict[int, dict[int, bool]] = {}
+    """Every level that was tried, the lowest first.
+
+    One that is undecided counts as failed: no larger push is tried.
+    """
+    tried: dict[int, dict[int, bool | None]] = {}
     for (level, replica), recovered in sorted(results.items()):
         tried.setdefault(level, {})[replica] = recovered
     found = []
     for level, outcomes in tried.items():
-        good, verdict = sum(outcomes.values()), None
-        if good >= search.required:
+        good, verdict = list(outcomes.values()).count(True), None
+        if None in outcomes.values():
+            verdict = False
+        elif good >= search.required:
             verdict = True
         elif len(outcomes) - good > search.replicas - search.required:
             verdict = False
@@ -150,17 +161,24 @@ def next_batch(results: Results, search: SearchParams) -> list[tuple[int, int]]:
     ]
 
 
-def limit(results: Results, search: SearchParams) -> Limit:
-    """Returns what `results`, be they complete or not, say of the limit."""
+def limit(results: Results, search: SearchParams) -> Limit | None:
+    """Returns what `results`, be they complete or not, say of the limit.
+
+    None if no trial was decided: then there is none, not even 0.
+    """
+    if all(recovered is None for recovered in results.values()) and results:
+        return None
     levels, recovered = _levels(results, search), 0
     for found in levels:
         if found.verdict is False or found.is_doubtful:
             break
         recovered = found.level
-    failed = [found.level for found in levels if found.verdict is False]
+    failed = [found for found in levels if found.verdict is False][:1]
     return Limit(
         recovered=recovered * search.resolution,
-        failed=failed[0] * search.resolution if failed else None,
+        failed=failed[0].level * search.resolution
+        if failed and failed[0].is_decided
+        else None,
         complete=not next_batch(results, search),
     )
 
@@ -171,7 +189,7 @@ def trials_left(results: Results, search: SearchParams) -> int:
     It is played to its end with the limit in the middle of where `results`
     leave it: recovered from below, not above.
     """
-    known = limit(results, search)
+    known = limit(results, search) or Limit(0.0, None, False)
     middle = max(
         TYPICAL, known.recovered + 0.5 * search.stride * search.resolution
     )
@@ -207,7 +225,7 @@ class Agenda:
         self,
         cells: Iterable[Cell],
         search: SearchParams,
-        known: Iterable[tuple[Trial, bool]] = (),
+        known: Iterable[tuple[Trial, bool | None]] = (),
     ):
         """Takes the trials that are `known` as done; others' are ignored."""
         self._search = search
@@ -235,7 +253,7 @@ class Agenda:
         *_, cell, level, replica = heapq.heappop(self._heap)
         return Trial(cell=cell, level=level, replica=replica)
 
-    def record(self, trial: Trial, recovered: bool) -> None:
+    def record(self, trial: Trial, recovered: bool | None) -> None:
         """Takes note of the outcome of a trial that was handed out."""
         cell = trial.cell
         self._known[cell][trial.level, trial.replica] = recovered

@@ -44,9 +44,10 @@ def run_trial(
     The verdict is that of push.py, given as soon as it is certain: with the
     first improper contact, or once the robot has recovered and taken all steps
     that are required.  `outcome` is recovered, fell, failed (upright, but not
-    recovered), hung or error; `cpu_s` the processor time [s], with that of the
-    walk if it is the first from there.  No error is raised, whatever it is: a
-    trial is one of hundreds, and its row tells.
+    recovered), undecided (the run ended too early), hung or error; `cpu_s` the
+    processor time [s], with that of the walk if it is the first from there.  No
+    error is raised, whatever it is: a trial is one of hundreds, and its row
+    tells.
 
     Args:
         walk: the scenario (see Sweep.walk) as YAML, with a push of nothing
@@ -152,12 +153,11 @@ class Walk:
 
     def _row(self, run: Run, observer: "Observer") -> dict:
         summary = summarize(run, run_info(self.scenario, run, self.plant))
-        if summary["recovered"]:
-            outcome = "recovered"
-        elif run.error:
+        outcome = summary["outcome"]
+        if run.error:
             outcome = "error"
-        else:
-            outcome = "failed" if run.fell_at is None else "fell"
+        elif run.fell_at is not None:
+            outcome = "fell"
         return {
             "outcome": outcome,
             **{name: summary[name] for name in FROM_SUMMARY},

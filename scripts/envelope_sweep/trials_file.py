@@ -7,19 +7,26 @@ import io
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 from nadia_balance.core.bounds import check
+from nadia_balance.core.capturability import LOST
 from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.scripts.envelope_sweep.plan import moment_of
+from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, moment_of
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
     Situation,
 )
 from nadia_balance.typed_yaml import load_typed
+
+RECOVERED, UNDECIDED = "recovered", "undecided"
+# Without an answer, which is no fault of the robot.
+NO_ANSWER = ("error", "crashed", "hung")
+OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, *NO_ANSWER)
 
 _OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
 KEY = ("scenario", *_OWN)
@@ -44,6 +51,12 @@ _REAL = (
     *("direction_deg", "delta_v", "max_icp_error_m"),
     *("max_torque_ratio", "max_joint_speed"),
 )
+_MEASURED = (
+    *("steps_after_push", "max_icp_error_m", "max_torque_ratio"),
+    *("max_joint_speed", "qp_failures"),
+)
+_INTEGER = re.compile(r"-?\d{1,9}")
+MOST_STEPS = 10  # that capture regions are made for
 _TYPES = {**dict.fromkeys(_WHOLE, int), **dict.fromkeys(_REAL, float)}
 
 _HINTS = {
@@ -70,6 +83,11 @@ def cell_of(row: dict) -> Cell:
     """The cell that this trial is one of."""
     situation = Situation(row["scenario"], row["at"])
     return Cell(row["mechanisms"], situation, row["direction_deg"])
+
+
+def recovered(row: dict) -> bool | None:
+    """Whether the robot recovered; None if the trial is undecided."""
+    return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
 
 
 def line_of(row: dict, columns: Sequence[str] = COLUMNS) -> str:
@@ -192,6 +210,10 @@ def read_trials(path: Path) -> tuple[dict, list[dict]]:
             f"trials = {path}: must be a trials.csv of this program"
         ) from None
     with _naming_the_line(path, 1):
+        if (protocol := identity.get("protocol")) not in range(1, PROTOCOL + 1):
+            raise ValueError(
+                f"protocol = {protocol}: must be in [1, {PROTOCOL}]"
+            )
         search = _search_of(identity)
     rows: dict[Key, dict] = {}
     for number, cells in enumerate(table, start=3):
@@ -227,14 +249,32 @@ def _check_cell(row: dict, search: SearchParams) -> None:
         raise ValueError(
             f"mechanisms = {name!r}: must be one of {', '.join(NAMED)}"
         )
+    if (outcome := row["outcome"]) not in OUTCOMES:
+        raise ValueError(
+            f"outcome = {outcome!r}: must be one of {', '.join(OUTCOMES)}"
+        )
     moment_of(row["at"])
-    for name, most in (
-        ("direction_deg", 360.0),
-        ("delta_v", search.largest + 1e-9),
-        ("replica", math.inf),
+    landings = filter(None, row["predicted_at_touchdowns"].split(";"))
+    foretold = [
+        row["predicted_at_push"],
+        *(int(n) if _INTEGER.fullmatch(n) else math.nan for n in landings),
+    ]
+    for name, least, most, values in (
+        ("direction_deg", 0, 360.0, [row["direction_deg"]]),
+        ("delta_v", 0, search.largest + 1e-9, [row["delta_v"]]),
+        ("replica", 0, 1000, [row["replica"]]),
+        *((name, 0, math.inf, _given(row[name])) for name in _MEASURED),
+        ("predicted_at_touchdowns", LOST, MOST_STEPS, _given(*foretold)),
     ):
-        if (value := row[name]) is None or not 0.0 <= value <= most:
-            raise ValueError(f"{name} = {value}: must be in [0, {most:g}]")
+        for value in values:
+            if value is None or not least <= value <= most:
+                raise ValueError(
+                    f"{name} = {value}: must be in [{least}, {most:g}]"
+                )
+
+
+def _given(*values: float | None) -> list[float | None]:
+    return [value for value in values if value is not None]
 
 
 def _head(identity: dict) -> str:

@@ -174,7 +174,7 @@ def _client(scheduler: str):
     try:
         from distributed import Client
     except ImportError:
-        why = 'pip install "nadia_balance[cluster]"'
+        why = "pip install distributed"
         raise _refusal(scheduler, why) from None
     try:
         kind = asyncio.run(asyncio.wait_for(_kind(scheduler), CONNECT_TIMEOUT))

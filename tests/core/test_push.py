@@ -4,13 +4,14 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.push import Moment, Push
+from nadia_balance.core.push import Moment, Push, random_pushes
 from nadia_balance.core.walking import Phase, Side, WalkingState
 from tests.example_walks import standing
 
@@ -32,8 +33,47 @@ class Pushes:
 def test_the_impulse_is_mass_times_delta_v():
     """Oracle: F dt = m dv."""
     push = Push(delta_v=0.6, duration=0.1, at="1 s")
-    assert push.newtons(90.0) * push.duration == pytest.approx(54.0)
-    assert Push(force=200.0, at="1 s").newtons(90.0) == 200.0
+    assert push.newtons(90.0, PERIOD) * push.duration == pytest.approx(54.0)
+    assert Push(force=200.0, at="1 s").newtons(90.0, PERIOD) == 200.0
+
+
+@pytest.mark.parametrize(
+    ("shape", "peak", "square"),
+    [
+        ("rectangle", 1.0, 1.0),
+        ("half_sine", math.pi / 2.0, math.pi**2 / 8.0),
+        ("ramp", 2.0, 4.0 / 3.0),
+    ],
+)
+def test_each_shape_has_the_same_impulse(shape, peak, square):
+    """Oracles: m dv; peak and mean square over the mean, by integration."""
+    push = Push(delta_v=0.6, duration=0.4, at="1 s", shape=shape)
+    forces = push.newtons(90.0, 1e-4) * push.shares(1e-4)
+    assert np.sum(forces) * 1e-4 == pytest.approx(54.0)
+    mean = 54.0 / 0.4
+    assert np.max(forces) == pytest.approx(peak * mean, rel=1e-3)
+    assert np.mean(forces**2) == pytest.approx(square * mean**2, rel=1e-3)
+
+
+def test_a_sine_goes_to_and_fro():
+    """Oracle: whole periods have no impulse; half of one has 2 / omega."""
+    push = Push(force=50.0, duration=1.0, at="1 s", shape="sine", frequency=2.0)
+    forces = push.newtons(90.0, PERIOD) * push.shares(PERIOD)
+    assert np.sum(forces) == pytest.approx(0.0, abs=1e-9)
+    half = np.sum(forces[:125]) * PERIOD
+    assert half == pytest.approx(50.0 * 2.0 / (4.0 * math.pi), rel=1e-4)
+
+
+def test_random_pushes_are_those_of_their_seed():
+    """Oracle: the bounds in the docstring; another seed, other pushes."""
+    pushes = random_pushes(50, 3, 0.4)
+    assert pushes == random_pushes(50, 3, 0.4) != random_pushes(50, 4, 0.4)
+    times = [1.0, *(push.moment.time for push in pushes)]
+    assert np.all((0.99 <= np.diff(times)) & (np.diff(times) <= 3.01))
+    sizes = np.array([push.delta_v for push in pushes])
+    assert 0.0 <= sizes.min() < 0.1 and 0.3 < sizes.max() <= 0.4
+    angles = [push.direction_deg for push in pushes]
+    assert len({int(angle // 90.0) for angle in angles}) == 4
 
 
 def test_a_time_is_due_from_then_on():
@@ -157,15 +197,18 @@ def test_refuses_what_is_no_moment(at):
             {"force": 1.0, "delta_v": 1.0},
             "delta_v = 1.0, force = 1.0: must give exactly one",
         ),
-        ({"force": -1.0}, "force = -1.0: must be >= 0"),
-        ({"delta_v": math.nan}, "delta_v = nan: must be finite"),
+        ({"force": -1.0}, "force = -1.0: must be in .0, 100000."),
+        ({"delta_v": math.nan}, "delta_v = nan: must be in .0, 100."),
         ({"force": 1.0, "delay": -1.0}, "delay = -1.0: must be"),
         ({"force": 1.0, "duration": 0.0}, "duration = 0.0: must"),
         (
             {"force": 1.0, "direction_deg": math.nan},
-            "direction_deg = nan: must be finite",
+            "direction_deg = nan: must be in .-3600",
         ),
-        ({"force": 1.0, "after_steps": -1}, "after_steps = -1: must be >= 0"),
+        (
+            {"force": 1.0, "after_steps": -1},
+            "after_steps = -1: must be in .0, 1",
+        ),
     ],
 )
 def test_refuses_bad_pushes(fields, message):

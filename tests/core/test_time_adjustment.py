@@ -199,6 +199,22 @@ def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
 NEEDED = 0.4 * math.sqrt(0.5) - 0.03
 
 
+def test_a_foot_near_its_foothold_lands():
+    """Oracle: the clock runs to the end though the foot gets no nearer.
+
+    It once stood still there, and the foot in the air, with 13 ms left.
+    """
+    schedule, _ = swing(swing=1.0)
+    state = WalkingState(schedule, 0.99, 0.6)
+    target, slow = (
+        schedule.footsteps[0].pose.p_WF,
+        replace(DETOUR, settling=0.1),
+    )
+    for distance, lands in ((0.025, True), (0.035, False)):
+        foot = FootPose(target - [distance, 0.0, 0.0])
+        assert (time_to_return(state, foot, slow) == 0.0) is lands
+
+
 @pytest.mark.parametrize(
     ("distance", "gained", "expected"),
     [

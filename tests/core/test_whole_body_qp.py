@@ -311,7 +311,8 @@ def test_a_still_robot_in_its_posture_needs_no_acceleration():
 def test_gives_the_momentum_that_is_wished_for(contacts):
     """Oracle: the sum of contact forces and weight.
 
-    Wished for is what the pendulum does about the middle of what carries.
+    Wished for is what the pendulum does about the middle of what carries: a
+    force on the line from there to the CoM, whatever its size.
     """
     terms = terms_at(standing_state())
     cop = np.mean(terms.sole_positions[list(contacts)], axis=0)
@@ -320,8 +321,10 @@ def test_gives_the_momentum_that_is_wished_for(contacts):
     params = WholeBodyQpParams(momentum_weight=1e4, height_weight=1e4)
     _, found = solve(standing_state(), contacts, params, momentum_rate=wish)
     forces = found.wrenches[3:6] + found.wrenches[9:12]
-    rate = forces - [0.0, 0.0, nadia().mass * 9.81]
-    assert rate == pytest.approx(wish, abs=0.5)  # of up to 125 N
+    weight = nadia().mass * 9.81
+    wish[:2] *= forces[2] / weight
+    rate = forces - [0.0, 0.0, weight]
+    assert rate == pytest.approx(wish, abs=0.5)  # of up to 130 N
 
 
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)

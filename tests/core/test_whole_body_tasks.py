@@ -93,8 +93,8 @@ def momentum_at(state):
 def test_momentum_rows_are_its_rate(contacts, seed=1):
     """Oracle: finite differences of Drake's spatial momentum.
 
-    S vdot + r is the rate minus what is wished for: for the angular momentum
-    that is the damping.
+    S vdot + r is the rate minus what is wished for: for the horizontal part
+    a share of the vertical force, for the angular momentum the damping.
     """
     unweighted = WholeBodyQpParams(
         momentum_weight=1.0, height_weight=1.0, angular_momentum_weight=1.0
@@ -113,7 +113,8 @@ def test_momentum_rows_are_its_rate(contacts, seed=1):
         for sign in (1.0, -1.0)
     )
     missing = (ahead - behind) / (2.0 * STEP)
-    missing[:3] -= wish / nadia().mass
+    missing[:2] -= wish[:2] / (9.81 * nadia().mass) * (missing[2] + 9.81)
+    missing[2] -= wish[2] / nadia().mass
     damping = unweighted.angular_momentum_damping
     missing[3:] += damping * momentum_at(state)[3:]
     # Truncation and rounding at this step both leave about 1e-8.

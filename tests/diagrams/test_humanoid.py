@@ -13,7 +13,6 @@ import sys
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import ContactResults
 
 from nadia_balance.core.lipm import GRAVITY
@@ -23,6 +22,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.simulation import advance, simulate, start
 from nadia_balance.results.log import signal, switches
+from nadia_balance.results.scene import start_meshcat
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
@@ -282,7 +282,7 @@ def test_another_process_gives_the_same_bits():
 
 def test_meshcat_changes_no_bit():
     """Oracle: the digest of the same run without it."""
-    diagram = HumanoidDiagram(scenario_of(REPEATED), Meshcat())
+    diagram = HumanoidDiagram(scenario_of(REPEATED), start_meshcat()[0])
     logs = simulate(diagram, 0.8).logs
     assert not switches(logs)
     assert digest(logs) == digest(simulated(REPEATED).logs)
@@ -294,7 +294,7 @@ def test_clicks_do_what_the_scenario_would():
     Push is clicked before 0.6 s, and the blocks see it a tick after.
     """
     text = f"{{mechanisms: %s, duration: 1.05, {SOON % 'right'}%s}}"
-    meshcat = Meshcat()
+    meshcat = start_meshcat()[0]
     diagram = HumanoidDiagram(scenario_of(text % ("icp_only", "")), meshcat)
     simulator = start(diagram)
     simulator.Initialize()

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.lipm import com_after, icp_after
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import icp_error, signal
 from tests.diagrams.simulated import diagram_of, figures, simulated
@@ -118,3 +120,11 @@ def test_the_seed_shifts_the_start():
     assert np.array_equal(starts[1], starts[2])
     assert not np.array_equal(starts[1], starts[3])
     assert 1e-9 < np.max(np.abs(starts)) < 1.1e-5
+
+
+def test_the_point_mass_refuses_a_push_on_a_body_that_is_not_there():
+    """Oracle: the robot's bodies; the message, by hand."""
+    text = "pushes: [{{delta_v: 0.1, at: 1 s, body: {}}}]"
+    LipmDiagram(load_scenario("push", text=text.format("PELVIS_LINK")))
+    with pytest.raises(ValueError, match="body = 'BOGUS': must be a body of"):
+        LipmDiagram(load_scenario("push", text=text.format("BOGUS")))

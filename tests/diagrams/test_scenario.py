@@ -84,6 +84,10 @@ BAD_TEXTS = {
     "seed: -1": "seed = -1: must be",
     "duration: 0.001": "duration = 0.001: must be",  # half a tick
     "mechanisms: luck": "mechanisms = 'luck': must be one of icp_only",
+    "engine: bullet": "engine = 'bullet': must be one of drake, mujoco",
+    "{engine: mujoco, plant_config: {contact_model: hydroelastic}}": (
+        "contact_model = 'hydroelastic': must be 'point' with engine = mujoco"
+    ),
     "plant_config: {time_step: .nan}": "time_step = nan: must be",
     "plant_config: {time_step: 0.0015}": "time_step = 0.0015: must divide",
     # Drake would end the process.

@@ -106,8 +106,8 @@ def test_recovers_by_its_feet_alone(name, request):
     """Oracle: the summary: upright, the ICP back, no contact but the soles'."""
     summary = request.getfixturevalue(name).summary
     # No longer than it takes to see it out is too short for all 8 steps.
-    assert summary["recovered"], summary["reason"]
-    assert summary["required_steps"] >= 2
+    assert summary["outcome"] != "failed", summary["reason"]
+    assert summary["steps_after_push"] >= 2
 
 
 def test_is_shoved_backward_at_the_very_end_of_a_right_swing(backward_shove):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat
 
 from nadia_balance.results.folder import (
     prepare_folder,
@@ -15,6 +14,7 @@ from nadia_balance.results.folder import (
 )
 from nadia_balance.results.log import signal
 from nadia_balance.results.plots import effort
+from nadia_balance.results.scene import start_meshcat
 from tests.results.made_up_run import (
     Recipe,
     cut,
@@ -33,7 +33,7 @@ def log():
 
 def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
-    meshcat = Meshcat()
+    meshcat = start_meshcat()[0]
     start_recording(meshcat)
     names = write_run(tmp_path, log, summary_of(log), "robot: nadia\n", meshcat)
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]

@@ -25,7 +25,7 @@ def test_takes_the_port_it_is_told_or_says_that_it_is_busy():
     """Oracle: Meshcats, of which the second has the port of the third."""
     first, message = start_meshcat()
     assert (first.port() >= 7000, message) == (True, "")
-    free = Meshcat().port()  # and gone again
+    free = start_meshcat()[0].port()  # and gone again
     second, message = start_meshcat(free)
     assert (second.port(), message) == (free, "")
     third, message = start_meshcat(free)
@@ -43,7 +43,7 @@ def test_an_impossible_port_is_refused(port):
 @pytest.fixture
 def meshcat() -> Meshcat:
     """A ball at the origin."""
-    meshcat = Meshcat()
+    meshcat = start_meshcat()[0]
     meshcat.SetObject(BALL, Sphere(0.1))
     meshcat.SetTransform(BALL, RigidTransform())
     return meshcat

@@ -68,9 +68,8 @@ def test_tells_what_was_switched():
         (None, {"required_steps": 8}, "7.57 s  FEWER THAN 8 STEPS AFTER THE"),
         (
             None,
-            {"required_steps": 3, "wanted_steps": 8},
-            "2.77 s  RECOVERED in 2 steps (the run is too short for 8 more "
-            "steps, 3 were required)   max ICP error",
+            {"required_steps": 8, "fitting_steps": 3},
+            "7.57 s  UNDECIDED: too short: the run ended after 5 of 8 steps ",
         ),
     ],
 )

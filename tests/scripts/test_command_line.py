@@ -1,14 +1,21 @@
 """What the scripts share: flags, Meshcat, the results, Ctrl-C."""
 
 import argparse
+import errno
 import io
 import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.scripts import command_line
+from nadia_balance.results import folder
+from nadia_balance.results.folder import read_run
+from nadia_balance.scripts import command_line, simulate
 from nadia_balance.scripts.command_line import (
     CommandLine,
     finite,
@@ -17,7 +24,25 @@ from nadia_balance.scripts.command_line import (
     scenario_flags,
     scenario_from,
 )
-from tests.scripts.running import assert_refused, run_script, summary_of
+from tests.scripts.running import (
+    assert_refused,
+    environment,
+    run_script,
+    summary_of,
+)
+
+
+def piped(script, *argv, cwd, stdout):
+    """Exit code and stderr of a program whose stdout is something else."""
+    done = subprocess.run(
+        [sys.executable, "-m", f"nadia_balance.scripts.{script}", *argv],
+        cwd=cwd,
+        env=environment(),
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    return done.returncode, done.stderr
 
 
 class Job:
@@ -68,11 +93,12 @@ def test_leaves_the_results_in_a_folder_of_its_own(
 
 
 @pytest.mark.parametrize(
-    ("error", "told", "reason"),
+    ("error", "code", "told", "reason"),
     [
-        (KeyboardInterrupt(), "INTERRUPTED", "interrupted"),
+        (KeyboardInterrupt(), 130, "INTERRUPTED", "interrupted"),
         (
             RuntimeError("icp is not finite"),
+            1,
             "STOPPED: icp is not finite",
             "stopped: icp is not finite",
         ),
@@ -80,7 +106,7 @@ def test_leaves_the_results_in_a_folder_of_its_own(
     ids=["Ctrl-C", "an error"],
 )
 def test_an_early_end_writes_what_was_logged(
-    tmp_path, monkeypatch, capsys, error, told, reason
+    tmp_path, monkeypatch, capsys, error, code, told, reason
 ):
     """Oracle: 0.3 s of 0.5 s, a row every 10 ms; no word of a fall."""
 
@@ -91,7 +117,7 @@ def test_an_early_end_writes_what_was_logged(
 
     monkeypatch.setattr(LipmDiagram, "fall_reason", end)
     outcome = run(capsys, "--out", tmp_path)
-    assert outcome.code == 1
+    assert outcome.code == code
     assert outcome.out[0].startswith(f"t=0.30 s  {told}   max ICP error")
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["recovered"], summary["reason"]) == (False, reason)
@@ -101,19 +127,52 @@ def test_an_early_end_writes_what_was_logged(
         assert len(log["icp"]) == len(log["t"]) == 31
 
 
-def test_fidelity_is_a_flag(tmp_path, capsys):
-    """Oracles: the scenario that is left behind; the message, by hand."""
-    assert run(capsys, "--fidelity", "realistic", "--out", tmp_path).code == 0
-    assert "fidelity: realistic" in (tmp_path / "scenario.yaml").read_text()
+def test_fidelity_is_a_flag(monkeypatch, capsys):
+    """Oracles: the diagram that is asked for; the messages, by hand."""
+    seen = []
+
+    def look(diagram):
+        seen.append(diagram.scenario.fidelity)
+        raise ValueError("looked at")
+
+    monkeypatch.setattr(command_line, "start", look)
+    argv = ["--no-meshcat", "--fidelity", "realistic"]
+    assert_refused(run_script(Job, argv, capsys), "looked at")
+    assert seen == ["realistic"]
+    assert_refused(
+        run(capsys, "--fidelity", "realistic"),
+        "fidelity = 'realistic': must not come with --plant lipm, which has no",
+    )
     message = "fidelity = 'true': must be one of realistic, ideal"
-    assert_refused(run(capsys, "--fidelity", "true"), message)
+    assert_refused(
+        run_script(Job, ["--no-meshcat", "--fidelity", "true"], capsys), message
+    )
+
+
+def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
+    """Oracles: what is left behind; the messages, by hand."""
+    flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
+    assert run(capsys, *flags, "--out", tmp_path).code == 0
+    assert "engine: mujoco" in (tmp_path / "scenario.yaml").read_text()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["engine"] == "mujoco"
+    assert summary["versions"]["mujoco"] == version("mujoco")
+    message = "engine = 'mujoco': must be drake for a point mass"
+    assert_refused(run(capsys, "--engine", "mujoco"), message)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "nadia_balance.mujoco_model")
+    message = "engine = 'mujoco': must have its package: pip install mujoco"
+    assert_refused(run(capsys, *flags), message)
 
 
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
         (["--open"], "open = True: must not come with --plant lipm: no Mesh"),
-        (["--realtime-rate", "-1"], "realtime_rate = -1.0: must be >= 0"),
+        (
+            ["--realtime-rate", "-1"],
+            "realtime_rate = -1.0: must be in [0, 1",
+        ),
         (["--graphviz", "/none/a.dot"], "graphviz = /none/a.dot: must be a f"),
     ],
 )
@@ -146,3 +205,88 @@ def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
         command_line._hold(meshcat)
         assert meshcat.web_url() in capsys.readouterr().out
     assert lines.read() == "not read\n"
+
+
+STAND = ("simulate", "--scenario_name", "stand", "--out", "run", *QUICK)
+
+
+def test_results_are_whole_although_nobody_reads_the_story(tmp_path):
+    """Oracle: a pipe whose reader has gone; the files, which can be read."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    assert piped(*STAND, cwd=tmp_path, stdout=writer) == (0, "")
+    os.close(writer)
+    read_run(tmp_path / "run")
+
+
+def test_results_are_whole_although_the_story_is_on_a_full_disk(tmp_path):
+    """Oracle: the device that is always full."""
+    with open("/dev/full", "w") as full:
+        assert piped(*STAND, cwd=tmp_path, stdout=full) == (0, "")
+        read_run(tmp_path / "run")
+        assert piped("push", "--help", cwd=tmp_path, stdout=full) == (0, "")
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_half_file(
+    tmp_path, monkeypatch, capsys
+):
+    """Oracle: the system's error in the last file; the story is told."""
+
+    def fill(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(folder, "write_plots", fill)
+    outcome = run_script(
+        simulate,
+        ["--scenario_name", "stand", *QUICK, "--out", tmp_path],
+        capsys,
+    )
+    assert outcome.code == 1
+    assert outcome.err == ["simulate.py: [Errno 28] No space left on device"]
+    assert "STOOD" in outcome.out[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_results_of_another_run_are_not_overwritten(tmp_path, capsys):
+    """Oracle: the bytes that were there."""
+    file = tmp_path / "summary.json"
+    file.write_text("mine")
+    outcome = run(capsys, "--out", tmp_path)
+    assert_refused(
+        outcome, f"out = '{tmp_path}': must be a folder without summary.json"
+    )
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+
+
+@pytest.mark.parametrize(
+    "script", ["push", "benchmark", "capture_regions", "envelope", "picture"]
+)
+def test_ctrl_c_at_the_very_start_is_no_traceback(script, tmp_path):
+    """Oracle: stderr, and what the shell calls 130."""
+    argv = {"picture": ["--run", "."]}.get(script, [])
+    program = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED_START, script, *argv],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert program.communicate()[1] == ""
+    assert program.returncode == 130
+
+
+# Presses Ctrl-C as soon as a script begins to import the command line.
+INTERRUPTED_START = """
+import importlib.abc, os, runpy, signal, sys
+
+class Press(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "nadia_balance.scripts.command_line":
+            os.kill(os.getpid(), signal.SIGINT)
+
+script = sys.argv.pop(1)
+sys.argv[0] = f"{script}.py"
+sys.meta_path.insert(0, Press())
+runpy.run_module(f"nadia_balance.scripts.{script}", run_name="__main__")
+"""

@@ -148,7 +148,25 @@ def test_ctrl_c_ends_it_with_plots_of_what_is_there(undisturbed, tmp_path):
     }
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_who_is_never_pushed_has_no_limit(tmp_path, capsys):
+    """Oracle: exit code 3, one line; a limit of 0.00 would be a lie."""
+    argv = [*ALONE, "--duration", 1.2]
+    outcome = run_script(envelope, [*argv, "--out", tmp_path], capsys)
+    assert outcome.code == 3
+    assert outcome.err[-1].startswith("envelope.py: no limit: of ")
+    assert outcome.err[-1].endswith(
+        "none was decided: not pushed: the push did not come before the end"
+    )
+    assert not any("0.00" in line for line in outcome.out)
+    rows = read_trials(tmp_path / "trials.csv")[1]
+    assert {row["outcome"] for row in rows} == {"undecided"}
+    again = run_script(envelope, ["--plot-only", tmp_path], capsys)
+    assert (again.code, len(again.err)) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    "end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL]
+)
 def test_no_child_outlives_it(tmp_path, end):
     """Oracle: the table of processes of the system."""
     process = started(*ALONE, "--out", tmp_path, cwd=tmp_path)
@@ -205,6 +223,18 @@ def test_plots_need_nothing_but_the_trials(undisturbed, tmp_path, capsys):
     assert outcome.out[:-1] == said[3:-1]
 
 
+def test_prints_what_no_controller_can_recover_from(capsys):
+    """Oracle: half the sole's width over the ICP's 0.256 m for 1 m/s."""
+    argv = ["--limit", "--mechanisms", "icp_only", "--directions", "90,270"]
+    outcome = run_script(envelope, argv, capsys)
+    assert outcome.code == 0
+    rows = [line.split() for line in outcome.out[2:5]]
+    assert [row[0] for row in rows] == ["90", "270", "mean"]
+    for value, way in zip(rows[-1][1:], (0.06, 0.06 + 0.05), strict=True):
+        assert float(value) == pytest.approx(way / 0.256, abs=0.01)
+    assert outcome.out[5].startswith("assumes a point mass 0.888 m high;")
+
+
 TEXT = "--scenario_text"
 PUSH = "{delta_v: 0.1, at: 1.0 s}"
 REFUSED = [
@@ -218,7 +248,7 @@ REFUSED = [
     (["--workers", "0"], "workers = 0: must be >= 1"),
     (["--timeout", "0"], "timeout = 0.0: must be in (0, 1e+06] s"),
     (["--robot", "fred"], "robot = 'fred': must be one of atlas, nadia"),
-    (["--seed", "-1"], "seed = -1: must be >= 0"),
+    (["--seed", "-1"], "seed = -1: must be in [0, 4.29"),
     (
         ["--scenario_name", "stand"],
         "scenario_name = 'stand': must have exactly one push, has 0",

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat
 
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.polygon import support_polygon
@@ -17,6 +16,7 @@ from nadia_balance.core.walking import (
     WalkingState,
     rectangle,
 )
+from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from tests.blocks import asked, fix, running
 from tests.example_walks import standing
@@ -237,7 +237,7 @@ def test_a_new_run_starts_with_a_clean_floor():
 
 def test_draws_into_a_real_meshcat():
     """Oracle: Drake's own Meshcat has the paths, and reports the values."""
-    meshcat = draw(state(), meshcat=Meshcat(), **POINTS)
+    meshcat = draw(state(), meshcat=start_meshcat()[0], **POINTS)
     assert meshcat.HasPath("/overlay/footprints/left_1")
     assert meshcat.HasPath("/overlay/footsteps/right_0/3")
     packed = meshcat._GetPackedProperty("/overlay/icp", "visible")

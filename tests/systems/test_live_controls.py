@@ -7,6 +7,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.live_controls import (
     DIRECTION,
     LABELS,
@@ -22,7 +23,7 @@ ALL = MECHANISMS["all_with_cross_over"]
 
 @pytest.fixture
 def meshcat() -> Meshcat:
-    return Meshcat()
+    return start_meshcat()[0]
 
 
 class Session:

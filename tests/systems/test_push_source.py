@@ -182,6 +182,13 @@ def test_pushes_that_overlap_add_up():
     )
 
 
+def test_the_force_has_the_shape_it_is_to_have():
+    """Oracle: a ramp of four ticks, by hand."""
+    push = Push(force=8.0, at="0 s", duration=0.008, shape="ramp")
+    sizes = np.linalg.norm(run([push], 6), axis=1)
+    assert sizes == pytest.approx([1.0, 3.0, 5.0, 7.0, 0.0, 0.0])
+
+
 def test_a_live_push_acts_like_a_scripted_one():
     """Oracle: the very same push, scripted for the tick of the click."""
     scripted = run([Push(delta_v=0.4, at="0.02 s", direction_deg=30.0)], 100)
@@ -222,6 +229,29 @@ def test_refuses_a_live_push_that_is_not_finite():
     """Oracle: the field, its value, what is allowed."""
     with pytest.raises(ValueError, match="delta_v = nan: must be"):
         run([], 1, live_at=lambda k: [1, math.nan, 0.0])
+
+
+def test_each_live_push_has_its_number_and_its_size_while_others_act():
+    """Oracle: by hand: the one that began last, with its own force."""
+    scripted = Push(delta_v=0.45, at="0.02 s", duration=0.2)
+    source = PushSource([scripted], MASS, PERIOD)
+    simulator, context = running(source)
+    fix(source, context, walking_state=RIGHT_SWING)
+    for ticks, live, number, delta_v in [
+        (15, [0, 0.3, 90.0], 1, 0.45),
+        (25, [1, 0.3, 90.0], 2, 0.3),
+        (40, [2, 0.1, 90.0], 3, 0.1),
+        (100, [2, 0.1, 90.0], 1, 0.45),
+        (130, [2, 0.1, 90.0], 0, 0.0),
+    ]:
+        fix(source, context, live_push=live)
+        simulator.AdvanceTo((ticks + 0.5) * PERIOD)
+        signal = signal_of(source, context)
+        assert (signal.number, signal.delta_v) == pytest.approx(
+            (number, delta_v)
+        )
+        newtons = MASS * delta_v / (0.2 if number == 1 else 0.1)
+        assert np.linalg.norm(signal.force) == pytest.approx(newtons)
 
 
 @pytest.mark.parametrize("body", ["", "base", "live"])
@@ -322,7 +352,7 @@ def test_copies_of_one_context_can_be_pushed_in_different_ways():
         ("duration", 0.0015, "duration = 0.0015: must be a multiple"),
         ("delay", 0.001, "delay = 0.001: must be a multiple"),
         ("body", "tail", "body = 'tail': must be a body"),
-        ("force", -1.0, "force = -1.0: must be >= 0"),
+        ("force", -1.0, "force = -1.0: must be in .0, 100000."),
     ],
 )
 def test_refuses_bad_pushes(field, value, message):

@@ -25,7 +25,7 @@ from nadia_balance.results.log import (
     steps,
 )
 from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill, title
-from nadia_balance.results.story import recovered_at
+from nadia_balance.results.summary import recovered_at
 
 NEAR = 0.05  # footholds nearer than this are one to the eye [m]
 _MOST_LISTED = 8  # steps, in the legend [-]

@@ -69,13 +69,15 @@ def title(summary: dict, what: str) -> str:
     """Says what is seen, of which run, with the size of each of its pushes."""
     run = [summary["robot"], summary["mechanisms"]]
     pushes = summary["pushes"]
-    run += [f"push {push['delta_v']:.2f} m/s" for push in pushes]
-    if len(pushes) == 1 and summary["direction_deg"] is not None:
-        run[-1] += f" at {summary['direction_deg']:.0f}°"
+    run += [
+        f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
+        for push in pushes
+    ]
     if summary["fell_at"] is not None:
         run.append(f"fell at {summary['fell_at']:.2f} s")
     elif pushes:
-        run.append("recovered" if summary["recovered"] else "not recovered")
+        words = {"failed": "not recovered"}
+        run.append(words.get(summary["outcome"], summary["outcome"]))
     return f"{what}   ·   {', '.join(run)}"
 
 

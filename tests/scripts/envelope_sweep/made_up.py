@@ -13,7 +13,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.scripts.envelope_sweep.limits import (
     Envelope,
     envelope_of,
-    references,
+    paper_curves,
 )
 from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, Sweep
 from nadia_balance.scripts.envelope_sweep.search import (
@@ -40,7 +40,7 @@ def paper_times(
     factor: float, at: Situation = AT, robot: str = "nadia", of: Situation = AT
 ) -> dict[Cell, float]:
     """The limits of the paper's robot, scaled, in another situation."""
-    paper = references(robot, of).paper
+    paper = paper_curves(robot, of)
     return {
         Cell(mechanisms, at, direction): factor * value
         for mechanisms, curve in paper.items()
@@ -219,7 +219,7 @@ class MadeUpRobot:
         }
 
 
-ENDLESS = 10000.0  # a run that no test waits for the end of [s]
+ENDLESS = 999.0  # a run that no test waits for the end of [s]
 
 
 def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
@@ -228,6 +228,8 @@ def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
     A trial of it takes no more than half a second.
     """
     steps = int(duration) + 1
+    if "required_steps" not in text:  # as many as there is time for
+        text += f", required_steps: {min(8, max(0, int(duration) - 3))}"
     push = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
     scenario = load_scenario(
         "push",

@@ -1,6 +1,7 @@
 """A sweep is what its flags say, is checked, and says what it shares."""
 
 import argparse
+import importlib.metadata
 import json
 import math
 import re
@@ -12,7 +13,7 @@ import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.scenario import ENGINES, load_scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts.envelope_sweep import plan
@@ -195,6 +196,16 @@ def test_other_cells_make_no_other_identity():
         directions=(45.0,), mechanisms=("step_swing",), at=(LATER,), timeout=1.0
     )
     assert other.identity() == identity
+
+
+def test_another_engine_makes_another_identity():
+    """Oracle: MuJoCo's version, which Drake's rows do not depend on."""
+    plain, other = (
+        sweep_of("--engine", engine).identity() for engine in ENGINES
+    )
+    assert other["mujoco"] == importlib.metadata.version("mujoco")
+    assert other["parameters"] != plain["parameters"]
+    assert "mujoco" not in plain
 
 
 REFUSED = [

@@ -203,10 +203,10 @@ def test_the_largest_push_is_tried_and_nothing_above():
     [
         ("resolution", 1e-309, "must be >= 0.0001 m/s"),
         ("resolution", math.nan, "must be finite and >= 0.0001 m/s"),
-        ("stride", 0, "must be >= 1"),
-        ("replicas", 0, "must be >= 1"),
+        ("stride", 0, "must be in [1, 1000]"),
+        ("replicas", 0, "must be in [1, 1000]"),
         ("largest", 0.01, "must be in [resolution = 0.02, 100] m/s"),
-        ("largest", 1e308, "must be in [resolution = 0.02, 100] m/s"),
+        ("largest", 1e3, "must be in [resolution = 0.02, 100] m/s"),
     ],
 )
 def test_refuses_bad_parameters(field, value, rule):
@@ -328,3 +328,25 @@ def test_the_count_ends_where_the_total_is():
     after = agenda.progress()
     assert after.total == after.done == len(one_by_one())
     assert after.complete == after.cells
+
+
+@pytest.mark.parametrize(
+    ("results", "expected"),
+    [
+        ({(8, 0): None, (4, 0): None}, None),
+        ({(8, 0): True, (16, 0): None}, (8, None)),
+        ({(8, 0): True, (16, 0): None, (9, 0): False}, (8, 9)),
+    ],
+)
+def test_undecided_trials_give_no_limit_and_no_failure(results, expected):
+    """Oracle: by hand, with one replica and levels of 0.1 m/s."""
+    search = SearchParams(resolution=0.1, replicas=1)
+    found = limit(results, search)
+    if expected is None:
+        assert found is None
+    else:
+        recovered, failed = expected
+        assert found.recovered == pytest.approx(0.1 * recovered)
+        assert found.failed == (failed and pytest.approx(0.1 * failed))
+    assert (8, 0) not in next_batch(results, search)
+    assert all(level < 16 for level, _ in next_batch(results, search))

@@ -89,7 +89,7 @@ def test_a_row_does_not_depend_on_what_was_tried_before(order):
     for i in order:
         row, (_, summary) = tried(walk, *sizes[i]), judged(walk, *sizes[i])
         assert (row["outcome"] == "recovered") is summary["recovered"]
-        shared = set(row) & set(summary)
+        shared = set(row) & set(summary) - {"outcome"}
         assert len(shared) == 6
         assert {name: row[name] for name in shared} == {
             name: summary[name] for name in shared
@@ -128,7 +128,8 @@ def test_goes_on_until_the_icp_error_is_small_again(monkeypatch):
 
     def late(run, info):
         ends.append(run.logs["t"][-1])
-        return {**summarize(run, info), "recovered": ends[-1] > 12.0}
+        outcome = "recovered" if ends[-1] > 12.0 else "failed"
+        return {**summarize(run, info), "outcome": outcome}
 
     monkeypatch.setattr(module, "summarize", late)
     assert tried(walk_of(WHOLE), 0.2)["outcome"] == "recovered"
@@ -157,11 +158,11 @@ def test_ends_with_the_first_improper_contact(monkeypatch, begin):
     assert lengths == [pytest.approx(begin, abs=0.011)]
 
 
-def test_who_was_not_pushed_has_failed():
+def test_who_was_not_pushed_is_undecided():
     """Oracle: the run ends before the swing in which the push should be."""
     for delta_v in (0.3, 0.5):
         row = tried(walk_of(stepping_sweep(1.2)), delta_v)
-        assert row["outcome"] == "failed"
+        assert row["outcome"] == "undecided"
         assert row["reason"].startswith("not pushed")
         assert row["predicted_at_push"] is None
 
@@ -248,8 +249,11 @@ def test_a_push_that_takes_a_step_is_foretold_to_take_it():
 
 
 def test_there_is_a_prediction_for_each_touchdown_after_the_push():
-    """Oracle: the steps that landed, less those before the push's end."""
-    walk = walk_of(stepping_sweep(6.0), ALL)
+    """Oracle: the steps that landed, less those before the push's end.
+
+    More are required than there is time for: it is seen to its end.
+    """
+    walk = walk_of(stepping_sweep(6.0, ", required_steps: 8"), ALL)
     for direction, delta_v in (90.0, 0.5), (0.0, 0.02):
         log = judged(walk, delta_v, direction)[0].logs
         end = pushes(log)[-1].end

@@ -91,7 +91,7 @@ def test_a_row_torn_at_any_byte_is_mended(path):
     ("name", "value", "told"),
     [
         ("resolution", 0.2, "resolution = 0.2: must be 0.1 as in "),
-        ("protocol", 1, "protocol = 1: must be 3 as in "),
+        ("protocol", 1, "protocol = 1: must be 4 as in "),
         ("python", "4.0", "python = 4.0: must be 3.11.2 as in "),
         ("parameters", "0", "parameters = 0: must be 0123456789abcdef as in "),
     ],
@@ -137,7 +137,8 @@ def test_names_the_line_that_is_not_right(full, path):
         ("resolution", None, "search: resolution = None: must be "),
         ("stride", 2.5, "search: stride = 2.5: must be "),
         ("replicas", "two", "search: replicas = 'two': must be "),
-        ("largest", 1e308, "largest = 1e+308: must be in [resolution = 0.1, "),
+        ("largest", 1e3, "largest = 1000.0: must be in [resolution = 0.1, "),
+        ("protocol", 99, "protocol = 99: must be in [1, 4]"),
     ],
 )
 def test_names_what_is_wrong_in_the_first_line(path, name, value, told):
@@ -156,6 +157,11 @@ def test_names_what_is_wrong_in_the_first_line(path, name, value, told):
         ("at", "noon", "at = 'noon': must be like \"right swing 25 %\""),
         ("direction_deg", None, "direction_deg = None: must be in [0, 360]"),
         ("delta_v", "nan", "delta_v = nan: must be in [0, 3]"),
+        ("outcome", "bogus", "outcome = 'bogus': must be one of recovered, "),
+        ("steps_after_push", -1, "steps_after_push = -1: must be in [0, "),
+        ("max_torque_ratio", "nan", "max_torque_ratio = nan: must be in [0, "),
+        ("predicted_at_push", -2, "predicted_at_touchdowns = -2: must be in ["),
+        ("predicted_at_touchdowns", "1;x", "predicted_at_touchdowns = nan: "),
     ],
 )
 def test_names_the_cell_that_no_trial_has(path, name, value, told):

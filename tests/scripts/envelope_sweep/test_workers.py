@@ -231,7 +231,7 @@ def test_says_what_to_install(monkeypatch):
     """Oracle: Python's way to say that a module is not there."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     said = refusal("tcp://127.0.0.1:8786")
-    assert said == 'pip install "nadia_balance[cluster]"'
+    assert said == "pip install distributed"
 
 
 @pytest.fixture
