@@ -18,7 +18,7 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
     failed.  A run without a push is judged from its start.
     """
     robot = load_robot(scenario.robot, scenario.fidelity)
-    start = scenario.start(robot.point_mass).schedule
+    start = scenario.start(scenario.point_mass(robot)).schedule
     begin, taken = 0.0, 0
     if felt := pushes(log):
         begin = felt[-1].start

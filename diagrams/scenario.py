@@ -1,6 +1,6 @@
 """What is simulated: robot, walking command, pushes, all parameters."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,10 @@ from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
 from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import WalkingState
+from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot import (
     FIDELITIES,
+    RobotModel,
     default_plant_config,
     load_robot_params,
 )
@@ -64,9 +66,20 @@ class Scenario:
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
+    terrain: Terrain = field(default_factory=Terrain)
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
+
+    def point_mass(self, robot: RobotModel) -> PointMassModel:
+        """What the controller knows of `robot`, and of the ground.
+
+        Raises:
+            ValueError: the terrain is none, as of `Terrain.ground`.
+        """
+        terrain = self.terrain
+        ground = terrain.known(terrain.ground(robot.sole))
+        return replace(robot.point_mass, ground=ground)
 
     def start(self, model: PointMassModel) -> WalkingState:
         """The walking state at the start of `model`, which stands."""
@@ -94,6 +107,11 @@ class Scenario:
             raise ValueError(
                 f"mechanisms = {self.mechanisms!r}: must go with "
                 "controller.icp_step_qp, whose they are"
+            )
+        if atlas and self.terrain.name != FLAT:
+            raise ValueError(
+                f"terrain.name = {self.terrain.name!r}: must be {FLAT} with "
+                "controller.icp_step_qp, which knows no regions"
             )
         for push in self.pushes:
             self._check_moment(push)

@@ -53,6 +53,8 @@ class CaptureRegionStepAdjusterParams:
 
     # N, or as many steps as are queued.
     num_steps: int = bounded(3, least=1, most=10)
+    # Of them so many find only what the regions of the ground offer.
+    ground_steps: int = bounded(2, least=1, most=3)
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
     # Margins at the sole's front, back, inner and outer edge that the capture
     # regions leave to the CoP.
@@ -346,6 +348,17 @@ def _factor(
     return transfer_factor(omega, params.transfer_duration(steps[n + 1]))
 
 
+def later_reaches(
+    steps: tuple[Footstep, ...], model: PointMassModel, on: Mechanisms
+) -> list[Array]:
+    """Returns R_2, ..., R_N (n, 2) [m] of `later_steps` in W, of N `steps`."""
+    total = total_region(model.reach, on.cross_over)
+    return [  # about a foothold, the next swing foot is the other one
+        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
+        for step, following in itertools.pairwise(steps)
+    ]
+
+
 def _offsets(
     steps: tuple[Footstep, ...],
     params: CaptureRegionStepAdjusterParams,
@@ -353,11 +366,7 @@ def _offsets(
     on: Mechanisms,
 ) -> tuple[Array, ...]:
     """Returns D_1, ..., D_N in W; N counts no more steps than are queued."""
-    total = total_region(model.reach, on.cross_over)
-    reaches = [  # about a foothold, the next swing foot is the other one
-        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
-        for step, following in itertools.pairwise(steps[: params.num_steps])
-    ]
+    reaches = later_reaches(steps[: params.num_steps], model, on)
     contractions = step_contractions(steps, params, model.omega)
     feet = later_feet(steps, params, model.sole)
     return tuple(later_steps(reaches, contractions, feet))

@@ -275,7 +275,9 @@ def _start_transfer(
     landed: Footstep | None = None,
 ) -> WalkingState:
     old, feet = state.schedule, measured.feet
-    steps = within_reach(state.commanded, feet, model.reach, landed)
+    steps = within_reach(
+        state.commanded, feet, model.reach, landed, ground=model.ground
+    )
     schedule = replace(
         old,
         phase=Phase.TRANSFER,
