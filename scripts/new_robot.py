@@ -7,6 +7,9 @@ Examples:
         --scenario_name walk_in_place
 """
 
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
 import sys
 from collections.abc import Callable
 from dataclasses import fields
@@ -20,15 +23,18 @@ from nadia_balance.new_robot.named import Named
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot import FIDELITIES, load_robot
 from nadia_balance.scripts.command_line import (
-    NOT_RECOVERED,
-    RECOVERED,
+    DONE,
+    FAILED,
     CommandLine,
+    program,
+    say,
 )
 
 # Twenty seconds of steps, after standing still and before that again.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 
 
+@program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`.
 
@@ -42,16 +48,16 @@ def main(argv: list[str] | None = None) -> int:
         for line in make_robot(
             args.file,
             args.out,
-            fix=args.fix,
-            package_roots=args.package_root,
+            fix=args.fix or [],
+            package_roots=args.package_root or [],
             named=named,
         ).lines():
-            print(line)
+            say(line)
         robot = args.out / "robot.yaml"
         load_robot(str(robot), args.fidelity)
-    print(f"wrote {args.out}/{{robot.urdf, robot.yaml}}", flush=True)
+    say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
     if args.no_walk:
-        return RECOVERED
+        return DONE
     return _walk(str(robot), args.fidelity)
 
 
@@ -78,14 +84,12 @@ def _parser() -> CommandLine:
     parser.add_argument(
         "--fix",
         action="append",
-        default=[],
         metavar="REGEX",
         help="weld the joints of these names; may come several times",
     )
     parser.add_argument(
         "--package-root",
         action="append",
-        default=[],
         type=Path,
         metavar="DIR",
         help="has the packages of package://; so do the folders above FILE",
@@ -122,19 +126,19 @@ def _walk(robot: str, fidelity: str) -> int:
     try:
         diagram = HumanoidDiagram(scenario)
     except ValueError as error:
-        print(f"DID NOT WALK: {error}")
-        return NOT_RECOVERED
+        say(f"DID NOT WALK: {error}")
+        return FAILED
     run = simulate(diagram, scenario.duration)
     info = run_info(scenario, run, "humanoid", "walk_in_place")
     found = summarize(run, info)
     walked = found["recovered"]
-    print(
+    say(
         f"{'WALKED' if walked else 'DID NOT WALK'}: {found['steps_taken']} "
         f"steps in place, max ICP error {1e3 * found['max_icp_error_m']:.1f} "
         f"mm, max torque {100 * found['max_torque_ratio']:.0f} %"
         + ("" if walked else f": {found['reason']}")
     )
-    return RECOVERED if walked else NOT_RECOVERED
+    return DONE if walked else FAILED
 
 
 if __name__ == "__main__":

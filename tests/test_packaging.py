@@ -19,7 +19,7 @@ from tests.source_files import ROOT, imports, python_files, syntax_tree
 FOLDERS = ("nadia_balance", "diagrams", "models", "scripts")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
-DISTRIBUTIONS = {"pydrake": "drake", "yaml": "pyyaml"}
+DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
 # What our imports load by themselves: trimesh reads .dae with it.
 PLUGINS = {"pycollada"}
 
@@ -135,7 +135,7 @@ from pkgutil import resolve_name as load
     assert "--delta-v" in run(python, push, "--help", **here)
     printed = run(
         *(bin_folder / "nadia-push", "--plant", "lipm"),
-        *("--duration", "7", "--out", tmp_path / "run"),
+        *("--out", tmp_path / "run"),
         **here,
     )
     assert str(ROOT) not in printed

@@ -63,7 +63,7 @@ class Capture:
     cop: Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
     """The limits of one moment of a walk, in `state`, with the `icp` (2,) [m].
 

@@ -281,6 +281,8 @@ class Press(importlib.abc.MetaPathFinder):
         if name == "nadia_balance.scripts.command_line":
             os.kill(os.getpid(), signal.SIGINT)
 
+# Of a suite that runs in the background, children ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 script = sys.argv.pop(1)
 sys.argv[0] = f"{script}.py"
 sys.meta_path.insert(0, Press())

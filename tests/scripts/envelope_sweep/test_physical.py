@@ -28,7 +28,8 @@ def test_the_walk_has_the_limit_of_an_enumeration():
     found = [limit.largest_push(d).delta_v for d in (0, 90, 180, 270)]
     assert sum(found) == pytest.approx(1.99 + 1.02 + 1.99 + 1.93, rel=0.01)
     assert (limit.kappa, with_hips.kappa) == (0.0, 0.05)
-    free, _ = limits_of(scenario, AT, "lipm")
+    ideal = load_scenario("push", fidelity="ideal")
+    free, _ = limits_of(ideal, AT, "lipm")
     assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
 
 
@@ -37,9 +38,10 @@ def test_every_robot_has_its_own():
     for name in "nadia", "atlas":
         scenario = load_scenario("push", robot=name, fidelity="realistic")
         limit, _ = limits_of(scenario, AT, "humanoid")
-        height = load_robot(name).point_mass.com_height
+        model = load_robot(name).point_mass
+        height = model.com_height
         assert limit.assumptions.startswith(f"a point mass {height:g} m high")
-        assert "up to 3 m/s" in limit.assumptions
+        assert f"up to {model.detour.max_speed:g} m/s" in limit.assumptions
 
 
 def test_an_envelope_is_given_those_of_its_cells(tmp_path):
