@@ -162,8 +162,7 @@ def _write(args: argparse.Namespace) -> Path:
         if out.suffix != ".gif":
             raise ValueError(f"out = {str(out)!r}: must end in .gif")
         write_gif(replay, args.times or gif_times(args.run), view, out)
-        print(f"wrote {out}")
-        return
+        return out
     times = args.times or moments(args.run)
     captions = args.captions or [f"{time:.2f} s" for time in times]
     if len(captions) != len(times):
