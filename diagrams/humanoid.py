@@ -16,7 +16,12 @@ from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import SignalLog, region_logs
+from nadia_balance.diagrams.signal_log import (
+    SignalLog,
+    ground_logs,
+    region_logs,
+)
+from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
 from nadia_balance.robot import actuated_velocities, load_robot
@@ -55,7 +60,11 @@ FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
 
 
 class HumanoidDiagram(Diagram):
-    """Closes the loop of BalanceController and a MultibodyPlant."""
+    """Closes the loop of BalanceController and a MultibodyPlant.
+
+    The plant's ground is flat: regions are where the feet may stand, and a foot
+    that lands beside them has fallen.
+    """
 
     def __init__(
         self,
@@ -68,14 +77,16 @@ class HumanoidDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: the robot cannot stand as it is told, or a block lacks
-                a port.
+            ValueError: the robot cannot stand as it is told, a block lacks a
+                port, or the terrain is not level.
         """
         super().__init__()
         self.scenario = scenario
         params = scenario.controller
         period = params.control_period
         self.robot = load_robot(scenario.robot, scenario.fidelity)
+        self._ground = scenario.terrain.level_ground(self.robot.sole)
+        self.robot.point_mass = scenario.point_mass(self.robot)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)
@@ -108,7 +119,7 @@ class HumanoidDiagram(Diagram):
             add_robot_view(builder, self.scene_graph, meshcat)
             view = builder.AddNamedSystem(
                 "balance_visualizer",
-                BalanceVisualizer(meshcat, self.robot.sole),
+                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
             )
             drawn = filter(self.controller.HasOutputPort, VISUALIZED)
             connect(builder, self.controller, view, *drawn)
@@ -204,7 +215,8 @@ class HumanoidDiagram(Diagram):
             return "pelvis too low"
         if w - x - y + z < np.cos(FALLEN_TILT) * (w + x + y + z):
             return "pelvis tilted"
-        return ""
+        state = self.GetOutputPort("walking_state").Eval(context)
+        return foot_beside(self._ground, state.schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Contacts that are not those of a foot and the ground, by name."""
@@ -233,6 +245,7 @@ class HumanoidDiagram(Diagram):
         columns = self.plant.num_positions() + velocities
         logs["joint_speed_columns"] = columns
         logs |= region_logs(self.robot.point_mass.reach)
+        logs |= ground_logs(self._ground)
         return logs
 
     def _feet(self, states: np.ndarray) -> np.ndarray:

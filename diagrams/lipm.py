@@ -10,7 +10,12 @@ from pydrake.systems.primitives import ConstantVectorSource
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import SignalLog, region_logs
+from nadia_balance.diagrams.signal_log import (
+    SignalLog,
+    ground_logs,
+    region_logs,
+)
+from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
@@ -36,8 +41,8 @@ class LipmDiagram(Diagram):
         `blocks` take the place of those of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port, a push its body, or the engine
-                is not Drake.
+            ValueError: a block lacks a port, a push its body, the engine is
+                not Drake, or the terrain is not level.
         """
         super().__init__()
         if scenario.engine != "drake":
@@ -45,11 +50,12 @@ class LipmDiagram(Diagram):
                 f"engine = {scenario.engine!r}: must be drake for a point mass"
             )
         self.scenario = scenario
-        self.robot = load_robot(scenario.robot)
+        self.robot = load_robot(scenario.robot, scenario.fidelity)
         # It has no bodies, but the robot that it stands for has.
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
-        model, period = self.robot.point_mass, scenario.lipm_period
+        model, period = scenario.point_mass(self.robot), scenario.lipm_period
+        self._ground = scenario.terrain.level_ground(self.robot.sole)
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()
@@ -134,7 +140,8 @@ class LipmDiagram(Diagram):
         )
         if nearest > FALLEN_DISTANCE:
             return "CoM out of reach of both feet"
-        return ""
+        state = self.GetOutputPort("walking_state").Eval(context)
+        return foot_beside(self._ground, state.schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """A point mass touches nothing."""
@@ -144,4 +151,5 @@ class LipmDiagram(Diagram):
         """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
+        logs |= ground_logs(self._ground)
         return logs | region_logs(self.robot.point_mass.reach)

@@ -17,7 +17,8 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
     swing, less one, since a push delays the steps: with fewer the robot has
     failed.  A run without a push is judged from its start.
     """
-    start = scenario.start(load_robot(scenario.robot).point_mass).schedule
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    start = scenario.start(scenario.point_mass(robot)).schedule
     begin, taken = 0.0, 0
     if felt := pushes(log):
         begin = felt[-1].start

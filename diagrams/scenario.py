@@ -1,7 +1,8 @@
 """What is simulated: robot, walking command, pushes, all parameters."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from pydrake.common.yaml import yaml_load_file
 from pydrake.multibody.plant import MultibodyPlantConfig
@@ -12,11 +13,19 @@ from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
+from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import WalkingState
-from nadia_balance.robot import FIDELITIES, default_plant_config
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.diagrams.terrain import FLAT, Terrain
+from nadia_balance.robot import (
+    FIDELITIES,
+    RobotModel,
+    default_plant_config,
+    load_robot_params,
+)
+from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+UNITS = ("si", "froude")
 PLANT_NUMBERS = (  # of MultibodyPlantConfig
     ("time_step", 1e-5, 0.1),
     ("penetration_allowance", 1e-6, 0.1),
@@ -37,8 +46,11 @@ class Scenario:
 
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
+    # Of what its file says: SI, or "froude": as for a robot of Nadia's size
+    # (core/size.py).  What it does not say is always the latter.
+    units: str = bounded("si", one_of=UNITS)
     # The robot as it could be built, or with drives that can do anything.
-    fidelity: str = bounded("ideal", one_of=FIDELITIES)
+    fidelity: str = bounded("realistic", one_of=FIDELITIES)
     # What moves it.  Of plant_config, MuJoCo has the time step only.
     engine: str = bounded("drake", one_of=ENGINES)
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
@@ -50,13 +62,24 @@ class Scenario:
     required_steps: int = bounded(0, least=0, most=1000)
     # Control period of the point mass.  It has the same largest pushes at
     # 0.01 as at the robot's, controller.control_period, but is faster.
-    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s")
+    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
+    terrain: Terrain = field(default_factory=Terrain)
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
+
+    def point_mass(self, robot: RobotModel) -> PointMassModel:
+        """What the controller knows of `robot`, and of the ground.
+
+        Raises:
+            ValueError: the terrain is none, as of `Terrain.ground`.
+        """
+        terrain = self.terrain
+        ground = terrain.known(terrain.ground(robot.sole))
+        return replace(robot.point_mass, ground=ground)
 
     def start(self, model: PointMassModel) -> WalkingState:
         """The walking state at the start of `model`, which stands."""
@@ -84,6 +107,11 @@ class Scenario:
             raise ValueError(
                 f"mechanisms = {self.mechanisms!r}: must go with "
                 "controller.icp_step_qp, whose they are"
+            )
+        if atlas and self.terrain.name != FLAT:
+            raise ValueError(
+                f"terrain.name = {self.terrain.name!r}: must be {FLAT} with "
+                "controller.icp_step_qp, which knows no regions"
             )
         for push in self.pushes:
             self._check_moment(push)
@@ -156,7 +184,9 @@ def load_scenario(
     """Returns the scenario `name` of the package, or of the file.
 
     `text` is YAML that overrides single fields, and so do `changes`, unless
-    they are None.
+    they are None; both are in SI units.  So is the scenario that is returned:
+    what is not given, or in a file whose `units` are "froude", has been scaled
+    from Nadia's size to that of the robot.
 
     Raises:
         ValueError: unknown name or field, malformed YAML, a value out of
@@ -174,12 +204,34 @@ def load_scenario(
     elif not Path(filename).is_file():
         raise FileNotFoundError(f"{what}: no such file")
     scenario = load_typed(Scenario, what, filename=filename, child_name=name)
+    given: dict = {}
+    if scenario.units == "si":
+        given = load_tree(Path(filename).read_text(encoding="utf-8"), name)
     if text:
         scenario = load_typed(
             Scenario, "scenario_text", data=text, defaults=scenario
         )
+        tree = load_tree(text)
+        if "units" in tree:
+            raise ValueError(
+                f"units = {tree['units']!r}: must be in a scenario_file; "
+                "scenario_text is in SI units"
+            )
+        given = _merged(given, tree)
+    changes = {k: v for k, v in changes.items() if v is not None}
     for field_name, value in changes.items():
-        if value is not None:
-            setattr(scenario, field_name, value)
+        setattr(scenario, field_name, value)
+    check(scenario)
+    size = load_robot_params(scenario.robot)[0].size
+    scenario.units = "si"
+    scenario = scaled(scenario, size, given | changes)
     check(scenario)
     return scenario
+
+
+def _merged(tree: object, over: object) -> Any:
+    """The tree of YAML, with the leaves and lists of the one over it."""
+    if not (isinstance(tree, dict) and isinstance(over, dict)):
+        return over
+    merged = {key: _merged(tree.get(key), over[key]) for key in over}
+    return tree | merged

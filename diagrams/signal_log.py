@@ -4,6 +4,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.reachability import ReachabilityParams, step_regions
 
 
@@ -48,6 +49,18 @@ class SignalLog:
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
         return {"t": t, **dict(zip(self._sizes, columns, strict=True))}
+
+
+def ground_logs(ground: Ground | None) -> dict[str, np.ndarray]:
+    """Returns the corners of all regions to step on; none if it is flat."""
+    if ground is None:
+        return {}
+    corners = [
+        np.column_stack([np.full(len(region.polygon), i), region.polygon])
+        for i, region in enumerate(ground.regions)
+        if not region.obstacle
+    ]
+    return {"ground": np.concatenate(corners)}
 
 
 def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:

@@ -18,6 +18,7 @@ REACH = "#8a5a2b"  # brown
 NOMINAL = "#626b78"  # of a foothold that was adjusted: grey
 FLOOR = "#c9d0da"  # grey
 GRID = "#aab4c2"  # darker grey
+GROUND = "#8d9aab"  # of regions to step on: still darker
 SKY_TOP = "#f4f7fb"
 SKY_BOTTOM = "#c3cedb"
 
@@ -35,7 +36,7 @@ LEGEND = {
     "C\N{SUBSCRIPT TWO}": CAPTURE_REGIONS[1],
     "C\N{SUBSCRIPT THREE}": CAPTURE_REGIONS[2],
     "reachable": REACH,
-    "nominal foothold": NOMINAL,
+    "planned foothold": NOMINAL,
 }
 
 

@@ -31,15 +31,19 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 import nadia_balance
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.robot_checks import (
     check_plant,
+    check_sizes,
     check_standing,
     check_urdf,
+    effort_limits,
     improper_contacts,
+    remarks_on,
 )
 from nadia_balance.robot_params import RobotParams, idealised
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.typed_yaml import load_tree, load_typed
 
 # Beside the package in a checkout as well as in an installation.  Not found
 # by `import models`: a user may have a folder of that name.
@@ -59,6 +63,7 @@ class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
 
     `drives` are JointDriveParams; None if it is ideal (see `idealised`).
+    `remarks` are lines on what is allowed, but may not be meant so.
     """
 
     def __init__(self, params: RobotParams, urdf: Path):
@@ -84,12 +89,13 @@ class RobotModel:
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         with self._naming_the_urdf():
             check_urdf(urdf)
-        # Once with all shapes: the plant of the controller reads none.
-        plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self.add_to(plant)
+        # With all shapes: the plant of the controller reads none.
+        _, shaped, scene_graph = self.control_diagram()
         plant = self.control_plant()
         check_plant(plant, params)
+        with self._naming_the_urdf():
+            self.remarks = remarks_on(shaped, set(feet))
+        check_sizes(shaped, scene_graph.model_inspector(), params)
         standing = self.standing_positions()
         with self._naming_the_urdf():
             check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
@@ -131,7 +137,9 @@ class RobotModel:
         parser = Parser(plant)
         parser.SetStrictParsing()
         with self._naming_the_urdf():
-            return parser.AddModels(str(self.urdf))[0]
+            instance = parser.AddModels(str(self.urdf))[0]
+            _add_actuators(plant, instance, effort_limits(self.urdf))
+        return instance
 
     def add_plant_to(
         self,
@@ -260,9 +268,12 @@ class RobotModel:
         prog.SetInitialGuess(com, over_origin)
         result = SnoptSolver().Solve(prog)
         if not result.is_success():
+            legs = self.params.legs
+            highest = legs.length + legs.ankle_height + legs.com_above_hip
             raise ValueError(
                 f"step_width = {width}, com_height = {self.com_height}: must "
-                f"be within reach of the legs of {self.name}, in m"
+                f"be within reach of the legs of {self.name}, in m; with "
+                f"straight ones, the CoM is {highest:.3f} m high"
             )
         return result.GetSolution(q)
 
@@ -277,12 +288,29 @@ class RobotModel:
             raise ValueError(f"urdf = {self.urdf}: {reason}") from error
 
 
+def _add_actuators(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    effort_limits: dict[str, float],
+) -> None:
+    """Drives the joints for which the URDF has no <transmission>."""
+    # Not those of the instance: these are known once it is finalized.
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    driven = [actuator.joint().index() for actuator in actuators]
+    if len(set(driven)) < len(driven):
+        raise ValueError("a joint must not have two <transmission>s")
+    for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
+        limit = effort_limits.get(joint.name())
+        if limit and joint.num_positions() and joint.index() not in driven:
+            plant.AddJointActuator(joint.name(), joint, limit)
+
+
 def robot_names() -> list[str]:
     """The robots that come with the package."""
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
-def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
+def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
     Raises:
@@ -294,6 +322,20 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
         raise ValueError(
             f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
         )
+    params, urdf = load_robot_params(name)
+    if fidelity == "ideal":
+        params = idealised(params)
+    return RobotModel(params, urdf)
+
+
+def load_robot_params(name: str) -> tuple[RobotParams, Path]:
+    """Returns what robot.yaml says, and its URDF.
+
+    What it does not say is Nadia's, scaled to its `size`.
+
+    Raises:
+        ValueError, FileNotFoundError: as load_robot, but the URDF is not read.
+    """
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():
         path = MODELS / name / "robot.yaml"
@@ -312,9 +354,8 @@ def load_robot(name: str, fidelity: str = "ideal") -> RobotModel:
     urdf = path.parent / params.urdf
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    if fidelity == "ideal":
-        params = idealised(params)
-    return RobotModel(params, urdf)
+    given = load_tree(path.read_text(encoding="utf-8"))
+    return scaled(params, params.size, given), urdf
 
 
 def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:

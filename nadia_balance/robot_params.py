@@ -7,6 +7,7 @@ from nadia_balance.core.bounds import bounded
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.model import LegGeometry
 from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.size import Size
 from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.whole_body_command import WholeBodyQpParams
 
@@ -54,6 +55,16 @@ class RobotParams:
     # Null: drives that can do anything at once.
     drives: JointDriveParams | None = field(default_factory=JointDriveParams)
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
+
+    @property
+    def size(self) -> Size:
+        """By which all that is not given here is scaled from Nadia."""
+        sole = self.sole
+        return Size(
+            leg=self.legs.length + self.legs.ankle_height,
+            sole_length=sole.x_max - sole.x_min,
+            sole_width=2.0 * sole.half_width,
+        )
 
     def validate_more(self) -> None:
         """Raises ValueError if the robot has no name, or no URDF."""

@@ -58,6 +58,16 @@ def load_typed(
         raise ValueError(f"{what}: {' '.join(str(error).split())}") from error
 
 
+def load_tree(text: str, child_name: str | None = None) -> dict:
+    """Returns what the YAML `text`, or its child, says, as mappings and lists.
+
+    Of YAML that `load_typed` has taken.
+    """
+    tree = _parse(text)
+    tree = _child(tree, child_name) if child_name is not None else tree
+    return tree if isinstance(tree, dict) else {}
+
+
 def _parse(text: str) -> object:
     """Raises ValueError if `text` is no YAML."""
     try:

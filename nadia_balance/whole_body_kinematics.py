@@ -134,6 +134,7 @@ def whole_body_model(
     robot: RobotModel,
     plant: MultibodyPlant,
     joint_lower_limits: dict[str, float],
+    joint_upper_limits: dict[str, float],
 ) -> WholeBodyModel:
     """Returns the constants of `robot`, joints in the order of velocities.
 
@@ -142,13 +143,16 @@ def whole_body_model(
     """
     n = plant.num_velocities() - 6
     lower = plant.GetPositionLowerLimits()[7:].copy()
-    upper = plant.GetPositionUpperLimits()[7:]
+    upper = plant.GetPositionUpperLimits()[7:].copy()
     posture = np.zeros(n)
     for joint, value in robot.posture.items():
         posture[_joint_index(plant, joint)] = value
     for joint, value in joint_lower_limits.items():
         index = _joint_index(plant, joint)
         lower[index] = max(lower[index], value)
+    for joint, value in joint_upper_limits.items():
+        index = _joint_index(plant, joint)
+        upper[index] = min(upper[index], value)
     effort = np.zeros(n)
     for i in plant.GetJointActuatorIndices():
         actuator = plant.get_joint_actuator(i)

@@ -14,7 +14,7 @@ from pathlib import Path
 INTERRUPTED = 130  # exit code after Ctrl-C
 _PROGRAMS = (
     *("benchmark", "capture_regions", "envelope", "picture", "push"),
-    *("simulate", "_m"),  # the last of `python -m`
+    *("new_robot", "simulate", "_m"),  # the last of `python -m`
 )
 
 

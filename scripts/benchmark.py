@@ -117,7 +117,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
     """The same robot, ground and contact, held by Drake's joint control."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(scenario.plant_config, builder)
-    robot = load_robot(scenario.robot)
+    robot = load_robot(scenario.robot, scenario.fidelity)
     instance = robot.add_to(plant)
     add_ground(plant)
     actuators = [

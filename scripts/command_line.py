@@ -15,12 +15,15 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
+from nadia_balance.core.bounds import check
+from nadia_balance.core.courses import COURSES
 from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import advance, start
+from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.results.folder import (
     new_folder,
     start_recording,
@@ -162,12 +165,17 @@ def scenario_flags(
     group.add_argument("--robot", help="a model's name, or a robot.yaml")
     group.add_argument(
         "--fidelity",
-        help="realistic, or ideal: any torque at any speed, at once",
+        help="realistic, or ideal: drives and feet as fast as need be",
     )
     group.add_argument(
         "--engine", help="drake, or mujoco: what moves the robot"
     )
     group.add_argument("--mechanisms", help=mechanisms)
+    group.add_argument(
+        "--terrain",
+        help=f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
+        "push.py takes the scenario of this name, if there is one",
+    )
     group.add_argument("--duration", type=finite, help="[s]")
     group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
     group.add_argument(
@@ -209,7 +217,7 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the scenario that the flags ask for, checked."""
-    return load_scenario(
+    scenario = load_scenario(
         args.scenario_name,
         args.scenario_file,
         args.scenario_text,
@@ -220,6 +228,10 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         duration=args.duration,
         seed=args.seed,
     )
+    if args.terrain is not None:
+        scenario.terrain.name = args.terrain
+        check(scenario)
+    return scenario
 
 
 def main_job(
@@ -245,6 +257,8 @@ def main_job(
         folder = new_folder(args.out, args.scenario_name)
         if args.graphviz:
             _write_graph(diagram, args.graphviz)
+    for remark in diagram.robot.remarks:
+        print(f"robot: {remark}")
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
@@ -272,11 +286,6 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     if not 0.0 <= args.realtime_rate <= FASTEST:
         raise ValueError(
             f"realtime_rate = {args.realtime_rate}: must be in [0, {FASTEST}]"
-        )
-    if args.plant == "lipm" and args.fidelity is not None:
-        raise ValueError(
-            f"fidelity = {args.fidelity!r}: must not come with --plant lipm, "
-            "which has no drives"
         )
     reason = "--plant lipm" if args.plant == "lipm" else ""
     reason = "--no-meshcat" if args.no_meshcat else reason

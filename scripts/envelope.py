@@ -13,6 +13,7 @@ Examples:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
     python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
     python scripts/envelope.py --plot-only envelopes/mine
+    python scripts/envelope.py --limit --robot path/robot.yaml
 """
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
@@ -44,6 +45,10 @@ from nadia_balance.scripts.command_line import (
     say,
 )
 from nadia_balance.scripts.envelope_sweep.limits import Envelope, envelope_of
+from nadia_balance.scripts.envelope_sweep.physical import (
+    limit_lines,
+    with_limits,
+)
 from nadia_balance.scripts.envelope_sweep.plan import (
     Sweep,
     sweep_flags,
@@ -89,6 +94,8 @@ def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
     try:
         if args.plot_only is not None:
             return _plot_only(args.plot_only)
+        if args.limit:
+            return _limit(sweep_from(args))
         job = _prepare(args, stack)
     except (ValueError, OSError) as error:
         return _complain(error, BAD_INPUT)
@@ -143,6 +150,11 @@ def _parser() -> argparse.ArgumentParser:
         type=place,
         metavar="FOLDER",
         help="only write what follows from FOLDER/trials.csv",
+    )
+    group.add_argument(
+        "--limit",
+        action="store_true",
+        help="simulate no push: print what no controller can recover from",
     )
     return parser
 
@@ -243,9 +255,21 @@ def _plot_only(folder: Path) -> int:
     return UNDECIDED if envelope.undecided else DONE
 
 
+def _limit(sweep: Sweep) -> int:
+    """Prints the limits of a point mass with the robot's own figures."""
+    most, directions = sweep.mechanisms[-1], sweep.directions
+    for cell in sweep.cells():
+        if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
+            walk, at = sweep.walk(cell, replica=0), cell.situation
+            lines = limit_lines(walk, at, sweep.plant, directions)
+            say(*lines)
+    return DONE
+
+
 def _report(folder: Path, written: list[str]) -> Envelope:
     """Writes the report; prints the table, and the names of all files."""
     envelope = envelope_of(*read_trials(folder / TRIALS))
+    envelope = with_limits(envelope, folder / "scenario.yaml")
     written = [*write_report(folder, envelope), *written]
     say(*table_lines(envelope), f"wrote {folder}/{{{', '.join(written)}}}")
     return envelope

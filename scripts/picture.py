@@ -1,10 +1,12 @@
 """Takes pictures of a run's replay and puts them side by side.
 
-By default the push, and each of the next two steps just before it lands.
+By default the push, and each of the next two steps just before it lands; with
+--gif, a small moving picture of the push and the 2.5 s after it.
 
 Examples:
     python scripts/picture.py --run runs/my_run
     python scripts/picture.py --run runs/my_run --times 3.5 3.9 --out two.png
+    python scripts/picture.py --run runs/my_run --gif --width 320
 """
 
 from __future__ import annotations
@@ -15,11 +17,15 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 import argparse
 import base64
 import html
+import io
 import shutil
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from zipfile import BadZipFile
+
+import numpy as np
+from PIL import Image
 
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.results.folder import (
@@ -51,11 +57,13 @@ _FLAGS = (
 _SHARPNESS = 2  # pixels of a picture for each pixel of the strip
 _NUM_STEPS = 2  # after the push
 _BEFORE = 0.03  # a step lands [s]
+_GIF = 0.4, 2.5  # before the push begins, and after [s]
+_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # of its frames [s]
 
 # Looks at the robot's middle; hides all that is not the scene.
 _LOOK = """
 ({time, path, azimuth_deg, elevation_deg, distance, height}) => {
-  for (const node of document.querySelectorAll("#legend, .dg")) {
+  for (const node of document.querySelectorAll("#legend, #status, .dg")) {
     node.style.display = "none";
   }
   viewer.set_render_callback("() => {}");  // no longer follows by itself
@@ -114,6 +122,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=place, help="PNG; by default picture.png in the folder"
     )
+    parser.add_argument(
+        "--gif", action="store_true", help="moving, picture.gif by default"
+    )
     group = parser.add_argument_group("view")
     for flag, field, kind, meaning in (
         ("azimuth", "azimuth_deg", finite, "0 from in front, 90 left [deg]"),
@@ -146,6 +157,12 @@ def _write(args: argparse.Namespace) -> Path:
         raise ValueError(
             f"run = {str(args.run)!r}: must be a folder with a replay.html"
         )
+    if args.gif:
+        out = args.out or args.run / "picture.gif"
+        if out.suffix != ".gif":
+            raise ValueError(f"out = {str(out)!r}: must end in .gif")
+        write_gif(replay, args.times or gif_times(args.run), view, out)
+        return out
     times = args.times or moments(args.run)
     captions = args.captions or [f"{time:.2f} s" for time in times]
     if len(captions) != len(times):
@@ -167,6 +184,22 @@ def moments(run: Path) -> list[float]:
         ValueError: there is no push in the `run`, or its log is not whole.
         OSError: there is no log.
     """
+    _, end, landings = _pushed_and_landed(run)
+    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+
+
+def gif_times(run: Path) -> list[float]:
+    """Of the frames around the last push [s]; raises as `moments`."""
+    start, end, _ = _pushed_and_landed(run)
+    first = max(start - _GIF[0], 0.0)
+    # The replay's last frame may be before the log's last row.
+    whole = float(read_run(run)[0]["t"][-1]) - REGIONS_PERIOD
+    last = min(end + _GIF[1], whole)
+    return np.arange(first, last, _GIF_PERIOD).tolist()
+
+
+def _pushed_and_landed(run: Path) -> tuple[float, float, list[float]]:
+    """When the last push began and ended, and the landings after it [s]."""
     try:
         log, _ = read_run(run)
         pushed, landed = pushes(log), steps(log)
@@ -179,7 +212,7 @@ def moments(run: Path) -> list[float]:
         raise ValueError("times: must be given, without a push")
     end = pushed[-1].end
     landings = [step.swing.end for step in landed if step.swing.end > end]
-    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+    return pushed[-1].start, end, landings
 
 
 @dataclass(kw_only=True)
@@ -236,13 +269,47 @@ def write_strip(
         (drafts / out.name).write_bytes(strip)
 
 
+def write_gif(replay: Path, times: list[float], view: View, out: Path) -> None:
+    """Writes to `out` what `replay` shows at `times` [s], one after the other.
+
+    It loops, in real time if the times are as far apart as `gif_times`.
+
+    Raises:
+        ValueError: as of `write_strip`.
+    """
+    if sync_api is None:
+        raise ValueError(_MISSING)
+    check(view)
+    with sync_api.sync_playwright() as playwright:
+        browser = launch_chromium(playwright)
+        pictures = _pictures(browser, replay, times, view, sharpness=1)
+        browser.close()
+    first, *others = (
+        Image.open(io.BytesIO(picture))
+        .convert("RGB")
+        .quantize(method=Image.Quantize.MAXCOVERAGE)  # keeps rare colours
+        for picture in pictures
+    )
+    first.save(
+        out,
+        save_all=True,
+        append_images=others,
+        duration=round(1000 * _GIF_PERIOD),
+        loop=0,
+    )
+
+
 def _pictures(
-    browser: sync_api.Browser, replay: Path, times: list[float], view: View
+    browser: sync_api.Browser,
+    replay: Path,
+    times: list[float],
+    view: View,
+    sharpness: int = _SHARPNESS,
 ) -> list[bytes]:
     """Returns a PNG for each of the `times` [s]."""
     page = browser.new_page(
         viewport={"width": view.width_px, "height": view.height_px},
-        device_scale_factor=_SHARPNESS,
+        device_scale_factor=sharpness,
         offline=True,
     )
     duration = _open(page, replay)

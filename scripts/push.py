@@ -4,6 +4,7 @@ Examples:
     python scripts/push.py
     python scripts/push.py --direction inward --delta-v 0.2 --open --hold
     python scripts/push.py --direction 210 --at "left swing 50 %"
+    python scripts/push.py --plant lipm --terrain stepping_stones
     python scripts/push.py --random 8 --seed 1
 """
 
@@ -16,7 +17,7 @@ import sys
 from nadia_balance.core.bounds import check
 from nadia_balance.core.push import SHAPES, Moment, random_pushes
 from nadia_balance.core.walking import Side
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import Scenario, scenario_names
 from nadia_balance.scripts.command_line import (
     EXIT_CODES,
     ONE_OF,
@@ -48,6 +49,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     _push_flags(parser)
     scenario_flags(parser, name="push", mechanisms=ONE_OF)
+    parser.set_defaults(scenario_name=None)  # the terrain's, or push
     output_flags(parser)
     return main_job(parser, argv, _pushed_scenario)
 
@@ -91,6 +93,9 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     Raises:
         ValueError: a flag has no meaning, or the scenario has no push.
     """
+    if args.scenario_name is None:
+        has_own = args.terrain in scenario_names()
+        args.scenario_name = args.terrain if has_own else "push"
     scenario = scenario_from(args)
     if not scenario.pushes:
         raise ValueError(

@@ -33,6 +33,7 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 from nadia_balance.results.folder import start_recording, write_replay
+from nadia_balance.results.replay_page import replay_status
 from nadia_balance.results.scene import (
     FRAMES_PER_SECOND,
     ROBOT,
@@ -40,12 +41,14 @@ from nadia_balance.results.scene import (
     set_scene,
     start_meshcat,
 )
-from nadia_balance.systems.balance_visualizer import BalanceVisualizer
+from nadia_balance.results.story import telling
+from nadia_balance.systems.balance_visualizer import MIDDLE, BalanceVisualizer
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
 from nadia_balance.systems.ports import connect
 from tests.example_walks import MODEL, SOLE
+from tests.results.made_up_run import Recipe, make_log, summary_of
 
 URDF = Path(__file__).parents[1] / "models" / "nadia" / "nadia.urdf"
 DURATION, STEP_LENGTH, TRANSFER, SWING = 10.0, 0.2, 0.3, 0.7  # [s], [m]
@@ -357,3 +360,33 @@ def test_the_legend_names_what_is_drawn(replay):
     text = replay.page.inner_text("#legend")
     for name in ("ICP", "CoM", "CoP", "eCMP", "left foot", "push", "C₁"):
         assert name in text
+
+
+def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
+    """Oracle: the story of the made-up run, and the viewer's own clock."""
+    meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
+    start_recording(meshcat)
+    log = make_log(Recipe())
+    summary = summary_of(log)
+    end, _ = telling(log, summary)[-1]
+    for time in (0.0, end + 1.0):
+        meshcat.SetTransform(MIDDLE, RigidTransform([time, 0.0, 0.0]), time)
+    write_replay(meshcat, path, replay_status(log, summary))
+    page = browser.new_page(offline=True)
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.duration > 0")
+    for time, seen in ((end - 0.1, False), (end + 0.5, True)):
+        page.evaluate(
+            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }",
+            time,
+        )
+        clock = f"t = {time:.2f} s"
+        page.wait_for_function(
+            "(t) => document.body.innerText.includes(t)", arg=clock
+        )
+        assert ("RECOVERED" in page.inner_text("#status")) == seen
+    page.evaluate("viewer.animator.play()")
+    page.wait_for_function(
+        "(t) => viewer.animator.playing && viewer.animator.time < t", arg=end
+    )
+    page.close()

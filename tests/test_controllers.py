@@ -45,13 +45,13 @@ PERIOD = 0.002
 SOON = (
     "mechanisms: all_with_cross_over, gait: {num_steps: 3, "
     "initial_transfer_duration: 0.4, swing_duration: 0.5}, "
-    "controller: {walking_state_machine: {standing_duration: 0.05}}"
+    "controller: {walking_state_machine: {standing_duration: 0.05}%s}"
 )
 PUSH = "{delta_v: 0.3, direction_deg: 90.0, at: right swing 25 %}"
 
 
-def scenario_of(more):
-    return load_scenario("push", text=f"{{{SOON}, {more}}}")
+def scenario_of(more, controller=""):
+    return load_scenario("push", text=f"{{{SOON % controller}, {more}}}")
 
 
 def test_stepped_by_hand_it_gives_the_recorded_torques():
@@ -129,8 +129,8 @@ def test_the_parameters_say_which_papers_blocks_there_are():
 
 def test_the_plan_of_the_atlas_paper_also_goes_with_our_blocks():
     """Oracle: the kind of plan; the same walk, 6 cm further out."""
-    text = "pushes: [], controller: {atlas_icp_plan: {}}"
-    diagram = LipmDiagram(scenario_of(text), step_adjuster=Aside())
+    scenario = scenario_of("pushes: []", ", atlas_icp_plan: {}")
+    diagram = LipmDiagram(scenario, step_adjuster=Aside())
     run = simulate(diagram, 3.6)
     assert run.fall_reason == ""
     assert len(steps(run.logs)) == 3

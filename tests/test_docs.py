@@ -18,7 +18,6 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.robot_params import RobotParams
 from tests.source_files import ROOT, imports
@@ -150,32 +149,6 @@ def test_the_table_has_every_field_of_robot_yaml_and_its_default():
         else:
             text = f"{value:g}" if isinstance(value, float) else str(value)
             assert table[name] == text, name
-
-
-def test_the_lengths_of_a_small_robot_are_halves(tmp_path):
-    """Oracle: the defaults, which are for Nadia; and the scenario loads."""
-    robot, text = blocks(ROBOT, "yaml")
-    file = tmp_path / "push.yaml"
-    file.write_text(text)
-    assert load_scenario("half_size_push", file).robot.endswith("robot.yaml")
-    given = yaml.safe_load(text)["half_size_push"]["controller"]
-    lengths = dict(leaves(given, Scenario().controller))
-    lengths |= dict(leaves(yaml.safe_load(robot), RobotParams()))
-    assert len(lengths) > 20
-    for name, (length, of_nadia) in lengths.items():
-        if not name.endswith("step_length_factor"):
-            assert length == pytest.approx(0.5 * of_nadia, rel=0.02), name
-
-
-def leaves(tree: dict, params: object) -> Iterator[tuple[str, tuple]]:
-    """Every number of `tree`, beside that of the dataclass `params`."""
-    for name, value in tree.items():
-        other = getattr(params, name)
-        if isinstance(value, dict):
-            for leaf, pair in leaves(value, other):
-                yield f"{name}.{leaf}", pair
-        else:
-            yield name, (value, other)
 
 
 def test_the_citation_has_the_version_licence_and_papers_of_the_package():

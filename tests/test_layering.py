@@ -19,6 +19,7 @@ from tests.source_files import (
 # Lowest first: a layer imports itself and those before it.
 LAYERS = (
     "nadia_balance.core",
+    "nadia_balance.new_robot",
     "nadia_balance.palette",
     "nadia_balance.typed_yaml",
     "nadia_balance.robot_params",

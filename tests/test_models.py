@@ -334,7 +334,7 @@ def test_all_links_but_neighbours_can_touch(name):
 @every_robot
 def test_in_ideal_only_one_leg_touches_the_other(name):
     """Oracle: the product of the legs' links, but for the feet."""
-    among_links, _ = candidates(World(load_robot(name)))
+    among_links, _ = candidates(World(load_robot(name, "ideal")))
     pairs = set(map(frozenset, itertools.product(*LEGS[name])))
     assert among_links == pairs - {frozenset(leg[FOOT] for leg in LEGS[name])}
 

@@ -1,5 +1,6 @@
 """RobotModel: its figures agree with the URDF, its errors can be read."""
 
+import re
 import shutil
 
 import numpy as np
@@ -170,6 +171,50 @@ def test_max_joint_speed_is_of_joints_without_a_limit(copy):
     assert sorted(speeds) == [7.0] + 22 * [12.0]
 
 
+def test_transmissions_may_be_missing(copy):
+    """Oracle: Nadia's own effort limits, in the order of the velocities."""
+    urdf = copy / "nadia.urdf"
+    text = re.sub(
+        "<transmission.*?</transmission>", "", urdf.read_text(), flags=re.DOTALL
+    )
+    urdf.write_text(text)
+    bare = load_robot(str(copy / "robot.yaml"))
+
+    def efforts(robot):
+        plant = robot.control_plant()
+        actuators = map(
+            plant.get_joint_actuator, plant.GetJointActuatorIndices()
+        )
+        return {a.joint().name(): a.effort_limit() for a in actuators}
+
+    assert efforts(bare) == efforts(ROBOT)
+    (remark,) = bare.remarks
+    assert remark.startswith("no rotor inertia: SPINE_Z, SPINE_X")
+    assert not ROBOT.remarks
+
+
+def test_shapes_are_missed(copy):
+    """Oracle: the collision shapes, taken away from all links but the feet."""
+    urdf = copy / "nadia.urdf"
+    shapes = "<collision.*?</collision>"
+    parts = re.split("(<link .*?</link>)", urdf.read_text(), flags=re.DOTALL)
+    for feet, message in ((True, None), (False, "foot LEFT_FOOT_LINK: must")):
+        urdf.write_text(
+            "".join(
+                part
+                if feet and "FOOT_LINK" in part[:40]
+                else re.sub(shapes, "", part, flags=re.DOTALL)
+                for part in parts
+            )
+        )
+        if message:
+            with pytest.raises(ValueError, match=message):
+                load_robot(str(copy / "robot.yaml"))
+        else:
+            (remark,) = load_robot(str(copy / "robot.yaml")).remarks
+            assert remark.startswith("only the feet have collision shapes")
+
+
 def test_loads_a_robot_of_ones_own(copy):
     change(copy / "robot.yaml", "name: nadia", "name: own")
     own = load_robot(str(copy / "robot.yaml"))
@@ -250,8 +295,18 @@ def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
             "LEFT_HIP_Z = -0.1: must be >= 0 kg m.2",
         ),
         ('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "must not have two"),
-        ("<transmission ", "<ignored ", "SPINE_Z: must have a <transmission>"),
-        (' effort="350"', "", "LEFT_KNEE_Y: must have .* an effort limit"),
+        (' effort="350"', "", "LEFT_KNEE_Y: must have an effort limit"),
+        (
+            'name="SPINE_Z" type="revolute"',
+            'name="SPINE_Z" type="prismatic"',
+            "joint SPINE_Z: must be one of revolute, continuous, fixed, and no "
+            "mimic .*; it is prismatic",
+        ),
+        (
+            '<joint name="SPINE_X" type="revolute">',
+            '<joint name="SPINE_X" type="revolute"><mimic joint="SPINE_Z"/>',
+            "joint SPINE_X: must be one of .*, and no mimic",
+        ),
         (
             'effort="350"',
             'effort="20"',
@@ -266,8 +321,6 @@ def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):
     urdf = copy / "nadia.urdf"
     text = urdf.read_text()
     assert old in text
-    if "transmission" in old:  # all of them: a URDF without actuators
-        text = text.replace("</transmission>", "</ignored>").replace(old, new)
     urdf.write_text(text.replace(old, new, 1))
     with pytest.raises(ValueError, match="urdf = .*(" + message + ")") as error:
         load_robot(str(copy / "robot.yaml"))

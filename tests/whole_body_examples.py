@@ -42,7 +42,7 @@ def kinematics() -> WholeBodyKinematics:
 
 
 def model(**joint_lower_limits) -> WholeBodyModel:
-    return whole_body_model(nadia(), kinematics().plant, joint_lower_limits)
+    return whole_body_model(nadia(), kinematics().plant, joint_lower_limits, {})
 
 
 def random_state(seed: int, size: float = 1.0) -> np.ndarray:

@@ -35,12 +35,12 @@ class AtlasIcpPlanParams:
     """Where in the soles the CMP rests, and how long."""
 
     # From the sole's centroid: forward, and toward the other foot [m].
-    heel_forward: float = -0.02
-    heel_inside: float = 0.0
-    toe_forward: float = 0.03
-    toe_inside: float = 0.02
+    heel_forward: float = bounded(-0.02, unit="m", of="sole_length")
+    heel_inside: float = bounded(0.0, unit="m", of="sole_width")
+    toe_forward: float = bounded(0.03, unit="m", of="sole_length")
+    toe_inside: float = bounded(0.02, unit="m", of="sole_width")
     # Of both, from the edge of the sole.
-    margin: float = bounded(0.01, least=0.0, unit="m")
+    margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
     # Of a step, on the toe: alpha_TH.  The shift to it falls into the swing.
     toe_share: float = bounded(0.5, above=0.0, below=1.0)
     # Of a transfer, until the shift to the heel: alpha_iniDS.

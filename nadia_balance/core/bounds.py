@@ -30,6 +30,7 @@ class Bounds(NamedTuple):
     one_of: tuple[str, ...] = ()
     finite: bool = True
     unit: str = ""
+    of: str = "leg"  # what it scales with (core/size.py); empty: with nothing
 
     def allow(self, value: float) -> bool:
         """True if the number is within these bounds."""
@@ -78,7 +79,7 @@ class Bounds(NamedTuple):
         return f"finite and {rule}" if needs_to_be else rule
 
 
-_UNBOUNDED = Bounds()
+UNBOUNDED = Bounds()
 
 
 def bounded(default: Any, **bounds: Any) -> Any:
@@ -103,7 +104,7 @@ def check(params: object, name: str = "") -> None:
             what is allowed, such as `steps[1].length = nan: must be finite`.
     """
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
-        bounds = field.metadata.get("bounds", _UNBOUNDED)
+        bounds = field.metadata.get("bounds", UNBOUNDED)
         _check(getattr(params, field.name), _join(name, field.name), bounds)
     if hasattr(params, "validate_more"):
         try:

@@ -53,13 +53,15 @@ class CaptureRegionStepAdjusterParams:
 
     # N, or as many steps as are queued.
     num_steps: int = bounded(3, least=1, most=10)
+    # Of them so many find only what the regions of the ground offer.
+    ground_steps: int = bounded(2, least=1, most=3)
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
     # Margins at the sole's front, back, inner and outer edge that the capture
     # regions leave to the CoP.
-    foot_front: float = bounded(0.02, least=0.0, unit="m")
-    foot_back: float = bounded(0.05, least=0.0, unit="m")
-    foot_inside: float = bounded(0.02, least=0.0, unit="m")
-    foot_outside: float = bounded(0.03, least=0.0, unit="m")
+    foot_front: float = bounded(0.02, least=0.0, unit="m", of="sole_length")
+    foot_back: float = bounded(0.05, least=0.0, unit="m", of="sole_length")
+    foot_inside: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
+    foot_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
     # The foot may take its load so much later than planned: the ICP may be
     # short of the foothold when the foot lands, and catch up in transfer.
     waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
@@ -80,7 +82,7 @@ class CaptureRegionStepAdjusterParams:
     dead_band: float = bounded(0.01, least=0.0, unit="m")
     # How deep inside the capture region to step, if possible.
     margin: float = bounded(0.03, least=0.0, unit="m")
-    sole_clearance: float = bounded(0.005, least=0.0, unit="m")
+    sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # No change so shortly before touchdown, nor so early in a swing.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
@@ -346,6 +348,17 @@ def _factor(
     return transfer_factor(omega, params.transfer_duration(steps[n + 1]))
 
 
+def later_reaches(
+    steps: tuple[Footstep, ...], model: PointMassModel, on: Mechanisms
+) -> list[Array]:
+    """Returns R_2, ..., R_N (n, 2) [m] of `later_steps` in W, of N `steps`."""
+    total = total_region(model.reach, on.cross_over)
+    return [  # about a foothold, the next swing foot is the other one
+        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
+        for step, following in itertools.pairwise(steps)
+    ]
+
+
 def _offsets(
     steps: tuple[Footstep, ...],
     params: CaptureRegionStepAdjusterParams,
@@ -353,11 +366,7 @@ def _offsets(
     on: Mechanisms,
 ) -> tuple[Array, ...]:
     """Returns D_1, ..., D_N in W; N counts no more steps than are queued."""
-    total = total_region(model.reach, on.cross_over)
-    reaches = [  # about a foothold, the next swing foot is the other one
-        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
-        for step, following in itertools.pairwise(steps[: params.num_steps])
-    ]
+    reaches = later_reaches(steps[: params.num_steps], model, on)
     contractions = step_contractions(steps, params, model.omega)
     feet = later_feet(steps, params, model.sole)
     return tuple(later_steps(reaches, contractions, feet))

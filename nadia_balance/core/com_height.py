@@ -13,7 +13,7 @@ from nadia_balance.core.walking import ContactSchedule, FootPose, Phase
 class ComHeightParams:
     """Gains of the vertical motion, and how far the legs may stretch."""
 
-    position_gain: float = bounded(50.0, above=0.0)  # k_p [1/s^2]
+    position_gain: float = bounded(50.0, above=0.0, unit="1/s^2")  # k_p
     damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
     # Half of gravity: the feet keep pushing on the ground.
     max_acceleration: float = bounded(

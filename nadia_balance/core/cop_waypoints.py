@@ -28,11 +28,11 @@ class CopPointParams:
     y is offset_inside towards the other foot.
     """
 
-    offset_x: float = 0.0  # [m]
-    offset_inside: float = 0.0  # [m]
+    offset_x: float = bounded(0.0, unit="m", of="sole_length")
+    offset_inside: float = bounded(0.0, unit="m", of="sole_width")
     step_length_factor: float = 0.0  # [-]
-    min_x: float = 0.0  # [m]
-    max_x: float = 0.0  # [m]
+    min_x: float = bounded(0.0, unit="m", of="sole_length")
+    max_x: float = bounded(0.0, unit="m", of="sole_length")
 
     def validate_more(self) -> None:
         """Raises ValueError if the range of x is empty."""
@@ -65,7 +65,7 @@ class CopWaypointParams:
         )
     )
     # Of the points, from the edge of the sole.
-    margin: float = bounded(0.01, least=0.0, unit="m")
+    margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
     # Of the leading foot, in mid-transfer.
     mid_weight: float = bounded(0.5, above=0.0, below=1.0)
     # Share of a transfer until its middle, of the swing's shift until the

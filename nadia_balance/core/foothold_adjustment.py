@@ -86,6 +86,10 @@ class Landing(Immutable):
     icp: Array
     touchdown: tuple[float, float]
 
+    def at(self, icp: Array, touchdown: tuple[float, float]) -> Landing:
+        """Returns the same swing's landing as seen in another tick."""
+        return Landing(self.geometry, icp, touchdown)
+
     @cached_property
     def one_step(self) -> Array:
         """C_1, of a foot that is a point."""
@@ -103,6 +107,17 @@ class Landing(Immutable):
             for n in range(len(self.geometry.offsets) - 1)
         )
         return *inner, self.capture_region
+
+    def adjust(
+        self,
+        current: Adjustment,
+        params: CaptureRegionStepAdjusterParams,
+        period: float,
+    ) -> Adjustment:
+        """Returns the adjustment for this tick of `period` [s]."""
+        return adjust_foothold(
+            current, self.capture_region, self.geometry, params, period
+        )
 
 
 def propose_adjustment(
@@ -123,9 +138,7 @@ def propose_adjustment(
         or landing.touchdown[0] < params.freeze_time
     ):
         return current
-    return adjust_foothold(
-        current, landing.capture_region, landing.geometry, params, period
-    )
+    return landing.adjust(current, params, period)
 
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
@@ -157,7 +170,10 @@ def adjust_foothold(
     """
     nominal = current.nominal.pose
     if _covered(nominal.p_WF[:2], capture_region, geometry, params):
-        return _return_to_nominal(current, capture_region, params, period)
+        holds = current.pose is nominal or contains(
+            current.pose.p_WF[:2], capture_region
+        )
+        return return_to_nominal(current, holds, params, period)
     adjusted = current.pose is not nominal
     choice = choose_region(
         geometry.regions,
@@ -190,19 +206,19 @@ def _covered(
     return geometry.reach.in_base_region(x, geometry.swing.sign * y)
 
 
-def _return_to_nominal(
+def return_to_nominal(
     current: Adjustment,
-    capture_region: Array,
+    holds: bool,
     params: CaptureRegionStepAdjusterParams,
     period: float,
 ) -> Adjustment:
-    """Waits for `return_time`, if the present foothold is good as well."""
+    """Waits for `return_time`, if the present foothold `holds` as well."""
     nominal = current.nominal
     ticks = current.covered_ticks + 1
     if (
         current.pose is nominal.pose
         or ticks >= number_of_ticks(params.return_time, period)
-        or not contains(current.pose.p_WF[:2], capture_region)
+        or not holds
     ):
         return Adjustment(nominal, nominal.pose)
     return Adjustment(nominal, current.pose, current.region, ticks)

@@ -8,9 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.ground import Ground
+from nadia_balance.core.ground_steps import (
+    given_on,
+    moved_to,
+    snapped_to,
+    standing_on,
+)
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import convex_hull, intersection, project
-from nadia_balance.core.reachability import ReachabilityParams, base_region
+from nadia_balance.core.reachability import (
+    ReachabilityParams,
+    base_region,
+    in_world,
+)
 from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
@@ -24,7 +35,7 @@ from nadia_balance.core.walking import (
 )
 
 _SIDES = ("left", "right")
-_DISPLACED = 0.05  # unless pushed, feet land nearer to their footholds [m]
+_DISPLACED = 0.2  # of w_nom: unless pushed, feet land nearer to footholds
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 
 
@@ -32,8 +43,8 @@ _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
 class StepVector:
     """Where the next step goes, in the frame between the feet."""
 
-    length: float = 0.0  # forward [m]
-    sideways: float = 0.0  # to the left [m]
+    length: float = bounded(0.0, unit="m")  # forward
+    sideways: float = bounded(0.0, unit="m")  # to the left
     yaw_deg: float = 0.0  # turn to the left [deg]
 
 
@@ -42,8 +53,8 @@ class Foothold:
     """A foothold in the frame between the feet at the start."""
 
     side: str = bounded("left", one_of=_SIDES)  # the foot that moves
-    x: float = 0.0  # sole centre, forward [m]
-    y: float = 0.0  # sole centre, to the left [m]
+    x: float = bounded(0.0, unit="m")  # sole centre, forward
+    y: float = bounded(0.0, unit="m")  # sole centre, to the left
     yaw_deg: float = 0.0  # [deg]
 
 
@@ -88,23 +99,33 @@ class Gait:
 
 
 def make_footsteps(
-    gait: Gait, feet: FootPoses, reach: ReachabilityParams
+    gait: Gait,
+    feet: FootPoses,
+    reach: ReachabilityParams,
+    ground: Ground | None = None,
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
+    On a `ground`, step vectors end at the nearest foothold.
+
     Raises:
         ValueError: a field of `gait` is out of range, or a footstep is not
-            within `reach` of the stance foot.
+            within `reach` of the stance foot, or not on the `ground`.
     """
     check(gait)
-    steps: list[Footstep] = []
+    wanted: list[Footstep] = []
     for side, pose in _poses(gait, feet):
         transfer = (
-            gait.transfer_duration if steps else gait.initial_transfer_duration
+            gait.transfer_duration if wanted else gait.initial_transfer_duration
         )
-        steps.append(Footstep(side, pose, transfer, gait.swing_duration))
+        wanted.append(Footstep(side, pose, transfer, gait.swing_duration))
+    steps = tuple(wanted)
+    if ground is not None and gait.footholds:
+        steps = given_on(ground, steps)
+    elif ground is not None:
+        steps = snapped_to(ground, steps, feet, reach)
     _check(steps, feet, reach)
-    return tuple(steps)
+    return steps
 
 
 def walking_start(
@@ -124,7 +145,9 @@ def walking_start(
         FootPose(np.array([0.0, 0.5 * width, 0.0])),
         FootPose(np.array([0.0, -0.5 * width, 0.0])),
     )
-    steps = make_footsteps(gait, feet, model.reach)
+    if model.ground is not None:
+        feet = standing_on(model.ground, feet)
+    steps = make_footsteps(gait, feet, model.reach, model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
     schedule = ContactSchedule(
@@ -173,7 +196,7 @@ def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
 
 
 def _check(
-    steps: list[Footstep], feet: FootPoses, reach: ReachabilityParams
+    steps: tuple[Footstep, ...], feet: FootPoses, reach: ReachabilityParams
 ) -> None:
     """Raises ValueError if a step is out of reach of the other foot."""
     for number, step in enumerate(steps, start=1):
@@ -195,6 +218,7 @@ def within_reach(
     reach: ReachabilityParams,
     landed: Footstep | None = None,
     num_steps: int = 3,
+    ground: Ground | None = None,
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps, the first `num_steps` of them within reach.
 
@@ -204,10 +228,11 @@ def within_reach(
     that the feet return to the commanded footholds in a few steps, none of
     which uses more than `return_share` of the reach.  `landed` is the command
     of the step before, if there was one: if it was kept, the next step may use
-    all of the reach.  A step that needs no change is the very same object.
+    all of the reach.  On a `ground` it goes to the nearest foothold there, if
+    there is one.  A step that needs no change is the very same object.
     """
     share = 1.0
-    if landed is not None and not _is_at(feet[landed.side], landed.pose):
+    if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
         share = reach.return_share
     steps = []
     for step in commanded[:num_steps]:
@@ -220,14 +245,21 @@ def within_reach(
         else:
             region = _share_of_region(reach, share)
             step = _moved(step, stance, mirror * project(p_F, region))
+            if ground is not None and not ground.allows(step.pose):
+                within = (region, base_region(reach))
+                parts = [in_world(part, stance, step.side) for part in within]
+                step = moved_to(ground, step, parts) or step
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
         steps.append(step)
     return (*steps, *commanded[num_steps:])
 
 
-def _is_at(foot: FootPose, commanded: FootPose) -> bool:
-    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= _DISPLACED
+def _is_at(
+    foot: FootPose, commanded: FootPose, reach: ReachabilityParams
+) -> bool:
+    near = _DISPLACED * reach.width_nominal
+    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
 def _share_of_region(reach: ReachabilityParams, share: float) -> Array:

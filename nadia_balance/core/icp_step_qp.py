@@ -31,9 +31,11 @@ class IcpStepQpParams:
     feedback_weight: list[list[float]] = _diagonal(1.0)
     slack_weight: list[list[float]] = _diagonal(1e5)
     # How far inside the support polygon the CMP stays.
-    cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
+    cop_safe_distance: float = bounded(
+        0.005, least=0.0, unit="m", of="sole_width"
+    )
     # Between the soles, sideways.
-    sole_clearance: float = bounded(0.005, least=0.0, unit="m")
+    sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # The footholds move by so much, or not at all.
     dead_band: float = bounded(0.02, least=0.0, unit="m")
     # No change so shortly before touchdown, nor so early in a phase.

@@ -19,7 +19,7 @@ class JointDriveParams:
     # on it falls, to nothing at the limit.
     corner_speed: float = bounded(0.5, above=0.0, below=1.0)
     # How fast the controller changes a torque, in shares of its limit.
-    max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s")
+    max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
 
 
 def torque_limits(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.lipm import natural_frequency
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_detour import SwingDetourParams
@@ -33,6 +34,7 @@ class PointMassModel:
     legs: LegGeometry
     reach: ReachabilityParams  # where the swing foot can be put
     detour: SwingDetourParams  # how it gets there, past the stance leg
+    ground: Ground | None = None  # None: everywhere, level
 
     @cached_property
     def omega(self) -> float:

@@ -13,9 +13,6 @@ from nadia_balance.core.polygon import halfspaces, project, shrink
 from nadia_balance.core.qp import SOLVERS, DenseQp, Mask, QpProblem, QpResult
 from nadia_balance.core.walking import Array
 
-# Below this ICP error [m] its direction is noise: the cost of feedback
-# perpendicular to it fades out.
-_SMALL_ERROR = 1e-3
 _NO_ROWS, _NO_BOUNDS = np.zeros((0, 4)), np.zeros(0)
 
 
@@ -34,10 +31,15 @@ class MomentumQpParams:
     rate_weight: float = bounded(
         100.0, least=0.0
     )  # R_p, on the change per tick
+    # Below this ICP error its direction is noise: the cost of feedback
+    # perpendicular to it fades out.
+    small_error: float = bounded(1e-3, above=0.0, unit="m")
     # eCMP from CoP, along and across the foot.
     max_kappa: float = bounded(0.05, least=0.0, unit="m")
     # How far inside the support polygon the CoP stays.
-    cop_safe_distance: float = bounded(0.005, least=0.0, unit="m")
+    cop_safe_distance: float = bounded(
+        0.005, least=0.0, unit="m", of="sole_width"
+    )
     solver: str = bounded("active_set", one_of=SOLVERS)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
@@ -184,7 +186,7 @@ class IcpFeedbackQp:
         """H (4, 4) and g (4,) of 1/2 x'Hx + g'x."""
         p = self._params
         ex, ey = float(error[0]), float(error[1])
-        length = max(math.hypot(ex, ey), _SMALL_ERROR)
+        length = max(math.hypot(ex, ey), p.small_error)
         nx, ny = -ey / length, ex / length
         both, q = p.error_weight + p.rate_weight, p.perpendicular_weight
         xx, xy, yy = both + q * nx * nx, q * nx * ny, both + q * ny * ny

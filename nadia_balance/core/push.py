@@ -67,20 +67,22 @@ class Push:
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    # Of the whole mass [m/s].
-    delta_v: float | None = bounded(None, least=0.0, most=100.0)
-    force: float | None = bounded(None, least=0.0, most=1e5)  # its peak [N]
+    # Of the whole mass.
+    delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
+    force: float | None = bounded(
+        None, least=0.0, most=1e5, unit="N"
+    )  # its peak
     shape: str = bounded(RECTANGLE, one_of=SHAPES)
     # Of a sine.
     frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")
-    duration: float = bounded(0.1, above=0.0, most=60.0, unit="s")
+    duration: float = bounded(0.1, above=0.0, most=60.0, unit="s", of="")
     # 0 forward, 90 left [deg].
     direction_deg: float = bounded(0.0, least=-3600.0, most=3600.0)
     at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
     # Not in a phase before so many steps are taken [-].
     after_steps: int = bounded(0, least=0, most=1000)
-    # Later than said above, for replicas [s].
-    delay: float = bounded(0.0, least=0.0)
+    # Later than said above, for replicas.
+    delay: float = bounded(0.0, least=0.0, unit="s")
 
     @property
     def moment(self) -> Moment:

@@ -9,6 +9,7 @@ from pydrake.solvers import (
     Binding,
     ChooseBestSolver,
     ClarabelSolver,
+    ClpSolver,
     EvaluatorBase,
     MakeSolver,
     MathematicalProgram,
@@ -348,3 +349,16 @@ class DenseQp:
             solves += exact.iterations
             found = exact if exact.solved else found
         return found._replace(iterations=solves, fallback=True)
+
+
+def largest_first(A: Array, b: Array) -> Array | None:
+    """Returns the x (n,) of the largest x[0] with A x <= b; None: no such x.
+
+    A linear program, by the simplex method.
+    """
+    program: Any = MathematicalProgram()  # its stubs know no Array
+    x = program.NewContinuousVariables(A.shape[1])
+    program.AddLinearConstraint(A, np.full(len(b), -np.inf), b, x)
+    program.AddLinearCost(-x[0])
+    result = ClpSolver().Solve(program)
+    return np.asarray(result.GetSolution(x)) if result.is_success() else None

@@ -49,8 +49,8 @@ class ReachabilityParams:
     return_share: float = bounded(0.7, above=0.0, most=1.0)
     # How far the feet may cross: beyond the centre line of the stance foot,
     # w_fwd in front of it and w_bwd behind it [m]; negative: not up to it.
-    width_forward: float = 0.1
-    width_backward: float = -0.05
+    width_forward: float = bounded(0.1, unit="m")
+    width_backward: float = bounded(-0.05, unit="m")
     # Angles from the y axis, at (0, w_nom), that keep clear of the stance leg.
     theta_forward_deg: float = bounded(20.0, least=0.0, most=80.0, unit="deg")
     theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")

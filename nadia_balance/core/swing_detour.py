@@ -30,8 +30,12 @@ class SwingDetourParams:
     # Of the sole centres, in front of the stance foot or behind it, and to its
     # swing side: a sole of 0.25 m x 0.12 m, a shin of 0.11 m x 0.12 m, and
     # 3 cm of clearance.
-    ahead: float = bounded(0.28, least=0.0, most=1.0, unit="m")
-    beside: float = bounded(0.15, least=0.0, most=1.0, unit="m")
+    ahead: float = bounded(
+        0.28, least=0.0, most=1.0, unit="m", of="sole_length"
+    )
+    beside: float = bounded(
+        0.15, least=0.0, most=1.0, unit="m", of="sole_width"
+    )
     # Horizontally; the rest of the robot reacts to what accelerates the leg.
     max_acceleration: float = bounded(35.0, above=0.0, unit="m/s^2")
     # The mean over a swing.

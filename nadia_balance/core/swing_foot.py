@@ -36,8 +36,6 @@ _STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the remaining time
 
 _SOON = 0.02  # what is so near in time is not aimed at any more [s]
-_THERE = 0.01  # so near to its foothold, a foot may come down [m]
-_FALL = 0.175  # with less time left, a foot is not lifted so high [s]
 
 
 @dataclass(kw_only=True)
@@ -48,6 +46,10 @@ class SwingFootParams:
     # behind or before the other one, whose shin its knee would meet.
     height: float = bounded(0.10, above=0.0, most=0.5, unit="m")
     uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
+    # With less time left, it is not lifted so high.
+    fall_time: float = bounded(0.175, above=0.0, unit="s")
+    # So near to its foothold, it may come down.
+    there: float = bounded(0.01, least=0.0, unit="m")
     # Downward, at the end of the swing and after it.
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
     # When the clock is advanced, the foot goes on its way sigma times as fast
@@ -115,7 +117,7 @@ def swing_foot_motion(
     settling, height = model.detour.settling, float(start[0, 2] - end[0, 2])
     over = max(left - settling, min(left, _SOON))
     end[:, XY], over = _within_limits(start[:, XY], way, over, model.detour)
-    there = math.dist(start[0, XY], goal.p_WF[:2]) < _THERE
+    there = math.dist(start[0, XY], goal.p_WF[:2]) < params.there
     left = max(left, over if there else over + settling)
     left = max(left, height / model.detour.max_descent)
     apex = _apex(start[:2, 2], float(end[0, 2]), left, state, params)
@@ -179,7 +181,7 @@ def _apex(
     height = params.height
     if schedule.legs_crossed:
         height = min(height, params.uncrossing_height)
-    height *= min(1.0, (left / _FALL) ** 2)
+    height *= min(1.0, (left / params.fall_time) ** 2)
     apex = max(lift_off, ground) + height
     return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
 

@@ -30,10 +30,6 @@ from nadia_balance.core.walking import (
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
-# So near its foothold, a foot lands where it is [m]: what the leg does not
-# follow its reference by would else hold the clock, and the foot in the air.
-_NEAR = 0.03
-_TOLERATED = 0.03  # a foot that comes so late needs no time back [s]
 
 # A foot in the second half of its swing, at its full speed, needs this share
 # of the time that it would need from rest.
@@ -53,14 +49,19 @@ class TimingAdapterParams:
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
     # Smaller ICP errors change no clock, and do not leave.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
-    min_swing_duration: float = bounded(0.35, least=0.35, unit="s")
-    min_transfer_duration: float = bounded(0.03, least=0.03, unit="s")
+    min_swing_duration: float = bounded(0.35, above=0.0, unit="s")
+    min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
     # What the swing foot always needs: so much time, and a rest of the swing
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
+    # So near its foothold, a foot lands where it is: what the leg does not
+    # follow its reference by would else hold the clock, the foot in the air.
+    near_foothold: float = bounded(0.03, least=0.0, unit="m")
+    # A foot that comes so late needs no time back.
+    tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
     # eCMPs nearer the edge are not feasible.
-    support_margin: float = bounded(0.02, least=0.0, unit="m")
+    support_margin: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
 
     def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
         """Least rest [s] of a swing of `duration` [s] after `elapsed` [s].
@@ -176,7 +177,10 @@ def _time_to_foothold(
 
 
 def time_to_return(
-    state: WalkingState, foot: FootPose, detour: SwingDetourParams
+    state: WalkingState,
+    foot: FootPose,
+    detour: SwingDetourParams,
+    params: TimingAdapterParams,
 ) -> float:
     """Returns by how much [s] the swing was shortened too much, >= 0.
 
@@ -184,11 +188,13 @@ def time_to_return(
     `foot`, since the clock was advanced.  No more than has been gained.
     """
     goal = state.schedule.footsteps[0].pose.p_WF
-    if math.dist(foot.p_WF[:2], goal[:2]) < _NEAR:
+    if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
         return 0.0
     gained = max(state.time_in_phase - state.elapsed, 0.0)
     needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
-    return min(max(needed - _TOLERATED - state.remaining_time, 0.0), gained)
+    return min(
+        max(needed - params.tolerated_delay - state.remaining_time, 0.0), gained
+    )
 
 
 def time_adjustment(
@@ -225,7 +231,8 @@ def time_adjustment(
         least = params.min_transfer_duration - state.elapsed
     elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
         foot = feet[state.schedule.support_side.other]
-        if (late := time_to_return(state, foot, model.detour)) > 0.0:
+        late = time_to_return(state, foot, model.detour, params)
+        if late > 0.0:
             return -late
         least = least_remaining_time(state, foot, error, params, model)
     if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:

@@ -34,11 +34,17 @@ class LiftOffParams:
 
     # The foot is lifted when the ICP error is within this ellipse of the sole
     # frame: forward, toward the other foot, and away from it.
-    icp_error_forward: float = bounded(0.035, above=0.0, unit="m")
-    icp_error_inward: float = bounded(0.015, above=0.0, unit="m")
-    icp_error_outward: float = bounded(0.012, above=0.0, unit="m")
+    icp_error_forward: float = bounded(
+        0.035, above=0.0, unit="m", of="sole_length"
+    )
+    icp_error_inward: float = bounded(
+        0.015, above=0.0, unit="m", of="sole_width"
+    )
+    icp_error_outward: float = bounded(
+        0.012, above=0.0, unit="m", of="sole_width"
+    )
     # How far outside the support the eCMP can be.
-    ecmp_outside: float = bounded(0.03, least=0.0, unit="m")
+    ecmp_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
     # The longest wait, if the footholds can be adjusted; infinite otherwise.
     max_wait: float = bounded(0.2, least=0.0, finite=False, unit="s")
     # The wait is longer while the eCMP can be held so far beyond the ICP within
@@ -269,7 +275,9 @@ def _start_transfer(
     landed: Footstep | None = None,
 ) -> WalkingState:
     old, feet = state.schedule, measured.feet
-    steps = within_reach(state.commanded, feet, model.reach, landed)
+    steps = within_reach(
+        state.commanded, feet, model.reach, landed, ground=model.ground
+    )
     schedule = replace(
         old,
         phase=Phase.TRANSFER,

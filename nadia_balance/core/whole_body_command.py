@@ -50,36 +50,38 @@ class WholeBodyQpParams:
     # momentum about the CoM / mass, orientation of pelvis and torso.
     momentum_weight: float = bounded(1e3, least=0.0)
     height_weight: float = bounded(300.0, least=0.0)
-    angular_momentum_weight: float = bounded(0.1, least=0.0)
+    angular_momentum_weight: float = bounded(0.1, least=0.0, unit="1/m^2")
     angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
-    pelvis_weight: float = bounded(0.5, least=0.0)
-    torso_weight: float = bounded(0.5, least=0.0)
-    orientation_gain: float = bounded(80.0, least=0.0)
+    pelvis_weight: float = bounded(0.5, least=0.0, unit="m^2")
+    torso_weight: float = bounded(0.5, least=0.0, unit="m^2")
+    orientation_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
     swing_position_weight: float = bounded(100.0, least=0.0)
-    swing_position_gain: float = bounded(150.0, least=0.0)
-    swing_orientation_weight: float = bounded(10.0, least=0.0)
-    swing_orientation_gain: float = bounded(200.0, least=0.0)
+    swing_position_gain: float = bounded(150.0, least=0.0, unit="1/s^2")
+    swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
+    swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")
     # Of arms and spine: free enough to help, and to come back.
-    posture_weight: float = bounded(0.1, above=0.0)
+    posture_weight: float = bounded(0.1, above=0.0, unit="m^2")
     # Pelvis and feet determine the legs: this one only breaks ties.
-    leg_posture_weight: float = bounded(1e-4, above=0.0)
-    posture_gain: float = bounded(80.0, least=0.0)
+    leg_posture_weight: float = bounded(1e-4, above=0.0, unit="m^2")
+    posture_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
     # Of all these tasks: kd = 2 ratio sqrt(kp).
     damping_ratio: float = bounded(1.0, least=0.0)
     # Regularisation of sole moments, horizontal and normal forces / mass: it
     # shares the load so that sole moments are small.  The normal one biases
     # the height.
-    moment_weight: float = bounded(1e-2, above=0.0)
+    moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
     tangential_weight: float = bounded(1e-3, above=0.0)
     normal_weight: float = bounded(1e-6, above=0.0)
-    acceleration_weight: float = bounded(1e-4, above=0.0)  # of all vdot
+    acceleration_weight: float = bounded(
+        1e-4, above=0.0, unit="m^2"
+    )  # of all vdot
     # Soles on the ground: damping of the sole's velocity, and a gain that
     # brings it level.
     stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    stance_tilt_gain: float = bounded(100.0, least=0.0)
+    stance_tilt_gain: float = bounded(100.0, least=0.0, unit="1/s^2")
     friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
     # How far inside the sole's edge the CoP stays.
-    sole_margin: float = bounded(0.005, least=0.0, unit="m")
+    sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # Of a foot in contact.
     min_normal_force: float = bounded(2.0, least=0.0, unit="N")
     # Last share of a transfer in which the trailing foot unloads, and the
@@ -91,6 +93,7 @@ class WholeBodyQpParams:
     loading_time: float = bounded(0.02, least=0.0, unit="s")
     # By joint [rad]; tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
+    joint_upper_limits: dict[str, float] = field(default_factory=dict)
     # How far ahead position and speed limits of joints are kept, and with
     # which acceleration.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")

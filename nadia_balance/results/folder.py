@@ -16,6 +16,7 @@ from nadia_balance import palette
 from nadia_balance.results.log import Log
 from nadia_balance.results.plots import effort, footsteps, icp, timeline
 from nadia_balance.results.plots.style import RC
+from nadia_balance.results.replay_page import replay_status
 from nadia_balance.results.scene import FRAMES_PER_SECOND
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
@@ -128,7 +129,8 @@ def write_run(
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
-            write_replay(meshcat, drafts / "replay.html")
+            status = replay_status(log, summary)
+            write_replay(meshcat, drafts / "replay.html", status)
         np.savez(drafts / "log.npz", **log)
         text = json.dumps(summary, indent=2, allow_nan=False)
         (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
@@ -151,24 +153,27 @@ def appearing(folder: Path) -> Iterator[Path]:
             draft.replace(folder / draft.name)
 
 
-def write_replay(meshcat: Meshcat, path: Path) -> None:
+def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     """Ends the recording and writes it, with a legend, to `path`.
 
-    A browser that shows the scene gets the recording, too.
+    A browser that shows the scene gets the recording, too.  `status` is HTML
+    (see replay_status).
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
     additions = _LEGEND % legend_entries("div") + _FOLLOW % MIDDLE
+    additions += status
     path.write_text(page + additions + end + rest, encoding="utf-8")
 
 
 def legend_entries(tag: str) -> str:
     """What the colours mean, as HTML, each entry in a `tag`."""
-    return "".join(
+    entries = "".join(
         f'<{tag}><b style="color:{color}">&#9632;</b> {name}</{tag}>'
         for name, color in palette.LEGEND.items()
     )
+    return f"{entries}<{tag}>&#9633; adjusted foothold, in its colour</{tag}>"
 
 
 def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:

@@ -7,8 +7,9 @@ Without a row for each tick are `sole` (4, 2) [m], `weight` () [N], of the
 actuators `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s]
 and `joint_speed_columns` of `state`, all (nu,), and `region_base`,
 `region_forward` and `region_backward` (n, 2) [m], the regions that a step can
-be put into (see nadia_balance.core.reachability): what else it takes to judge
-the run, and to draw all plots, from the log alone.
+be put into (see nadia_balance.core.reachability), and on regions `ground`, the
+number of the region and x, y [m] of each corner, (n, 3): what else it takes to
+judge the run, and to draw all plots, from the log alone.
 
 `actuation` is commanded; `torques` are those that the drives give.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  A point
@@ -188,6 +189,15 @@ def steps(log: Log) -> list[Step]:
             )
         )
     return found
+
+
+def ground_regions(log: Log) -> list[np.ndarray]:
+    """Returns the regions of the ground (n, 2) [m]; none if it is flat."""
+    if "ground" not in log:
+        return []
+    number, *corners = log["ground"].T
+    ends = np.flatnonzero(np.diff(number)) + 1
+    return np.split(np.column_stack(corners), ends)
 
 
 def sole_pose(log: Log, row: int, side: Side) -> FootPose:

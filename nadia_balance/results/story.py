@@ -24,7 +24,15 @@ _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
 def telling_lines(log: Log, summary: dict) -> list[str]:
-    """Returns the story: the pushes, what they changed, and the end."""
+    """Returns the story as lines for a terminal."""
+    return [f"t={time:.2f} s  {text}" for time, text in telling(log, summary)]
+
+
+def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
+    """Returns the pushes, what they changed, and the end, each with its time.
+
+    In the order of time [s].
+    """
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
     for time, on in switches(log):
@@ -34,8 +42,7 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:
         end = max(end, told[-1][0])  # what is told belongs to the recovery
-    told.append((end, _tell_end(log, summary, end)))
-    return [f"t={time:.2f} s  {text}" for time, text in told]
+    return [*told, (end, _tell_end(log, summary, end))]
 
 
 def _tell_push(log: Log, push: PushSpan) -> str:

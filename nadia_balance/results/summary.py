@@ -7,12 +7,13 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from nadia_balance.core.polygon import minkowski_sum, project
+from nadia_balance.core.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking import FootPose, Phase, Side
 from nadia_balance.results.log import (
     QP_STATUS,
     Log,
     PushSpan,
+    ground_regions,
     icp_error,
     phase_spans,
     pushes,
@@ -121,6 +122,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         **_swing_figures(log),
         "max_impact_body_weights": _largest(foot_force_ratio(log)),
         "min_sole_distance_m": sole_distance(log),
+        "min_edge_distances_m": edge_distances(log),
         **_qp_figures(log),
         "real_time_factor": duration / max(run.cpu_time, 1e-9),
         "versions": versions(info.engine),
@@ -364,6 +366,20 @@ def sole_distance(log: Log) -> float | None:
         gap = project(np.zeros(2), minkowski_sum(left, -right))
         least = min(least, float(np.hypot(*gap)))
     return least
+
+
+def edge_distances(log: Log) -> list[float] | None:
+    """How far inside of its region each landed sole is, its nearest corner [m].
+
+    Negative: outside; None if there are no regions.
+    """
+    sides = [halfspaces(region) for region in ground_regions(log)]
+    if not sides:
+        return None
+    soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
+    return [
+        float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
+    ]
 
 
 def self_contacts(run: Run) -> list[str]:

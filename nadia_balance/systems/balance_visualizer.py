@@ -8,9 +8,11 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance import palette
 from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import Phase, Side, WalkingState
 from nadia_balance.systems.centroidal_estimator import ComState
+from nadia_balance.systems.ground_view import GroundView
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.overlay import (
@@ -56,7 +58,8 @@ class BalanceVisualizer(LeafSystem):
     the eCMP (square) on the ground; the push (arrow).  In swings the capture
     regions, the reachability region that the step respects, and the nominal
     foothold if it is adjusted, all outlined, and redrawn less often: they
-    have many edges.  What is not connected is not drawn, except that
+    have many edges.  The regions of a `ground`, filled, darker where the next
+    step goes.  What is not connected is not drawn, except that
     `walking_state` is needed.
 
     .. pydrake_system::
@@ -67,7 +70,9 @@ class BalanceVisualizer(LeafSystem):
         output_ports: []
     """
 
-    def __init__(self, meshcat: Meshcat, sole: np.ndarray):
+    def __init__(
+        self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
+    ):
         """`sole` (n, 2) [m] are the corners of either sole in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
@@ -101,6 +106,7 @@ class BalanceVisualizer(LeafSystem):
         self._region_overlay = RegionOverlay(
             meshcat, f"{ROOT}/capture_regions", self._sole
         )
+        self._ground = ground and GroundView(meshcat, f"{ROOT}/ground", ground)
         self._markers = {
             name: Marker(meshcat, f"{ROOT}/{name}", *look)
             for name, look in _MARKERS.items()
@@ -126,6 +132,8 @@ class BalanceVisualizer(LeafSystem):
         schedule = state.schedule
         ground = float(schedule.feet[schedule.support_side].p_WF[2])
         self._draw_feet(state, time)
+        if self._ground is not None and schedule.footsteps:
+            self._ground.draw(schedule.footsteps[0].pose, time)
         self._support.draw(
             support_polygon(schedule, self._sole), ground + 0.006, time
         )

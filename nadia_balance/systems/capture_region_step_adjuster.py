@@ -19,6 +19,8 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
+from nadia_balance.core.ground_adjustment import GroundLanding
+from nadia_balance.core.ground_capture import footing
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.walking import Adjustment, Phase, WalkingState
@@ -99,16 +101,19 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
-        if last is not None and key == last.key:
-            geometry = last.landing.geometry
-        else:
-            geometry = swing_geometry(
-                state.schedule, self._params, self._model, on
-            )
-        touchdown = touchdown_interval(
-            state, float(self._time(context)[0]), self._params
+        now = (
+            self._icp(context),
+            touchdown_interval(
+                state, float(self._time(context)[0]), self._params
+            ),
         )
-        landing = Landing(geometry, self._icp(context), touchdown)
+        if last is not None and key == last.key:
+            return Tick(state, on, key, last.landing.at(*now))
+        of = state.schedule, self._params, self._model, on
+        geometry = swing_geometry(*of)
+        landing = Landing(geometry, *now)
+        if (ground := footing(*of, geometry)) is not None:
+            landing = GroundLanding(geometry, *now, ground)
         return Tick(state, on, key, landing)
 
     def _calc_adjustment(self, context) -> Adjustment | None:

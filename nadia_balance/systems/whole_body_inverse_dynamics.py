@@ -62,7 +62,12 @@ class WholeBodyInverseDynamics(LeafSystem):
         """
         super().__init__()
         plant = robot.control_plant()
-        model = whole_body_model(robot, plant, params.joint_lower_limits)
+        model = whole_body_model(
+            robot,
+            plant,
+            params.joint_lower_limits,
+            params.joint_upper_limits,
+        )
         self._params, self._model = params, model
         self._qp = WholeBodyQp(params, model, period)
         self._max_unsolved = round(GIVES_UP_AFTER / period)

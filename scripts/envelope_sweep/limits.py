@@ -1,7 +1,7 @@
 """The envelope that the trials of a sweep trace, from their rows alone."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from nadia_balance.core.capturability import LOST
@@ -38,15 +38,23 @@ class References(NamedTuple):
     """Curves by the name of the mechanisms; empty where there is none."""
 
     paper: Curves
-    limit: Curves  # of any controller
+    limit: Curves  # of any controller, without momentum
+    with_hips: Curves  # and with it
 
 
-def references(robot: str, situation: Situation) -> References:
-    """Returns what a robot's pushes in a situation can be compared with."""
-    if (protocol := protocol_of(robot, situation)) is None:
-        return References({}, {})
-    files = protocol.figures, protocol.limit
-    return References(*(protocol.curves(f, situation.scenario) for f in files))
+def paper_curves(robot: str, situation: Situation) -> Curves:
+    """Returns the paper's curves, if its robot was pushed so."""
+    protocol = protocol_of(robot, situation)
+    return protocol.curves(situation.scenario) if protocol else {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physical:
+    """The limits of any controller in one situation (core.lipm_limit)."""
+
+    limit: Curves
+    with_hips: Curves
+    assumptions: str  # of `limit`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +66,7 @@ class Envelope:
     search: SearchParams
     rows: Sequence[dict]  # the trials, as read_trials gives them
     limits: dict[Cell, Limit]
+    physical: Mapping[Situation, Physical] = field(default_factory=dict)
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
@@ -115,7 +124,10 @@ class Envelope:
 
     def known(self, situation: Situation) -> References:
         """What the limits in this situation can be compared with."""
-        return references(self.robot, situation)
+        paper = paper_curves(self.robot, situation)
+        if (physical := self.physical.get(situation)) is None:
+            return References(paper, {}, {})
+        return References(paper, physical.limit, physical.with_hips)
 
     @property
     def unit(self) -> str:
@@ -193,16 +205,23 @@ def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
     )
 
 
-def characteristic_speed(robot: str) -> float | None:
-    """Returns sqrt(g z) [m/s] of the robot's CoM height z.
+class Scale(NamedTuple):
+    """What a push is measured by."""
 
-    None if the robot cannot be loaded: results outlive the files of a robot.
+    mass: float  # [kg]
+    speed: float  # sqrt(g z), z the height of the CoM [m/s]
+
+
+def scale_of(robot: str) -> Scale | None:
+    """Returns the scale of a robot.
+
+    None if it cannot be loaded: results outlive the files of a robot.
     """
     try:
         model = load_robot(robot).point_mass
     except (ValueError, OSError):
         return None
-    return model.omega * model.com_height
+    return Scale(model.mass, model.omega * model.com_height)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,11 @@ from nadia_balance import palette
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.core.walking import Array, Side
 from nadia_balance.results.plots.style import FAINT, TEXT
-from nadia_balance.scripts.envelope_sweep.limits import Envelope, Limit
+from nadia_balance.scripts.envelope_sweep.limits import (
+    Envelope,
+    Limit,
+    Scale,
+)
 from nadia_balance.scripts.envelope_sweep.plan import moment_of
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
 from nadia_balance.scripts.envelope_sweep.search import Situation
@@ -46,8 +50,10 @@ PLANTS = {"humanoid": "whole body", "lipm": "point mass"}
 PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
 SEARCHED_LABEL = "still being searched"
 LIMIT = "#8a93a3"
-LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass 1 m high"
+LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
+HIPS_LABEL = "and with the momentum\nof the upper body"
 BEYOND = "#eceef2"
+HIPS_LINE = {"color": LIMIT, "ls": ":", "lw": 1.4}
 
 
 def title(envelope: Envelope, what: str) -> str:
@@ -83,7 +89,7 @@ def direction_name(direction: float, at: str) -> str:
     return f"{word} ({side[direction]})" if direction in side else word
 
 
-def _draw_key(fig: Figure, envelope: Envelope) -> None:
+def _draw_key(fig: Figure, envelope: Envelope, scale: Scale | None) -> None:
     """One legend for the whole figure, to its right."""
     line = {"lw": 2, "marker": "o", "ms": 5}
     handles: list[Line2D | Patch] = [
@@ -97,11 +103,16 @@ def _draw_key(fig: Figure, envelope: Envelope) -> None:
     known = [s for s in envelope.situations if envelope.known(s).paper]
     if protocol := envelope.protocol:
         handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
-    if protocol and protocol.limit:
+    if envelope.physical:
         patch = Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL)
-        handles.append(patch)
+        handles += [patch, Line2D([], [], label=HIPS_LABEL, **HIPS_LINE)]
+    if scale:
+        unit = envelope.unit_speed
+        text = f"1 {envelope.unit} is {unit * scale.mass:.3g} N s,\n"
+        text += f"{unit / scale.speed:.3f} $\\sqrt{{gz}}$"
+        handles.append(Line2D([], [], ls="none", label=text))
     if len(known) < len(envelope.situations):
-        text = "\n".join(["references: only for", *PROTOCOLS])
+        text = "\n".join(["the paper's: only for", *PROTOCOLS])
         handles.append(Line2D([], [], ls="none", label=text))
     fig.legend(
         handles=handles,
@@ -161,8 +172,11 @@ def _draw_rings(ax: Axes, envelope: Envelope, at: str) -> None:
 
 
 def spoke_angle(directions: Sequence[float]) -> float:
-    """Between spokes [deg]: 45 if these are the directions, else 30."""
-    return 45.0 if all(d % 45.0 == 0.0 for d in directions) else 30.0
+    """Between spokes [deg]: as between the directions, or else 30."""
+    for angle in (45.0, 30.0, 15.0):
+        if all(d % angle == 0.0 for d in directions):
+            return angle
+    return 30.0
 
 
 def _draw_directions(ax: Axes, at: str, directions: Sequence[float]) -> None:
@@ -174,6 +188,8 @@ def _draw_directions(ax: Axes, at: str, directions: Sequence[float]) -> None:
         with np.errstate(divide="ignore"):
             end = way * np.min(np.abs(sides / np.where(way == 0, 1e-9, way)))
         ax.plot(*np.array([np.zeros(2), end]).T, color=FAINT, lw=0.5, alpha=0.5)
+        if angle % 30.0 and angle % 45.0:
+            continue
         main = angle % 90.0 == 0.0
         ax.annotate(
             direction_name(angle, at).replace(" ", "\n"),
@@ -200,8 +216,11 @@ _COLUMNS = 2  # of panels
 _MOST_NUMBERS = 16  # directions with the limit written beside them
 
 
-def draw_envelope(envelope: Envelope) -> Figure:
-    """Draws a panel for each situation, with references where there are."""
+def draw_envelope(envelope: Envelope, scale: Scale | None = None) -> Figure:
+    """Draws a panel for each situation, with references where there are.
+
+    With a `scale`, the key tells what a unit of the picture is.
+    """
     situations = envelope.situations
     columns = min(len(situations), _COLUMNS)
     rows = math.ceil(len(situations) / columns)
@@ -217,7 +236,7 @@ def draw_envelope(envelope: Envelope) -> Figure:
         _draw_panel(ax, envelope, situation)
     for ax in grid[len(situations) :]:
         ax.remove()
-    _draw_key(fig, envelope)
+    _draw_key(fig, envelope, scale)
     what = f"Largest recovered push [{envelope.unit}], by direction"
     what = title(envelope, what)
     fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
@@ -229,7 +248,7 @@ def _window(envelope: Envelope) -> Array:
     most, curves = envelope.mechanisms[-1], []
     for each in envelope.situations:
         known = envelope.known(each)
-        curves += [known.paper.get(most, {}), known.limit.get(most, {})]
+        curves += [curves.get(most, {}) for curves in known]
         curves += [_recovered(envelope, m, each) for m in envelope.mechanisms]
     seen = np.vstack([np.zeros(2), *(points(c) for c in curves if c)])
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
@@ -249,6 +268,8 @@ def _recovered(
 def _draw_panel(ax: Axes, envelope: Envelope, situation: Situation) -> None:
     known = envelope.known(situation)
     most = envelope.mechanisms[-1]
+    if most in known.with_hips:
+        ax.plot(*points(known.with_hips[most]).T, zorder=0.6, **HIPS_LINE)
     if most in known.limit:
         ax.set_facecolor(BEYOND)
         ax.fill(*points(known.limit[most]).T, fc="white", ec=LIMIT, zorder=0.5)

@@ -24,7 +24,6 @@ class Protocol:
     mechanisms: str
     paper: str  # what its curves are called
     figures: str  # CSV beside the robot's files, in `unit`
-    limit: str = ""  # of any controller; CSV beside the robot's files
     unit: str = "m/s"
     unit_speed: float = 1.0  # what 1 of `unit` does to the CoM [m/s]
 
@@ -40,11 +39,10 @@ class Protocol:
             situation.scenario in names
         )
 
-    def curves(self, name: str, scenario: str) -> Curves:
-        """The curves [m/s] of a gait in the file `name`, if there is one."""
-        if not name:
-            return {}
-        text = (MODELS / self.robot / name).read_text(encoding="utf-8")
+    def curves(self, scenario: str) -> Curves:
+        """The curves [m/s] of a gait."""
+        path = MODELS / self.robot / self.figures
+        text = path.read_text(encoding="utf-8")
         lines = (line for line in text.splitlines() if not line.startswith("#"))
         curves: Curves = {}
         for row in csv.DictReader(lines):
@@ -66,7 +64,6 @@ PROTOCOLS = {
         mechanisms=",".join(MECHANISMS),
         paper="the Nadia paper's, Fig. 10",
         figures="nadia_fig10.csv",
-        limit="lipm_limit.csv",
     ),
     "atlas_fig6": Protocol(
         robot="atlas",

@@ -1,6 +1,7 @@
 """Everything that a reader sees of a sweep: pictures and tables."""
 
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,9 +16,10 @@ from nadia_balance.scripts.envelope_sweep.limits import (
     UNSURE,
     Envelope,
     Rates,
-    characteristic_speed,
+    Scale,
     confusion,
     mark,
+    scale_of,
 )
 from nadia_balance.scripts.envelope_sweep.plots import (
     NAMES,
@@ -52,23 +54,24 @@ def write_report(folder: Path, envelope: Envelope) -> list[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    speed = characteristic_speed(envelope.robot)
-    text = report_text(envelope, speed)
+    scale = scale_of(envelope.robot)
+    text = report_text(envelope, scale)
     with mpl.rc_context(RC), appearing(folder) as drafts:
-        draw_envelope(envelope).savefig(drafts / PICTURE)
+        draw_envelope(envelope, scale).savefig(drafts / PICTURE)
         (drafts / TABLES).write_text(text, encoding="utf-8")
     return [PICTURE, TABLES]
 
 
-def report_text(envelope: Envelope, speed: float | None) -> str:
-    """Returns tables.md; `speed` is sqrt(g z) [m/s], if it is known."""
-    limits = LimitTables(envelope=envelope, speed=speed)
+def report_text(envelope: Envelope, scale: Scale | None) -> str:
+    """Returns tables.md."""
+    limits = LimitTables(envelope=envelope, scale=scale)
     parts = [
         f"# Push-recovery envelope: {envelope.robot}, "
         f"{PLANTS.get(envelope.plant, envelope.plant)}",
         f"![envelope]({PICTURE})",
         _NOTES,
         *_notes_on_the_paper(envelope),
+        *_notes_on_the_limit(envelope),
         what_was_done(envelope),
         "## Largest recovered pushes",
     ]
@@ -87,13 +90,22 @@ def _notes_on_the_paper(envelope: Envelope) -> list[str]:
     if (protocol := envelope.protocol) is None:
         return []
     text = f"*paper* is {protocol.paper}"
-    if protocol.limit:
-        text += "; *limit* is the best of any\ncontroller on a point mass 1 m "
-        text += "high in up to four steps"
     if protocol.unit_speed != 1.0:
         text += f": forces over the robot's {protocol.unit}, for 0.1 s; 1 is"
         text += f"\n{protocol.unit_speed:g} m/s"
     return [f"{text}."]
+
+
+def _notes_on_the_limit(envelope: Envelope) -> list[str]:
+    said = dict.fromkeys(p.assumptions for p in envelope.physical.values())
+    if not said:
+        return []
+    text = (
+        "*limit* is the largest push that any controller could recover from, "
+        f"computed for {'; or '.join(said)}. *with hips*: the eCMP may leave "
+        "the soles by as much as the controller's may."
+    )
+    return ["\n".join(textwrap.wrap(text, 80, break_on_hyphens=False))]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -137,13 +149,10 @@ _RECOVERED = "recovered [m/s]"
 
 @dataclass(frozen=True, kw_only=True)
 class LimitTables:
-    """Writes tables of an `envelope`.
-
-    `speed` is sqrt(g z) [m/s]; None leaves its column out.
-    """
+    """Writes tables of an `envelope`; without a `scale`, in m/s alone."""
 
     envelope: Envelope
-    speed: float | None
+    scale: Scale | None
 
     def summary(self, situation: Situation) -> str:
         """Worst and mean over the directions, a row for each mechanisms."""
@@ -198,9 +207,11 @@ class LimitTables:
         columns: dict[str, Words] = {}
         for name, curves in self.envelope.known(situation)._asdict().items():
             if curves:
+                name = name.replace("_", " ")
                 for column in (f"{name} [m/s]", f"/ {name}"):
                     columns[column] = "{:.2f}".format
-        if self.speed:
+        if self.scale:
+            columns["[N s]"] = "{:.0f}".format
             columns["/ sqrt(g z)"] = "{:.3f}".format
         return columns
 
@@ -218,7 +229,10 @@ class LimitTables:
             other = curves.get(mechanisms, {}).get(direction)
             share = limit.recovered / other if other else None
             values += [other, share]
-        return values + ([limit.recovered / self.speed] if self.speed else [])
+        if self.scale:
+            pushed = limit.recovered
+            values += [pushed * self.scale.mass, pushed / self.scale.speed]
+        return values
 
 
 def direction_words(direction: float) -> str:

@@ -212,7 +212,7 @@ def test_a_foot_near_its_foothold_lands():
     )
     for distance, lands in ((0.025, True), (0.035, False)):
         foot = FootPose(target - [distance, 0.0, 0.0])
-        assert (time_to_return(state, foot, slow) == 0.0) is lands
+        assert (time_to_return(state, foot, slow, PARAMS) == 0.0) is lands
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_time_is_given_back_if_the_foothold_moves_away(
     target = schedule.footsteps[0].pose
     foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, foot)
-    found = time_to_return(state, foot, DETOUR)
+    found = time_to_return(state, foot, DETOUR, PARAMS)
     assert found == pytest.approx(expected, abs=1e-12)
     reference = plan.at(0.9).icp
     proposed = adjustment(reference, plan, state, feet=feet)

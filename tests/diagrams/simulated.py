@@ -17,8 +17,9 @@ def scenario_of(text: str = "{}") -> Scenario:
 
     The point mass has the robot's control period, so that one holds for both.
     """
-    base = "mechanisms: icp_only, lipm_period: 0.002"
-    return load_scenario("stand", text=f"{{{base}, {text[1:]}")
+    usual = ("mechanisms: icp_only, ", "lipm_period: 0.002, ")
+    base = "".join(item for item in usual if item.split()[0] not in text)
+    return load_scenario("stand", text=f"{{{base}{text[1:]}")
 
 
 def diagram_of(text: str = "{}", plant: str = "humanoid"):

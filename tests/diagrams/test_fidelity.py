@@ -17,7 +17,7 @@ from tests.diagrams.simulated import diagram_of, figures, scenario_of, simulated
 PERIOD = 0.002
 PUSH = "duration: 1.0, pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]}"
 REALISTIC = f"{{fidelity: realistic, {PUSH}"
-IDEAL = f"{{{PUSH}"
+IDEAL = f"{{fidelity: ideal, {PUSH}"
 
 
 def test_real_torques_lag_behind_the_commanded():

@@ -56,7 +56,7 @@ def pushed(
 ) -> Scenario:
     """The push in this direction [deg], so hard [m/s]."""
     text = PUSH % (num_steps, 2 + num_steps, num_steps)
-    scenario = load_scenario("push", text=text)
+    scenario = load_scenario("push", text=text, fidelity="ideal")
     scenario.mechanisms = mechanisms
     (push,) = scenario.pushes
     push.direction_deg, push.delta_v = direction, delta_v

@@ -12,7 +12,7 @@ from tests.diagrams.test_humanoid import measured_wrench
 
 STAND = "{engine: mujoco, duration: 1.5}"
 PUSHED = (
-    "{engine: mujoco, duration: 3.0, required_steps: 2, mechanisms: step, "
+    "{engine: mujoco, duration: 5.0, required_steps: 2, mechanisms: step, "
     "gait: {num_steps: 3, transfer_duration: 0.3}, plant_config: "
     "{time_step: %s}, "
     "pushes: [{delta_v: 0.2, at: right swing 25 %%, direction_deg: 90}]}"

@@ -236,7 +236,7 @@ def test_the_papers_pushes_of_atlas_speed_up_the_swing_and_move_the_foot(
 
     The foot moves the way of the push.  On the point mass, which is quick.
     """
-    story = tell(name, 12.0, LipmDiagram)
+    story = tell(name, 26.0, LipmDiagram)
     assert story.summary["recovered"]
     before, hit = steps(story.log)[1], story.steps[0]
     for phase in before.transfer, before.swing:

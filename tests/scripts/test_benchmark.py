@@ -38,7 +38,7 @@ def figures():
     argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
     lines = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("builtins.print", lines.append)
+        patch.setattr(benchmark, "say", lines.append)
         patch.setattr(benchmark, "TICKS", 100)
         assert benchmark.main(argv.split()) == 0
     return json.loads("\n".join(lines))
@@ -65,7 +65,7 @@ def test_every_block_and_every_plant_has_its_figures(figures):
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (["--seconds", 0], "seconds = 0.0: must be > 0"),
+        (["--seconds", 0], "seconds = 0.0: must be in (0, 3600]"),
         (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
     ],
 )

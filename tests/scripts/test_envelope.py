@@ -223,6 +223,18 @@ def test_plots_need_nothing_but_the_trials(undisturbed, tmp_path, capsys):
     assert outcome.out[:-1] == said[3:-1]
 
 
+def test_prints_what_no_controller_can_recover_from(capsys):
+    """Oracle: half the sole's width over the ICP's 0.256 m for 1 m/s."""
+    argv = ["--limit", "--mechanisms", "icp_only", "--directions", "90,270"]
+    outcome = run_script(envelope, argv, capsys)
+    assert outcome.code == 0
+    rows = [line.split() for line in outcome.out[2:5]]
+    assert [row[0] for row in rows] == ["90", "270", "mean"]
+    for value, way in zip(rows[-1][1:], (0.06, 0.06 + 0.05), strict=True):
+        assert float(value) == pytest.approx(way / 0.256, abs=0.01)
+    assert outcome.out[5].startswith("assumes a point mass 0.888 m high;")
+
+
 TEXT = "--scenario_text"
 PUSH = "{delta_v: 0.1, at: 1.0 s}"
 REFUSED = [

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from PIL import Image
 
+from nadia_balance.results.log import pushes
 from nadia_balance.scripts import picture
 from tests.results.made_up_run import Recipe, make_log
 from tests.scripts.running import as_program, assert_refused, run_script
@@ -169,3 +171,37 @@ def test_says_that_playwright_is_missing(folder, tmp_path, monkeypatch):
         2,
         "picture.py: playwright is missing: pip install playwright\n",
     )
+
+
+def test_a_gif_moves_and_begins_again(folder, tmp_path):
+    """Oracle: pushed at 4.25 s, and a second later no more."""
+    out = tmp_path / "push.gif"
+    done = as_program(
+        *("picture", "--run", folder, "--gif", "--out", out),
+        *("--times", 0.5 * sum(PUSH), 5.5),
+        *("--width", WIDTH, "--height", HEIGHT),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    with Image.open(out) as gif:
+        assert (gif.n_frames, gif.size) == (2, (WIDTH, HEIGHT))
+        assert gif.info["loop"] == 0
+        frames = []
+        for number in range(2):
+            gif.seek(number)
+            frames.append(np.asarray(gif.convert("RGB")) / 255.0)
+    pushed, later = map(red_pixels, frames)
+    assert pushed > later + 50
+
+
+def test_a_gif_is_of_the_last_push(tmp_path):
+    """Oracle: the push of the made-up run, frames of an eighth of a second."""
+    log = make_log(Recipe())
+    np.savez(tmp_path / "log.npz", **log)
+    (tmp_path / "summary.json").write_text("{}")
+    times = np.array(picture.gif_times(tmp_path))
+    push = pushes(log)[-1]
+    assert times[0] == pytest.approx(push.start - 0.4)
+    assert np.diff(times) == pytest.approx(0.125)
+    end = min(push.end + 2.5, log["t"][-1])
+    assert end - 0.2 < times[-1] < end + 1e-9

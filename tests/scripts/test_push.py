@@ -91,6 +91,13 @@ def test_a_standing_robot_takes_no_steps(asked_for):
     assert scenario.pushes[0].at == "1 s"
 
 
+def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
+    """Oracle: the scenario, by its pushes; another one may be named."""
+    assert asked_for("--terrain", "gap").gait.step_width == 0.3
+    named = asked_for("--terrain", "gap", "--scenario_name", "push")
+    assert named.gait.num_steps == 30 and named.terrain.name == "gap"
+
+
 # What is asked for, and how the answer begins; what scenarios and robots refuse
 # is tested with them.
 TEXT = "--scenario_text"
@@ -120,6 +127,15 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
+    (["--terrain", "tiles"], "terrain.name = 'tiles': must be level, at"),
+    (
+        ["--terrain", "stairs", "--plant", "lipm"],
+        "terrain.name = 'stairs': must be level, at height 0",
+    ),
+    (
+        ["--terrain", "gap", TEXT, "gait: {step_width: 0.8}", "--plant=lipm"],
+        "left foot at the start: the sole at x = 0.000, y = 0.400 m must be",
+    ),
     (["--plant", "moon"], "argument --plant: invalid choice: 'moon'"),
     (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
     (

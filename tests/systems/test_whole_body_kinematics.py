@@ -150,7 +150,18 @@ def test_constants_are_in_the_order_of_velocities():
 def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
-        whole_body_model(nadia(), kinematics().plant, {"TAIL": 0.1})
+        whole_body_model(nadia(), kinematics().plant, {"TAIL": 0.1}, {})
+
+
+def test_upper_limits_only_tighten():
+    """Oracle: those of the URDF, 2.62 and 0.698132 rad."""
+    limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
+    constants = whole_body_model(nadia(), kinematics().plant, {}, limits)
+    plant, upper = kinematics().plant, constants.position_upper
+    knee, ankle = (
+        plant.GetJointByName(name).velocity_start() - 6 for name in limits
+    )
+    assert (upper[knee], upper[ankle]) == (2.0, 0.698132)
 
 
 def test_refuses_a_plant_that_is_not_just_the_robot():

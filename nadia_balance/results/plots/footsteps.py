@@ -17,6 +17,7 @@ from nadia_balance.results.log import (
     Log,
     PushSpan,
     Step,
+    ground_regions,
     pushes,
     signal,
     sole_pose,
@@ -51,6 +52,7 @@ def draw(log: Log, summary: dict) -> Figure:
     ax = fig.subplots()
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+    _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
     for push in pushed[-1:]:
@@ -115,6 +117,22 @@ def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
         (log["icp"][rows].T, palette.ICP, "ICP", {"lw": 1.8}),
     ):
         ax.plot(*path, color=color, label=label, **style)
+
+
+def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
+    """Draws the regions of the ground, those that were stepped on darker."""
+    labels = {True: "region stepped on", False: "other region"}
+    for region in ground_regions(log):
+        used = any(contains(s.achieved.p_WF[:2], region) for s in shown)
+        look = {"edgecolor": palette.GROUND, "linewidth": 0.8, "zorder": 0.3}
+        fill(
+            ax,
+            region,
+            palette.GROUND,
+            labels.pop(used, None),
+            alpha=0.32 if used else 0.1,
+            **look,
+        )
 
 
 def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:

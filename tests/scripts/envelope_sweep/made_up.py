@@ -13,7 +13,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.scripts.envelope_sweep.limits import (
     Envelope,
     envelope_of,
-    references,
+    paper_curves,
 )
 from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, Sweep
 from nadia_balance.scripts.envelope_sweep.search import (
@@ -40,7 +40,7 @@ def paper_times(
     factor: float, at: Situation = AT, robot: str = "nadia", of: Situation = AT
 ) -> dict[Cell, float]:
     """The limits of the paper's robot, scaled, in another situation."""
-    paper = references(robot, of).paper
+    paper = paper_curves(robot, of)
     return {
         Cell(mechanisms, at, direction): factor * value
         for mechanisms, curve in paper.items()

@@ -7,11 +7,11 @@ import pytest
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep.limits import (
     Rates,
-    characteristic_speed,
     confusion,
     envelope_of,
     mark,
-    references,
+    paper_curves,
+    scale_of,
 )
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
@@ -111,31 +111,29 @@ def test_an_envelope_needs_a_trial():
         envelope_of(identity_of(), [])
 
 
-def test_the_speed_of_a_robot_is_that_of_its_height():
-    """Oracle: sqrt(g z), with com_height of Nadia's robot.yaml."""
-    expected = math.sqrt(9.81 * 0.888)
-    assert characteristic_speed("nadia") == pytest.approx(expected, rel=1e-12)
+def test_the_scale_of_a_robot_is_its_mass_and_its_height_s():
+    """Oracle: sqrt(g z), with com_height of Nadia's robot.yaml; 91 kg."""
+    mass, speed = scale_of("nadia")
+    assert speed == pytest.approx(math.sqrt(9.81 * 0.888), rel=1e-12)
+    assert mass == pytest.approx(91.0, abs=0.5)
     for robot in "nobody", "/nowhere/robot.yaml":
-        assert characteristic_speed(robot) is None
+        assert scale_of(robot) is None
 
 
 def test_knows_the_figures_of_the_paper():
-    """Oracle: read off the paper's Fig. 10, by hand; what a limit means."""
-    known = references("nadia", AT)
-    for mechanisms, direction, paper, limit in (
-        ("icp_only", 0.0, 0.27, 0.44),
-        ("step", 330.0, 0.68, 0.84),
-        ("step_swing", 90.0, 0.20, 0.33),
-        ("step_swing_transfer", 210.0, 0.95, 2.00),
-        (ALL, 120.0, 0.30, 0.71),
+    """Oracle: read off the paper's Fig. 10, by hand."""
+    known = paper_curves("nadia", AT)
+    for mechanisms, direction, paper in (
+        ("icp_only", 0.0, 0.27),
+        ("step", 330.0, 0.68),
+        ("step_swing", 90.0, 0.20),
+        ("step_swing_transfer", 210.0, 0.95),
+        (ALL, 120.0, 0.30),
     ):
-        assert known.paper[mechanisms][direction] == paper
-        assert known.limit[mechanisms][direction] == limit
-    assert list(known.paper) == list(known.limit) == list(MECHANISMS)
-    for mechanisms, curve in known.paper.items():
+        assert known[mechanisms][direction] == paper
+    assert list(known) == list(MECHANISMS)
+    for curve in known.values():
         assert list(curve) == [30.0 * i for i in range(12)]
-        for direction, value in curve.items():
-            assert value < known.limit[mechanisms][direction]
 
 
 def test_knows_the_figure_of_the_atlas_paper():
@@ -150,11 +148,10 @@ def test_knows_the_figure_of_the_atlas_paper():
         ("in_place_slow", "feedback", 210.0, 0.53),  # back, 30 deg outward
     ):
         situation = Situation(f"atlas_{gait}", "right swing 50 %")
-        known = references("atlas", situation)
-        assert not known.limit
-        assert set(known.paper) == set(ATLAS_MECHANISMS)
-        assert {len(curve) for curve in known.paper.values()} == {14}
-        found = known.paper[mechanisms][direction]
+        known = paper_curves("atlas", situation)
+        assert set(known) == set(ATLAS_MECHANISMS)
+        assert {len(curve) for curve in known.values()} == {14}
+        found = known[mechanisms][direction]
         assert found == pytest.approx(0.981 * weights)
 
 
@@ -167,8 +164,7 @@ def test_knows_the_figure_of_the_atlas_paper():
     ],
 )
 def test_others_are_compared_with_nothing(robot, scenario, at):
-    known = references(robot, Situation(scenario, at))
-    assert known.paper == known.limit == {}
+    assert paper_curves(robot, Situation(scenario, at)) == {}
 
 
 def test_counts_false_predictions():

@@ -1,5 +1,6 @@
 """What the picture of an envelope shows, read from the drawing itself."""
 
+from dataclasses import replace
 from functools import partial
 
 import matplotlib as mpl
@@ -9,8 +10,10 @@ from matplotlib.colors import to_rgb
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
+from nadia_balance.scripts.envelope_sweep.limits import Physical, Scale
 from nadia_balance.scripts.envelope_sweep.plots import (
     COLORS,
+    HIPS_LABEL,
     LIMIT_LABEL,
     SEARCHED_LABEL,
     direction_name,
@@ -78,21 +81,30 @@ def test_limits_that_are_still_searched_for_are_hollow(hurried):
 
 
 def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
-    """Oracle: the paper's 1.15 m/s forward, the limit's 1.86 m/s."""
-    figure = draw_envelope(
-        envelope_from(paper_times(1.1) | {Cell(ALL, LEFT, 0.0): 1.0})
+    """Oracle: the paper's 1.15 m/s forward, limits made up; 90 x 1 N s."""
+    around = dict.fromkeys((15.0 * i for i in range(24)), 1.9)
+    limits = Physical(
+        limit={ALL: around | {0.0: 1.86}},
+        with_hips={ALL: {angle: 2.1 for angle in around}},
+        assumptions="",
     )
+    envelope = envelope_from(paper_times(1.1) | {Cell(ALL, LEFT, 0.0): 1.0})
+    envelope = replace(envelope, physical={AT: limits})
+    figure = draw_envelope(envelope, Scale(mass=90.0, speed=2.0))
     known, other = figure.axes
     (line,) = dashed(known)
     assert line.get_xydata()[0] == pytest.approx([0.0, 1.15])
     assert line.get_xydata()[9] == pytest.approx([0.85, 0.0])
     tops = [patch.get_path().vertices[:, 1].max() for patch in known.patches]
     assert max(tops) == pytest.approx(1.86)
+    (hips,) = [line for line in known.lines if line.get_linestyle() == ":"]
+    assert hips.get_ydata().max() == pytest.approx(2.1)
     assert not dashed(other)
     words = legend_of(figure)
     assert "the Nadia paper's, Fig. 10" in words
-    assert LIMIT_LABEL in words
-    assert any(word.startswith("references: only for") for word in words)
+    assert {LIMIT_LABEL, HIPS_LABEL} <= set(words)
+    assert "1 m/s is 90 N s,\n0.500 $\\sqrt{gz}$" in words
+    assert any(word.startswith("the paper's: only for") for word in words)
 
 
 def test_the_atlas_papers_figure_has_a_panel_for_each_gait():

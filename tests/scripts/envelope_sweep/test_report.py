@@ -1,8 +1,14 @@
 """What a reader sees.  Oracle: worst, mean, ratios and counts by hand."""
 
+from dataclasses import replace
+
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.limits import envelope_of
+from nadia_balance.scripts.envelope_sweep.limits import (
+    Physical,
+    Scale,
+    envelope_of,
+)
 from nadia_balance.scripts.envelope_sweep.report import (
     LimitTables,
     capturability_table,
@@ -28,7 +34,13 @@ from tests.scripts.envelope_sweep.made_up import (
 ALL = "all_with_cross_over"
 LEFT = Situation("push", "left swing 25 %")
 SEARCH = SearchParams(resolution=0.1, stride=4, largest=2.0)
-# The paper has 1.15, 0.41 and no 45 degrees; the limits are 1.86 and 0.82.
+# The paper has 1.15, 0.41 and no 45 degrees.
+LIMITS = Physical(
+    limit={ALL: {0.0: 1.86, 90.0: 0.82}},
+    with_hips={ALL: {0.0: 2.60}},
+    assumptions="a point mass 2 m high",
+)
+SCALE = Scale(mass=90.0, speed=2.0)
 CELLS = {
     Cell(ALL, AT, 0.0): 1.3,
     Cell(ALL, AT, 45.0): 0.8,
@@ -36,9 +48,10 @@ CELLS = {
 }
 
 
-def tables_of(cells, speed=2.0, **options):
+def tables_of(cells, **options):
     envelope = made_up_envelope(cells, SEARCH, **options)
-    return LimitTables(envelope=envelope, speed=speed)
+    envelope = replace(envelope, physical={AT: LIMITS})
+    return LimitTables(envelope=envelope, scale=SCALE)
 
 
 def test_a_row_for_each_direction_beside_the_paper_and_the_limit():
@@ -51,6 +64,9 @@ def test_a_row_for_each_direction_beside_the_paper_and_the_limit():
         "/ paper": "1.13",
         "limit [m/s]": "1.86",
         "/ limit": "0.70",
+        "with hips [m/s]": "2.60",
+        "/ with hips": "0.50",
+        "[N s]": "117",
         "/ sqrt(g z)": "0.650",
         "complete": "yes",
     }
@@ -74,6 +90,9 @@ def test_worst_and_mean_are_over_the_directions():
         "/ paper": "0.73 / 0.93",
         "limit [m/s]": "0.82 / 1.34",
         "/ limit": "0.37 / 0.53",
+        "with hips [m/s]": "2.60 / 2.60",
+        "/ with hips": "0.50 / 0.50",
+        "[N s]": "27 / 72",
         "/ sqrt(g z)": "0.150 / 0.400",
         "complete": "3 of 3",
     }
@@ -109,10 +128,12 @@ def test_a_limit_beyond_the_largest_push_is_only_a_bound():
 def test_the_report_has_every_table():
     both = paper_times(1.0) | paper_times(0.8, LEFT)
     envelope = made_up_envelope(both, SEARCH)
-    text = report_text(envelope, 2.951)
+    envelope = replace(envelope, physical={AT: LIMITS})
+    text = report_text(envelope, SCALE)
     assert text.startswith("# Push-recovery envelope: nadia, whole body\n")
     assert "\n\n\n" not in text
-    tables = LimitTables(envelope=envelope, speed=2.951)
+    assert "computed for a point mass 2 m high." in text.replace("\n", " ")
+    tables = LimitTables(envelope=envelope, scale=SCALE)
     parts = [what_was_done(envelope)]
     parts += [outcomes_table(envelope), capturability_table(envelope)]
     for at in (AT, LEFT):

@@ -1,0 +1,95 @@
+"""Which ground the robot walks on, and what its controller knows of it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.courses import COURSES
+from nadia_balance.core.ground import (
+    Ground,
+    GroundError,
+    Region,
+    believed,
+    check_ground,
+)
+from nadia_balance.core.walking import Array, ContactSchedule, Side
+from nadia_balance.typed_yaml import load_typed
+
+FLAT = "flat"
+
+
+@dataclass(kw_only=True)
+class Terrain:
+    """Ground of convex regions; both the plant and the controller have it."""
+
+    # flat: level ground everywhere.  Else one of the courses, or a YAML file
+    # with `regions`.
+    name: str = FLAT
+    seed: int = bounded(0, least=0)  # of random tiles, and of the error
+    # From a sole to the edge of its region, for the controller.
+    margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
+    error: GroundError = field(default_factory=GroundError)
+
+    def ground(self, sole: Array) -> Ground | None:
+        """The true ground for soles (n, 2) [m]; None if it is flat.
+
+        Raises:
+            ValueError: there is no such course or file, or its regions are
+                none: not convex, upside down, too small, or they overlap.
+        """
+        if self.name == FLAT:
+            return None
+        ground = Ground(self._regions(), sole, self.margin)
+        for region in ground.regions:
+            check(region)
+        check_ground(ground)
+        return ground
+
+    def level_ground(self, sole: Array) -> Ground | None:
+        """The true ground, as long as nothing else can be walked on.
+
+        Raises:
+            ValueError: as of `ground`; or it is not level at z = 0, or not
+                taken for that.
+        """
+        truth = self.ground(sole)
+        if not all(g is None or g.is_level for g in (truth, self.known(truth))):
+            raise ValueError(
+                f"terrain.name = {self.name!r}: must be level, at height 0, "
+                "with an error of its place only, to be walked on for now"
+            )
+        return truth
+
+    def known(self, truth: Ground | None) -> Ground | None:
+        """What the controller takes for the ground, with its error."""
+        if truth is None or self.error == GroundError():
+            return truth
+        regions = believed(truth.regions, self.error, self.seed)
+        return Ground(regions, truth.sole, truth.margin)
+
+    def _regions(self) -> tuple[Region, ...]:
+        if self.name in COURSES:
+            return tuple(COURSES[self.name](self.seed))
+        if not Path(self.name).is_file():
+            raise ValueError(
+                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
+                f"{', '.join((FLAT, *COURSES))}"
+            )
+        what = f"terrain {self.name}"
+        return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+
+
+def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
+    """Says which foot stands, but not on one region; empty if none does."""
+    if ground is not None:
+        for side in filter(schedule.in_contact, Side):
+            if ground.region_under(schedule.feet[side]) is None:
+                return f"{side.value} foot beside its region"
+    return ""
+
+
+@dataclass(kw_only=True)
+class RegionFile:
+    """What is in a YAML file of regions."""
+
+    regions: list[Region] = field(default_factory=list)

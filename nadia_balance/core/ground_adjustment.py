@@ -1,0 +1,131 @@
+"""Where the foot in the air is to land, if there is not ground everywhere."""
+
+import math
+from dataclasses import dataclass
+
+from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
+from nadia_balance.core.foothold_adjustment import (
+    Landing,
+    return_to_nominal,
+)
+from nadia_balance.core.ground_capture import Footing, Place
+from nadia_balance.core.polygon import contains, project
+from nadia_balance.core.reachability import BASE, closest_point
+from nadia_balance.core.walking import Adjustment, Array
+
+_ROUNDING = 1e-6  # a foothold so far out is on the edge [m]
+_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the margin that are tried [-]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundLanding(Landing):
+    """A landing on the regions that are in reach."""
+
+    footing: Footing
+
+    def at(self, icp: Array, touchdown: tuple[float, float]) -> "GroundLanding":
+        """Returns the same swing's landing as seen in another tick."""
+        return GroundLanding(self.geometry, icp, touchdown, self.footing)
+
+    def adjust(
+        self,
+        current: Adjustment,
+        params: CaptureRegionStepAdjusterParams,
+        period: float,
+    ) -> Adjustment:
+        """Returns the adjustment that puts the foot on a region.
+
+        As `adjust_foothold`; what counts is how deep inside the capture
+        region a region lets the foot step, not how much area they share.
+        """
+        nominal = current.nominal.pose
+        if self._captures(nominal.p_WF[:2], params.margin):
+            holds = current.pose is nominal or self._captures(
+                current.pose.p_WF[:2], 0.0
+            )
+            return return_to_nominal(current, holds, params, period)
+        place, target = self._choose(current, params)
+        if place is None:
+            return current
+        pose = current.pose
+        if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
+            pose = self.footing.ground.pose(
+                target, nominal.yaw, nominal.p_WF[2]
+            )
+        return Adjustment(current.nominal, pose, place.reach)
+
+    def _captures(self, foothold: Array, margin: float) -> bool:
+        """True if the foot can be put there, and then recovers."""
+        return any(
+            contains(foothold, part, _ROUNDING)
+            for place in self.footing.places
+            if contains(foothold, place.polygon, _ROUNDING)
+            for part in self.footing.parts(place, self.one_step, margin)
+        )
+
+    def _choose(
+        self, current: Adjustment, params: CaptureRegionStepAdjusterParams
+    ) -> tuple[Place | None, Array]:
+        """The place to step to, and where in it.
+
+        Of those that let the foot step as deep as any, the one nearest to the
+        nominal foothold; a step across counts as `area_margin` times as far,
+        the place chosen last as `distance_hysteresis` nearer, and half as deep
+        is deep enough for it.
+        """
+        nominal, rules = current.nominal.pose.p_WF[:2], params.rules
+        found: list[tuple[Place, Array]] = []
+        for i, share in enumerate(_SHARES):
+            found = self._options(nominal, share * params.margin)
+            if found:
+                share = _SHARES[min(i + 1, len(_SHARES) - 1)]
+                found += [
+                    option
+                    for option in self._options(nominal, share * params.margin)
+                    if self._is_last(option[0], current)
+                ]
+                break
+        if not found:
+            return self._closest(current, params)
+
+        def cost(option: tuple[Place, Array]) -> float:
+            place, point = option
+            factor = 1.0 if place.reach == BASE else rules.area_margin
+            bonus = self._is_last(place, current) * rules.distance_hysteresis
+            return factor * math.dist(point, nominal) - bonus
+
+        return min(found, key=cost)
+
+    def _options(
+        self, nominal: Array, margin: float
+    ) -> list[tuple[Place, Array]]:
+        """The nearest good foothold of each place that has any."""
+        found = []
+        for place in self.footing.places:
+            parts = self.footing.parts(place, self.one_step, margin)
+            points = [project(nominal, part) for part in parts]
+            if points:
+                point = min(points, key=lambda p: math.dist(p, nominal))
+                found.append((place, point))
+        return found
+
+    def _is_last(self, place: Place, current: Adjustment) -> bool:
+        return (
+            current.pose is not current.nominal.pose
+            and place.reach == current.region
+            and contains(current.pose.p_WF[:2], place.polygon, _ROUNDING)
+        )
+
+    def _closest(
+        self, current: Adjustment, params: CaptureRegionStepAdjusterParams
+    ) -> tuple[Place | None, Array]:
+        """The foothold closest to the capture region, if none is in it."""
+        least = math.inf
+        best: tuple[Place | None, Array] = None, current.pose.p_WF[:2]
+        for place in self.footing.places:
+            point, gap = closest_point(place.polygon, self.capture_region)
+            if self._is_last(place, current):
+                gap -= params.rules.distance_hysteresis
+            if gap < least:
+                least, best = gap, (place, point)
+        return best

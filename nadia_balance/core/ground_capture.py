@@ -1,0 +1,274 @@
+"""Capture regions over sequences of ground regions.
+
+The first `ground_steps` footholds p_1, ..., p_n are each in a region of the
+ground and within reach of the one before; steps take as long as planned, and
+the robot may stop after any of them.  Later steps, up to N, find ground
+everywhere.  With E_k as in `later_steps` the ICP at touchdown is then
+
+    sum of a_k p_k + rest,  a_k = E_2 ... E_k (1 - E_k+1),  a_n = E_2 ... E_n,
+
+and the foothold captures if that can be in C_1.  For one sequence of regions
+this is linear: p_2, ..., p_n are eliminated, and p_1 is left in a convex
+polygon.  The set of all good footholds is the union of these polygons.
+"""
+
+import functools
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nadia_balance.core.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+    later_feet,
+    later_reaches,
+    later_steps,
+    step_contractions,
+)
+from nadia_balance.core.ground import Ground
+from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import (
+    clip_all,
+    contains,
+    convex_hull,
+    halfspaces,
+    intersection,
+    minkowski_sum,
+)
+from nadia_balance.core.walking import Array, ContactSchedule, Immutable
+
+Rows = tuple[Array, Array]  # A (m, 2 n), b (m,): A (p_1, ..., p_n) <= b
+
+_PARALLEL = 1e-14  # the sine of an angle that is 0 but for rounding [-]
+_LINE = 1e-6  # three normals whose sines add up to less are on a line [-]
+_ORIGIN = np.zeros((1, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence(Immutable):
+    """Regions of the steps after the first.
+
+    `polygons` are where the feet 1, ..., n can be; `rows[k]` are what the
+    steps k = 2, ... have to respect, of p_1, ..., p_k.
+    """
+
+    polygons: tuple[Array, ...]
+    rows: tuple[Rows, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Place(Immutable):
+    """Where the next foot can be put: a convex part of one region.
+
+    `polygon` (n, 2) [m] in W is within the reach named `reach`, and nowhere on
+    the stance foot; `region` is its number in the ground.
+    """
+
+    reach: str
+    region: int
+    polygon: Array
+    sequences: tuple[Sequence, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Footing(Immutable):
+    """What the ground offers in one swing; the same in all its ticks.
+
+    `weights[n - 1]` are a_1, a_1, ..., a_n, a_n [-], of x and y;
+    `rests[n - 1]` is the rest of n regions, a polygon (k, 2) [m].
+    """
+
+    ground: Ground
+    places: tuple[Place, ...]
+    weights: tuple[Array, ...]
+    rests: tuple[Array, ...]
+
+    def parts(
+        self, place: Place, one_step: Array, margin: float
+    ) -> Iterator[Array]:
+        """Yields the convex parts (n, 2) [m] of `place` that capture the ICP.
+
+        `one_step` (k, 2) [m] is C_1.  The ICP at touchdown is `margin` [m] or
+        more inside of what captures it.
+        """
+        couplings: dict[int, Rows] = {}
+        for sequence in (Sequence((place.polygon,), ()), *place.sequences):
+            n = len(sequence.polygons)
+            if n not in couplings:
+                rest = self.rests[n - 1]
+                A, b = halfspaces(minkowski_sum(one_step, -rest))
+                couplings[n] = np.tile(A, n) * self.weights[n - 1], b - margin
+            part = place.polygon
+            A, b = first_foothold(sequence, couplings[n])
+            if len(part := clip_all(part, A, b) if len(b) else part):
+                yield part
+
+
+def first_foothold(sequence: Sequence, coupling: Rows) -> Rows:
+    """Returns what p_1 has to respect: rows A (m, 2), b (m,) [m].
+
+    `coupling` are rows that all footholds have to respect together.
+    """
+    derived = coupling
+    for k in range(len(sequence.rows), 0, -1):
+        A, b = sequence.rows[k - 1]
+        own = np.concatenate([A, derived[0]]), np.concatenate([b, derived[1]])
+        derived = _needed(*without_last(*own), sequence.polygons[:k])
+    return derived
+
+
+def without_last(A: Array, b: Array) -> Rows:
+    """Returns the rows for which there is a last foothold p_n.
+
+    All rows A (m, 2 n), b (m,) [m] are half-planes of p_n, which share a point
+    if any three of them do (Helly's theorem); and three do unless 0 is a
+    positive combination of their normals, and of the rest of their rows more
+    than b.  So these combinations take the place of the rows.
+    """
+    normals = A[:, -2:]
+    size = np.hypot(normals[:, 0], normals[:, 1])
+    about = size > _PARALLEL
+    free, free_b = A[~about, :-2], b[~about]
+    A, b = A[about] / size[about, None], b[about] / size[about]
+    i, j, k = _triples(len(A))
+    x, y = A[:, -2], A[:, -1]
+    cross = np.outer(x, y) - np.outer(y, x)
+    weights = np.stack([cross[j, k], cross[k, i], cross[i, j]])
+    positive = (weights > -_PARALLEL).all(axis=0)
+    positive |= (weights < _PARALLEL).all(axis=0)
+    weights = np.abs(weights)
+    total = weights.sum(axis=0)
+    positive &= total > _LINE
+    i, j, k = i[positive], j[positive], k[positive]
+    u, v, w = (weights[:, positive] / total[positive])[..., None]
+    joint = np.column_stack([A[:, :-2], b])
+    joint = u * joint[i] + v * joint[j] + w * joint[k]
+    return (
+        np.concatenate([free, joint[:, :-1]]),
+        np.concatenate([free_b, joint[:, -1]]),
+    )
+
+
+@functools.cache
+def _triples(count: int) -> NDArray[np.intp]:
+    """All i < j < k < count, (3, m)."""
+    return np.array(
+        list(itertools.combinations(range(count), 3)), dtype=np.intp
+    ).T.reshape(3, -1)
+
+
+def _needed(A: Array, b: Array, polygons: tuple[Array, ...]) -> Rows:
+    """The rows that are not true everywhere in these polygons."""
+    most = sum(
+        (A[:, 2 * k : 2 * k + 2] @ polygon.T).max(axis=1)
+        for k, polygon in enumerate(polygons)
+    )
+    needed = most > b
+    return A[needed], b[needed]
+
+
+def footing(
+    schedule: ContactSchedule,
+    params: CaptureRegionStepAdjusterParams,
+    model: PointMassModel,
+    on: Mechanisms,
+    geometry: SwingGeometry,
+) -> Footing | None:
+    """Returns what the ground offers to the swing of `geometry`.
+
+    None if there is ground wherever these steps can go.
+    """
+    ground = model.ground
+    if ground is None:
+        return None
+    steps = schedule.footsteps[: params.num_steps]
+    count = min(params.ground_steps, len(steps))
+    reaches = later_reaches(steps, model, on)
+    holds = [ground.footholds(step.pose.yaw) for step in steps[:count]]
+    if _is_everywhere(holds, geometry, reaches):
+        return None
+    places = []
+    for name, reach in geometry.regions.items():
+        for region, hold in enumerate(holds[0]):
+            part = intersection(reach, hold) if len(hold) else hold
+            for free in _clear_of_stance(part, geometry):
+                sequences = _sequences((free,), (), holds[1:], reaches)
+                places.append(Place(name, region, free, tuple(sequences)))
+    contractions = step_contractions(schedule.footsteps, params, model.omega)
+    feet = later_feet(schedule.footsteps, params, model.sole)
+    feet = feet or [_ORIGIN] * len(steps)
+    weights, rests = [], []
+    for n in range(1, count + 1):
+        left = np.cumprod([1.0, *contractions[: n - 1]])
+        weight = left - np.append(left[1:], 0.0)
+        rest = feet[n - 1]
+        if n == count:
+            later = reaches[n - 1 :], contractions[n - 1 :], feet[n - 1 :]
+            rest = later_steps(*later)[-1]
+        rest = weight[-1] * rest
+        for share, foot in zip(weight[:-1], feet, strict=False):
+            rest = minkowski_sum(rest, share * foot)
+        weights.append(weight.repeat(2))
+        rests.append(rest)
+    return Footing(ground, tuple(places), tuple(weights), tuple(rests))
+
+
+def _is_everywhere(
+    holds: list[tuple[Array, ...]],
+    geometry: SwingGeometry,
+    reaches: list[Array],
+) -> bool:
+    """True if one region holds all footholds that the steps can reach."""
+    extent = convex_hull(np.concatenate(list(geometry.regions.values())))
+    for reach in reaches[: len(holds) - 1]:
+        extent = minkowski_sum(extent, convex_hull(np.vstack([reach, _ORIGIN])))
+    return any(
+        all(len(hold) and contains(p, hold) for hold in same for p in extent)
+        for same in zip(*holds, strict=True)
+    )
+
+
+def _clear_of_stance(part: Array, geometry: SwingGeometry) -> list[Array]:
+    """What of the polygon is not on, beside or across the stance foot."""
+    if not len(part):
+        return []
+    if not len(clip_all(part, geometry.stance_A, geometry.stance_b)):
+        return [part]
+    return geometry.free_parts(part)
+
+
+def _sequences(
+    polygons: tuple[Array, ...],
+    rows: tuple[Rows, ...],
+    holds: list[tuple[Array, ...]],
+    reaches: list[Array],
+) -> Iterator[Sequence]:
+    """Yields all sequences that go on from `polygons`."""
+    if not holds:
+        return
+    last, reach = polygons[-1], reaches[0]
+    around = minkowski_sum(last, reach)
+    for hold in filter(len, holds[0]):
+        part = intersection(hold, around)
+        if not len(part):
+            continue
+        now = (*polygons, part)
+        then = (*rows, _step_rows(last, hold, reach, len(now)))
+        yield Sequence(now, then)
+        yield from _sequences(now, then, holds[1:], reaches[1:])
+
+
+def _step_rows(last: Array, hold: Array, reach: Array, n: int) -> Rows:
+    """What step n has to respect: p_n in `hold`, p_n - p_n-1 in `reach`."""
+    A, b = halfspaces(hold)
+    R, r = halfspaces(reach)
+    binds = (R @ hold.T).max(axis=1) - (R @ last.T).min(axis=1) > r
+    R, r = R[binds], r[binds]
+    both = np.zeros((len(A) + len(R), 2 * n))
+    both[:, -2:] = np.concatenate([A, R])
+    both[len(A) :, -4:-2] = -R
+    return both, np.concatenate([b, r])

@@ -1,0 +1,114 @@
+"""Planned footsteps on the regions of the ground."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+from nadia_balance.core.ground import Ground
+from nadia_balance.core.reachability import (
+    ReachabilityParams,
+    base_region,
+    in_world,
+)
+from nadia_balance.core.walking import (
+    Array,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Side,
+)
+
+
+def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
+    """Returns the feet, as high as the regions that they are on.
+
+    Raises:
+        ValueError: a foot is not on one region.
+    """
+    for side in Side:
+        foot = feet[side]
+        if ground.region_under(foot) is None:
+            raise ValueError(
+                f"{side.value} foot at the start: {_beside(ground, foot)}"
+            )
+        pose = ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
+        feet = feet.with_foot(side, pose)
+    return feet
+
+
+def given_on(ground: Ground, steps: Iterable[Footstep]) -> tuple[Footstep, ...]:
+    """Returns the steps, as high as the regions that they are on.
+
+    Raises:
+        ValueError: a step is not on one region.
+    """
+    found = []
+    for number, step in enumerate(steps, start=1):
+        if ground.region_under(step.pose) is None:
+            raise ValueError(
+                f"step {number} ({step.side.value}): "
+                f"{_beside(ground, step.pose)}"
+            )
+        pose = ground.pose(step.pose.p_WF[:2], step.pose.yaw, 0.0)
+        found.append(replace(step, pose=pose))
+    return tuple(found)
+
+
+def snapped_to(
+    ground: Ground,
+    steps: Iterable[Footstep],
+    feet: FootPoses,
+    reach: ReachabilityParams,
+) -> tuple[Footstep, ...]:
+    """Returns the steps, each at the nearest foothold that the sole fits in.
+
+    Within `reach` of the foot that stands then, at first at `feet`.
+
+    Raises:
+        ValueError: there is no such foothold.
+    """
+    found = []
+    for number, step in enumerate(steps, start=1):
+        stance = feet[step.side.other]
+        region = in_world(base_region(reach), stance, step.side)
+        snapped = moved_to(ground, step, [region])
+        if snapped is None:
+            raise ValueError(
+                f"step {number} ({step.side.value}): must fit on a region "
+                f"within reach of the other foot; "
+                f"{_beside(ground, step.pose)}"
+            )
+        feet = feet.with_foot(step.side, snapped.pose)
+        found.append(snapped)
+    return tuple(found)
+
+
+def moved_to(
+    ground: Ground, step: Footstep, within: Iterable[Array]
+) -> Footstep | None:
+    """Returns the step at the nearest foothold in one of these polygons.
+
+    (n, 2) [m] in W, in this order; None if they have no foothold.
+    """
+    p, yaw = step.pose.p_WF, step.pose.yaw
+    for polygon in within:
+        point = ground.nearest(p[:2], yaw, polygon)
+        if point is not None:
+            return replace(step, pose=ground.pose(point, yaw, float(p[2])))
+    return None
+
+
+def _beside(ground: Ground, foot: FootPose) -> str:
+    """Where the foot is, and what the regions near it offer."""
+    x, y, _ = foot.p_WF.tolist()
+    point = ground.nearest(foot.p_WF[:2], foot.yaw)
+    where = f"the sole at x = {x:.3f}, y = {y:.3f} m must be on one region"
+    if point is None:
+        return f"{where}, and fits on none"
+    region = ground.region_under(ground.pose(point, foot.yaw, 0.0))
+    name = "" if region is None else f", on {region.name!r}"
+    away = math.dist(point, (x, y))
+    return (
+        f"{where}; the nearest foothold is x = {point[0]:.3f}, "
+        f"y = {point[1]:.3f} m{name}, {away:.3f} m away"
+    )

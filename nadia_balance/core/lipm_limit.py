@@ -1,0 +1,288 @@
+"""The largest push from which a point mass can be captured at all.
+
+Of the linear inverted pendulum with the robot's own figures, whatever the
+controller: it knows of the push at once, and chooses the CoP, when the feet
+land and where.  At rest in the end, the ICP is the mean of all eCMPs to come
+with the weights w e^-wt (the ICP's flow, Nadia paper, Eq. 3, integrated): for
+given times of the steps, the largest push is a linear program.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from nadia_balance.core.capturability import lift_off_time
+from nadia_balance.core.mechanisms import Mechanisms
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.polygon import convex_hull, halfspaces, minkowski_sum
+from nadia_balance.core.qp import largest_first
+from nadia_balance.core.reachability import circle, step_regions, total_region
+from nadia_balance.core.time_adjustment import TimingAdapterParams
+from nadia_balance.core.walking import (
+    Array,
+    Footstep,
+    Phase,
+    WalkingState,
+    rectangle,
+)
+
+_MOST_STEPS = 4
+# How much later than at the earliest a foot lands, in 1 / omega: the first one
+# and those after it.  With a foot speed, to land later is to step farther.
+_WAITS = (
+    (0.0, 0.17, 0.33, 0.5, 0.83, 1.2, 1.7),
+    (0.0, 0.33, 0.83, 1.8),
+    (0.0, 0.33, 0.83),
+    (0.0, 0.33),
+)
+_HULL = "hull"  # of all regions
+_BETTER = 1e-6  # [m/s]
+_ZERO = np.zeros(2)
+_BOX = np.vstack([np.eye(2), -np.eye(2)])
+_DIRECTIONS = circle(1.0)  # the polygon about a disc is 0.5 % too large
+
+Halfplanes = tuple[Array, Array]  # A p <= b
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A push of `delta_v` [m/s], and how it is recovered from.
+
+    Swing k ends `landings[k]` [s] after the push began, at `footholds[k]` (2,)
+    [m] in the sole frame of the stance foot, y to the swing side; `cop` (2,)
+    [m] is the mean of the eCMP in the soles.
+    """
+
+    delta_v: float
+    landings: tuple[float, ...]
+    footholds: Array
+    cop: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LipmLimit:
+    """The limits of one moment of a walk, in `state`, with the `icp` (2,) [m].
+
+    The foot in the air is at `foot` (2,) [m] when the push begins; from then on
+    no foot is faster than model.detour.max_speed on the straight line to its
+    foothold, on average.  The eCMP may leave the soles by
+    `kappa` [m] along x and y, at any time and for nothing.  The feet stay
+    parallel.  Without `on.step`, `on.swing` or `on.transfer`, footholds or
+    durations are the planned ones.
+
+    Raises:
+        ValueError: there is no step to take, or `kappa` is negative.
+    """
+
+    state: WalkingState
+    icp: Array
+    foot: Array
+    model: PointMassModel
+    timing: TimingAdapterParams
+    on: Mechanisms
+    kappa: float = 0.0
+    push_duration: float = 0.1  # [s]
+
+    def __post_init__(self) -> None:
+        if not self._steps:
+            raise ValueError("footsteps = (): must have one to take")
+        if not self.kappa >= 0.0:
+            raise ValueError(f"kappa = {self.kappa}: must be >= 0 m")
+
+    @cached_property
+    def assumptions(self) -> str:
+        """What the limit assumes, with its figures."""
+        m, (length, width) = self.model, np.ptp(self.model.sole, axis=0)
+        swing, transfer = (min(times) for times in self._durations)
+        speed = f"mean foot speed up to {m.detour.max_speed:g} m/s"
+        if math.isinf(m.detour.max_speed):
+            speed = "any foot speed"
+        return (
+            f"a point mass {m.com_height:g} m high; soles {length:g} m x "
+            f"{width:g} m, eCMP up to {self.kappa:g} m outside; swings from "
+            f"{swing:g} s, transfers from {transfer:g} s with linear weight "
+            f"shift; {speed}; reach as in robot.yaml; up to {_MOST_STEPS} "
+            f"steps, all known when a push of {self.push_duration:g} s begins"
+        )
+
+    def largest_push(self, direction_deg: float) -> Capture:
+        """Returns the largest push in a direction, 0 forward, 90 left [deg].
+
+        Of all numbers of steps and times that are tried, and of all regions of
+        the steps, by one linear program each; where crossed legs are a choice,
+        only if the hull of the regions promises more than the best so far.
+        """
+        angle = math.radians(direction_deg)
+        way = np.array([math.cos(angle), self._side * math.sin(angle)])
+        best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
+        for swings in self._swings():
+            undecided = [(_HULL,) * len(swings)]
+            while undecided:
+                regions = undecided.pop()
+                found = self._solve(way, swings, regions)
+                if found is None or found.delta_v < best.delta_v + _BETTER:
+                    continue
+                if _HULL not in regions:
+                    best = found
+                    continue
+                k = regions.index(_HULL)
+                undecided += [
+                    (*regions[:k], name, *regions[k + 1 :])
+                    for name in self._regions
+                    if name != _HULL
+                ]
+        return best
+
+    @property
+    def _steps(self) -> tuple[Footstep, ...]:
+        return self.state.schedule.footsteps[:_MOST_STEPS]
+
+    @property
+    def _side(self) -> int:
+        return self._steps[0].side.sign
+
+    @cached_property
+    def _foot(self) -> Array:
+        """Where the foot that swings first is."""
+        schedule = self.state.schedule
+        if schedule.phase is Phase.SWING:
+            return self._local(self.foot)
+        return self._local(schedule.feet[self._steps[0].side].p_WF[:2])
+
+    def _local(self, point: Array) -> Array:
+        """Returns `point` (2,) of W in the sole frame, y to the swing side."""
+        schedule = self.state.schedule
+        stance = schedule.feet[schedule.support_side]
+        return np.asarray(stance.to_sole(point[None])[0] * [1.0, self._side])
+
+    @cached_property
+    def _regions(self) -> dict[str, Array]:
+        """Where a foot can be put, and the hull."""
+        regions = step_regions(self.model.reach, self.on.cross_over)
+        hull = total_region(self.model.reach, self.on.cross_over)
+        return {**regions, _HULL: hull}
+
+    @cached_property
+    def _reach(self) -> list[dict[str, Halfplanes]]:
+        """Of each step, the regions by name, y to the first swing side."""
+        if self.on.step:
+            sides = [[1.0, (-1.0) ** k] for k in range(len(self._steps))]
+            return [
+                {
+                    name: halfspaces(convex_hull(region * side))
+                    for name, region in self._regions.items()
+                }
+                for side in sides
+            ]
+        schedule = self.state.schedule
+        feet = [schedule.feet[schedule.support_side]]
+        feet += [step.pose for step in self._steps]
+        holds = [self._local(foot.p_WF[:2]) for foot in feet]
+        return [
+            dict.fromkeys(self._regions, (_BOX, _BOX @ (after - before)))
+            for before, after in itertools.pairwise(holds)
+        ]
+
+    @cached_property
+    def _ecmps(self) -> Halfplanes:
+        """Where the eCMP can be, about a sole's centre."""
+        square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
+        sole = convex_hull(self.model.sole)
+        return halfspaces(minkowski_sum(sole, square) if self.kappa else sole)
+
+    @cached_property
+    def _durations(self) -> tuple[list[float], list[float]]:
+        """The least durations [s] of the swings, and of the transfers."""
+        swings = [step.swing_duration for step in self._steps]
+        transfers = [step.transfer_duration for step in self._steps]
+        if self.on.swing:
+            least = self.timing.min_swing_duration
+            swings = [min(swing, least) for swing in swings]
+        if self.on.transfer:
+            least = self.timing.min_transfer_duration
+            transfers = [min(transfer, least) for transfer in transfers]
+        return swings, transfers
+
+    @cached_property
+    def _rests(self) -> tuple[list[float], list[float]]:
+        """As `_durations`, of the first ones what is left of them [s]."""
+        state, (swings, transfers) = self.state, self._durations
+        swing, schedule = swings[0], state.schedule
+        if schedule.phase is Phase.SWING:
+            swing = state.remaining_time
+            if self.on.swing:
+                rest = self.timing.least_rest_of_swing(
+                    schedule.duration, state.elapsed
+                )
+                swing = min(rest, swing)
+        lift_off = lift_off_time(state, self.timing, self.on)
+        return [swing, *swings[1:]], [lift_off, *transfers[1:]]
+
+    def _swings(self) -> Iterator[tuple[float, ...]]:
+        """The durations [s] of the swings that are tried, fast ones first.
+
+        Of fewer steps, too: the robot may stop where it steps as it likes.
+        """
+        swings, most = self._rests[0], len(self._steps)
+        for n in range(0 if self.on.step else most, most + 1):
+            tried = [
+                [s + wait / self.model.omega for wait in waits]
+                if self.on.swing
+                else [s]
+                for s, waits in zip(swings[:n], _WAITS, strict=False)
+            ]
+            yield from itertools.product(*tried)
+
+    def _behind(self) -> float:
+        """The weight of the foot that is about to lift off."""
+        schedule, state = self.state.schedule, self.state
+        if schedule.phase is not Phase.TRANSFER:
+            return 0.0
+        share = state.remaining_time / schedule.duration
+        rest = self._rests[1][0]
+        return share * (1.0 - _mean_decay(self.model.omega * rest))
+
+    def _solve(
+        self, way: Array, swings: tuple[float, ...], regions: Sequence[str]
+    ) -> Capture | None:
+        """The largest push along `way` (2,); None: there is none.
+
+        The variables are its delta_v and the steps' vectors (n, 2), each from
+        one foot to the other.
+        """
+        n, w, T = len(swings), self.model.omega, self.push_duration
+        transfers = self._rests[1][: n + 1]
+        landings = np.cumsum(swings) + np.cumsum(transfers[:n])
+        after = [*transfers[1:], transfers[-1]][:n]
+        weights = np.exp(-w * landings) * [_mean_decay(w * t) for t in after]
+        per_speed = -math.expm1(-w * T) / (w * w * T)  # the ICP's way [s]
+        foot = self._foot
+        ecmp = self._local(self.icp) - self._behind() * foot
+        of_ecmp = np.column_stack(
+            [per_speed * way, *(-weight * np.eye(2) for weight in weights)]
+        )
+        of_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
+        limits = [(of_ecmp, ecmp, self._ecmps)]
+        for k, (region, swing) in enumerate(zip(regions, swings, strict=True)):
+            limits.append((of_step[k], _ZERO, self._reach[k][region]))
+            if math.isfinite(speed := self.model.detour.max_speed):
+                disc = _DIRECTIONS, np.full(len(_DIRECTIONS), speed * swing)
+                moved = of_step[k] + of_step[k - 1] if k else of_step[0]
+                limits.append((moved, _ZERO if k else -foot, disc))
+        x = largest_first(
+            np.vstack([A @ M for M, _, (A, _) in limits]),
+            np.concatenate([b - A @ p for _, p, (A, b) in limits]),
+        )
+        if x is None:
+            return None
+        footholds = np.cumsum(x[1:].reshape(n, 2), axis=0)
+        return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
+
+
+def _mean_decay(x: float) -> float:
+    """(1 - e^-x) / x: the weight of a foot that is loaded linearly."""
+    return -math.expm1(-x) / x if x > 0.0 else 1.0

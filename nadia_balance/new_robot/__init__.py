@@ -1,0 +1,1 @@
+"""From anybody's URDF to a robot folder of ours (extra `robots`)."""

@@ -1,0 +1,229 @@
+"""The lengths of a robot that robot.yaml has, and the posture it stands in."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.optimize import least_squares
+
+from nadia_balance.core.walking import Side
+from nadia_balance.new_robot.anatomy import Anatomy, Leg
+from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
+from nadia_balance.new_robot.tree import Array, Tree
+
+# How far knees bend, from straight, as far as ankles let them [rad].
+_BENDS = np.arange(0.6, 0.2, -0.05)
+# Joints of the legs that are not straight, and those of the arms, keep off
+# their limits [rad].
+_LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
+_LEVEL = 0.01  # m, or rad
+# Soles that stand stay so far apart, of the length of a leg [-].
+_GAP = 0.05
+_SAME_LENGTH = 0.01  # of both legs [-]
+_NEVER_STRAIGHT = 0.1  # bend of a knee, at least [rad]
+
+
+@dataclass
+class Figures:
+    """As in RobotParams; lengths in m, angles in rad."""
+
+    heel: float  # x_min of the sole
+    toe: float
+    half_width: float
+    sole_z: float
+    length: float
+    ankle_height: float
+    com_above_hip: float
+    hip_width: float
+    com_height: float
+    step_width: float
+    posture: dict[str, float]
+    # Lower and upper ones that keep knees from being straight.
+    knee_limits: dict[str, tuple[float, float]]
+
+
+def set_frames(
+    tree: Tree, anatomy: Anatomy, soles: Mapping[Side, SolePlane]
+) -> dict[Side, Array]:
+    """Turns the frames of pelvis, torso and feet: x forward, z up.
+
+    Those of the feet are parallel to the soles; the origins stay.  Returns the
+    points (k, 2) of the soles in the frames of the feet.
+    """
+    upright = np.stack([anatomy.forward, anatomy.left, anatomy.up], axis=1)
+    poses = tree.poses()
+    turns = {}
+    for side, foot in anatomy.feet.items():
+        R = poses[foot].rotation()
+        z = -soles[side].down
+        x = R.inverse() @ anatomy.forward
+        x -= (x @ z) * z
+        x /= np.linalg.norm(x)
+        turns[foot] = np.stack([x, np.cross(z, x), z], axis=1)
+    for link in anatomy.pelvis, anatomy.torso:
+        turns[link] = poses[link].rotation().inverse().matrix() @ upright
+    for link, turn in turns.items():
+        R = RotationMatrix.ProjectToRotationMatrix(turn)
+        tree.reframe(link, RigidTransform(R))
+    anatomy.forward, anatomy.left, anatomy.up = np.eye(3)
+    return {
+        side: (soles[side].points @ turns[foot])[:, :2]
+        for side, foot in anatomy.feet.items()
+    }
+
+
+def measure(
+    tree: Tree, anatomy: Anatomy, soles: Mapping[Side, Array], depth: float
+) -> Figures:
+    """Returns the figures of `tree`, whose frames are set.
+
+    `soles` are points (k, 2) in the frames of the feet, `depth` under them.
+
+    Raises:
+        ValueError: it cannot stand with bent knees on level soles.
+    """
+    heel, toe, half_width = largest_rectangle(list(soles.values()))
+    knees = {leg.knee: _knee(tree, leg) for leg in anatomy.legs.values()}
+    length = _length(anatomy, knees.values())
+    p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
+    posture = _posture(tree, anatomy, p_FS)
+    poses = tree.poses(posture)
+    com = tree.com(poses)
+
+    def height(what: str) -> float:
+        """Of both legs' joints of that name, on average [m]."""
+        names = [getattr(leg, what) for leg in anatomy.legs.values()]
+        links = [tree.joints[name].child for name in names]
+        return float(np.mean([poses[link].translation()[2] for link in links]))
+
+    centres = [poses[foot] @ p_FS for foot in anatomy.feet.values()]
+    ground = float(np.mean(centres, axis=0)[2])
+    across = float(centres[0][1] - centres[1][1])
+    return Figures(
+        heel=heel,
+        toe=toe,
+        half_width=half_width,
+        sole_z=-depth,
+        length=length,
+        ankle_height=height("ankle_pitch") - ground,
+        com_above_hip=float(com[2]) - height("hip_pitch"),
+        hip_width=across,
+        com_height=float(com[2] - ground),
+        step_width=max(across, 2.0 * half_width + _GAP * length),
+        posture=posture,
+        knee_limits={name: knee.limits() for name, knee in knees.items()},
+    )
+
+
+@dataclass
+class _Knee:
+    """Seen from the left, in the plane of x and z; bent as knees are: > 0."""
+
+    thigh: float  # [m]
+    shin: float
+    at_zero: float  # its bend where its angle is 0 [rad]
+    sense: float  # +-1, of the bend over the angle
+    least: float  # bend [rad]
+    most: float
+
+    def angle(self, bend: float) -> float:
+        """The angle of the joint."""
+        return self.sense * (bend - self.at_zero)
+
+    def longest(self) -> float:
+        """From hip to ankle, at most [m]: the law of cosines."""
+        bend = min(max(0.0, self.least), self.most)
+        product = self.thigh * self.shin * np.cos(bend)
+        return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
+
+    def limits(self) -> tuple[float, float]:
+        """Angles between which it is bent; infinite where there is no need."""
+        if self.least >= _NEVER_STRAIGHT:
+            return -np.inf, np.inf
+        angle = self.angle(_NEVER_STRAIGHT)
+        return (angle, np.inf) if self.sense > 0.0 else (-np.inf, angle)
+
+
+def _length(anatomy: Anatomy, knees: Iterable[_Knee]) -> float:
+    """Of a leg; ValueError if one is longer than the other."""
+    left, right = (knee.longest() for knee in knees)
+    length = 0.5 * (left + right)
+    if abs(left - right) > _SAME_LENGTH * length:
+        raise ValueError(
+            f"legs to {' and '.join(anatomy.feet.values())}: must be alike; "
+            f"they are {left:.3f} and {right:.3f} m long"
+        )
+    return length
+
+
+def _knee(tree: Tree, leg: Leg) -> _Knee:
+    poses = tree.poses(dict.fromkeys(leg.joints, 0.0))
+    hip, knee, ankle = (
+        poses[tree.joints[name].child].translation()[[0, 2]]
+        for name in (leg.hip_pitch, leg.knee, leg.ankle_pitch)
+    )
+    thigh, shin = knee - hip, ankle - knee
+    at_zero = np.arctan2(thigh[1] * shin[0] - thigh[0] * shin[1], thigh @ shin)
+    joint = tree.joints[leg.knee]
+    sense = np.sign((poses[joint.child].rotation() @ joint.axis)[1])
+    least, most = sorted(
+        at_zero + sense * angle for angle in (joint.lower, joint.upper)
+    )
+    return _Knee(
+        *map(float, map(np.linalg.norm, (thigh, shin))),
+        *map(float, (at_zero, sense, least, most)),
+    )
+
+
+def _posture(tree: Tree, anatomy: Anatomy, p_FS: Array) -> dict[str, float]:
+    """Angles of all joints: knees bent, soles level under the CoM.
+
+    Raises:
+        ValueError: the legs' joints have not the range for it.
+    """
+    legs = [leg for leg in anatomy.legs.values()]
+    of_legs = {name for leg in legs for name in leg.joints}
+    angles = {
+        name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
+        for name, joint in tree.joints.items()
+    }
+    searched = [n for leg in legs for n in (leg.hip_pitch, leg.ankle_pitch)]
+    joints = [tree.joints[name] for name in searched]
+
+    def off(values: Array) -> Array:
+        angles.update(zip(searched, map(float, values), strict=True))
+        poses = tree.poses(angles)
+        com = tree.com(poses)
+        return np.concatenate(
+            [
+                (
+                    (poses[leg.foot] @ p_FS - com)[0],
+                    poses[leg.foot].rotation().matrix()[2, 0],
+                )
+                for leg in legs
+            ]
+        )
+
+    for leg in legs:
+        most = _knee(tree, leg).most
+        if most < _BENDS[-1]:
+            raise ValueError(
+                f"joint {leg.knee}: must bend the knee, so that the foot goes "
+                f"back, by {_BENDS[-1]:.2f} rad; it does by {most:.2f} rad"
+            )
+    for bend in _BENDS:
+        for leg in legs:
+            knee = tree.joints[leg.knee]
+            angle = _knee(tree, leg).angle(bend)
+            angles[leg.knee] = knee.nearest(angle, _LEG_MARGIN)
+        lower = [joint.nearest(-np.inf, _LEG_MARGIN) for joint in joints]
+        upper = [joint.nearest(np.inf, _LEG_MARGIN) for joint in joints]
+        start = np.clip(np.zeros(len(joints)), lower, upper)
+        found = least_squares(off, start, bounds=(lower, upper))
+        if np.abs(off(found.x)).max() < _LEVEL:
+            return {n: a for n, a in angles.items() if abs(a) > 1e-4}
+    raise ValueError(
+        f"joints {', '.join(searched)}: must have the range to put level "
+        f"soles under the CoM, the knees {_BENDS[-1]:.2f} rad from straight"
+    )

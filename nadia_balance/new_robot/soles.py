@@ -1,0 +1,147 @@
+"""The flat part of a foot: its plane, and the rectangle that stands on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull, QhullError
+
+from nadia_balance.new_robot.tree import Array, Link, Shape
+
+# A point of a mesh, or of a primitive, so near the plane is on it [m].
+_ON_PLANE = {"mesh": 0.002}
+_ON_PLANE_EXACT = 1e-4
+_SAME_NORMAL = np.cos(np.deg2rad(3.0))
+_DOWNWARD = np.cos(np.deg2rad(50.0))
+
+
+@dataclass
+class SolePlane:
+    """Where the ground is under a foot, in the frame of its link."""
+
+    down: Array  # (3,), its unit normal, out of the foot
+    depth: float  # of the plane from the link's origin [m]
+    points: Array  # (k, 3), on the plane
+    area: float  # of their convex hull [m^2]
+    source: str
+
+
+def find_sole(link: Link, down: Array) -> SolePlane:
+    """Returns the plane of the sole, of a foot for which `down` (3,) is about.
+
+    From the collision shapes; from the visual ones if these are twice as
+    large, or the only ones with a flat side.
+
+    Raises:
+        ValueError: there is no flat side.
+    """
+    found = [
+        plane
+        for source, shapes in (
+            ("collision", link.collisions),
+            ("visual", link.visuals),
+        )
+        if (plane := _plane(shapes, down, source))
+    ]
+    if not found:
+        raise ValueError(
+            f"foot {link.name}: must have a shape with a flat side below"
+            + (f"; there is no {link.missing[0]}" if link.missing else "")
+        )
+    if len(found) == 2 and found[1].area > 2.0 * found[0].area:
+        return found[1]
+    return found[0]
+
+
+def _plane(
+    shapes: Sequence[Shape], down: Array, source: str
+) -> SolePlane | None:
+    """The supporting plane that most of the convex hull lies on."""
+    if not shapes:
+        return None
+    hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
+    corners = hull.points[hull.simplices]
+    sides = np.cross(
+        corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    )
+    areas = 0.5 * np.linalg.norm(sides, axis=1)
+    normals = hull.equations[:, :3]
+    below = normals @ down > _DOWNWARD
+    areas, normals = areas[below], normals[below]
+    alike = normals @ normals.T > _SAME_NORMAL
+    if not len(areas):
+        return None
+    near = alike[int((alike @ areas).argmax())]
+    normal = areas[near] @ normals[near]
+    normal /= np.linalg.norm(normal)
+    points, away = zip(
+        *(_lowest(shape, normal) for shape in shapes), strict=True
+    )
+    depth = max(float(height.max()) for height in away)
+    on_plane = np.concatenate(
+        [
+            p[height > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+            for p, height, shape in zip(points, away, shapes, strict=True)
+        ]
+    )
+    return _spanned(on_plane, normal, depth, source)
+
+
+def _lowest(shape: Shape, normal: Array) -> tuple[Array, Array]:
+    """Points (k, 3) of a shape, and how far along `normal` they are (k,)."""
+    points = shape.points()
+    if shape.kind == "sphere":
+        radius = float(shape.size["radius"])
+        points = (shape.X_LG.translation() + radius * normal)[None]
+    return points, points @ normal
+
+
+def _spanned(
+    points: Array, normal: Array, depth: float, source: str
+) -> SolePlane | None:
+    first, second = np.linalg.svd(normal[None])[2][1:]
+    try:
+        area = ConvexHull(points @ np.stack([first, second], axis=1)).volume
+    except (QhullError, ValueError):  # in a line, or too few
+        return None
+    return SolePlane(normal, depth, points, area, source)
+
+
+def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
+    """Returns x_min, x_max and half-width of the largest one in all `soles`.
+
+    Among those that are symmetric about y = 0; each sole is points (k, 2).
+    At each width it is as long as the hulls at +-y are: a concave function,
+    so that the area has one maximum.
+
+    Raises:
+        ValueError: there is none.
+    """
+    sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
+    a_x, a_y, c = sides.T
+    ahead, behind = a_x > 1e-9, a_x < -1e-9
+    beside = ~(ahead | behind)
+
+    def ends(width: float) -> tuple[float, float]:
+        """Heel and toe at y = +-width, in any order if there is none."""
+        room = -c - np.abs(a_y) * width  # a_x x <= room
+        heel = (room[behind] / a_x[behind]).max()
+        toe = (room[ahead] / a_x[ahead]).min()
+        return float(heel), float(toe)
+
+    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
+    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
+
+    def lost(width: float) -> float:
+        heel, toe = ends(width)
+        return -width * (toe - heel)
+
+    if widest <= 0.0 or ends(0.0)[0] >= ends(0.0)[1]:
+        raise ValueError("soles: must have a part on y = 0 in common")
+    found = minimize_scalar(
+        lost, bounds=(0.0, widest), method="bounded", options={"xatol": 1e-7}
+    )
+    # A rectangle's own width is at the end of the search.
+    width = min(float(found.x), widest, key=lost)
+    return *ends(width), width

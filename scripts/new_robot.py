@@ -1,0 +1,145 @@
+"""Makes a robot folder of anybody's URDF, and sees whether the robot walks.
+
+Examples:
+    python scripts/new_robot.py robot.urdf --out my_robot
+    python scripts/new_robot.py robot.urdf --out my_robot --fix ".*_finger_.*"
+    python scripts/simulate.py --robot my_robot/robot.yaml \
+        --scenario_name walk_in_place
+"""
+
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
+import sys
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.new_robot.named import Named
+from nadia_balance.results.summary import summarize
+from nadia_balance.robot import FIDELITIES, load_robot
+from nadia_balance.scripts.command_line import (
+    DONE,
+    FAILED,
+    CommandLine,
+    program,
+    say,
+)
+
+# Twenty seconds of steps, after standing still and before that again.
+WALK = "{duration: 22.0, gait: {num_steps: 20}}"
+
+
+@program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`.
+
+    Returns 0 it walks, or was only to be made, 1 it does not, 2 bad input.
+    """
+    parser = _parser()
+    args = parser.parse_args(argv)
+    named = Named(**{f.name: getattr(args, f.name) for f in fields(Named)})
+    with parser.refusing():
+        make_robot = _maker()
+        for line in make_robot(
+            args.file,
+            args.out,
+            fix=args.fix or [],
+            package_roots=args.package_root or [],
+            named=named,
+        ).lines():
+            say(line)
+        robot = args.out / "robot.yaml"
+        load_robot(str(robot), args.fidelity)
+    say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
+    if args.no_walk:
+        return DONE
+    return _walk(str(robot), args.fidelity)
+
+
+def _maker() -> Callable:
+    """Returns make_robot; what it needs is an extra."""
+    try:
+        from nadia_balance.new_robot.make import make_robot
+    except ImportError as error:
+        raise ValueError(
+            f"{error.name} is missing: pip install 'nadia_balance[robots]'"
+        ) from None
+    return make_robot
+
+
+def _parser() -> CommandLine:
+    parser = CommandLine(
+        prog="new_robot.py",
+        description=__doc__.partition("\n")[0],
+        epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
+        "2 bad input.",
+    )
+    parser.add_argument("file", type=Path, help="a URDF, MJCF or SDF")
+    parser.add_argument("--out", type=Path, required=True, help="the folder")
+    parser.add_argument(
+        "--fix",
+        action="append",
+        metavar="REGEX",
+        help="weld the joints of these names; may come several times",
+    )
+    parser.add_argument(
+        "--package-root",
+        action="append",
+        type=Path,
+        metavar="DIR",
+        help="has the packages of package://; so do the folders above FILE",
+    )
+    parser.add_argument(
+        "--fidelity",
+        choices=FIDELITIES,
+        default="realistic",
+        help="of the walk",
+    )
+    parser.add_argument(
+        "--no-walk", action="store_true", help="make the folder only"
+    )
+    group = parser.add_argument_group("names", "Default: they are found.")
+    for field in fields(Named):
+        joint = field.name in ("hip_pitch", "knee", "ankle_pitch")
+        group.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            default="",
+            metavar="JOINT,JOINT" if joint else "LINK",
+            help="of both legs" if joint else None,
+        )
+    return parser
+
+
+def _walk(robot: str, fidelity: str) -> int:
+    """Walks in place, and says how that went.
+
+    A robot may be too small for the parameters of the scenario.
+    """
+    scenario = load_scenario(
+        "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
+    )
+    try:
+        diagram = HumanoidDiagram(scenario)
+    except ValueError as error:
+        say(f"DID NOT WALK: {error}")
+        return FAILED
+    run = simulate(diagram, scenario.duration)
+    info = run_info(scenario, run, "humanoid", "walk_in_place")
+    found = summarize(run, info)
+    walked = found["recovered"]
+    say(
+        f"{'WALKED' if walked else 'DID NOT WALK'}: {found['steps_taken']} "
+        f"steps in place, max ICP error {1e3 * found['max_icp_error_m']:.1f} "
+        f"mm, max torque {100 * found['max_torque_ratio']:.0f} %"
+        + ("" if walked else f": {found['reason']}")
+    )
+    return DONE if walked else FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""Nadia at another size moves as Nadia does, in lengths and times of its own.
+
+Oracle: Froude's similarity, of the equations of motion in the same gravity.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.common.yaml import yaml_dump_typed
+
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from tests.scaled_robot import scaled_nadia
+
+SMALL = 0.25  # a power of 4: lengths and times are scaled without rounding
+
+
+def pushed(ratio, robot, delta_v, direction):
+    """The ICP (n, 2) [m] in Nadia's lengths, by tick."""
+    scenario = load_scenario("push", robot=robot)
+    scenario.lipm_period *= math.sqrt(ratio)
+    scenario.pushes[0].delta_v = delta_v * math.sqrt(ratio)
+    scenario.pushes[0].duration *= math.sqrt(ratio)
+    scenario.pushes[0].direction_deg = direction
+    run = simulate(LipmDiagram(scenario), 7.0 * math.sqrt(ratio))
+    return run.logs["icp"] / ratio
+
+
+@pytest.mark.parametrize("delta_v, direction", [(0.41, 90.0), (1.2, 0.0)])
+def test_a_small_point_mass_recovers_as_a_large_one(
+    tmp_path, delta_v, direction
+):
+    """Oracle: the same motion, while the ICP goes 0.1 m and 1 m.
+
+    To 1 mm: the swing foot's times are on a grid of 10 ms for either.
+    """
+    small = str(scaled_nadia(SMALL, tmp_path))
+    found = pushed(SMALL, small, delta_v, direction)
+    expected = pushed(1.0, "nadia", delta_v, direction)
+    assert np.ptp(expected, axis=0).max() > 0.1
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_the_written_scenario_is_the_one_that_ran(tmp_path):
+    """Oracle: ==, field by field, for a robot that is not Nadia."""
+    robot = str(scaled_nadia(0.7, tmp_path))
+    text = "{gait: {swing_duration: 0.5, step: {length: 0.2}}}"
+    scenario = load_scenario("walk_forward", text=text, robot=robot)
+    assert scenario.gait.swing_duration == 0.5  # given: as it is
+    assert scenario.gait.step.length == 0.2
+    assert scenario.gait.transfer_duration == pytest.approx(
+        0.3 * math.sqrt(0.7)
+    )
+    file = tmp_path / "scenario.yaml"
+    file.write_text(yaml_dump_typed(scenario, child_name="again"))
+    again = load_scenario("again", file)
+    assert yaml_dump_typed(again) == yaml_dump_typed(scenario)

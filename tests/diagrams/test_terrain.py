@@ -1,0 +1,133 @@
+"""Oracles: shapely, flat ground, messages by hand."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from nadia_balance.core.ground import GroundError
+from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams.terrain import Terrain, foot_beside
+from nadia_balance.results.log import ground_regions, steps
+from nadia_balance.results.plots import footsteps
+from tests.example_walks import SOLE, swing
+from tests.results.made_up_run import summary_of
+
+LARGE = """
+regions:
+- {name: large, vertices: [[-20, -20], [20, -20], [20, 20], [-20, 20]]}
+"""
+
+
+def run_of(scenario):
+    return simulate(LipmDiagram(scenario), scenario.duration)
+
+
+@functools.cache
+def pushed(direction_deg, delta_v):
+    """Walks on the stones and is pushed; do not change it."""
+    scenario = load_scenario("stepping_stones", duration=9.0)
+    (push,) = scenario.pushes
+    push.direction_deg, push.delta_v = direction_deg, delta_v
+    return run_of(scenario)
+
+
+@pytest.mark.parametrize(
+    ("direction_deg", "delta_v"), [(0, 0.8), (180, 1.0), (90, 0.5)]
+)
+def test_whole_soles_land_on_stones(direction_deg, delta_v):
+    """Oracle: shapely; 1 cm from the edge, the controller keeps 2 cm."""
+    run = pushed(direction_deg, delta_v)
+    assert run.fell_at is None and not run.error
+    stones = [shapely.Polygon(r) for r in ground_regions(run.logs)]
+    inside = []
+    taken = steps(run.logs)
+    assert max(np.linalg.norm(s.adjustment) for s in taken) > 0.07
+    for step in taken:
+        sole = shapely.Polygon(step.achieved.to_world(run.logs["sole"]))
+        (stone,) = (stone for stone in stones if stone.covers(sole))
+        inside.append(stone.exterior.distance(sole))
+    assert min(inside) > 0.01
+    found = summary_of(run.logs)["min_edge_distances_m"]
+    assert found == pytest.approx(inside, abs=1e-9)
+
+
+def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
+    """Oracle: the same push without a terrain."""
+    (tmp_path / "large.yaml").write_text(LARGE)
+    logs = []
+    for name in "flat", str(tmp_path / "large.yaml"):
+        scenario = load_scenario("push", duration=7.0)
+        scenario.terrain.name = name
+        logs.append(run_of(scenario).logs)
+    flat, large = logs
+    assert max(np.linalg.norm(s.adjustment) for s in steps(flat)) > 0.1
+    for name, values in flat.items():
+        np.testing.assert_array_equal(large[name], values)
+
+
+def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
+    """Oracle: by hand; the controller takes the stones to be elsewhere."""
+    scenario = load_scenario("stepping_stones", duration=9.0)
+    scenario.terrain.error = GroundError(place=0.3)
+    scenario.terrain.margin = 0.0
+    run = run_of(scenario)
+    assert run.fall_reason.endswith("foot beside its region")
+
+
+def test_a_foot_that_stands_across_an_edge_is_beside_its_region():
+    """Oracle: by hand; what is in the air does not count."""
+    ground = Terrain(name="stepping_stones").ground(SOLE)
+    schedule = swing()  # the right foot's
+    assert foot_beside(ground, schedule) == foot_beside(None, schedule) == ""
+    for side, expected in (Side.LEFT, "left foot beside"), (Side.RIGHT, ""):
+        feet = schedule.feet.with_foot(side, FootPose([0.25, 0.2, 0.0]))
+        found = foot_beside(ground, replace(schedule, feet=feet))
+        assert found.startswith(expected) and bool(found) == bool(expected)
+
+
+def test_footsteps_png_shows_the_regions():
+    """Oracle: the log: one more patch each, and two words in the legend."""
+    log = pushed(0, 0.8).logs
+    without = {name: log[name] for name in log if name != "ground"}
+    drawn, flat = (
+        footsteps.draw(each, summary_of(log)).axes[0] for each in (log, without)
+    )
+    more = len(drawn.patches) - len(flat.patches)
+    assert more == len(ground_regions(log)) == 17
+    words = [text.get_text() for text in drawn.get_legend().get_texts()]
+    assert {"region stepped on", "other region"} <= set(words)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("regions: [{name: a, corners: 3}]", r"regions\[0\].corners: unknown"),
+        ("regions: [{name: a, vertices: [[0, 0], [1, 0]]}]", "region 'a'"),
+    ],
+)
+def test_says_what_is_wrong_with_a_file(tmp_path, text, message):
+    """Oracle: by hand."""
+    path = tmp_path / "regions.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        Terrain(name=str(path)).ground(SOLE)
+    with pytest.raises(ValueError, match="must be a YAML file, or one of flat"):
+        Terrain(name="nowhere").ground(SOLE)
+
+
+def test_what_cannot_be_walked_yet_is_refused():
+    """Oracle: by hand: heights, and the controller that knows no regions."""
+    scenario = load_scenario("push")
+    scenario.terrain.name = "stairs"
+    with pytest.raises(ValueError, match="'stairs': must be level"):
+        LipmDiagram(scenario)
+    text = "{terrain: {name: gap}, controller: {icp_step_qp: {}}, "
+    text += "mechanisms: feedback_step}"
+    with pytest.raises(ValueError, match="'gap': must be flat with"):
+        load_scenario("push", text=text)

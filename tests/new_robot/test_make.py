@@ -1,0 +1,295 @@
+"""A biped that nobody has seen goes through; a faulty one is told so."""
+
+import re
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
+import numpy as np
+import pytest
+import yaml
+
+from nadia_balance.core.walking import Side
+from nadia_balance.new_robot.make import make_robot
+from nadia_balance.new_robot.named import Named
+from nadia_balance.robot import load_robot
+from tests.new_robot.biped import Biped
+
+# Rows: forward, left, up.
+LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+SIDEWAYS = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+BIPEDS = {
+    "as it should be": Biped(turned=False),
+    "turned frames": Biped(seed=1),
+    "knees that bend the other way": Biped(knee_sign=-1.0, seed=2),
+    "a base that lies": Biped(base_axes=LYING, seed=3),
+    "a base that looks aside": Biped(base_axes=SIDEWAYS, seed=4),
+    "wide toes": Biped(heel_half_width=0.03, toe_half_width=0.09),
+}
+
+
+@pytest.fixture(scope="module", params=BIPEDS.values(), ids=BIPEDS)
+def biped(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def made(biped, tmp_path_factory):
+    """robot.yaml as it is written, and the robot as it is loaded."""
+    folder = tmp_path_factory.mktemp("biped")
+    make_robot(biped.write(folder), folder / "made")
+    file = folder / "made" / "robot.yaml"
+    return yaml.safe_load(file.read_text()), load_robot(str(file))
+
+
+def inscribed(biped: Biped) -> tuple[float, float]:
+    """Heel and half-width of the largest rectangle in a tapered sole.
+
+    Of x from the toe to d before it, the half-width at d is w - s d; the area
+    d (w - s d) is largest at d = w / 2 s, if the sole is so long.
+    """
+    length = biped.toe - biped.heel
+    slope = (biped.toe_half_width - biped.heel_half_width) / length
+    depth = min(biped.toe_half_width / (2.0 * slope), length)
+    return biped.toe - depth, biped.toe_half_width - slope * depth
+
+
+def test_finds_what_it_was_made_of(biped, made):
+    """Oracle: the figures it was made of; the rectangle in closed form."""
+    written, robot = made
+    assert robot.pelvis_body == "pelvis"
+    assert robot.torso_body == "chest"
+    assert robot.foot_bodies == {Side.LEFT: "l_foot", Side.RIGHT: "r_foot"}
+    heel, half_width = inscribed(biped)
+    sole, legs, near = written["sole"], written["legs"], {"abs": 2e-4}
+    assert sole["x_max"] == pytest.approx(biped.toe, **near)
+    assert sole["x_min"] == pytest.approx(heel, **near)
+    assert sole["half_width"] == pytest.approx(half_width, **near)
+    assert sole["z"] == pytest.approx(-biped.ankle, **near)
+    assert legs["length"] == pytest.approx(biped.thigh + biped.shin, **near)
+    assert legs["ankle_height"] == pytest.approx(biped.ankle, **near)
+    assert legs["hip_width"] == pytest.approx(2.0 * biped.hip, **near)
+    # Ten of the pelvis, twenty of the chest, arms and both legs.
+    assert robot.mass == pytest.approx(10 + 20 + 2 * 3.3 + 2 * 13.8 + 0.02)
+
+
+def test_stands_with_bent_knees_and_keeps_them_bent(biped, made):
+    """Oracle: the law of cosines, the CoM of what the robot is made of."""
+    written, robot = made
+    for name in "lr":
+        bend = biped.knee_sign * robot.posture[f"{name}_knee"]
+        assert bend == pytest.approx(0.6)
+    plant = robot.control_plant()
+    context = plant.CreateDefaultContext()
+    for joint, angle in robot.posture.items():
+        plant.GetJointByName(joint).set_angle(context, angle)
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    legs, height = written["legs"], written["com_height"]
+    squared = biped.thigh**2 + biped.shin**2
+    squared += 2.0 * biped.thigh * biped.shin * np.cos(0.6)
+    sole = plant.GetBodyByName("l_foot").EvalPoseInWorld(context)
+    p_WS = sole @ robot.X_FootSole[Side.LEFT].translation()
+    assert com[2] - p_WS[2] == pytest.approx(height, abs=2e-4)
+    # The leg leans a little, to put the sole under the CoM.
+    drop = height - legs["com_above_hip"] - legs["ankle_height"]
+    lean = p_WS[0] - 0.5 * (robot.params.sole.x_min + robot.params.sole.x_max)
+    assert np.hypot(drop, lean) == pytest.approx(np.sqrt(squared), abs=5e-4)
+    limits = written["whole_body"]
+    which = "lower" if biped.knee_sign > 0.0 else "upper"
+    other = "upper" if biped.knee_sign > 0.0 else "lower"
+    knee = pytest.approx(0.1 * biped.knee_sign)
+    bent = {"l_knee": knee, "r_knee": knee}
+    assert limits[f"joint_{which}_limits"] == bent
+    assert limits[f"joint_{other}_limits"] == {}
+
+
+class Editor:
+    """What people get wrong in a URDF, and in the folder around it."""
+
+    def __init__(self, folder):
+        self.folder, self.file = folder, Biped(turned=False).write(folder)
+        self.xml = ElementTree.parse(self.file)
+
+    def named(self, tag: str, name: str):
+        return self.xml.find(f"{tag}[@name='{name}']")
+
+    def joint(self, name: str, **values: str) -> None:
+        """Changes its type, or what its limits are."""
+        joint = self.named("joint", name)
+        joint.set("type", values.pop("type", joint.get("type")))
+        joint.find("limit").attrib.update(values)
+
+    def moved(self, joint: str, xyz: str) -> None:
+        self.named("joint", joint).find("origin").set("xyz", xyz)
+
+    def no_effort(self, name: str) -> None:
+        del self.named("joint", name).find("limit").attrib["effort"]
+
+    def mass(self, link: str, value: str) -> None:
+        self.named("link", link).find("inertial/mass").set("value", value)
+
+    def inertia(self, link: str, **moments: str) -> None:
+        self.named("link", link).find("inertial/inertia").attrib.update(moments)
+
+    def rod(self, parent: str, child: str) -> None:
+        top = self.xml.getroot()
+        rod = SubElement(top, "joint", name="rod", type="fixed")
+        SubElement(rod, "parent", link=parent)
+        SubElement(rod, "child", link=child)
+
+    def higher_sole(self, link: str) -> None:
+        for kind in ("visual", "collision"):
+            for shape in self.named("link", link).findall(kind):
+                SubElement(shape, "origin", xyz="0 0 0.02")
+
+    def balls(self, link: str) -> None:
+        for kind in ("visual", "collision"):
+            geometry = self.named("link", link).find(f"{kind}/geometry")
+            geometry.remove(geometry[0])
+            SubElement(geometry, "sphere", radius="0.05")
+
+    def no_meshes(self) -> None:
+        (self.folder / "biped_description").rename(self.folder / "elsewhere")
+
+    def without(self, joint: str) -> None:
+        self.xml.getroot().remove(self.named("joint", joint))
+
+    def make(self, **options):
+        self.xml.write(self.file)
+        return make_robot(self.file, self.folder / "made", **options)
+
+
+@pytest.fixture
+def edit(tmp_path):
+    return Editor(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "fault, message",
+    [
+        (
+            lambda e: e.joint("l_yaw", type="fixed"),
+            "legs: must be two, of 5 to 7 joints each; numbers of joints: ",
+        ),
+        (
+            lambda e: e.joint("l_tilt", type="continuous"),
+            "joint l_tilt: is continuous: must be revolute, in a leg",
+        ),
+        (
+            lambda e: e.joint("r_knee", type="prismatic"),
+            "joint r_knee: is prismatic: must be revolute, in a leg",
+        ),
+        (
+            lambda e: SubElement(e.named("joint", "r_knee"), "mimic"),
+            "joint r_knee: must not be a mimic, in a leg",
+        ),
+        (
+            lambda e: e.no_effort("r_hip"),
+            "joint r_hip: must have an effort limit",
+        ),
+        (
+            lambda e: e.joint("l_roll", lower="0.7"),
+            "joint l_roll: lower limit = 0.7: must be <= upper = 0.6",
+        ),
+        (
+            lambda e: e.joint("l_knee", lower="-2.3", upper="0.0"),
+            "joint l_knee: must bend the knee, so that the foot goes back",
+        ),
+        (
+            lambda e: e.joint("l_ankle", lower="0.3"),
+            "joints l_hip, l_ankle, r_hip, r_ankle: must have the range",
+        ),
+        (
+            lambda e: e.mass("l_shin", "-4"),
+            "link l_shin: mass = -4.0: must be >= 0 kg",
+        ),
+        (
+            lambda e: e.mass("chest", "heavy"),
+            "link chest: value = heavy: must be a finite number",
+        ),
+        (
+            lambda e: e.higher_sole("r_foot"),
+            "soles of l_foot and r_foot: must be alike; they are 0.090 and "
+            "0.070 m",
+        ),
+        (
+            lambda e: e.balls("l_foot"),
+            "foot l_foot: must have a shape with a flat side below",
+        ),
+        (
+            lambda e: e.no_meshes(),
+            "foot l_foot: must have a shape with a flat side below; there is "
+            "no package://biped_description/meshes/l_foot.stl",
+        ),
+        (
+            lambda e: e.moved("l_ankle", "0 0 -0.35"),
+            "legs to l_foot and r_foot: must be alike; they are 0.750 and "
+            "0.780 m long",
+        ),
+        (
+            lambda e: e.rod("chest", "l_foot"),
+            "link l_foot: must be held by one joint, not by l_tilt and rod: a",
+        ),
+        (
+            lambda e: e.rod("chest", "pelvis"),
+            "must not close a loop",
+        ),
+        (
+            lambda e: e.without("waist"),
+            "links pelvis and spine: only one must be held by no joint",
+        ),
+        (lambda e: e.rod("chest", "tail"), "joint rod: no link 'tail'"),
+    ],
+)
+def test_a_faulty_biped_is_refused_on_one_line(edit, fault, message):
+    """Oracle: what was made wrong, and where."""
+    fault(edit)
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        edit.make()
+    assert "\n" not in str(error.value)
+
+
+def test_says_what_it_mends(edit):
+    """Oracle: what is wrong with the biped, by hand."""
+    edit.inertia("l_shin", ixx="-0.01")
+    edit.joint("waist", type="continuous")
+    edit.no_effort("bow")
+    thumb = edit.named("link", "l_thumb").find("visual/geometry")
+    thumb.remove(thumb[0])
+    SubElement(thumb, "mesh", filename="package://hands/thumb.stl")
+    changed = edit.make(fix=["r_sw.*"]).changed
+    assert changed == [
+        "left out the tags gazebo",
+        "left out visual of link l_thumb: there is no "
+        "package://hands/thumb.stl (--package-root?)",
+        "moments of inertia that no body has, made possible: l_shin",
+        "welded as asked: r_swing",
+        "welded, mimic: l_grip, r_grip",
+        "welded, prismatic: l_slide, r_slide",
+        "welded, no effort limit, or no range: bow",
+        "waist turns by +-pi, not for ever",
+    ]
+    robot = load_robot(str(edit.folder / "made" / "robot.yaml"))
+    joints = robot.control_plant().num_velocities() - 6
+    assert joints == 2 * 6 + len(["waist", "l_swing"])
+
+
+def test_names_of_the_user_come_first(edit):
+    """Oracle: the names; what is found has others."""
+    named = Named(torso="spine", left_foot="l_sole", knee="r_knee,l_knee")
+    guessed = edit.make(named=named).guessed
+    assert guessed[0] == "pelvis pelvis, torso spine, feet l_foot, r_foot"
+    with pytest.raises(ValueError, match="^link tail: must be one of chest"):
+        edit.make(named=Named(torso="tail"))
+    with pytest.raises(ValueError, match="^knee r_knie: must be one of l_yaw"):
+        edit.make(named=Named(knee="r_knie"))
+
+
+def test_meshes_may_be_in_a_package_elsewhere(edit, tmp_path):
+    """Oracle: the sole, which is of a mesh."""
+    edit.no_meshes()
+    package = tmp_path / "elsewhere"
+    roots = tmp_path / "roots"
+    roots.mkdir()
+    package.rename(roots / "biped_description")
+    guessed = edit.make(package_roots=[roots]).guessed
+    assert guessed[3].startswith("sole 0.240 x 0.100 m, of 0.240 x 0.120 m")

@@ -1,0 +1,117 @@
+"""Soles of shapes whose flat side is known."""
+
+import numpy as np
+import pytest
+import trimesh
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from nadia_balance.new_robot.soles import find_sole, largest_rectangle
+from nadia_balance.new_robot.tree import Link, Shape
+
+TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def box(x, y, z, at=(0.0, 0.0, 0.0)) -> Shape:
+    size = {"size": f"{x} {y} {z}"}
+    mesh = trimesh.creation.box((x, y, z))
+    return Shape("box", size, TILT @ RigidTransform(np.array(at)), mesh)
+
+
+def sphere(radius, at) -> Shape:
+    mesh = trimesh.creation.icosphere(3, radius)
+    X = TILT @ RigidTransform(np.array(at))
+    return Shape("sphere", {"radius": str(radius)}, X, mesh)
+
+
+def cylinder(radius, length, at) -> Shape:
+    """Along x."""
+    mesh = trimesh.creation.cylinder(radius, length)
+    lying = RigidTransform(RollPitchYaw(0.0, 0.5 * np.pi, 0.0), np.array(at))
+    return Shape("cylinder", {}, TILT @ lying, mesh)
+
+
+def rounded() -> Shape:
+    """A shoe whose sole is 0.2 x 0.08 m, its edges rounded by 0.02 m."""
+    corners = [[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
+    ball = trimesh.creation.icosphere(4, 0.02).vertices
+    points = np.concatenate([ball + corner for corner in corners])
+    mesh = trimesh.convex.convex_hull(points)
+    return Shape("mesh", {}, TILT, mesh)
+
+
+@pytest.mark.parametrize(
+    "shapes, depth, size",
+    [
+        ([box(0.2, 0.1, 0.04)], 0.02, (0.2, 0.1)),
+        (
+            [
+                sphere(0.01, (x, y, 0.0))
+                for x in (-0.1, 0.1)
+                for y in (-0.04, 0.04)
+            ],
+            0.01,
+            (0.2, 0.08),
+        ),
+        (
+            [cylinder(0.02, 0.2, (0.0, y, 0.0)) for y in (-0.03, 0.03)],
+            0.02,
+            (0.2, 0.06),
+        ),
+        # A point 2 mm above the plane of the rounding counts, 9 mm outside.
+        ([rounded()], 0.02, (0.2172, 0.0972)),
+        # An ankle on a plate.
+        (
+            [box(0.2, 0.1, 0.02), box(0.05, 0.05, 0.1, (0.0, 0.0, 0.05))],
+            0.01,
+            (0.2, 0.1),
+        ),
+    ],
+    ids=["box", "spheres", "cylinders", "rounded", "plate"],
+)
+def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
+    """Oracle: the shapes' own figures; 1 mm where the mesh is a polyhedron."""
+    link = Link("foot", collisions=shapes)
+    sole = find_sole(link, DOWN)
+    down = TILT.rotation() @ DOWN
+    assert sole.down == pytest.approx(down, abs=1e-3)
+    assert sole.depth == pytest.approx(
+        depth + TILT.translation() @ down, abs=5e-4
+    )
+    flat = (TILT.inverse() @ sole.points.T)[:2]
+    assert np.ptp(flat, axis=1) == pytest.approx(size, abs=2e-3)
+
+
+def test_collision_comes_before_visual_unless_it_is_small():
+    """Oracle: 0.2 m x 0.1 m are more than twice 0.1 m x 0.09 m."""
+    large, small = box(0.2, 0.1, 0.04), box(0.1, 0.09, 0.04)
+    half = box(0.15, 0.09, 0.04)
+    for shape, source in (small, "visual"), (half, "collision"):
+        link = Link("foot", visuals=[large], collisions=[shape])
+        assert find_sole(link, DOWN).source == source
+
+
+def test_a_ball_has_no_sole():
+    with pytest.raises(ValueError, match="^foot ball: must have .* flat side"):
+        find_sole(Link("ball", visuals=[sphere(0.1, (0.0, 0.0, 0.0))]), DOWN)
+
+
+def test_the_largest_rectangle_in_an_ellipse_and_in_two_soles():
+    """Oracle: its sides are the diameters over sqrt(2); the common part.
+
+    A polygon of 400 sides.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, 401)[:-1]
+    ellipse = np.stack(
+        [0.1 * np.cos(angle) + 0.03, 0.05 * np.sin(angle)], axis=1
+    )
+    half = np.sqrt(0.5)
+    assert largest_rectangle([ellipse]) == pytest.approx(
+        (0.03 - 0.1 * half, 0.03 + 0.1 * half, 0.05 * half), abs=1e-4
+    )
+    corners = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+    soles = [corners * [0.1, 0.05] + [0.02, 0.01], corners * [0.08, 0.06]]
+    assert largest_rectangle(soles) == pytest.approx((-0.08, 0.08, 0.04))
+    aside = corners * [0.1, 0.05] + [0.0, 0.06]
+    with pytest.raises(ValueError, match="a part on y = 0 in common"):
+        largest_rectangle([aside])

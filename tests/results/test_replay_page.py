@@ -1,0 +1,47 @@
+"""Oracle: the run that was made up; the browser is in tests/test_browser.py."""
+
+import json
+import re
+
+from nadia_balance.results.replay_page import replay_status
+from nadia_balance.results.story import telling
+from tests.results.made_up_run import Recipe, make_log, summary_of
+
+
+def said_by(text):
+    """What the page's script is given."""
+    (found,) = re.findall(r"= (\{.*\});$", text, flags=re.MULTILINE)
+    return json.loads(found)
+
+
+def test_the_page_tells_the_story_with_its_times():
+    """Oracle: the story of the terminal, without the figures of its end."""
+    log = make_log(Recipe())
+    summary = summary_of(log) | {"scenario": "</script>"}
+    text = replay_status(log, summary)
+    assert text.count("</script>") == 1
+    said = said_by(text)
+    assert said["title"].startswith("</script>  ·  ")
+    told = telling(log, summary)
+    assert [line[0] for line in said["story"]] == [time for time, _ in told]
+    for (_, line, _), (_, text) in zip(said["story"], told, strict=True):
+        assert " ".join(text.split()).startswith(line)
+    push = next(line for _, line, _ in said["story"] if "push" in line)
+    assert re.search(r"push \d\.\d\d m/s .*F = \d+ N for", push)
+    assert said["story"][-1][1].split()[0] == "RECOVERED"
+    starts = [start for start, _ in said["phases"]]
+    assert starts == sorted(starts)
+    assert {"right swing", "left swing"} <= {name for _, name in said["phases"]}
+
+
+def test_an_end_that_is_no_recovery_is_red():
+    """Oracle: the colours, apart by far more red than green."""
+    log = make_log(Recipe())
+    colors = []
+    for recovered in True, False:
+        summary = summary_of(log) | {"recovered": recovered}
+        summary["reason"] = "" if recovered else "fell: too low"
+        color = said_by(replay_status(log, summary))["story"][-1][2]
+        colors.append([int(color[i : i + 2], 16) for i in (1, 3, 5)])
+    (red, green, _), (red_too, green_too, _) = colors
+    assert green > 2 * red and red_too > 2 * green_too

@@ -1,0 +1,59 @@
+"""Oracle: lipm_limit_nadia.csv of the founders, through all that is above."""
+
+from dataclasses import replace
+
+import pytest
+
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.robot import load_robot
+from nadia_balance.scripts.envelope_sweep.physical import (
+    limits_of,
+    with_limits,
+)
+from nadia_balance.scripts.envelope_sweep.search import Cell, Situation
+from tests.scripts.envelope_sweep.made_up import AT, made_up_envelope
+
+ALL = "all_with_cross_over"
+NOWHERE = "there is no such file"
+
+
+def test_the_walk_has_the_limit_of_an_enumeration():
+    """Oracle: columns v3 and free of lipm_limit_nadia.csv, to 1 %.
+
+    Of the mean: the CoP of the plan is a little inside of the sole's centre,
+    which is good for pushes inward, and as bad for those outward.
+    """
+    scenario = load_scenario("push", fidelity="realistic")
+    limit, with_hips = limits_of(scenario, AT, "humanoid")
+    found = [limit.largest_push(d).delta_v for d in (0, 90, 180, 270)]
+    assert sum(found) == pytest.approx(1.99 + 1.02 + 1.99 + 1.93, rel=0.01)
+    assert (limit.kappa, with_hips.kappa) == (0.0, 0.05)
+    ideal = load_scenario("push", fidelity="ideal")
+    free, _ = limits_of(ideal, AT, "lipm")
+    assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
+
+
+def test_every_robot_has_its_own():
+    """Oracle: its robot.yaml."""
+    for name in "nadia", "atlas":
+        scenario = load_scenario("push", robot=name, fidelity="realistic")
+        limit, _ = limits_of(scenario, AT, "humanoid")
+        model = load_robot(name).point_mass
+        height = model.com_height
+        assert limit.assumptions.startswith(f"a point mass {height:g} m high")
+        assert f"up to {model.detour.max_speed:g} m/s" in limit.assumptions
+
+
+def test_an_envelope_is_given_those_of_its_cells(tmp_path):
+    """Oracle: `limits_of`, of one direction; a gait that is unknown."""
+    unknown = Situation("gone", AT.at)
+    cells = {Cell("step", AT, 40.0): 0.3, Cell("step", unknown, 0.0): 0.3}
+    envelope = with_limits(made_up_envelope(cells), tmp_path / NOWHERE)
+    assert set(envelope.physical) == {AT}
+    curve = envelope.known(AT).limit["step"]
+    assert set(curve) == {40.0, *(15.0 * i for i in range(24))}
+    limit, _ = limits_of(load_scenario("push"), AT, "humanoid")
+    one = replace(limit, on=replace(limit.on, swing=False, transfer=False))
+    one = replace(one, on=replace(one.on, cross_over=False))
+    assert curve[40.0] == pytest.approx(one.largest_push(40.0).delta_v)
+    assert set(envelope.known(AT).with_hips["step"]) == set(curve)

@@ -1,0 +1,84 @@
+"""One command from a URDF of anybody's to a robot that walks."""
+
+import sys
+
+import pytest
+
+from nadia_balance.scripts import new_robot
+from tests.new_robot.biped import Biped
+from tests.scripts.running import assert_refused, run_script
+
+
+@pytest.fixture
+def file(tmp_path):
+    return Biped(seed=7).write(tmp_path)
+
+
+def test_an_unseen_biped_walks_by_one_command(
+    file, tmp_path, capsys, monkeypatch
+):
+    """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
+
+    Three steps of the twenty.
+    """
+    short = "{duration: 5.0, gait: {num_steps: 3}}"
+    monkeypatch.setattr(new_robot, "WALK", short)
+    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+    assert (outcome.code, outcome.err) == (0, [])
+    words = {line.partition(": ")[0] for line in outcome.out}
+    assert {"guessed", "changed", "unknown"} <= words
+    assert "rotor inertia of 16 joints" in " ".join(outcome.out)
+    walked, error = outcome.out[-1].split("max ICP error ")
+    assert walked.startswith("WALKED: 3 steps")
+    assert float(error.split(" mm")[0]) < 10.0
+
+
+def test_a_robot_that_does_not_walk_is_told(
+    file, tmp_path, capsys, monkeypatch
+):
+    """Oracle: a scenario that needs soles of more than a metre."""
+    large = "{controller: {step_adjuster: {foot_front: 1.0}}}"
+    monkeypatch.setattr(new_robot, "WALK", large)
+    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+    assert outcome.code == 1
+    assert outcome.out[-1].startswith("DID NOT WALK: foot_front = 1.0")
+
+
+@pytest.mark.parametrize(
+    "argv, message",
+    [
+        (["none.urdf"], "[Errno 2] No such file or directory: 'none.urdf'"),
+        ([__file__], "malformed XML: "),
+        (["FILE", "--fix", "tail"], "fix = 'tail': must match a joint"),
+        (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 5 to 7"),
+        (["FILE", "--fix", "("], "fix = '(': must be a regular expression"),
+        (["FILE", "--pelvis", "tail"], "link tail: must be one of chest, "),
+    ],
+)
+def test_refuses_what_it_cannot_make_a_robot_of(
+    file, argv, message, tmp_path, capsys
+):
+    argv = [file if word == "FILE" else word for word in argv]
+    outcome = run_script(new_robot, [*argv, "--out", tmp_path / "made"], capsys)
+    assert_refused(outcome, message)
+
+
+def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
+    """Oracle: 10 N m of a knee that carries half of 65 kg."""
+    text = file.read_text()
+    before, knee, after = text.partition('name="l_knee"')
+    file.write_text(before + knee + after.replace("250", "10", 1))
+    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+    (line,) = outcome.err
+    assert outcome.code == 2
+    assert "effort limit of l_knee = 10: must be >= " in line
+
+
+def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
+    """Oracle: without trimesh, one line."""
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.make")
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.tree")
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+    message = "trimesh is missing: pip install 'nadia_balance[robots]'"
+    assert_refused(outcome, message)
