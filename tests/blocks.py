@@ -4,13 +4,15 @@ from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, PortDataType, System
 
+from nadia_balance.systems.ports import NOTHING
+
 
 def fix(system: System, context: Context, **inputs: object) -> None:
     """Fixes the inputs of these names."""
     for name, value in inputs.items():
         port = system.GetInputPort(name)
         if port.get_data_type() == PortDataType.kAbstractValued:
-            value = Value(value)
+            value = Value(NOTHING if value is None else value)
         port.FixValue(context, value)
 
 

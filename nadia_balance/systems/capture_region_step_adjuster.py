@@ -54,8 +54,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
     `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
     (1,) [s] is about to be added to the clock, 0 if not connected;
     `mechanisms` (4,), all if not connected.  `adjustment` is an Adjustment:
-    outside of a swing the next foothold as it is, None while `step` is off.
-    `capture_regions` are CaptureRegions, empty outside of a swing.
+    outside of a swing the next foothold as it is, NOTHING (see ports) while
+    `step` is off.  `capture_regions` are CaptureRegions, empty outside of a
+    swing.
 
     It has no state: what it has to remember is in the Adjustment that it reads
     back from the walking state.

@@ -52,8 +52,9 @@ class IcpStepController(LeafSystem):
     `time_adjustment` (1,) [s] is about to be added to the clock, 0 if not
     connected; `mechanisms` (4,), all if not connected.
 
-    `adjustment` is an Adjustment, None while `step` is off; `capture_regions`
-    are CaptureRegions without any, but with reach and footholds of a swing.
+    `adjustment` is an Adjustment, NOTHING (see ports) while `step` is off;
+    `capture_regions` are CaptureRegions without any, but with reach and
+    footholds of a swing.
     `ecmp_command` is an EcmpCommand with one point, `momentum_qp_status` a
     QpStatus, its violation in [m]; `momentum_rate` (3,) [N] is in W,
     `icp_reference` an IcpReference.  The discrete state is what these four

@@ -96,7 +96,7 @@ class MujocoPlant(LeafSystem):
         self._step = declare_cache(self, "step", self._calc_step, needs)
         self.DeclareAbstractOutputPort(
             "contact_results",
-            lambda: Value(None),
+            lambda: Value[object](),
             self._calc_contacts,
             {self._step.ticket()},
         )

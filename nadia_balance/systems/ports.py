@@ -76,6 +76,27 @@ class Input(abc.ABC):
         return f"{name}: input port '{self._port.get_name()}' {what}"
 
 
+class _Nothing:
+    """Takes the place of None, which newer Drakes refuse as a value."""
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __deepcopy__(self, memo: object) -> "_Nothing":
+        return self
+
+
+NOTHING = _Nothing()
+
+
+def _packed(value: object) -> object:
+    return NOTHING if value is None else value
+
+
+def _unpacked(value: object) -> Any:
+    return None if value is NOTHING else value
+
+
 class ValueInput(Input):
     """An abstract input port for Python values of one `kind`.
 
@@ -92,11 +113,12 @@ class ValueInput(Input):
         default: object = _REQUIRED,
     ):
         """Declares the port."""
-        port = system.DeclareAbstractInputPort(name, Value(None))
+        port = system.DeclareAbstractInputPort(name, Value(NOTHING))
         super().__init__(system, port, default)
         self._kind = kind
 
     def _checked(self, value: Any) -> Any:
+        value = _unpacked(value)
         if not isinstance(value, self._kind) and value is not self._default:
             got, needed = type(value).__name__, self._kind.__name__
             raise TypeError(self._message(f"got a {got}, needs a {needed}"))
@@ -156,9 +178,9 @@ def declare_cache(
     return system.DeclareCacheEntry(
         name,
         ValueProducer(
-            lambda: Value(first),
+            lambda: Value(_packed(first)),
             lambda context, cache: cache.set_value(
-                calc(context, cache.get_value())
+                _packed(calc(context, _unpacked(cache.get_value())))
             ),
         ),
         needs,
@@ -174,8 +196,8 @@ def declare_output(
     """Declares an abstract output port for what `calc(context)` returns."""
     port = system.DeclareAbstractOutputPort(
         name,
-        lambda: Value(None),
-        lambda context, output: output.set_value(calc(context)),
+        lambda: Value(NOTHING),
+        lambda context, output: output.set_value(_packed(calc(context))),
         needs,
     )
     return port.cache_entry()

@@ -27,6 +27,7 @@ from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
+from nadia_balance.systems.ports import NOTHING
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, UNCROSSED, standing, walk
 
@@ -136,12 +137,12 @@ def test_crosses_the_legs_only_while_that_is_on(adjuster):
 
 
 def test_proposes_nothing_while_it_is_switched_off(adjuster):
-    """Oracle: None; the first of the mechanisms is its switch."""
+    """Oracle: NOTHING; the first of the mechanisms is its switch."""
     context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
     for on in True, False, True:
         fix(adjuster, context, mechanisms=[on, 0, 0, 1])
         found = adjustment(adjuster, context)
-        assert (found is not None) is on
+        assert (found is not NOTHING) is on
     assert_same(found, expected(IN_AIR))
 
 

@@ -29,6 +29,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
+from nadia_balance.systems.ports import NOTHING
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import MODEL, walk
 
@@ -139,7 +140,7 @@ def test_can_be_switched_off_and_on(controller):
     moved = replace(IN_PLACE, footsteps=steps)
     state = replace(IN_AIR, schedule=moved, adjustment=found)
     fix(controller, context, mechanisms=[0, 0, 0, 0], **inputs(state))
-    assert answer(controller, context, "adjustment") is None
+    assert answer(controller, context, "adjustment") is NOTHING
     drawn = answer(controller, context, "capture_regions")
     assert drawn.adjusted is found.pose
     fix(controller, context, mechanisms=[1, 0, 0, 0], **inputs())
