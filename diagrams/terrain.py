@@ -45,8 +45,8 @@ class Terrain:
         check_ground(ground)
         return ground
 
-    def level_ground(self, sole: Array) -> Ground | None:
-        """The true ground, as long as nothing else can be walked on.
+    def level_ground(self, sole: Array, what: str) -> Ground | None:
+        """The true ground, for `what` knows no other than level ground.
 
         Raises:
             ValueError: as of `ground`; or it is not level at z = 0, or not
@@ -56,7 +56,7 @@ class Terrain:
         if not all(g is None or g.is_level for g in (truth, self.known(truth))):
             raise ValueError(
                 f"terrain.name = {self.name!r}: must be level, at height 0, "
-                "with an error of its place only, to be walked on for now"
+                f"with an error of its place only, for {what}"
             )
         return truth
 

@@ -6,15 +6,17 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.swing_clearance import SwingEdges, edges_on_way
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
 )
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.walking import ContactSchedule, WalkingState
 from nadia_balance.systems.ports import (
     Outcome,
     ValueInput,
+    declare_cache,
     entries,
     size,
 )
@@ -66,6 +68,13 @@ class SwingFootPlanner(LeafSystem):
         check(params)
         self._params, self._model, self._period = params, model, period
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._edges = declare_cache(
+            self,
+            "edges",
+            self._calc_edges,
+            {self._walking_state.ticket()},
+            (None, None),
+        )
         # The last one is not used before the first swing, which begins where
         # the foot stands.
         Outcome(
@@ -73,9 +82,18 @@ class SwingFootPlanner(LeafSystem):
             {"swing_foot_reference": size(SwingFootReference)},
             1,
             self._calc,
-            {self._walking_state.ticket()},
+            {self._walking_state.ticket(), self._edges.ticket()},
             period,
         )
+
+    def _calc_edges(
+        self, context, last: tuple[ContactSchedule | None, SwingEdges | None]
+    ) -> tuple[ContactSchedule | None, SwingEdges | None]:
+        schedule = self._walking_state(context).schedule
+        if schedule is last[0]:
+            return last
+        clearance = self._params.clearance
+        return schedule, edges_on_way(schedule, self._model, clearance)
 
     def _calc(self, context, last) -> np.ndarray:
         motion = swing_foot_motion(
@@ -84,5 +102,6 @@ class SwingFootPlanner(LeafSystem):
             self._period,
             self._params,
             self._model,
+            self._edges.Eval(context)[1],
         )
         return motion.as_vector()
