@@ -20,6 +20,7 @@ _PARTS = 40  # of the way, at whose ends the ground is looked at
 _BESIDE = 0.01  # the foot may be beside its way by so much [m]
 _RISE = 0.005  # above the straight line from start to goal, it is an edge [m]
 _AHEAD = 0.06  # the foot waits so far before an edge that is too high [m]
+_DESCENT = 0.1  # so far before the goal the clearance shrinks, to none [m]
 _SHORTEST = 0.02  # a way that is shorter leads over no edge [m]
 
 
@@ -84,13 +85,16 @@ def edges_on_way(
         return None
     step = schedule.footsteps[0]
     start, goal = schedule.feet[step.side], step.pose
-    if math.dist(start.p_WF[:2], goal.p_WF[:2]) < _SHORTEST:
+    length = math.dist(start.p_WF[:2], goal.p_WF[:2])
+    if length < _SHORTEST:
         return None
     assert model.ground is not None  # it is uneven
     size = 1.0 + _BESIDE / np.abs(model.sole)
     found = touching_heights(model.ground, model.sole * size, start, goal)
-    line = np.linspace(start.p_WF[2], goal.p_WF[2], _PARTS + 1)
-    heights = np.where(found > line + _RISE, found + clearance, -np.inf)
+    s = np.linspace(0.0, 1.0, _PARTS + 1)
+    line = (1.0 - s) * start.p_WF[2] + s * goal.p_WF[2]
+    above = clearance * np.minimum((1.0 - s) * length / _DESCENT, 1.0)
+    heights = np.where(found > line + _RISE, found + above, -np.inf)
     if not np.any(heights > -np.inf):
         return None
     return SwingEdges(start.p_WF, goal.p_WF, heights, clearance)

@@ -217,10 +217,11 @@ def _over_edges(
     z = quintic(start[:, Z], end[:, Z], np.full(1, left), times)[0]
     short = edges.needed(xy) - z[:, 0]
     worst = int(short.argmax())
-    if short[worst] <= 0.0:
+    t = float(times[worst, 0])
+    if short[worst] <= 0.0 or t < _SOON:
         return end[:, Z]
     via = z[worst] + short[worst]
-    return end_beyond(start[:, Z], landing, left, via, float(times[worst, 0]))
+    return end_beyond(start[:, Z], landing, left, via, t)
 
 
 def _nearest_turn(yaw: float, reference: float) -> float:
