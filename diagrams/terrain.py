@@ -29,6 +29,8 @@ class Terrain:
     # From a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
     error: GroundError = field(default_factory=GroundError)
+    # False: the controller takes it for flat.
+    seen: bool = True
 
     def ground(self, sole: Array) -> Ground | None:
         """The true ground for soles (n, 2) [m]; None if it is flat.
@@ -62,7 +64,9 @@ class Terrain:
 
     def known(self, truth: Ground | None) -> Ground | None:
         """What the controller takes for the ground, with its error."""
-        if truth is None or self.error == GroundError():
+        if truth is None or not self.seen:
+            return None
+        if self.error == GroundError():
             return truth
         regions = believed(truth.regions, self.error, self.seed)
         return Ground(regions, truth.sole, truth.margin)
