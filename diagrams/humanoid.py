@@ -21,7 +21,7 @@ from nadia_balance.diagrams.signal_log import (
     ground_logs,
     region_logs,
 )
-from nadia_balance.diagrams.terrain import foot_beside
+from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
 from nadia_balance.robot import actuated_velocities, load_robot
@@ -87,6 +87,8 @@ class HumanoidDiagram(Diagram):
         self.robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(self.robot.sole)
         self.robot.point_mass = scenario.point_mass(self.robot)
+        start = scenario.start(self.robot.point_mass)
+        check_start(self._ground, start.schedule.feet)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)
@@ -95,7 +97,7 @@ class HumanoidDiagram(Diagram):
             BalanceController(
                 params,
                 self.robot,
-                start=scenario.start(self.robot.point_mass),
+                start=start,
                 **blocks,
             ),
         )

@@ -12,7 +12,13 @@ from nadia_balance.core.ground import (
     believed,
     check_ground,
 )
-from nadia_balance.core.walking import Array, ContactSchedule, Side
+from nadia_balance.core.ground_steps import standing_on
+from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
+    FootPoses,
+    Side,
+)
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
@@ -81,6 +87,23 @@ class Terrain:
             )
         what = f"terrain {self.name}"
         return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+
+
+def check_start(ground: Ground | None, feet: FootPoses) -> None:
+    """Checks that a robot can stand with its `feet` on the true `ground`.
+
+    Raises:
+        ValueError: the ground under a foot is not one level region at z = 0.
+    """
+    if ground is None or ground.is_level:
+        return
+    for side in Side:
+        for foot in standing_on(ground, feet)[side], feet[side]:
+            if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
+                raise ValueError(
+                    f"{side.value} foot at the start: its region must be "
+                    "level, at height 0, and known to be so"
+                )
 
 
 def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:

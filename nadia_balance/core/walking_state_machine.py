@@ -319,8 +319,9 @@ def _end_transfer(
 def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
     """The `feet`, as tilted as the `wanted` ones: what a sole is brought to."""
     for side in Side:
-        pose = replace(feet[side], normal=wanted[side].normal)
-        feet = feet.with_foot(side, pose)
+        normal = wanted[side].normal
+        if feet[side].normal is not normal:
+            feet = feet.with_foot(side, replace(feet[side], normal=normal))
     return feet
 
 
