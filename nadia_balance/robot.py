@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
+    RoleAssign,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
@@ -21,10 +22,11 @@ from pydrake.multibody.plant import (
     AddMultibodyPlant,
     AddMultibodyPlantSceneGraph,
     ContactResults,
+    CoulombFriction,
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -377,3 +379,22 @@ def default_plant_config() -> MultibodyPlantConfig:
 def add_ground(plant: MultibodyPlant) -> None:
     """Adds the flat ground, z = 0, to a `plant` that is not finalized yet."""
     Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
+
+
+def scale_friction(
+    plant: MultibodyPlant, scene_graph: SceneGraph, ratio: float
+) -> None:
+    """Multiplies all friction coefficients in a finalized `plant`."""
+    inspector = scene_graph.model_inspector()
+    for i in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(i))
+        for shape in plant.GetCollisionGeometriesForBody(body):
+            properties = inspector.GetProximityProperties(shape)
+            mu = properties.GetProperty("material", "coulomb_friction")
+            scaled_mu = CoulombFriction(
+                ratio * mu.static_friction(), ratio * mu.dynamic_friction()
+            )
+            properties.UpdateProperty("material", "coulomb_friction", scaled_mu)
+            scene_graph.AssignRole(
+                plant.get_source_id(), shape, properties, RoleAssign.kReplace
+            )

@@ -45,8 +45,9 @@ class SwingFootPlanner(LeafSystem):
     """Continues the swing foot's reference from its last value.
 
     `walking_state` is a WalkingState; `swing_foot_reference` the
-    SwingFootReference of the foot that swings, or that will swing next.  The
-    discrete state is the output of the last tick.
+    SwingFootReference of the foot that swings, or that will swing next, a
+    `lead` ahead.  The discrete state is the output of the last tick, and what
+    it would have been without the lead.
 
     .. pydrake_system::
 
@@ -56,21 +57,29 @@ class SwingFootPlanner(LeafSystem):
     """
 
     def __init__(
-        self, params: SwingFootParams, model: PointMassModel, period: float
+        self,
+        params: SwingFootParams,
+        model: PointMassModel,
+        period: float,
+        lead: float = 0.0,
     ):
-        """Follows the walking state every `period` [s].
+        """Follows the walking state every `period` [s], a `lead` [s] ahead.
 
         Raises ValueError for `params` that are out of range.
         """
         super().__init__()
         check(params)
-        self._params, self._model, self._period = params, model, period
+        self._params, self._model = params, model
+        self._period, self._lead = period, lead
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
         # The last one is not used before the first swing, which begins where
         # the foot stands.
         Outcome(
             self,
-            {"swing_foot_reference": size(SwingFootReference)},
+            {
+                "swing_foot_reference": size(SwingFootReference),
+                "motion": size(SwingFootReference),
+            },
             1,
             self._calc,
             {self._walking_state.ticket()},
@@ -78,11 +87,12 @@ class SwingFootPlanner(LeafSystem):
         )
 
     def _calc(self, context, last) -> np.ndarray:
-        motion = swing_foot_motion(
-            FootMotion.from_vector(last["swing_foot_reference"]),
+        motion, ahead = swing_foot_motion(
+            FootMotion.from_vector(last["motion"]),
             self._walking_state(context),
             self._period,
             self._params,
             self._model,
+            self._lead,
         )
-        return motion.as_vector()
+        return np.concatenate((ahead.as_vector(), motion.as_vector()))
