@@ -3,6 +3,7 @@
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RollPitchYaw
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import (
     Context,
     Diagram,
@@ -24,7 +25,7 @@ from nadia_balance.diagrams.signal_log import (
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
-from nadia_balance.robot import actuated_velocities, load_robot
+from nadia_balance.robot import actuated_velocities, load_robot, scale_friction
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
@@ -32,6 +33,7 @@ from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.mujoco_plant import add_mujoco_plant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.state_sensor import StateSensor
 
 CONTROLLER_LOGS = (
     "com_state",
@@ -144,12 +146,36 @@ class HumanoidDiagram(Diagram):
                 builder, config, self._ground
             )
             self.engine = self.plant
+            ratio = self.scenario.imperfections.friction_ratio
+            if ratio != 1.0:
+                scale_friction(self.plant, self.scene_graph, ratio)
 
     def _close_loop(self, builder: DiagramBuilder) -> None:
         engine, controller = self.engine, self.controller
-        connect(builder, engine, controller, state="estimated_state")
         connect(builder, engine, self.sensor, "contact_results")
-        connect(builder, self.sensor, controller, "foot_forces")
+        self._state_sensor = None
+        if self.scenario.imperfections.of_measurements:
+            self._state_sensor = builder.AddNamedSystem(
+                "state_sensor",
+                StateSensor(
+                    self.plant,
+                    self.scenario.imperfections,
+                    self.scenario.controller.control_period,
+                    self.scenario.seed,
+                ),
+            )
+            connect(builder, engine, self._state_sensor, "state")
+            connect(builder, self.sensor, self._state_sensor, "foot_forces")
+            connect(
+                builder,
+                self._state_sensor,
+                controller,
+                "estimated_state",
+                measured_foot_forces="foot_forces",
+            )
+        else:
+            connect(builder, engine, controller, state="estimated_state")
+            connect(builder, self.sensor, controller, "foot_forces")
         connect(builder, controller, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
@@ -203,10 +229,30 @@ class HumanoidDiagram(Diagram):
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
         own = self.engine.GetMyMutableContextFromRoot(context)
         self.engine.SetPositions(own, q)
+        self._load_torso(own)
+        if self._state_sensor is not None:
+            self._state_sensor.ExecuteInitializationEvents(
+                self._state_sensor.GetMyMutableContextFromRoot(context)
+            )
         if self._drives is not None:  # they hold it already
             own = self._drives.GetMyMutableContextFromRoot(context)
             own.SetDiscreteState(
                 self._drives.GetInputPort("actuation").Eval(own)
+            )
+
+    def _load_torso(self, context: Context) -> None:
+        """Makes the torso heavier, or lighter, than its URDF says."""
+        ratio = self.scenario.imperfections.torso_mass_ratio
+        if ratio != 1.0:
+            torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
+            known = torso.CalcSpatialInertiaInBodyFrame(context)
+            torso.SetSpatialInertiaInBodyFrame(
+                context,
+                SpatialInertia(
+                    ratio * known.get_mass(),
+                    known.get_com(),
+                    known.get_unit_inertia(),
+                ),
             )
 
     def fall_reason(self, context: Context) -> str:

@@ -10,6 +10,7 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.gait import Gait, walking_start
+from nadia_balance.core.imperfections import Imperfections
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.push import Push
@@ -66,6 +67,8 @@ class Scenario:
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
+    # Of the robot, which its controller does not know.
+    imperfections: Imperfections = field(default_factory=Imperfections)
     terrain: Terrain = field(default_factory=Terrain)
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
@@ -90,8 +93,20 @@ class Scenario:
         """Raises ValueError if fields do not go together."""
         period = self.controller.control_period
         _check_plant(self.plant_config, period)
+        delay = self.imperfections.delay / period
+        if abs(delay - round(delay)) > 1e-6:
+            raise ValueError(
+                f"imperfections.delay = {self.imperfections.delay}: must be a "
+                f"multiple of controller.control_period = {period} s"
+            )
         if self.engine == "mujoco":
             _check_untouched(self.plant_config)
+            for name in ("friction_ratio", "torso_mass_ratio"):
+                if (value := getattr(self.imperfections, name)) != 1.0:
+                    raise ValueError(
+                        f"imperfections.{name} = {value}: must be 1 with "
+                        "engine = mujoco"
+                    )
         if self.duration < period:
             raise ValueError(
                 f"duration = {self.duration}: must be >= "

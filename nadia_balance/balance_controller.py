@@ -27,7 +27,9 @@ class BalanceController(Diagram):
 
     Whenever `actuation` is evaluated, it is the torque of that control tick:
     before the update of the tick it is computed from the inputs, after it, it
-    is held.  No other hold is needed between controller and plant.
+    is held.  No other hold is needed between controller and plant.  The state
+    is taken ahead to when that torque is there: by the lag of the drives, and
+    by half a period.
 
     .. pydrake_system::
 
@@ -61,19 +63,22 @@ class BalanceController(Diagram):
         super().__init__()
         check(params)
         period, model = params.control_period, robot.point_mass
+        lead = 0.0
+        if robot.drives is not None:  # a torque is held for a period
+            lead = robot.drives.lag + 0.5 * period
         builder = DiagramBuilder()
         wire(
             builder,
             {
-                "centroidal_estimator": CentroidalEstimator(robot),
+                "centroidal_estimator": CentroidalEstimator(robot, lead),
                 "capture_point_controller": CapturePointController(
                     params, model, start=start, **blocks
                 ),
                 "swing_foot_planner": SwingFootPlanner(
-                    params.swing_foot, model, period
+                    params.swing_foot, model, period, lead
                 ),
                 "whole_body_inverse_dynamics": WholeBodyInverseDynamics(
-                    robot.whole_body, robot, period
+                    robot.whole_body, robot, period, lead
                 ),
             },
             self.INPUTS,

@@ -10,6 +10,7 @@ from pydrake.geometry import (
     CollisionFilterDeclaration,
     Convex,
     GeometrySet,
+    RoleAssign,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
@@ -26,7 +27,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -401,9 +402,28 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
         for r in ground.regions
     ]
     bottom = min(top[:, 2].min() for top in tops) - _DEPTH
-    for region, top in zip(ground.regions, tops, strict=True):
+    for i, top in enumerate(tops):
         below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
-        shape = Convex(np.vstack([top, below]).T, region.name)
-        where = plant.world_body(), RigidTransform(), shape, region.name
+        shape = Convex(np.vstack([top, below]).T, name := f"region {i}")
+        where = plant.world_body(), RigidTransform(), shape, name
         plant.RegisterCollisionGeometry(*where, _ROUGH)
         plant.RegisterVisualGeometry(*where, palette.rgba(palette.GROUND).rgba)
+
+
+def scale_friction(
+    plant: MultibodyPlant, scene_graph: SceneGraph, ratio: float
+) -> None:
+    """Multiplies all friction coefficients in a finalized `plant`."""
+    inspector = scene_graph.model_inspector()
+    for i in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(i))
+        for shape in plant.GetCollisionGeometriesForBody(body):
+            properties = inspector.GetProximityProperties(shape)
+            mu = properties.GetProperty("material", "coulomb_friction")
+            scaled_mu = CoulombFriction(
+                ratio * mu.static_friction(), ratio * mu.dynamic_friction()
+            )
+            properties.UpdateProperty("material", "coulomb_friction", scaled_mu)
+            scene_graph.AssignRole(
+                plant.get_source_id(), shape, properties, RoleAssign.kReplace
+            )

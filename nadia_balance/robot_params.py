@@ -80,7 +80,11 @@ def idealised(params: RobotParams) -> RobotParams:
         params,
         drives=None,
         swing_detour=replace(
-            params.swing_detour, max_speed=inf, max_descent=inf, settling=0.0
+            params.swing_detour,
+            max_speed=inf,
+            max_descent=inf,
+            max_braking=inf,
+            settling=0.0,
         ),
         whole_body=replace(params.whole_body, loading_time=0.0),
     )

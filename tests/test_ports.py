@@ -88,6 +88,7 @@ FEEDTHROUGH = {
         "push_signal": set(),
         "spatial_forces": set(),
     },
+    "StateSensor": {"estimated_state": set(), "measured_foot_forces": set()},
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
     "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},
@@ -125,7 +126,10 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 
 @pytest.fixture(scope="module")
 def diagrams() -> list[Diagram]:
-    text = "{fidelity: realistic, mechanisms: all_with_cross_over}"
+    text = (
+        "{fidelity: realistic, mechanisms: all_with_cross_over, "
+        "imperfections: {delay: 0.002}}"
+    )
     scenario = load_scenario("walk_in_place", text=text)
     text = "{mechanisms: step_swing, controller: {icp_step_qp: {}}}"
     by_qp = load_scenario("walk_in_place", text=text)

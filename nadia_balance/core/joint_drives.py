@@ -21,6 +21,11 @@ class JointDriveParams:
     # How fast the controller changes a torque, in shares of its limit.
     max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
 
+    @property
+    def lag(self) -> float:
+        """By how much [s] a slowly changing torque is late."""
+        return 1.0 / (2.0 * math.pi * self.bandwidth)
+
 
 def torque_limits(
     speed: Array, max_torque: Array, max_speed: Array, corner_speed: float

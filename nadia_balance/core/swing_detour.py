@@ -42,6 +42,8 @@ class SwingDetourParams:
     max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
     # From where it is to the ground, on average.
     max_descent: float = bounded(0.6, above=0.0, finite=False, unit="m/s")
+    # From there on, down to the touchdown velocity.
+    max_braking: float = bounded(20.0, above=0.0, finite=False, unit="m/s^2")
     # The foot is over its foothold so long before it lands: it comes down
     # without sliding.
     settling: float = bounded(0.03, least=0.0, most=0.2, unit="s")

@@ -89,21 +89,24 @@ def swing_foot_motion(
     period: float,
     params: SwingFootParams,
     model: PointMassModel,
+    lead: float = 0.0,
     edges: SwingEdges | None = None,
-) -> FootMotion:
-    """Returns the reference of the swing foot one `period` [s] later.
+) -> tuple[FootMotion, FootMotion]:
+    """Returns the motion of the swing foot one `period` [s] later.
 
-    `previous` is the reference of the last tick, `state` the walking state of
-    this one.  Outside of a swing, the foot that will swing next rests where
-    it stands.  A foot that cannot be in place in time lands later.  When it is
-    there, and the swing's clock has run out, it moves downward with the
-    touchdown velocity until the ground stops it.  It rises before, passes
-    over, and descends behind the `edges` on its way, if there are any.
+    And where it would be a `lead` [s] after that, if nothing changes: what is
+    asked of drives that are late by it.  `previous` is the motion of the last
+    tick, `state` the walking state of this one.  Outside of a swing, the foot
+    that will swing next rests where it stands.  A foot that cannot be in place
+    in time lands later.  When it is there, and the swing's clock has run out,
+    it moves downward with the touchdown velocity until the ground stops it; if
+    it sinks faster than that, it brakes first.  It rises before, passes over,
+    and descends behind the `edges` on its way, if there are any.
     """
     schedule = state.schedule
     side = schedule.support_side.other
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
-        return FootMotion.at_rest(schedule.feet[side])
+        return (FootMotion.at_rest(schedule.feet[side]),) * 2
     goal, start = schedule.footsteps[0].pose, previous.pva
     if params.sigma:
         start = start * state.speed_up ** np.arange(3.0)[:, None]
@@ -127,9 +130,13 @@ def swing_foot_motion(
     there = math.dist(start[0, XY], goal.p_WF[:2]) < params.there
     left = max(left, over if there else over + settling)
     left = max(left, height / model.detour.max_descent)
+    braking = _time_to_brake(height, -float(start[1, 2]), params, model.detour)
+    if braking:  # as hard all the way
+        left = braking
+        end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
     ground = float(end[0, 2]) if edges is None else edges.top
     apex = _apex(start[:2, 2], ground, left, state, params)
-    landing = end[:, Z]
+    landing = end[:, Z].copy()
     if apex is not None:
         end[:, Z] = _aim(start[:, Z], landing, left, apex)
     if edges is not None and edges.are_in_the_way(start[0, :3]):
@@ -137,11 +144,34 @@ def swing_foot_motion(
     elif edges is not None:
         end[:, Z] = _over_edges(start, end, landing, over, left, edges)
     horizon = np.array([over, over, left, over])
-    pva = quintic_at(start, end, horizon, period)
-    if state.waiting and there:
-        z = float(start[0, 2]) - params.touchdown_velocity * period
-        pva[:, 2] = z, -params.touchdown_velocity, 0.0
-    return FootMotion(pva)
+    motions = []
+    for t in (period, period + lead):
+        pva = quintic_at(start, end, horizon, t)
+        if state.waiting and there and not braking:
+            z = float(start[0, 2]) - params.touchdown_velocity * t
+            pva[:, 2] = z, -params.touchdown_velocity, 0.0
+        motions.append(FootMotion(pva))
+    return motions[0], motions[1]
+
+
+def _time_to_brake(
+    height: float,
+    descent: float,
+    params: SwingFootParams,
+    detour: SwingDetourParams,
+) -> float:
+    """Returns in which time [s] a foot lands that has to brake from now on.
+
+    It sinks with `descent` [m/s] from a `height` [m], to land with the
+    touchdown velocity, after a constant deceleration.  Zero, if it need not
+    brake yet.
+    """
+    slow = params.touchdown_velocity
+    if height <= 0.0 or descent <= slow:
+        return 0.0
+    if descent**2 - slow**2 < 2.0 * detour.max_braking * height:
+        return 0.0
+    return 2.0 * height / (descent + slow)
 
 
 def _within_limits(
@@ -243,11 +273,14 @@ def quintic(
 
 
 def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """Returns quintic(...), six times as fast for few columns and one time."""
+    """Returns quintic(...), six times as fast for few columns and one time.
+
+    Where `t` is beyond the horizon, the end.
+    """
     columns = zip(
         start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
     )
-    return np.array([_follow(a, b, h, t) for a, b, h in columns]).T
+    return np.array([_follow(a, b, h, min(t, h)) for a, b, h in columns]).T
 
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:

@@ -107,8 +107,10 @@ class WholeBodyQpParams:
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Of the joints, while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Of the actuators' limits.
+    # Of the actuators' limits; what the robot does otherwise than expected
+    # drives its joints faster.
     max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
+    max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = field(
         default_factory=CrossingTurnParams
     )
@@ -244,6 +246,17 @@ def sole_normals(state: WalkingState) -> Array:
         )
         normals[i] = n / math.hypot(*n.tolist())
     return np.array(normals)
+
+
+def velocity_now(swing: Array, lead: float) -> Array:
+    """Returns the reference (12,), a `lead` [s] ahead, with the velocity now.
+
+    Of the robot, only the positions are taken ahead (see CentroidalEstimator).
+    """
+    late = swing.copy()
+    late[3:6] -= lead * swing[6:9]
+    late[10] -= lead * swing[11]
+    return late
 
 
 def crossing_turn(

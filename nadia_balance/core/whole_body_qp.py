@@ -111,6 +111,7 @@ class WholeBodyLimits:
         )
         self._positions = np.stack((model.position_lower, model.position_upper))
         self._max_speed, self._drives = model.max_speed, model.drives
+        self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS
         if model.drives is not None:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
@@ -230,7 +231,7 @@ class WholeBodyLimits:
         ahead = terms.positions + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
         if self._drives is not None:
-            room = self._max_speed * _SIGNS - terms.v[6:]
+            room = self._speeds - terms.v[6:]
             room /= self._params.speed_limit_horizon
             bounds[0] = np.maximum(bounds[0], room[0])
             bounds[1] = np.minimum(bounds[1], room[1])

@@ -28,7 +28,10 @@ class CentroidalEstimator(LeafSystem):
     `estimated_state` is [q, v] of the robot's `control_plant`;
     `whole_body_terms` are WholeBodyTerms, from which all else is taken:
     `com_state` is a ComState, `icp` (2,) [m] in W follows from it by the Nadia
-    paper's Eq. 1, `foot_poses` are FootPoses.
+    paper's Eq. 1, `foot_poses` are FootPoses.  All are those of the state ahead
+    by `lead`, when the torques that are about to be computed will be there: the
+    positions go on at the measured velocity.  (Velocities would need the
+    accelerations, and those of the last tick make the loop unstable.)
 
     Evaluating any output raises RuntimeError if the state is not finite.
 
@@ -39,9 +42,10 @@ class CentroidalEstimator(LeafSystem):
         output_ports: [whole_body_terms, com_state, icp, foot_poses]
     """
 
-    def __init__(self, robot: RobotModel):
-        """Estimates with a private plant of `robot`."""
+    def __init__(self, robot: RobotModel, lead: float = 0.0):
+        """Estimates with a private plant of `robot`, a `lead` [s] ahead."""
         super().__init__()
+        self._lead = lead
         # The terms are those of a private plant, the shapes' distances too.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
@@ -88,11 +92,19 @@ class CentroidalEstimator(LeafSystem):
             self._scratch.Eval(context)
         )
         self._plant.SetPositionsAndVelocities(plant_context, state)
+        if self._lead:
+            self._look_ahead(plant_context, state)
         terms = self._kinematics.calc(plant_context)
         if self._distances is None:
             return terms
         distances, rows = self._distances.calc(plant_context, self._within)
         return terms._replace(distances=distances, distance_rows=rows)
+
+    def _look_ahead(self, plant_context, state: np.ndarray) -> None:
+        q, v = np.split(state, [self._plant.num_positions()])
+        q = q + self._lead * self._plant.MapVelocityToQDot(plant_context, v)
+        q[:4] /= math.hypot(*q[:4].tolist())
+        self._plant.SetPositions(plant_context, q)
 
     def _calc_com_state(self, context, output):
         output.set_value(self._terms.Eval(context).com_state)

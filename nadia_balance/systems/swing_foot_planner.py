@@ -47,8 +47,9 @@ class SwingFootPlanner(LeafSystem):
     """Continues the swing foot's reference from its last value.
 
     `walking_state` is a WalkingState; `swing_foot_reference` the
-    SwingFootReference of the foot that swings, or that will swing next.  The
-    discrete state is the output of the last tick.
+    SwingFootReference of the foot that swings, or that will swing next, a
+    `lead` ahead.  The discrete state is the output of the last tick, and what
+    it would have been without the lead.
 
     .. pydrake_system::
 
@@ -58,15 +59,20 @@ class SwingFootPlanner(LeafSystem):
     """
 
     def __init__(
-        self, params: SwingFootParams, model: PointMassModel, period: float
+        self,
+        params: SwingFootParams,
+        model: PointMassModel,
+        period: float,
+        lead: float = 0.0,
     ):
-        """Follows the walking state every `period` [s].
+        """Follows the walking state every `period` [s], a `lead` [s] ahead.
 
         Raises ValueError for `params` that are out of range.
         """
         super().__init__()
         check(params)
-        self._params, self._model, self._period = params, model, period
+        self._params, self._model = params, model
+        self._period, self._lead = period, lead
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._edges = declare_cache(
             self,
@@ -79,7 +85,10 @@ class SwingFootPlanner(LeafSystem):
         # the foot stands.
         Outcome(
             self,
-            {"swing_foot_reference": size(SwingFootReference)},
+            {
+                "swing_foot_reference": size(SwingFootReference),
+                "motion": size(SwingFootReference),
+            },
             1,
             self._calc,
             {self._walking_state.ticket(), self._edges.ticket()},
@@ -96,12 +105,13 @@ class SwingFootPlanner(LeafSystem):
         return schedule, edges_on_way(schedule, self._model, clearance)
 
     def _calc(self, context, last) -> np.ndarray:
-        motion = swing_foot_motion(
-            FootMotion.from_vector(last["swing_foot_reference"]),
+        motion, ahead = swing_foot_motion(
+            FootMotion.from_vector(last["motion"]),
             self._walking_state(context),
             self._period,
             self._params,
             self._model,
+            self._lead,
             self._edges.Eval(context)[1],
         )
-        return motion.as_vector()
+        return np.concatenate((ahead.as_vector(), motion.as_vector()))

@@ -7,6 +7,7 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.whole_body_command import (
     WholeBodyQpParams,
     WholeBodyTerms,
+    velocity_now,
     whole_body_command,
 )
 from nadia_balance.core.whole_body_qp import WholeBodyQp
@@ -54,9 +55,15 @@ class WholeBodyInverseDynamics(LeafSystem):
     """
 
     def __init__(
-        self, params: WholeBodyQpParams, robot: RobotModel, period: float
+        self,
+        params: WholeBodyQpParams,
+        robot: RobotModel,
+        period: float,
+        lead: float = 0.0,
     ):
         """Solves every `period` [s], for this `robot`.
+
+        Its terms are a `lead` [s] ahead, as those of CentroidalEstimator.
 
         Raises ValueError for `params` that are out of range.
         """
@@ -68,7 +75,7 @@ class WholeBodyInverseDynamics(LeafSystem):
             params.joint_lower_limits,
             params.joint_upper_limits,
         )
-        self._params, self._model = params, model
+        self._params, self._model, self._lead = params, model, lead
         self._qp = WholeBodyQp(params, model, period)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
@@ -98,7 +105,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         command = whole_body_command(
             self._walking_state(context),
             self._momentum_rate(context),
-            self._swing(context),
+            velocity_now(self._swing(context), self._lead),
             self._params,
             self._model,
         )

@@ -100,7 +100,9 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     for tick in range(1, 601):
         t = tick * PERIOD
         state = WalkingState(schedule, t, elapsed=t)
-        motion = swing_foot_motion(motion, state, PERIOD, PARAMS, model, edges)
+        motion, _ = swing_foot_motion(
+            motion, state, PERIOD, PARAMS, model, edges=edges
+        )
         if tick % 10 == 0 and 150 <= tick < 590:
             s = t / 1.2
             s = s * s * (3.0 - 2.0 * s)

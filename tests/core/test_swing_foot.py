@@ -8,6 +8,7 @@ import pytest
 from shapely.geometry import Point, Polygon
 
 from nadia_balance.core.reachability import BACKWARD, FORWARD, cross_over_region
+from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
@@ -139,7 +140,7 @@ def follow(states, params=PARAMS, detour=DETOUR):
     motion = FootMotion.at_rest(states[0].schedule.feet[Side.RIGHT])
     model, path = replace(MODEL, detour=detour), []
     for state in states:
-        motion = swing_foot_motion(motion, state, PERIOD, params, model)
+        motion, _ = swing_foot_motion(motion, state, PERIOD, params, model)
         path.append(motion.pva)
     return np.array(path)
 
@@ -160,6 +161,45 @@ def test_continuing_each_tick_is_one_quintic():
         k = round(t / PERIOD)
         xy_yaw = [0, 1, 3]
         assert path[k][:, xy_yaw] == pytest.approx(whole[:, xy_yaw], abs=1e-6)
+
+
+def test_what_is_asked_ahead_is_what_comes():
+    """Oracle: the motion itself, so much later; at the end, the end."""
+    path = follow([swing_state(t) for t in times()])
+    ticks, goal = 5, np.array([0.4, -0.15, 0.0, 0.2])
+    for k in (50, 200, len(path) - 2):
+        motion, ahead = swing_foot_motion(
+            FootMotion(path[k - 1]),
+            swing_state(times()[k]),
+            PERIOD,
+            PARAMS,
+            replace(MODEL, detour=DETOUR),
+            ticks * PERIOD,
+        )
+        assert motion.pva == pytest.approx(path[k], abs=1e-12)
+        expected = path[min(k + ticks, len(path) - 1)]
+        assert ahead.pva[0] == pytest.approx(expected[0], abs=1e-4)
+    assert ahead.pva[0] == pytest.approx(goal, abs=1e-3)
+
+
+def test_a_foot_that_sinks_fast_lands_softly():
+    """Oracle: the constant deceleration that its speed and height need."""
+    height, speed, slow = 0.03, 1.0, PARAMS.touchdown_velocity
+    deceleration = (speed**2 - slow**2) / (2.0 * height)
+    detour = SwingDetourParams(max_braking=0.9 * deceleration)
+    pva = np.zeros((3, 4))
+    pva[0], pva[1, 2] = (0.4, -0.15, height, 0.2), -speed
+    motion, path = FootMotion(pva), []
+    model, late = replace(MODEL, detour=detour), swing_state(0.7)
+    while motion.pva[0, 2] > 0.0:
+        motion, _ = swing_foot_motion(motion, late, PERIOD, PARAMS, model)
+        path.append(motion.pva[:, 2])
+    path = np.array(path)
+    assert len(path) * PERIOD == pytest.approx(
+        2.0 * height / (speed + slow), rel=0.3
+    )
+    assert np.max(path[:, 2]) < 2.5 * deceleration
+    assert -path[-1, 1] == pytest.approx(slow, abs=0.1)
 
 
 def test_by_sigma_the_foot_goes_on_its_way_but_faster():

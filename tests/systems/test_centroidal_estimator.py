@@ -67,6 +67,19 @@ def test_com_state_is_the_mean_of_the_bodies_and_its_derivative(seed):
     assert com_state[3:] == pytest.approx(slope, abs=1e-8)
 
 
+def test_a_lead_takes_the_positions_ahead():
+    """Oracle: the mean of the bodies, moved in 1,000 small steps."""
+    state, lead = random_state(4), 0.01
+    q, v = np.split(state, [PLANT.num_positions()])
+    context = PLANT.CreateDefaultContext()
+    for _ in range(1000):
+        PLANT.SetPositions(context, q)
+        q = q + 1e-3 * lead * PLANT.MapVelocityToQDot(context, v)
+    com_state, *_ = outputs(state, CentroidalEstimator(ROBOT, lead))
+    # The pelvis turns on along a chord, by 0.02 rad here.
+    assert com_state[:3] == pytest.approx(com_of(q), abs=1e-5)
+
+
 def test_icp_is_eq_1_with_the_omega_of_the_robot():
     """Oracle: x + xdot / omega by hand."""
     com_state, icp, _ = outputs(random_state(3))

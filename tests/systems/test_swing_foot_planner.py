@@ -18,13 +18,13 @@ from tests.blocks import answer, asked, running, tick
 from tests.core.test_ground import square
 from tests.example_walks import MODEL, walk
 
-PERIOD, PARAMS = 0.002, SwingFootParams()
+PERIOD, LEAD, PARAMS = 0.002, 0.005, SwingFootParams()
 OUTPUT = "swing_foot_reference"
 
 
 @pytest.fixture
 def planner():
-    return SwingFootPlanner(PARAMS, MODEL, PERIOD)
+    return SwingFootPlanner(PARAMS, MODEL, PERIOD, LEAD)
 
 
 def swing(t):
@@ -37,9 +37,9 @@ def test_continues_from_the_last_reference(planner):
     """Oracle: the core function, from the discrete state."""
     context = asked(planner, walking_state=swing(0.2))
     last = np.array([0.1, -0.1, 0.05, 0.5, 0, 0, 0, 0, 0, 0.1, 0, 0])
-    context.SetDiscreteState(last)
-    expected = swing_foot_motion(
-        FootMotion.from_vector(last), swing(0.2), PERIOD, PARAMS, MODEL
+    context.SetDiscreteState(np.concatenate((np.zeros(12), last)))
+    _, expected = swing_foot_motion(
+        FootMotion.from_vector(last), swing(0.2), PERIOD, PARAMS, MODEL, LEAD
     )
     found = answer(planner, context, OUTPUT)
     assert found == pytest.approx(expected.as_vector(), abs=1e-15)
@@ -50,7 +50,7 @@ def test_remembers_what_it_said(planner):
     simulator, context = running(planner, walking_state=swing(0.002))
     before = np.zeros(12)
     for _ in range(3):
-        state = context.get_discrete_state_vector().value()
+        state = context.get_discrete_state_vector().value()[:12]
         assert np.array_equal(state, before)
         before = answer(planner, context, OUTPUT).copy()
         tick(simulator, PERIOD)
@@ -65,9 +65,9 @@ def test_lifts_the_foot_over_the_edges_of_its_model():
     assert edges is not None
     last = np.array([0.0, -0.125, 0.05, 0, 0, 0.5, 0, 0, 0, 0, 0, 0])
     context = asked(planner, walking_state=state)
-    context.SetDiscreteState(last)
-    expected = swing_foot_motion(
-        FootMotion.from_vector(last), state, PERIOD, PARAMS, model, edges
+    context.SetDiscreteState(np.concatenate((np.zeros(12), last)))
+    expected, _ = swing_foot_motion(
+        FootMotion.from_vector(last), state, PERIOD, PARAMS, model, edges=edges
     )
     found = answer(planner, context, OUTPUT)
     assert found == pytest.approx(expected.as_vector(), abs=1e-15)

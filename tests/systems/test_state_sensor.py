@@ -1,0 +1,79 @@
+"""Oracles: what came in so long ago; moments of the normal distribution."""
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.imperfections import Imperfections
+from nadia_balance.systems.state_sensor import StateSensor
+from tests.blocks import answer, fix, running
+from tests.whole_body_examples import nadia, standing_state
+
+PERIOD = 0.002
+PLANT = nadia().control_plant()
+NQ = PLANT.num_positions()
+FORCES = np.array([400.0, 500.0])
+NOISY = Imperfections(
+    joint_noise=1e-3,
+    joint_speed_noise=0.02,
+    pelvis_noise=2e-3,
+    pelvis_speed_noise=0.03,
+)
+
+
+def sensed(imperfections, ticks, seed=0, shift=0.0):
+    """Both outputs in each of `ticks`, as the inputs grow by `shift`."""
+    sensor = StateSensor(PLANT, imperfections, PERIOD, seed)
+    start, states, forces = standing_state(), [], []
+    simulator, context = running(sensor, state=start, foot_forces=FORCES)
+    simulator.Initialize()
+    for i in range(ticks):
+        fix(
+            sensor,
+            context,
+            state=start + i * shift,
+            foot_forces=FORCES + i * shift,
+        )
+        states.append(answer(sensor, context, "estimated_state"))
+        forces.append(answer(sensor, context, "measured_foot_forces"))
+        simulator.AdvanceTo((i + 1) * PERIOD)
+    return np.array(states), np.array(forces)
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 5])
+def test_tells_what_came_so_long_ago(ticks):
+    """Oracle: the inputs, that much before; at first those of the start."""
+    states, forces = sensed(Imperfections(delay=ticks * PERIOD), 9, shift=0.1)
+    i = np.maximum(np.arange(9) - ticks, 0)[:, None]
+    assert np.array_equal(states, standing_state() + i * 0.1)
+    assert np.array_equal(forces, FORCES + i * 0.1)
+
+
+def test_noise_is_white_and_of_the_deviations_asked_for():
+    """Oracle: mean, deviation and correlation from tick to tick."""
+    states, forces = sensed(NOISY, 2000)
+    noise = states - standing_state()
+    assert np.array_equal(forces, np.tile(FORCES, (2000, 1)))
+    assert not np.any(noise[:, :4])  # the orientation
+    for columns, deviation in (
+        (slice(4, 7), NOISY.pelvis_noise),
+        (slice(7, NQ), NOISY.joint_noise),
+        (slice(NQ, NQ + 6), NOISY.pelvis_speed_noise),
+        (slice(NQ + 6, None), NOISY.joint_speed_noise),
+    ):
+        z = noise[:, columns] / deviation
+        # Four standard errors, of 2000 samples.
+        assert z.mean(axis=0) == pytest.approx(0.0, abs=4.0 / 2000**0.5)
+        assert z.std(axis=0) == pytest.approx(1.0, abs=4.0 / 4000**0.5)
+        following = np.mean(z[1:] * z[:-1], axis=0)
+        assert following == pytest.approx(0.0, abs=4.0 / 2000**0.5)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    first, again, other = (sensed(NOISY, 3, seed)[0] for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.any(np.isclose(first[:, 4:], other[:, 4:], rtol=0.0))
+
+
+def test_refuses_a_delay_between_ticks():
+    with pytest.raises(ValueError, match=r"^delay = 0\.003: must be a mult"):
+        StateSensor(PLANT, Imperfections(delay=0.003), PERIOD)
