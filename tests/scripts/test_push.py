@@ -127,9 +127,9 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
-    (["--terrain", "tiles"], "terrain.name = 'tiles': must be level, at"),
+    (["--terrain", "tiles"], "scenario_name = 'tiles': must have a push"),
     (
-        ["--terrain", "stairs", "--plant", "lipm"],
+        ["--terrain", "stairs", "--scenario_name", "push", "--plant", "lipm"],
         "terrain.name = 'stairs': must be level, at height 0",
     ),
     (
