@@ -230,6 +230,17 @@ def whole_body_command(
     )
 
 
+def velocity_now(swing: Array, lead: float) -> Array:
+    """Returns the reference (12,), a `lead` [s] ahead, with the velocity now.
+
+    Of the robot, only the positions are taken ahead (see CentroidalEstimator).
+    """
+    late = swing.copy()
+    late[3:6] -= lead * swing[6:9]
+    late[10] -= lead * swing[11]
+    return late
+
+
 def sole_normals(state: WalkingState) -> Array:
     """Returns across what the (left, right) sole is, (2, 3) in W.
 
@@ -246,17 +257,6 @@ def sole_normals(state: WalkingState) -> Array:
         )
         normals[i] = n / math.hypot(*n.tolist())
     return np.array(normals)
-
-
-def velocity_now(swing: Array, lead: float) -> Array:
-    """Returns the reference (12,), a `lead` [s] ahead, with the velocity now.
-
-    Of the robot, only the positions are taken ahead (see CentroidalEstimator).
-    """
-    late = swing.copy()
-    late[3:6] -= lead * swing[6:9]
-    late[10] -= lead * swing[11]
-    return late
 
 
 def crossing_turn(
