@@ -152,7 +152,7 @@ class LiveSession:
             self._go_along(state)
 
     def _go_along(self, state: WalkingState) -> None:
-        """The floor goes with the robot, old prints go; it may be at the end."""
+        """Takes the floor along, old prints away; begins anew at the end."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
         for side in Side:

@@ -12,12 +12,14 @@ from nadia_balance.results.folder import FOLLOW
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
 STATUS = "/status"
-# The controls come before the folders of the scene, all open.
+# The controls come before the folders of the scene; the text has the real-time
+# factor, by the wall.
 _TEXT = """
 <style>
 .dg.main > ul { display: flex; flex-direction: column; }
 .dg.main > ul > li.folder { order: 1; }
 </style>
+<style>#stats-plot { display: none !important; }</style>
 <div id="status" style="position:fixed; left:14px; top:12px; max-width:46%%;
 padding:8px 12px; border-radius:8px; background:#ffffffc8; color:#2f3440;
 font:14px/1.5 sans-serif; pointer-events:none"></div>

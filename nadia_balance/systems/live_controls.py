@@ -29,9 +29,9 @@ class LiveControls(LeafSystem):
     """Turns buttons and sliders in Meshcat into signals.
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg], length [s]];
-    0 deg is forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms; each has
-    a button that says whether it is on.  State: both outputs, which depend on
-    nothing else.
+    0 deg is forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms;
+    each has a button that says whether it is on.  State: both outputs, which
+    depend on nothing else.
 
     .. pydrake_system::
 

@@ -66,7 +66,8 @@ class PushSource(LeafSystem):
     State, for each push and then for the live one: [ticks left, heading [rad]
     in W (of the support foot until the push begins, of the force from then
     on), peak force [N]]; in the end the last count, the number of live pushes,
-    and for how many ticks the last of them acts.  The outputs depend on it only.
+    and for how many ticks the last of them acts.  The outputs depend on it
+    only.
     A push is decided on in the update at one tick and felt by a discrete plant
     from its next step on.  Without a plant (a point mass) there is no port
     `spatial_forces`.

@@ -127,6 +127,7 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
+    (["--live"], "no_meshcat = True: must not come with --live"),
     (["--terrain", "tiles"], "terrain.name = 'tiles': must be level, at"),
     (
         ["--terrain", "stairs", "--plant", "lipm"],
