@@ -26,7 +26,7 @@ from nadia_balance.diagrams.signal_log import (
     ground_logs,
     region_logs,
 )
-from nadia_balance.diagrams.terrain import foot_beside
+from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
 from nadia_balance.robot import actuated_velocities, load_robot, scale_friction
@@ -67,8 +67,8 @@ FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
 class HumanoidDiagram(Diagram):
     """Closes the loop of BalanceController and a MultibodyPlant.
 
-    The plant's ground is flat: regions are where the feet may stand, and a foot
-    that lands beside them has fallen.
+    On level regions the plant's ground is flat: a foot that lands beside them
+    has fallen.  Uneven ones are the plant's ground themselves.
     """
 
     def __init__(
@@ -83,15 +83,17 @@ class HumanoidDiagram(Diagram):
 
         Raises:
             ValueError: the robot cannot stand as it is told, a block lacks a
-                port, or the terrain is not level.
+                port, or it cannot be on the terrain.
         """
         super().__init__()
         self.scenario = scenario
         params = scenario.controller
         period = params.control_period
         self.robot = load_robot(scenario.robot, scenario.fidelity)
-        self._ground = scenario.terrain.level_ground(self.robot.sole)
+        self._ground = scenario.terrain.ground(self.robot.sole)
         self.robot.point_mass = scenario.point_mass(self.robot)
+        start = scenario.start(self.robot.point_mass)
+        check_start(self._ground, start.schedule.feet)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)
@@ -100,7 +102,7 @@ class HumanoidDiagram(Diagram):
             BalanceController(
                 params,
                 self.robot,
-                start=scenario.start(self.robot.point_mass),
+                start=start,
                 **blocks,
             ),
         )
@@ -135,12 +137,13 @@ class HumanoidDiagram(Diagram):
         """Adds the engine: the plant itself, or what stands in for it."""
         config = self.scenario.plant_config
         if self.scenario.engine == "mujoco":
+            self.scenario.terrain.level_ground(self.robot.sole, "MuJoCo")
             self.engine, self.plant, self.scene_graph = add_mujoco_plant(
                 builder, self.robot, config
             )
         else:
             self.plant, self.scene_graph = self.robot.add_plant_to(
-                builder, config
+                builder, config, self._ground
             )
             self.engine = self.plant
             ratio = self.scenario.imperfections.friction_ratio
@@ -246,12 +249,17 @@ class HumanoidDiagram(Diagram):
         # The pelvis is the floating base: quaternion and position come first.
         q = self._read(context, "state")[:7]
         w, x, y, z = q[:4] ** 2
-        if q[6] < FALLEN_HEIGHT * self._standing[6]:
+        schedule = self.GetOutputPort("walking_state").Eval(context).schedule
+        ground = self._ground
+        is_uneven = ground is not None and not ground.is_level
+        height = q[6]
+        if is_uneven:
+            height -= schedule.feet[schedule.support_side].p_WF[2]
+        if height < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
         if w - x - y + z < np.cos(FALLEN_TILT) * (w + x + y + z):
             return "pelvis tilted"
-        state = self.GetOutputPort("walking_state").Eval(context)
-        return foot_beside(self._ground, state.schedule)
+        return "" if is_uneven else foot_beside(ground, schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Contacts that are not those of a foot and the ground, by name."""

@@ -68,7 +68,9 @@ class LipmDiagram(Diagram):
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
-        self._ground = scenario.terrain.level_ground(self.robot.sole)
+        self._ground = scenario.terrain.level_ground(
+            self.robot.sole, "a point mass"
+        )
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()

@@ -12,7 +12,13 @@ from nadia_balance.core.ground import (
     believed,
     check_ground,
 )
-from nadia_balance.core.walking import Array, ContactSchedule, Side
+from nadia_balance.core.ground_steps import standing_on
+from nadia_balance.core.walking import (
+    Array,
+    ContactSchedule,
+    FootPoses,
+    Side,
+)
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
@@ -29,6 +35,8 @@ class Terrain:
     # From a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
     error: GroundError = field(default_factory=GroundError)
+    # False: the controller takes it for flat.
+    seen: bool = True
 
     def ground(self, sole: Array) -> Ground | None:
         """The true ground for soles (n, 2) [m]; None if it is flat.
@@ -45,8 +53,8 @@ class Terrain:
         check_ground(ground)
         return ground
 
-    def level_ground(self, sole: Array) -> Ground | None:
-        """The true ground, as long as nothing else can be walked on.
+    def level_ground(self, sole: Array, what: str) -> Ground | None:
+        """The true ground, for `what` knows no other than level ground.
 
         Raises:
             ValueError: as of `ground`; or it is not level at z = 0, or not
@@ -56,13 +64,15 @@ class Terrain:
         if not all(g is None or g.is_level for g in (truth, self.known(truth))):
             raise ValueError(
                 f"terrain.name = {self.name!r}: must be level, at height 0, "
-                "with an error of its place only, to be walked on for now"
+                f"with an error of its place only, for {what}"
             )
         return truth
 
     def known(self, truth: Ground | None) -> Ground | None:
         """What the controller takes for the ground, with its error."""
-        if truth is None or self.error == GroundError():
+        if truth is None or not self.seen:
+            return None
+        if self.error == GroundError():
             return truth
         regions = believed(truth.regions, self.error, self.seed)
         return Ground(regions, truth.sole, truth.margin)
@@ -77,6 +87,23 @@ class Terrain:
             )
         what = f"terrain {self.name}"
         return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+
+
+def check_start(ground: Ground | None, feet: FootPoses) -> None:
+    """Checks that a robot can stand with its `feet` on the true `ground`.
+
+    Raises:
+        ValueError: the ground under a foot is not one level region at z = 0.
+    """
+    if ground is None or ground.is_level:
+        return
+    for side in Side:
+        for foot in standing_on(ground, feet)[side], feet[side]:
+            if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
+                raise ValueError(
+                    f"{side.value} foot at the start: its region must be "
+                    "level, at height 0, and known to be so"
+                )
 
 
 def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
+    Convex,
     GeometrySet,
     RoleAssign,
     SceneGraph,
@@ -31,7 +32,9 @@ from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 import nadia_balance
+from nadia_balance import palette
 from nadia_balance.core.bounds import check
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
@@ -55,6 +58,9 @@ MODELS = next(
     if (folder := Path(path) / "models").is_dir()
 )
 
+
+_ROUGH = CoulombFriction(0.8, 0.8)  # as flat.urdf
+_DEPTH = 0.5  # of the ground below its lowest point [m]
 
 # As it could be built, or with drives that give any torque at any speed, feet
 # of any speed, and arms that pass through the legs.
@@ -147,21 +153,27 @@ class RobotModel:
         self,
         builder: DiagramBuilder,
         config: MultibodyPlantConfig | None = None,
+        ground: Ground | None = None,
     ) -> tuple[MultibodyPlant, SceneGraph]:
-        """Adds a plant, finalized, in which the robot stands on flat ground.
+        """Adds a plant, finalized, in which the robot stands on the `ground`.
 
-        Without a `config` it is `default_plant_config()`.
+        Without a `config` it is `default_plant_config()`; see `add_ground`.
         """
         plant, scene_graph = AddMultibodyPlant(
             config or default_plant_config(), builder
         )
-        self.stand_in(plant, scene_graph)
+        self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
 
-    def stand_in(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-        """Puts the robot on flat ground into an empty `plant`; finalizes it."""
+    def stand_in(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        ground: Ground | None = None,
+    ) -> None:
+        """Puts robot and `ground` into an empty `plant`; finalizes it."""
         self.add_to(plant)
-        add_ground(plant)
+        add_ground(plant, ground)
         plant.Finalize()
         if self.drives is None:
             self._let_pass(plant, scene_graph)
@@ -376,9 +388,26 @@ def default_plant_config() -> MultibodyPlantConfig:
     )
 
 
-def add_ground(plant: MultibodyPlant) -> None:
-    """Adds the flat ground, z = 0, to a `plant` that is not finalized yet."""
-    Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
+def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
+    """Adds the ground to a `plant` that is not finalized yet.
+
+    It is flat, z = 0, unless `ground` is uneven: then each of its regions is
+    the top of a rigid prism, which is as rough, and is drawn.
+    """
+    if ground is None or ground.is_level:
+        Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
+        return
+    tops = [
+        np.column_stack([r.polygon, r.heights(r.polygon)])
+        for r in ground.regions
+    ]
+    bottom = min(top[:, 2].min() for top in tops) - _DEPTH
+    for region, top in zip(ground.regions, tops, strict=True):
+        below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
+        shape = Convex(np.vstack([top, below]).T, region.name)
+        where = plant.world_body(), RigidTransform(), shape, region.name
+        plant.RegisterCollisionGeometry(*where, _ROUGH)
+        plant.RegisterVisualGeometry(*where, palette.rgba(palette.GROUND).rgba)
 
 
 def scale_friction(

@@ -5,10 +5,26 @@ import shutil
 
 import numpy as np
 import pytest
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import Side
-from nadia_balance.robot import MODELS, load_robot, robot_names
+from nadia_balance.robot import (
+    MODELS,
+    add_ground,
+    default_plant_config,
+    load_robot,
+    robot_names,
+)
+from tests.core.test_ground import square
 
 ROBOT = load_robot("nadia")
 
@@ -325,3 +341,40 @@ def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):
     with pytest.raises(ValueError, match="urdf = .*(" + message + ")") as error:
         load_robot(str(copy / "robot.yaml"))
     assert "\n" not in str(error.value)
+
+
+def test_uneven_ground_is_as_high_as_its_regions():
+    """Oracle: the regions' planes: how deep a sphere on one of them is.
+
+    Its lowest point against the plane is 1 mm deep.
+    """
+    rises = (0.0, 0.0), (0.2, -0.1)
+    regions = tuple(
+        square(f"{x}", x=x, height=x, normal=[-dx, -dy, 1.0])
+        for x, (dx, dy) in zip((0.0, 0.5), rises, strict=True)
+    )
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlant(default_plant_config(), builder)
+    ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1, 1))
+    rough = CoulombFriction(1.0, 1.0)
+    plant.RegisterCollisionGeometry(
+        ball, RigidTransform(), Sphere(0.01), "ball", rough
+    )
+    add_ground(plant, Ground(regions, ROBOT.sole))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    for region in regions:
+        for offset in (-0.2, -0.1), (0.0, 0.0), (0.2, 0.15):
+            xy = region.polygon.mean(axis=0) + offset
+            n = region.unit_normal
+            p = np.append(xy, region.heights(xy[None])) + (0.01 - 0.001) * n
+            plant.SetFreeBodyPose(
+                plant.GetMyContextFromRoot(context), ball, RigidTransform(p)
+            )
+            query = scene_graph.get_query_output_port().Eval(
+                scene_graph.GetMyContextFromRoot(context)
+            )
+            (pair,) = query.ComputePointPairPenetration()
+            assert pair.depth == pytest.approx(0.001, abs=1e-9)
+            assert abs(pair.nhat_BA_W @ n) == pytest.approx(1.0, abs=1e-9)

@@ -83,6 +83,7 @@ def command(
         contacts=contacts,
         max_normal_forces=max_normal_forces,
         swing=swing,
+        normals=np.array([[0.0, 0.0, 1.0]] * 2),
     )
 
 

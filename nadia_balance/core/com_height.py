@@ -77,7 +77,8 @@ def plan_com_height(
 ) -> ComHeightPlan:
     """Returns the desired CoM height during the present phase.
 
-    It is the model's above the support sole, or less if the feet are far apart.
+    It is the model's above the support sole, on uneven ground above the lower
+    one, or less if the feet are far apart.
     It changes during a swing only, from what the place of lift-off allows to
     what the next foothold allows.
     """
@@ -87,7 +88,10 @@ def plan_com_height(
 
     def height(other: FootPose) -> float:
         limit = height_limit(stance, other, params, model.legs)
-        return float(stance.p_WF[2]) + min(max(limit, lowest), nominal)
+        ground = float(stance.p_WF[2])
+        if model.is_uneven:
+            ground = min(ground, float(other.p_WF[2]))
+        return ground + min(max(limit, lowest), nominal)
 
     start = end = height(schedule.feet[side.other])
     if schedule.phase is Phase.SWING and schedule.footsteps:

@@ -64,6 +64,11 @@ class Region:
         """(3,), of length 1."""
         return np.array(self.normal) / math.hypot(*self.normal)
 
+    @property
+    def is_level(self) -> bool:
+        """True if the normal is vertical."""
+        return bool(self.unit_normal[2] == 1.0)
+
     def heights(self, points: Array) -> Array:
         """Returns the heights (n,) [m] of the plane at `points` (n, 2) [m]."""
         x, y, z = self.unit_normal.tolist()
@@ -77,10 +82,8 @@ class Region:
         tilt of the plane and is turned by `yaw` [rad], minus a `margin` [m];
         `sole` (k, 2) [m] in its own frame.  (0, 2) if it fits nowhere.
         """
-        n = self.unit_normal[:2]
-        # The turn from the vertical to the normal, restricted to the plane.
-        tilt = np.eye(2) - np.outer(n, n) / (1.0 + self.unit_normal[2])
-        corners = FootPose(yaw=yaw).to_world(sole) @ tilt.T
+        foot = FootPose(yaw=yaw, normal=self.unit_normal)
+        corners = foot.outline(sole)
         A, b = halfspaces(self.polygon)
         farthest = (A @ corners.T).max(axis=1)
         return clip_all(self.polygon, A, b - farthest - margin)
@@ -98,7 +101,7 @@ class Ground(Immutable):
     def is_level(self) -> bool:
         """True if all that can be stepped on is level, at z = 0."""
         return all(
-            region.height == 0.0 and region.unit_normal[2] == 1.0
+            region.height == 0.0 and region.is_level
             for region in self.regions
             if not region.obstacle
         )
@@ -144,7 +147,7 @@ class Ground(Immutable):
 
     def region_under(self, foot: FootPose) -> Region | None:
         """Returns the region that the whole sole is on; None: on none."""
-        corners = foot.to_world(self.sole)
+        corners = foot.outline(self.sole)
         for region in self.regions:
             if not region.obstacle and all(
                 contains(p, region.polygon, _ROUNDING) for p in corners
@@ -153,14 +156,17 @@ class Ground(Immutable):
         return None
 
     def pose(self, point: Array, yaw: float, height: float) -> FootPose:
-        """Returns the sole at `point` (2,) [m], as high as its region there.
+        """Returns the sole at `point` (2,) [m], on the plane of its region.
 
-        At `height` [m] if there is none.
+        At `height` [m] and level if there is none.
         """
         foot = FootPose(np.append(point, height), yaw)
         if (region := self.region_under(foot)) is None:
             return foot
-        return FootPose(np.append(point, region.heights(point[None])), yaw)
+        p_WF = np.append(point, region.heights(point[None]))
+        if region.is_level:
+            return FootPose(p_WF, yaw)
+        return FootPose(p_WF, yaw, region.unit_normal)
 
 
 def check_ground(ground: Ground) -> None:

@@ -69,9 +69,9 @@ class GroundLanding(Landing):
         """The place to step to, and where in it.
 
         Of those that let the foot step as deep as any, the one nearest to the
-        nominal foothold; a step across counts as `area_margin` times as far,
-        the place chosen last as `distance_hysteresis` nearer, and half as deep
-        is deep enough for it.
+        nominal foothold; a step across counts as farther, by the root of
+        `area_margin`, the place chosen last as `distance_hysteresis` nearer,
+        and half as deep is deep enough for it.
         """
         nominal, rules = current.nominal.pose.p_WF[:2], params.rules
         found: list[tuple[Place, Array]] = []
@@ -88,9 +88,11 @@ class GroundLanding(Landing):
         if not found:
             return self._closest(current, params)
 
+        across = math.sqrt(rules.area_margin)
+
         def cost(option: tuple[Place, Array]) -> float:
             place, point = option
-            factor = 1.0 if place.reach == BASE else rules.area_margin
+            factor = 1.0 if place.reach == BASE else across
             bonus = self._is_last(place, current) * rules.distance_hysteresis
             return factor * math.dist(point, nominal) - bonus
 

@@ -36,6 +36,11 @@ class PointMassModel:
     detour: SwingDetourParams  # how it gets there, past the stance leg
     ground: Ground | None = None  # None: everywhere, level
 
+    @property
+    def is_uneven(self) -> bool:
+        """True if feet may stand at different heights, or tilted."""
+        return self.ground is not None and not self.ground.is_level
+
     @cached_property
     def omega(self) -> float:
         """Natural frequency [rad/s] (Nadia paper, below Eq. 1)."""

@@ -189,7 +189,7 @@ class ReachRulesParams:
 
     # A cross-over region must share this many times the area that the base
     # region shares with the capture region.
-    area_margin: float = bounded(2.0, least=1.0)
+    area_margin: float = bounded(5.0, least=1.0)
     # The region chosen last is given up when another shares this many times
     # its area, or, if none shares any, is this much closer.
     hysteresis: float = bounded(1.3, least=1.0)

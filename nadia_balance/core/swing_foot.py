@@ -15,6 +15,7 @@ import numpy as np
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.swing_clearance import SwingEdges
 from nadia_balance.core.swing_detour import (
     PEAK,
     SwingDetourParams,
@@ -45,6 +46,8 @@ class SwingFootParams:
     # Apex above the higher of start and goal; and that of a leg that uncrosses
     # behind or before the other one, whose shin its knee would meet.
     height: float = bounded(0.10, above=0.0, most=0.5, unit="m")
+    # Above the edges on its way over uneven ground.
+    clearance: float = bounded(0.03, least=0.0, most=0.2, unit="m")
     uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
     # With less time left, it is not lifted so high.
     fall_time: float = bounded(0.175, above=0.0, unit="s")
@@ -87,6 +90,7 @@ def swing_foot_motion(
     params: SwingFootParams,
     model: PointMassModel,
     lead: float = 0.0,
+    edges: SwingEdges | None = None,
 ) -> tuple[FootMotion, FootMotion]:
     """Returns the motion of the swing foot one `period` [s] later.
 
@@ -96,7 +100,8 @@ def swing_foot_motion(
     that will swing next rests where it stands.  A foot that cannot be in place
     in time lands later.  When it is there, and the swing's clock has run out,
     it moves downward with the touchdown velocity until the ground stops it; if
-    it sinks faster than that, it brakes first.
+    it sinks faster than that, it brakes first.  It rises before, passes over,
+    and descends behind the `edges` on its way, if there are any.
     """
     schedule = state.schedule
     side = schedule.support_side.other
@@ -118,6 +123,8 @@ def swing_foot_motion(
     left = state.remaining_time + (_SOON if state.waiting else period)
     # Over the foothold first, and then down on it.
     settling, height = model.detour.settling, float(start[0, 2] - end[0, 2])
+    if edges is not None:
+        settling = max(settling, edges.drop / model.detour.max_descent)
     over = max(left - settling, min(left, _SOON))
     end[:, XY], over = _within_limits(start[:, XY], way, over, model.detour)
     there = math.dist(start[0, XY], goal.p_WF[:2]) < params.there
@@ -127,9 +134,15 @@ def swing_foot_motion(
     if braking:  # as hard all the way
         left = braking
         end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
-    apex = _apex(start[:2, 2], float(end[0, 2]), left, state, params)
+    ground = float(end[0, 2]) if edges is None else edges.top
+    apex = _apex(start[:2, 2], ground, left, state, params)
+    landing = end[:, Z]
     if apex is not None:
-        end[:, Z] = _aim(start[:, Z], end[:, Z], left, apex)
+        end[:, Z] = _aim(start[:, Z], landing, left, apex)
+    if edges is not None and edges.are_in_the_way(start[0, :3]):
+        end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
+    elif edges is not None:
+        end[:, Z] = _over_edges(start, end, landing, over, left, edges)
     horizon = np.array([over, over, left, over])
     motions = []
     for t in (period, period + lead):
@@ -214,6 +227,31 @@ def _apex(
     height *= min(1.0, (left / params.fall_time) ** 2)
     apex = max(lift_off, ground) + height
     return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
+
+
+def _over_edges(
+    start: Array,
+    end: Array,
+    landing: Array,
+    over: float,
+    left: float,
+    edges: SwingEdges,
+) -> Array:
+    """Returns the end (3, 1) of z to aim at so as to pass over the `edges`.
+
+    As in `end` (3, 4), unless the sole would meet one: then it passes over
+    that which it would meet the deepest, on its way to `landing` (3, 1).
+    """
+    times = _CHECKED[:-1] * over
+    xy = quintic(start[:, XY], end[:, XY], np.full(2, over), times)[0]
+    z = quintic(start[:, Z], end[:, Z], np.full(1, left), times)[0]
+    short = edges.needed(xy) - z[:, 0]
+    worst = int(short.argmax())
+    t = float(times[worst, 0])
+    if short[worst] <= 0.0 or t < _SOON:
+        return end[:, Z]
+    via = z[worst] + short[worst]
+    return end_beyond(start[:, Z], landing, left, via, t)
 
 
 def _nearest_turn(yaw: float, reference: float) -> float:

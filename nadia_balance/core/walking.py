@@ -52,6 +52,22 @@ def read_only(values: object, size: int) -> Array:
     return array
 
 
+def tilt(normal: Array) -> Array:
+    """Returns the shortest turn (3, 3) of the vertical to `normal` (3,)."""
+    x, y, z = normal.tolist()
+    c = 1.0 / (1.0 + z)
+    return np.array(
+        [
+            [1.0 - c * x * x, -c * x * y, x],
+            [-c * x * y, 1.0 - c * y * y, y],
+            [-x, -y, z],
+        ]
+    )
+
+
+UPRIGHT = read_only([0.0, 0.0, 1.0], 3)
+
+
 class Immutable:
     """A frozen value, which clones of a Context share."""
 
@@ -63,14 +79,19 @@ class Immutable:
 class FootPose(Immutable):
     """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
 
-    The sole frame F is z-up with x along the foot and y to the left.
+    The sole frame F is z-up with x along the foot and y to the left.  Of a
+    tilted sole, F is that of the level one: R_WF = tilt(normal) Rz(yaw) is
+    where its unit `normal` (3,) points.
     """
 
     p_WF: Array = field(default_factory=lambda: np.zeros(3))
     yaw: float = 0.0
+    normal: Array = field(default_factory=lambda: UPRIGHT)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
+        if self.normal is not UPRIGHT:
+            object.__setattr__(self, "normal", read_only(self.normal, 3))
 
     @cached_property
     def rotation(self) -> Array:
@@ -83,6 +104,11 @@ class FootPose(Immutable):
     def to_world(self, points_F: Array) -> Array:
         """Points (n, 2) [m] of the sole frame, expressed in W."""
         return np.asarray(self.p_WF[:2] + points_F @ self.rotation.T)
+
+    def outline(self, sole: Array) -> Array:
+        """Corners (n, 2) [m] in W of the tilted `sole`, seen from above."""
+        seen = tilt(self.normal)[:2, :2] @ self.rotation
+        return np.asarray(self.p_WF[:2] + sole @ seen.T)
 
     def to_sole(self, points_W: Array) -> Array:
         """Points (n, 2) [m] of W, expressed in the sole frame."""

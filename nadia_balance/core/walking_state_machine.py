@@ -274,7 +274,12 @@ def _start_transfer(
     model: PointMassModel,
     landed: Footstep | None = None,
 ) -> WalkingState:
-    old, feet = state.schedule, measured.feet
+    old = state.schedule
+    wanted = old.feet
+    if old.phase is Phase.SWING:
+        step = old.footsteps[0]
+        wanted = wanted.with_foot(step.side, step.pose)
+    feet = _tilted(measured.feet, wanted)
     steps = within_reach(
         state.commanded, feet, model.reach, landed, ground=model.ground
     )
@@ -303,12 +308,21 @@ def _end_transfer(
         old,
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
-        feet=measured.feet,
+        feet=_tilted(measured.feet, old.feet),
         start=plan.at(state.time_in_phase).point(),
         start_time=0.0,
     )
     # The steps that were moved before are to be the same.
     return replace(_begin(state, schedule), adjustment=state.adjustment)
+
+
+def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
+    """The `feet`, as tilted as the `wanted` ones: what a sole is brought to."""
+    for side in Side:
+        normal = wanted[side].normal
+        if feet[side].normal is not normal:
+            feet = feet.with_foot(side, replace(feet[side], normal=normal))
+    return feet
 
 
 def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:

@@ -190,7 +190,8 @@ class WholeBodyCommand(NamedTuple):
     yawdot, yawddot) of the torso, and `turn` that of the pelvis on top of it;
     `contacts`: whether the (left, right) sole carries, at least one does;
     `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
-    a, yaw, yawdot, yawddot] of the sole that does not carry.
+    a, yaw, yawdot, yawddot] of the sole that does not carry.  `normals` (2, 3)
+    in W are across the (left, right) sole, as it is to be.
     """
 
     momentum_rate: Array
@@ -199,6 +200,7 @@ class WholeBodyCommand(NamedTuple):
     contacts: tuple[bool, bool]
     max_normal_forces: tuple[float, float]
     swing: Array
+    normals: Array
 
 
 def whole_body_command(
@@ -224,6 +226,7 @@ def whole_body_command(
             max_normal_force(state, Side.RIGHT, params, model),
         ),
         swing=swing,
+        normals=sole_normals(state),
     )
 
 
@@ -236,6 +239,24 @@ def velocity_now(swing: Array, lead: float) -> Array:
     late[3:6] -= lead * swing[6:9]
     late[10] -= lead * swing[11]
     return late
+
+
+def sole_normals(state: WalkingState) -> Array:
+    """Returns across what the (left, right) sole is, (2, 3) in W.
+
+    That of a swing turns from one ground to the other, by a cubic in time.
+    """
+    schedule = state.schedule
+    normals = [schedule.feet[side].normal for side in Side]
+    if schedule.phase is Phase.SWING:
+        step = schedule.footsteps[0]
+        i = list(Side).index(step.side)
+        s = state.time_in_phase / schedule.duration
+        n = normals[i] + s * s * (3.0 - 2.0 * s) * (
+            step.pose.normal - normals[i]
+        )
+        normals[i] = n / math.hypot(*n.tolist())
+    return np.array(normals)
 
 
 def crossing_turn(

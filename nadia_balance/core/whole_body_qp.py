@@ -389,18 +389,20 @@ class WholeBodyQp:
         motion[:, :nv] = terms.forces[:, :nv]
         motion[:, nv:] = -J.T
         b = -terms.rows[: BASE.stop, -1]
-        b[:12] += self._rest(terms)
+        b[:12] += self._rest(terms, command.normals)
         b = np.concatenate((b[soles], b[BASE]))
         lower, upper = self._limits.bounds(terms, command, C, last_torques)
         return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
 
-    def _rest(self, terms: WholeBodyTerms) -> Array:
-        """Accelerations (12,) that bring soles to rest, and level."""
+    def _rest(self, terms: WholeBodyTerms, normals: Array) -> Array:
+        """Accelerations (12,) that bring soles to rest, across `normals`."""
         params = self._params
         rest = -params.stance_damping * terms.velocities[:12]
-        tilt = params.stance_tilt_gain * terms.rotations[:2, :2, 2]
-        rest[0::6] += tilt[:, 1]
-        rest[1::6] -= tilt[:, 0]
+        x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
+        nx, ny, nz = normals.T
+        rest[0::6] += y * nz - z * ny
+        rest[1::6] -= x * nz - z * nx
+        rest[2::6] += x * ny - y * nx
         return np.asarray(rest)
 
     def _cost(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.walking import Array
+from nadia_balance.core.walking import Array, tilt
 from nadia_balance.core.whole_body_command import (
     BASE,
     PELVIS,
@@ -119,7 +119,9 @@ class WholeBodyTasks:
             side = command.contacts.index(False)
             p, v, a, foot_yaw = command.swing.reshape(4, 3).tolist()
             px, py, pz = terms.sole_positions[side].tolist()
-            error += rotation_error(foot_yaw[0], terms.rotations[side])
+            R_WT = tilt(command.normals[side])
+            R_TF = R_WT.T @ terms.rotations[side]
+            error += (R_WT @ rotation_error(foot_yaw[0], R_TF)).tolist()
             error += p[0] - px, p[1] - py, p[2] - pz
             velocity += 0.0, 0.0, foot_yaw[1], *v
             wanted += 0.0, 0.0, foot_yaw[2], *a

@@ -226,12 +226,16 @@ def recovery_time(log: Log) -> float | None:
 def body_sway(log: Log) -> np.ndarray:
     """Tilt (n,) [deg] of the line from between the soles to the CoM.
 
-    On the ground a foot is where it stands, in the air where it stood.
+    On the ground a foot is where it stands, in the air where it stood; the
+    ground is as high as the lower one.
     """
     feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
     middle = 0.5 * (feet.left[:2] + feet.right[:2])
-    away = np.hypot(*(com[:2] - middle))
-    return np.degrees(np.arctan2(away, com[2]))
+    away, height = np.hypot(*(com[:2] - middle)), com[2]
+    if "foot_poses" in log:
+        soles = signal(log, "foot_poses")
+        height = height - np.minimum(soles.left[2], soles.right[2])
+    return np.degrees(np.arctan2(away, height))
 
 
 def _overload(log: Log) -> str:

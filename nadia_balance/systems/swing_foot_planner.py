@@ -6,15 +6,17 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.swing_clearance import SwingEdges, edges_on_way
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
 )
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.walking import ContactSchedule, WalkingState
 from nadia_balance.systems.ports import (
     Outcome,
     ValueInput,
+    declare_cache,
     entries,
     size,
 )
@@ -72,6 +74,13 @@ class SwingFootPlanner(LeafSystem):
         self._params, self._model = params, model
         self._period, self._lead = period, lead
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._edges = declare_cache(
+            self,
+            "edges",
+            self._calc_edges,
+            {self._walking_state.ticket()},
+            (None, None),
+        )
         # The last one is not used before the first swing, which begins where
         # the foot stands.
         Outcome(
@@ -82,9 +91,18 @@ class SwingFootPlanner(LeafSystem):
             },
             1,
             self._calc,
-            {self._walking_state.ticket()},
+            {self._walking_state.ticket(), self._edges.ticket()},
             period,
         )
+
+    def _calc_edges(
+        self, context, last: tuple[ContactSchedule | None, SwingEdges | None]
+    ) -> tuple[ContactSchedule | None, SwingEdges | None]:
+        schedule = self._walking_state(context).schedule
+        if schedule is last[0]:
+            return last
+        clearance = self._params.clearance
+        return schedule, edges_on_way(schedule, self._model, clearance)
 
     def _calc(self, context, last) -> np.ndarray:
         motion, ahead = swing_foot_motion(
@@ -94,5 +112,6 @@ class SwingFootPlanner(LeafSystem):
             self._params,
             self._model,
             self._lead,
+            self._edges.Eval(context)[1],
         )
         return np.concatenate((ahead.as_vector(), motion.as_vector()))

@@ -14,6 +14,7 @@ from nadia_balance.core.com_height import (
     plan_com_height,
     vertical_acceleration,
 )
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import (
     ContactSchedule,
     FootPose,
@@ -23,6 +24,7 @@ from nadia_balance.core.walking import (
     Side,
 )
 from tests import example_walks
+from tests.core.test_ground import square
 
 PARAMS = ComHeightParams()
 NOMINAL = 0.94
@@ -101,6 +103,31 @@ def test_the_height_is_continuous_over_a_walk():
     assert first.at(0.7) == pytest.approx(second.at(0.0), abs=1e-12)
     assert second.at(0.3) == pytest.approx(third.at(0.0), abs=1e-12)
     assert second.start < GROUND + NOMINAL
+
+
+@pytest.mark.parametrize("rise", [0.18, -0.18])
+def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
+    """Oracle: Pythagoras on each leg; the lower one is at its longest."""
+    steps = [square(name, height=h) for name, h in (("a", 0.0), ("b", rise))]
+    model = replace(MODEL, ground=Ground(tuple(steps), MODEL.sole))
+    going = schedule(Phase.SWING, apart=0.4, step=0.4)
+
+    def moved(pose, up):
+        return FootPose(pose.p_WF + [0.0, 0.0, up], pose.yaw)
+
+    (step,), lifted = going.footsteps, going.feet.right
+    feet = going.feet.with_foot(Side.RIGHT, moved(lifted, -rise))
+    step = replace(step, pose=moved(step.pose, rise))
+    going = replace(going, feet=feet, footsteps=(step,))
+    found = plan_com_height(going, PARAMS, model)
+    for height, other in (found.start, -rise), (found.end, rise):
+        hip = height - GROUND - LEGS.com_above_hip - LEGS.ankle_height
+        legs = [
+            math.hypot(hip - foot, PARAMS.reach_ratio * 0.4)
+            for foot in (0.0, other)
+        ]
+        longest = PARAMS.max_stretch * LEGS.length
+        assert max(legs) == pytest.approx(longest, abs=1e-12)
 
 
 def test_the_rate_is_the_derivative_of_the_height():

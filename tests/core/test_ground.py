@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 import shapely
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RotationMatrix
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import (
@@ -49,6 +51,22 @@ def test_a_tilted_sole_is_shorter_from_above():
     assert np.ptp(found, axis=0) == pytest.approx([0.5 - length, 0.38])
     heights = region.heights(np.array([[0.0, 0.1], [0.2, 0.0]]))
     assert heights == pytest.approx([0.3, 0.3 + 0.2 * slope])
+
+
+def test_a_pose_puts_all_corners_of_the_sole_on_the_plane():
+    """Oracle: Drake's rotation of the sole, and the plane's own heights."""
+    region = square("up", height=0.3, normal=[-0.2, 0.1, 1.0])
+    ground = Ground((region,), SOLE)
+    foot = ground.pose(np.array([0.03, 0.02]), 0.4, 0.0)
+    assert ground.region_under(foot) is region
+    n = foot.normal
+    axis = np.cross([0.0, 0.0, 1.0], n) / math.hypot(n[0], n[1])
+    turn = AngleAxis(math.acos(n[2]), axis)
+    R_WF = RotationMatrix(turn) @ RotationMatrix.MakeZRotation(0.4)
+    corners = foot.p_WF + np.column_stack([SOLE, np.zeros(4)]) @ R_WF.matrix().T
+    assert foot.outline(SOLE) == pytest.approx(corners[:, :2], abs=1e-12)
+    on_plane = region.heights(corners[:, :2])
+    assert corners[:, 2] == pytest.approx(on_plane, abs=1e-12)
 
 
 def test_the_nearest_foothold_is_on_the_nearest_region():

@@ -56,6 +56,20 @@ def command(walking_state, swing=None, **params):
     )
 
 
+def test_a_swing_sole_turns_from_its_ground_to_the_next_one():
+    """Oracle: by hand; half-way, the bisector of the two normals."""
+    tilted = [math.sin(0.2), 0.0, math.cos(0.2)]
+    now = state(Phase.SWING, time_in_phase=0.5)
+    (step,) = now.schedule.footsteps
+    step = replace(step, pose=replace(step.pose, normal=tilted))
+    schedule = replace(now.schedule, footsteps=(step,))
+    for time, angle in (0.0, 0.0), (0.5, 0.1), (1.0, 0.2):
+        then = WalkingState(schedule, time_in_phase=time)
+        left, right = command(then).normals
+        assert left == pytest.approx([0.0, 0.0, 1.0])
+        assert right == pytest.approx([math.sin(angle), 0.0, math.cos(angle)])
+
+
 @pytest.mark.parametrize(
     ("phase", "support", "contacts"),
     [

@@ -342,14 +342,18 @@ def test_soles_on_the_ground_stay(contacts):
                 )
 
 
-def test_a_tilted_sole_is_brought_level():
-    """Oracle: it turns towards the vertical by the gain times the tilt."""
+@pytest.mark.parametrize("ground", [0.0, 0.17])
+def test_a_tilted_sole_is_brought_on_its_ground(ground):
+    """Oracle: it turns towards the normal by the gain times the sine."""
     state = standing_state()
     state[0:4] = [math.cos(0.01), math.sin(0.01), 0.0, 0.0]  # roll 0.02
-    terms, found = solve(state)
+    terms, params = terms_at(state), WholeBodyQpParams()
+    normals = np.array([[0.0, -math.sin(ground), math.cos(ground)]] * 2)
+    wish = command(terms)._replace(normals=normals)
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
     turn = (terms.rows @ np.append(found.vdot, 1.0))[0:3]
-    gain = WholeBodyQpParams().stance_tilt_gain
-    assert turn == pytest.approx([-gain * math.sin(0.02), 0, 0], abs=1e-6)
+    expected = params.stance_tilt_gain * math.sin(ground - 0.02)
+    assert turn == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
 
 
 def test_starts_warm_without_the_rows_of_a_foot_that_has_left():

@@ -24,8 +24,13 @@ from tests.whole_body_examples import (
 STEP = 1e-6
 
 
-def test_tasks_are_met_where_nothing_is_in_the_way():
-    """Oracle: PD laws written out, with vanishing weight on all the rest."""
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_tasks_are_met_where_nothing_is_in_the_way(slope):
+    """Oracle: PD laws written out, with vanishing weight on all the rest.
+
+    The swing sole is to be tilted forward by `slope` [rad], on which it is
+    turned: Drake's angle and axis.
+    """
     state = standing_state()
     state[0:4] = [math.cos(0.05), 0.0, 0.0, math.sin(0.05)]  # yaw 0.1
     for joint in ("SPINE_X", "SPINE_Y", "SPINE_Z"):
@@ -52,6 +57,7 @@ def test_tasks_are_met_where_nothing_is_in_the_way():
     wish = command(terms, (True, False))._replace(
         swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
     )
+    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
     found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
     acceleration = terms.rows @ np.append(found.vdot, 1.0)
     kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
@@ -60,7 +66,13 @@ def test_tasks_are_met_where_nothing_is_in_the_way():
     turned = [0.0, 0.0, kp * math.sin(0.15) + kd * 0.4 + 0.6]
     assert found.vdot[:3] == pytest.approx(turned, abs=2e-3)
     kp, kd = 200.0, 2.0 * math.sqrt(200.0)
-    turn = [0.0, 0.0, kp * math.sin(0.05) + kd * 0.4 + 0.5]
+    wanted = RotationMatrix.MakeYRotation(slope) @ RotationMatrix(
+        RollPitchYaw(0.0, 0.0, 0.15)
+    )
+    R_WF = RotationMatrix(terms.rotations[1])
+    to_go = (wanted @ R_WF.inverse()).ToAngleAxis()
+    turn = kp * math.sin(to_go.angle()) * to_go.axis()
+    turn[2] += kd * 0.4 + 0.5
     assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
     kp, kd = 150.0, 2.0 * math.sqrt(150.0)
     move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]

@@ -27,7 +27,8 @@ def test_every_scenario_loads_and_has_its_steps_in_reach():
         scenario = load_scenario(name)
         assert scenario.description
         schedule = start_of(scenario)
-        walks = scenario.gait.num_steps > 0 or bool(scenario.gait.steps)
+        gait = scenario.gait
+        walks = bool(gait.num_steps or gait.steps or gait.footholds)
         assert bool(schedule.footsteps) == walks
 
 

@@ -9,6 +9,7 @@ import shapely
 
 from nadia_balance.core.ground import GroundError
 from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
@@ -121,12 +122,20 @@ def test_says_what_is_wrong_with_a_file(tmp_path, text, message):
         Terrain(name="nowhere").ground(SOLE)
 
 
-def test_what_cannot_be_walked_yet_is_refused():
-    """Oracle: by hand: heights, and the controller that knows no regions."""
+def test_what_cannot_be_walked_is_refused(tmp_path):
+    """Oracle: by hand: what knows no heights, or no regions; a bad start."""
     scenario = load_scenario("push")
     scenario.terrain.name = "stairs"
-    with pytest.raises(ValueError, match="'stairs': must be level"):
+    with pytest.raises(ValueError, match="'stairs': must be level.*point mass"):
         LipmDiagram(scenario)
+    scenario.engine = "mujoco"
+    with pytest.raises(ValueError, match="'stairs': must be level.*for MuJoCo"):
+        HumanoidDiagram(scenario)
+    scenario.engine = "drake"
+    (tmp_path / "high.yaml").write_text(LARGE[:-2] + ", height: 0.1}")
+    scenario.terrain.name = str(tmp_path / "high.yaml")
+    with pytest.raises(ValueError, match="left foot at the start: its region"):
+        HumanoidDiagram(scenario)
     text = "{terrain: {name: gap}, controller: {icp_step_qp: {}}, "
     text += "mechanisms: feedback_step}"
     with pytest.raises(ValueError, match="'gap': must be flat with"):

@@ -128,9 +128,9 @@ REFUSED = [
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
     (["--live"], "no_meshcat = True: must not come with --live"),
-    (["--terrain", "tiles"], "terrain.name = 'tiles': must be level, at"),
+    (["--terrain", "tiles"], "scenario_name = 'tiles': must have a push"),
     (
-        ["--terrain", "stairs", "--plant", "lipm"],
+        ["--terrain", "stairs", "--scenario_name", "push", "--plant", "lipm"],
         "terrain.name = 'stairs': must be level, at height 0",
     ),
     (

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.ground import Ground
+from nadia_balance.core.swing_clearance import edges_on_way
 from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
@@ -13,6 +15,7 @@ from nadia_balance.core.swing_foot import (
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from tests.blocks import answer, asked, running, tick
+from tests.core.test_ground import square
 from tests.example_walks import MODEL, walk
 
 PERIOD, LEAD, PARAMS = 0.002, 0.005, SwingFootParams()
@@ -51,6 +54,23 @@ def test_remembers_what_it_said(planner):
         assert np.array_equal(state, before)
         before = answer(planner, context, OUTPUT).copy()
         tick(simulator, PERIOD)
+
+
+def test_lifts_the_foot_over_the_edges_of_its_model():
+    """Oracle: the core functions, with the edges of this swing."""
+    regions = square("low"), square("high", x=0.5, height=0.2)
+    model = replace(MODEL, ground=Ground(regions, MODEL.sole))
+    planner, state = SwingFootPlanner(PARAMS, model, PERIOD), swing(0.2)
+    edges = edges_on_way(state.schedule, model, PARAMS.clearance)
+    assert edges is not None
+    last = np.array([0.0, -0.125, 0.05, 0, 0, 0.5, 0, 0, 0, 0, 0, 0])
+    context = asked(planner, walking_state=state)
+    context.SetDiscreteState(np.concatenate((np.zeros(12), last)))
+    expected, _ = swing_foot_motion(
+        FootMotion.from_vector(last), state, PERIOD, PARAMS, model, edges=edges
+    )
+    found = answer(planner, context, OUTPUT)
+    assert found == pytest.approx(expected.as_vector(), abs=1e-15)
 
 
 def test_refuses_bad_params():

@@ -1,0 +1,106 @@
+"""Oracles: the regions' own planes; the robot's limits; flat ground."""
+
+import numpy as np
+import pytest
+from pydrake.math import RotationMatrix
+
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.run_info import run_info
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.log import steps
+from nadia_balance.results.summary import summarize
+
+STILE = """
+regions:
+- {name: near, vertices: [[0.3, 1], [-1, 1], [-1, -1], [0.3, -1]]}
+- {name: up, height: 0.18, vertices: [[0.6, 1], [0.3, 1], [0.3, -1], [0.6, -1]]}
+- {name: far, vertices: [[2, 1], [0.6, 1], [0.6, -1], [2, -1]]}
+"""
+FOOTHOLDS = """[{side: right, x: 0.15, y: -0.125}, {x: 0.45, y: 0.125},
+    {side: right, x: 0.76, y: -0.125}, {x: 0.76, y: 0.125}]"""
+
+
+def walked(name, text, duration):
+    """The diagram and its run, which obeys all limits."""
+    scenario = load_scenario(name, text=text, duration=duration)
+    diagram = HumanoidDiagram(scenario)
+    run = simulate(diagram, duration)
+    found = summarize(run, run_info(scenario, run))
+    assert found["outcome"] == "recovered", found["reason"]
+    return diagram, run
+
+
+def soles_at(diagram, log, time):
+    """X_WF of both soles at a `time`."""
+    robot, plant = diagram.robot, diagram.robot.control_plant()
+    context = plant.CreateDefaultContext()
+    row = np.searchsorted(log["t"], time)
+    plant.SetPositionsAndVelocities(context, log["state"][row])
+    return {
+        side: plant.GetBodyByName(body).EvalPoseInWorld(context)
+        @ robot.X_FootSole[side]
+        for side, body in robot.foot_bodies.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "duration", "num_steps", "top"),
+    [
+        ("stairs", f"gait: {{footholds: {FOOTHOLDS}}}", 8.0, 4, 0.18),
+        ("cinder_blocks", "", 22.5, 16, 0.45),
+        ("tilted_blocks", "", 7.8, 5, 0.30),
+    ],
+    ids=["18 cm up and down", "Fig. 11", "15 degrees"],
+)
+def test_soles_stand_on_the_planes_of_their_regions(
+    tmp_path, name, text, duration, num_steps, top
+):
+    """Oracle: heights and normals of the regions, 0.2 s after landing."""
+    if text:
+        (tmp_path / "stile.yaml").write_text(STILE)
+        text += f", terrain: {{name: {tmp_path}/stile.yaml}}"
+    diagram, run = walked(name, f"{{{text}}}", duration)
+    ground, heights = diagram.scenario.terrain.ground(diagram.robot.sole), []
+    taken = steps(run.logs)
+    assert len(taken) == num_steps
+    for step in taken:
+        away = step.achieved.p_WF - step.commanded.p_WF
+        assert np.hypot(*away[:2]) < 0.005
+        after = run.logs["t"][step.swing.last] + 0.2
+        X_WF = soles_at(diagram, run.logs, after)[step.side]
+        p_WF = X_WF.translation()
+        region = ground.region_under(ground.pose(p_WF[:2], 0.0, 0.0))
+        expected = region.heights(p_WF[None, :2])[0]
+        assert p_WF[2] == pytest.approx(expected, abs=0.002)
+        heights.append(expected)
+        normal = X_WF.rotation().col(2)
+        assert np.arccos(normal @ region.unit_normal) < np.radians(0.5)
+    assert max(heights) == pytest.approx(top, abs=0.05)
+
+
+def test_walks_on_tiles_that_it_takes_for_flat_ground():
+    """Oracle: by hand: its feet stand higher and lower by 2 cm, and tilted."""
+    diagram, run = walked("tiles", "{}", 8.0)
+    soles = [
+        soles_at(diagram, run.logs, run.logs["t"][step.swing.last])[step.side]
+        for step in steps(run.logs)
+    ]
+    heights = [X_WF.translation()[2] for X_WF in soles]
+    assert np.ptp(heights) > 0.02
+    upright = RotationMatrix().col(2)
+    assert min(X_WF.rotation().col(2) @ upright for X_WF in soles) < 0.9998
+
+
+def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
+    """Oracle: the same walk without a terrain."""
+    side = "vertices: [[-20, -20], [20, -20], [20, 20], [-20, 20]]"
+    (tmp_path / "large.yaml").write_text(f"regions: [{{name: a, {side}}}]")
+    logs = []
+    for name in "flat", str(tmp_path / "large.yaml"):
+        text = f"{{terrain: {{name: {name}}}}}"
+        logs.append(walked("walk_forward", text, 2.5)[1].logs)
+    flat, large = logs
+    assert len(steps(flat)) > 0
+    for name, values in flat.items():
+        np.testing.assert_array_equal(large[name], values)
