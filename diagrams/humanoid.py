@@ -8,14 +8,18 @@ from pydrake.systems.framework import (
     Context,
     Diagram,
     DiagramBuilder,
-    OutputPort,
     System,
 )
-from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.diagrams.in_meshcat import (
+    add_drawings,
+    add_mechanisms,
+    add_mouse,
+    connect_forces,
+)
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import (
     SignalLog,
@@ -29,7 +33,6 @@ from nadia_balance.robot import actuated_velocities, load_robot, scale_friction
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
-from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.mujoco_plant import add_mujoco_plant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
@@ -56,7 +59,7 @@ VISUALIZED = (
     "ecmp_command",
     "capture_regions",
 )
-EXPORTED = ("walking_state", "icp", "swing_foot_reference")
+EXPORTED = ("walking_state", "icp", "icp_reference", "swing_foot_reference")
 FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
 FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
 
@@ -117,17 +120,14 @@ class HumanoidDiagram(Diagram):
             "foot_force_sensor",
             FootForceSensor(self.plant, self.robot, period, self.engine),
         )
-        self._close_loop(builder)
-        self._mechanisms = self._add_mechanisms(builder, meshcat)
+        self._close_loop(builder, meshcat)
         if meshcat is not None:
             add_robot_view(builder, self.scene_graph, meshcat)
-            view = builder.AddNamedSystem(
-                "balance_visualizer",
+            add_drawings(
+                builder,
                 BalanceVisualizer(meshcat, self.robot.sole, self._ground),
+                [(self.controller, VISUALIZED), (self.push, ("push_force",))],
             )
-            drawn = filter(self.controller.HasOutputPort, VISUALIZED)
-            connect(builder, self.controller, view, *drawn)
-            connect(builder, self.push, view, "push_force")
         self._log(builder, period)
         for name in EXPORTED:
             builder.ExportOutput(self.controller.GetOutputPort(name), name)
@@ -150,7 +150,9 @@ class HumanoidDiagram(Diagram):
             if ratio != 1.0:
                 scale_friction(self.plant, self.scene_graph, ratio)
 
-    def _close_loop(self, builder: DiagramBuilder) -> None:
+    def _close_loop(
+        self, builder: DiagramBuilder, meshcat: Meshcat | None
+    ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._state_sensor = None
@@ -187,27 +189,14 @@ class HumanoidDiagram(Diagram):
             connect(builder, engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, engine.GetInputPort("actuation"))
-        connect(
-            builder, self.push, engine, spatial_forces="applied_spatial_force"
-        )
-
-    def _add_mechanisms(
-        self, builder: DiagramBuilder, meshcat: Meshcat | None
-    ) -> OutputPort:
-        """Adds what says which mechanisms are on: the scenario, or the user."""
+        mouse = None
+        if meshcat is not None and engine is self.plant:
+            mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
+        pushes = self.push.GetOutputPort("spatial_forces")
+        connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
-        if meshcat is None:
-            port = builder.AddNamedSystem(
-                "mechanisms", ConstantVectorSource(on.as_vector())
-            ).get_output_port()
-        else:
-            controls = builder.AddNamedSystem(
-                "live_controls", LiveControls(meshcat, on)
-            )
-            connect(builder, controls, self.push, "live_push")
-            port = controls.GetOutputPort("mechanisms")
-        builder.Connect(port, self.controller.GetInputPort("mechanisms"))
-        return port
+        self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
+        builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {
@@ -301,6 +290,10 @@ class HumanoidDiagram(Diagram):
         logs |= region_logs(self.robot.point_mass.reach)
         logs |= ground_logs(self._ground)
         return logs
+
+    def forget_logs(self, context: Context) -> None:
+        """Drops all that was logged."""
+        self._signal_log.forget(context)
 
     def _feet(self, states: np.ndarray) -> np.ndarray:
         """MeasuredFeet (n, 8) along `states`."""

@@ -4,11 +4,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.diagrams.in_meshcat import add_drawings, add_mechanisms
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import (
     SignalLog,
@@ -17,6 +18,7 @@ from nadia_balance.diagrams.signal_log import (
 )
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.robot import load_robot
+from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.point_mass_plant import PointMassPlant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource, find_body
@@ -29,14 +31,25 @@ CONTROLLER_LOGS = (
     "momentum_qp_status",
     "walking_signal",
 )
+CONTROLLER_DRAWN = (
+    "walking_state",
+    "icp_reference",
+    "ecmp_command",
+    "capture_regions",
+)
 FALLEN_DISTANCE = 0.8  # of the CoM from the nearer foot, horizontally [m]
 
 
 class LipmDiagram(Diagram):
     """Closes the loop of CapturePointController and PointMassPlant."""
 
-    def __init__(self, scenario: Scenario, **blocks: System):
-        """Builds everything from the `scenario`.
+    def __init__(
+        self,
+        scenario: Scenario,
+        meshcat: Meshcat | None = None,
+        **blocks: System,
+    ):
+        """Builds everything from the `scenario`; draws if there is a `meshcat`.
 
         `blocks` take the place of those of the CapturePointController.
 
@@ -75,18 +88,27 @@ class LipmDiagram(Diagram):
         self.push = builder.AddNamedSystem(
             "push_source", PushSource(scenario.pushes, model.mass, period)
         )
-        self._mechanisms = builder.AddNamedSystem(
-            "mechanisms",
-            ConstantVectorSource(NAMED[scenario.mechanisms].as_vector()),
-        ).get_output_port()
+        on = NAMED[scenario.mechanisms]
+        self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
         self._watched = [
             self.plant.GetOutputPort(name)
             for name in ("com_state", "foot_poses")
         ]
         self._close_loop(builder)
+        if meshcat is not None:
+            add_drawings(
+                builder,
+                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
+                [
+                    (self.controller, CONTROLLER_DRAWN),
+                    (self.plant, ("com_state", "icp")),
+                    (self.push, ("push_force",)),
+                ],
+            )
         self._log(builder, period)
         for system, name in (
             (self.controller, "walking_state"),
+            (self.controller, "icp_reference"),
             (self.plant, "icp"),
             (self.swing, "swing_foot_reference"),
         ):
@@ -155,3 +177,7 @@ class LipmDiagram(Diagram):
         logs["sole"] = self.robot.sole
         logs |= ground_logs(self._ground)
         return logs | region_logs(self.robot.point_mass.reach)
+
+    def forget_logs(self, context: Context) -> None:
+        """Drops all that was logged."""
+        self._signal_log.forget(context)

@@ -35,6 +35,10 @@ class SignalLog:
         )
         self._sink.set_name("log")
 
+    def forget(self, context: Context) -> None:
+        """Drops all that was logged."""
+        self._sink.FindMutableLog(context).Clear()
+
     def read(self, context: Context) -> dict[str, np.ndarray]:
         """Returns name -> (n, size), and the times `t` (n,) [s].
 

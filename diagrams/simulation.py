@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
+from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import Run
 from nadia_balance.systems.push_source import PushSignal, PushSource
 
@@ -21,9 +22,11 @@ class ClosedLoop(Protocol):
     """What a diagram needs, beside being one, to be simulated here.
 
     Each `context` is that of the whole diagram.  A sweep also needs its output
-    ports walking_state, icp and swing_foot_reference.
+    ports walking_state, icp and swing_foot_reference; LiveSession (see
+    nadia_balance.diagrams.live) also icp_reference.
     """
 
+    scenario: Scenario
     push: PushSource  # one of its systems
 
     def set_initial_state(self, context: Context) -> None:
@@ -37,6 +40,9 @@ class ClosedLoop(Protocol):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.results.log)."""
+
+    def forget_logs(self, context: Context) -> None:
+        """Drops all that was logged: a log grows without end."""
 
 
 def start(diagram: ClosedLoop) -> Simulator:

@@ -20,15 +20,17 @@ from nadia_balance.core.courses import COURSES
 from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import advance, start
+from nadia_balance.diagrams.simulation import ClosedLoop, advance, start
 from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.results.folder import (
     new_folder,
     start_recording,
     write_run,
 )
+from nadia_balance.results.live_page import LivePage
 from nadia_balance.results.scene import set_scene, start_meshcat
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
@@ -47,6 +49,12 @@ EXIT_CODES = (
 SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
 ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
 
+
+# What would have no effect with --live.
+_NOT_LIVE = (
+    *("no_meshcat", "out", "hold", "duration"),
+    *("direction", "delta_v", "at", "shape", "random"),
+)
 
 Main = Callable[[list[str] | None], int]
 
@@ -205,6 +213,11 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
         "--hold", action="store_true", help="keep Meshcat until Enter"
     )
     group.add_argument(
+        "--live",
+        action="store_true",
+        help="walk until it is stopped, pushed by the user; writes nothing",
+    )
+    group.add_argument(
         "--realtime-rate",
         type=finite,
         default=0.0,
@@ -247,18 +260,20 @@ def main_job(
     with parser.refusing():
         shown = _shows_meshcat(args)
         scenario = make_scenario(args)
+        if args.live:
+            scenario = endless(scenario)
         meshcat = _meshcat(args.port) if shown else None
-        diagram = (
-            LipmDiagram(scenario)
-            if args.plant == "lipm"
-            else HumanoidDiagram(scenario, meshcat)
-        )
-        simulator = start(diagram)
-        folder = new_folder(args.out, args.scenario_name)
+        make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
+        diagram = make(scenario, meshcat)
         if args.graphviz:
             _write_graph(diagram, args.graphviz)
+        if not args.live:
+            simulator = start(diagram)
+            folder = new_folder(args.out, args.scenario_name)
     for remark in diagram.robot.remarks:
         print(f"robot: {remark}")
+    if args.live:
+        return _live(diagram, meshcat, args)
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
@@ -287,6 +302,11 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
         raise ValueError(
             f"realtime_rate = {args.realtime_rate}: must be in [0, {FASTEST}]"
         )
+    if args.live:
+        for name in _NOT_LIVE:
+            if (value := getattr(args, name, None)) not in (None, False):
+                raise ValueError(f"{name} = {value}: must not come with --live")
+        return True
     reason = "--plant lipm" if args.plant == "lipm" else ""
     reason = "--no-meshcat" if args.no_meshcat else reason
     for name in ("open", "hold"):
@@ -312,6 +332,17 @@ def _meshcat(port: int | None) -> Meshcat:
     say(*filter(None, [message]), f"Meshcat: {meshcat.web_url()}")
     set_scene(meshcat)
     return meshcat
+
+
+def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
+    """Lets the user push the robot until it is stopped."""
+    session = LiveSession(diagram, meshcat, say, args.realtime_rate or 1.0)
+    with LivePage(meshcat) as page:
+        say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")
+        if args.open:
+            webbrowser.open(page.url)
+        interrupted = session.run(page.show)
+    return INTERRUPTED if interrupted else DONE
 
 
 def _hold(meshcat: Meshcat) -> None:

@@ -2,10 +2,13 @@
 
 The simulation runs in a thread of its own, in real time, while the browser
 clicks.  What stands still takes the place of a robot: in the robot's diagram,
-clicks are tested in test_humanoid.
+clicks are tested in test_humanoid.  The program `push.py --live` is clicked, too,
+on the point mass.
 """
 
 import queue
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 
@@ -24,6 +27,7 @@ from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSignal, PushSource
 from tests.example_walks import standing
+from tests.scripts.running import environment
 
 MASS, PERIOD = 90.0, 0.002
 ALL = MECHANISMS["all_with_cross_over"]
@@ -161,3 +165,64 @@ def test_a_toggle_switches_its_mechanism_and_says_so(logs):
     switched = np.flatnonzero(np.any(np.diff(mechanisms, axis=0), axis=1)) + 1
     on = [Mechanisms.from_vector(mechanisms[row]) for row in switched]
     assert on == [MECHANISMS["step_swing_transfer"], ALL]
+
+
+WALK = "gait: {num_steps: 30, step: {length: 0.4}}"
+
+
+def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
+    """Oracles: the page's text, its camera, the exit code, the terminal."""
+    argv = [
+        *(sys.executable, "-m", "nadia_balance.scripts.push", "--live"),
+        *("--plant", "lipm", "--scenario_text", WALK),
+    ]
+    with subprocess.Popen(
+        argv, env=environment(), stdout=subprocess.PIPE, text=True
+    ) as program:
+        try:
+            use(browser, program)
+            assert program.wait(PATIENCE) == 0
+            pushed, *_, reset = program.stdout.read().splitlines()
+        finally:
+            program.kill()
+    assert "  pushed 0.30 m/s at 90 deg, " in pushed
+    assert reset.endswith("  reset")
+
+
+def use(browser: Browser, program: subprocess.Popen) -> None:
+    """Does what the test is called after, and looks at the page."""
+    url = next(
+        line.split()[1] for line in program.stdout if line.startswith("Live:")
+    )
+    page = browser.new_page(viewport={"width": 600, "height": 450})
+    page.goto(url)
+    text = page.locator("#status")
+
+    def has_come(*words: str) -> Callable[[], bool]:
+        return lambda: all(word in text.inner_text() for word in words)
+
+    wait_until(page, has_come("t = ", "ICP error", "walks", "factor"))
+    heights = [
+        page.get_by_text(label, exact=True).bounding_box()["y"]
+        for label in ("Push", "Pause", "cross-over: on", "Scene")
+    ]
+    assert heights == sorted(heights) and heights[0] < 30.0
+    click(page, "Push")
+    wait_until(page, has_come("last push 0.30 m/s at 90 deg"))
+    click(page, "cross-over: on")
+    page.get_by_text("cross-over: off", exact=True).wait_for()
+    x = "viewer.controls.target.x"
+    wait_until(page, lambda: page.evaluate(x) > 0.5)
+    click(page, "Pause")
+    wait_until(page, has_come("PAUSED"))
+    before = text.inner_text()
+    page.wait_for_timeout(500)
+    assert text.inner_text() == before
+    click(page, "Reset")
+    wait_until(page, has_come("t = 0.00 s", "walks", "PAUSED"))
+    page.get_by_text("cross-over: off", exact=True).wait_for()
+    click(page, "Pause")
+    wait_until(page, lambda: not has_come("t = 0.00 s")())
+    click(page, "Stop")
+    wait_until(page, has_come("has ended"))
+    page.close()

@@ -38,7 +38,7 @@ _LEGEND = (
 )
 # Keeps the middle of the robot in view: when it leaves a band about its last
 # place, camera and target move along.  Turning and zooming remain the user's.
-_FOLLOW = """
+FOLLOW = """
 <script>
 (() => {
   const path = "%s".split("/").filter((name) => name);
@@ -162,7 +162,7 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
-    additions = _LEGEND % legend_entries("div") + _FOLLOW % MIDDLE
+    additions = _LEGEND % legend_entries("div") + FOLLOW % MIDDLE
     additions += status
     path.write_text(page + additions + end + rest, encoding="utf-8")
 

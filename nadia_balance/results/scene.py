@@ -9,6 +9,7 @@ from pydrake.geometry import (
     Role,
     SceneGraph,
 )
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance import palette
@@ -84,6 +85,12 @@ def set_scene(meshcat: Meshcat) -> None:
     # A narrow view from afar: feet and head keep their proportions.
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=40.0))
     meshcat.SetCameraPose(_CAMERA, _TARGET)
+
+
+def move_floor(meshcat: Meshcat, p_W: np.ndarray) -> None:
+    """Moves the floor below `p_W` (3,) [m], by whole cells: nobody sees it."""
+    x, y = _CELL * np.round(p_W[:2] / _CELL)
+    meshcat.SetTransform("/Floor", RigidTransform([x, y, 0.0]))
 
 
 def _add_floor(meshcat: Meshcat) -> None:

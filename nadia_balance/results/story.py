@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 
-from nadia_balance.core.walking import Phase
+from nadia_balance.core.walking import Array, FootPose, Phase, Side
 from nadia_balance.results.log import (
     Log,
     PhaseSpan,
     PushSpan,
-    Step,
     pushes,
     signal,
     span_at,
@@ -86,7 +85,7 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
     later = [step for step in steps(log) if step.swing.end > begin]
     told = []
     for number, step in enumerate(later, start=1):
-        changes = [_tell_move(step)]
+        changes = [told_move(step.side, step.commanded, step.adjustment)]
         if step.transfer is not None and step.transfer.end > begin:
             changes.append(_tell_time("transfer", step.transfer))
         changes.append(_tell_time("swing", step.swing))
@@ -98,10 +97,10 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
     return told
 
 
-def _tell_move(step: Step) -> str:
-    """How the foothold was adjusted, seen from the stance foot."""
-    forward, left = step.commanded.rotation.T @ step.adjustment
-    out = left * step.side.sign
+def told_move(side: Side, commanded: FootPose, move: Array) -> str:
+    """How a foothold was moved by `move` (2,) [m] in W, seen from its pose."""
+    forward, left = commanded.rotation.T @ move
+    out = left * side.sign
     parts = []
     if abs(forward) > TOLD_MOVE:
         word = "forward" if forward > 0 else "back"

@@ -26,6 +26,7 @@ from nadia_balance.systems.overlay import (
 from nadia_balance.systems.ports import ValueInput
 
 ROOT = "/overlay"
+FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
 MIDDLE = f"{ROOT}/middle"  # no object: where a camera may look
 PERIOD = 1.0 / 32.0  # of the frames [s]
 REGIONS_PERIOD = 1.0 / 16.0  # they have many edges: not in every frame [s]
@@ -85,9 +86,7 @@ class BalanceVisualizer(LeafSystem):
         self._regions = ValueInput(
             self, "capture_regions", CaptureRegions, None
         )
-        self._footprints = Footprints(
-            meshcat, f"{ROOT}/footprints", self._sole, PERIOD
-        )
+        self._footprints = Footprints(meshcat, FOOTPRINTS, self._sole, PERIOD)
         self._footsteps = {
             side: [
                 SoleOutline(

@@ -1,15 +1,21 @@
 """Buttons and sliders in Meshcat, for the user while the robot walks."""
 
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance.core.mechanisms import Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"
 DIRECTION = "direction [deg]"
-# The sliders, each with its largest value, its steps, and how it begins.
-SLIDERS = {SIZE: (1.5, 0.01, 0.3), DIRECTION: (355.0, 5.0, 90.0)}
+LENGTH = "length [s]"
+# The sliders, each with its least and largest value, its steps, and how it
+# begins.
+SLIDERS = {
+    SIZE: (0.0, 1.5, 0.01, 0.3),
+    DIRECTION: (0.0, 355.0, 5.0, 90.0),
+    LENGTH: (0.02, 1.0, 0.02, 0.1),
+}
 # The fields of Mechanisms, with the names of their buttons.
 LABELS = {
     "step": "step adjustment",
@@ -22,10 +28,10 @@ LABELS = {
 class LiveControls(LeafSystem):
     """Turns buttons and sliders in Meshcat into signals.
 
-    `live_push` is [clicks on Push, delta_v [m/s], direction [deg]]; 0 deg is
-    forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms; each has
-    a button that says whether it is on.  State: both outputs, which depend on
-    nothing else.
+    `live_push` is [clicks on Push, delta_v [m/s], direction [deg], length [s]];
+    0 deg is forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms;
+    each has a button that says whether it is on.  State: both outputs, which
+    depend on nothing else.
 
     .. pydrake_system::
 
@@ -41,9 +47,9 @@ class LiveControls(LeafSystem):
         super().__init__()
         self._meshcat = meshcat
         meshcat.AddButton(PUSH, PUSH_KEY)
-        for name, (largest, step, value) in SLIDERS.items():
+        for name, (*limits, value) in SLIDERS.items():
             if name not in meshcat.GetSliderNames():
-                meshcat.AddSlider(name, 0.0, largest, step, value)
+                meshcat.AddSlider(name, *limits, value)
             meshcat.SetSliderValue(name, value)
         on = mechanisms.as_vector()
         self._show_mechanisms(on)
@@ -53,6 +59,12 @@ class LiveControls(LeafSystem):
         self.DeclareStateOutputPort("mechanisms", self._on)
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
+
+    def keep_mechanisms(self, old: Context, new: Context) -> None:
+        """Has a run from `new` begin with those that are on in `old`."""
+        on = self.GetMyContextFromRoot(old).get_discrete_state(self._on)
+        mine = self.GetMyMutableContextFromRoot(new)
+        mine.SetDiscreteState(self._on, on.value())
 
     def _sliders(self) -> list[float]:
         return [self._meshcat.GetSliderValue(s) for s in SLIDERS]

@@ -58,15 +58,16 @@ class PushSource(LeafSystem):
     The force acts at the centre of mass of the pushed body.  `push_force` is
     the sum of the forces [N] in W, shape (3,); `push_signal` is a PushSignal.
     Whenever the count in the optional input `live_push`, [count, delta_v [m/s],
-    direction [deg]], has increased, one more such push begins, with a number of
-    its own; it replaces the last of its kind.
+    direction [deg], duration [s]], has increased, one more such push begins,
+    with a number of its own; it replaces the last of its kind.
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can be pushed in different ways (see `set_push`).
     State, for each push and then for the live one: [ticks left, heading [rad]
     in W (of the support foot until the push begins, of the force from then
-    on), peak force [N]]; in the end the last count, and the number of live
-    pushes.  The outputs depend on it only.
+    on), peak force [N]]; in the end the last count, the number of live pushes,
+    and for how many ticks the last of them acts.  The outputs depend on it
+    only.
     A push is decided on in the update at one tick and felt by a discrete plant
     from its next step on.  Without a plant (a point mass) there is no port
     `spatial_forces`.
@@ -100,23 +101,20 @@ class PushSource(LeafSystem):
         self._pushes, self._mass, self.period = list(pushes), mass, period
         for push in pushes:
             _ticks("duration", push.duration, period)
-        live = Push(duration=number_of_ticks(Push.duration, period) * period)
-        # The last is the live one.
-        self._shares = [push.shares(period) for push in (*pushes, live)]
-        self._ticks = [len(shares) for shares in self._shares]
+        self._shares = [push.shares(period) for push in pushes]
         # For so long the peak force would do the same [s].
         self._effective = [
             push.duration * float(np.mean(shares))
-            for push, shares in zip((*pushes, live), self._shares, strict=True)
+            for push, shares in zip(pushes, self._shares, strict=True)
         ]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._live_push = self.DeclareVectorInputPort("live_push", 3)
+        self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             size = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(BasicVector(size))
         self._state = self.DeclareDiscreteState(
-            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(5)]
+            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
         )
         needs = {self.discrete_state_ticket(self._state)}
         self._active = declare_cache(
@@ -163,30 +161,45 @@ class PushSource(LeafSystem):
     def _rows(self, context: Context) -> np.ndarray:
         """Ticks, heading and force of each push: a view of the state."""
         state = context.get_discrete_state(self._state).value()
-        return state[:-2].reshape(-1, 3)
+        return state[:-3].reshape(-1, 3)
+
+    def _live(self, context: Context) -> np.ndarray:
+        """Count, number and ticks of the live pushes: a view of the state."""
+        return context.get_discrete_state(self._state).value()[-3:]
 
     def _update(self, context, state):
         now = state.get_mutable_discrete_state(self._state)
-        rows, (count, number) = self._rows(context).copy(), now.value()[-2:]
+        rows = self._rows(context).copy()
+        count, number, ticks = self._live(context)
         for i, row in enumerate(rows):
             if row[0] > 0.0:
                 row[0] -= 1.0
             elif row[0] < 0.0:
                 self._await(context, i, row)
         if self._live_push.HasValue(context):
-            clicks, delta_v, direction_deg = self._live_push.Eval(context)
+            clicks, *wish = self._live_push.Eval(context).tolist()
             if clicks > count:
-                push = Push(
-                    delta_v=delta_v, at="0 s", direction_deg=direction_deg
-                )
-                check(push)
+                push = self._live_one(*wish)
                 number += 1.0
-                yaw = _yaw(self._walking_state(context))
+                ticks = round(push.duration / self.period)
+                heading = _yaw(self._walking_state(context))
+                heading += math.radians(push.direction_deg)
                 newtons = push.newtons(self._mass, self.period)
-                self._begin(-1, rows[-1], yaw, newtons, direction_deg)
+                rows[-1] = ticks, heading, newtons
             count = clicks
-        now.set_value([*rows.ravel(), count, number])
+        now.set_value([*rows.ravel(), count, number, ticks])
         return EventStatus.Succeeded()
+
+    def _live_one(self, delta_v, direction_deg, duration) -> Push:
+        push = Push(
+            delta_v=delta_v,
+            direction_deg=direction_deg,
+            duration=duration,
+            at="0 s",
+        )
+        check(push)
+        push.duration = number_of_ticks(duration, self.period) * self.period
+        return push
 
     def _await(self, context, i: int, row) -> None:
         """Changes the `row` of push `i`, which has not begun."""
@@ -196,24 +209,22 @@ class PushSource(LeafSystem):
         if due or in_phase:
             row[:2] = _EXPECTED, _yaw(walking)
         if due or row[0] == _EXPECTED and not in_phase:  # now, or too late
-            size = context.get_numeric_parameter(i).value()
-            self._begin(i, row, row[1], *size)
-            row[0] += self._delays[i]
-
-    def _begin(self, i: int, row, yaw, newtons, direction_deg) -> None:
-        heading = yaw + math.radians(direction_deg)
-        row[:] = self._ticks[i], heading, newtons
+            newtons, direction_deg = context.get_numeric_parameter(i).value()
+            ticks = len(self._shares[i]) + self._delays[i]
+            row[:] = ticks, row[1] + math.radians(direction_deg), newtons
 
     def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
         """The pushes that act now: index, ticks passed, force (3,) [N] in W."""
         active = []
+        # The last is the live one.
+        shares = [*self._shares, np.ones(round(self._live(context)[2]))]
         for i, (left, heading, newtons) in enumerate(
             self._rows(context).tolist()
         ):
-            if 0.0 < left <= self._ticks[i]:  # what is more is a delay
-                passed = self._ticks[i] - round(left)
+            if 0.0 < left <= len(shares[i]):  # what is more is a delay
+                passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
-                force = newtons * self._shares[i][passed] * along
+                force = newtons * shares[i][passed] * along
                 active.append((i, passed, force))
         return active
 
@@ -227,11 +238,11 @@ class PushSource(LeafSystem):
         active = self._active.Eval(context)
         if active:
             i, _, force = min(active, key=lambda push: (push[1], -push[0]))
-            delta_v = rows[i, 2] * self._effective[i] / self._mass
-            number = i + 1
-            if i == len(self._pushes):
-                state = context.get_discrete_state(self._state).value()
-                number = i + state[-1]
+            _, count, ticks = self._live(context)
+            is_live = i == len(self._pushes)
+            number = i + (count if is_live else 1)
+            effective = ticks * self.period if is_live else self._effective[i]
+            delta_v = rows[i, 2] * effective / self._mass
         waiting = np.count_nonzero(rows[:-1, 0])
         output.SetFromVector([number, delta_v, *force, waiting])
 

@@ -127,6 +127,7 @@ REFUSED = [
     (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
+    (["--live"], "no_meshcat = True: must not come with --live"),
     (["--terrain", "tiles"], "scenario_name = 'tiles': must have a push"),
     (
         ["--terrain", "stairs", "--scenario_name", "push", "--plant", "lipm"],

@@ -11,6 +11,7 @@ from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.live_controls import (
     DIRECTION,
     LABELS,
+    LENGTH,
     PUSH,
     SIZE,
     LiveControls,
@@ -45,9 +46,9 @@ class Session:
 
 
 def test_begins_as_told(meshcat):
-    """Oracle: the arguments; a push of 0.3 m/s to the left."""
+    """Oracle: the arguments; a push of 0.3 m/s to the left for 0.1 s."""
     session = Session(meshcat, Mechanisms(True, False, True, False))
-    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0])
+    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0, 0.1])
     assert session.output("mechanisms") == [1.0, 0.0, 1.0, 0.0]
     assert set(meshcat.GetButtonNames()) == {
         PUSH,
@@ -56,7 +57,7 @@ def test_begins_as_told(meshcat):
         "transfer timing: on",
         "cross-over: off",
     }
-    assert set(meshcat.GetSliderNames()) == {SIZE, DIRECTION}
+    assert set(meshcat.GetSliderNames()) == {SIZE, DIRECTION, LENGTH}
     assert list(LABELS) == [field.name for field in fields(Mechanisms)]
 
 
@@ -107,10 +108,10 @@ def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
     meshcat.SetSliderValue(SIZE, 0.72)
     meshcat.SetSliderValue(DIRECTION, 211.0)
     first.poll()
-    assert first.output("live_push") == pytest.approx([1.0, 0.72, 210.0])
+    assert first.output("live_push") == pytest.approx([1.0, 0.72, 210.0, 0.1])
     again = Session(meshcat, controls=first.controls)
     again.poll()
-    assert again.output("live_push") == pytest.approx([0.0, 0.72, 210.0])
+    assert again.output("live_push") == pytest.approx([0.0, 0.72, 210.0, 0.1])
     assert again.output("mechanisms") == [1.0] * 4
     assert "cross-over: on" in meshcat.GetButtonNames()
 
@@ -120,6 +121,6 @@ def test_other_controls_in_the_same_meshcat_begin_anew(meshcat):
     Session(meshcat)
     meshcat.SetSliderValue(SIZE, 0.72)
     session = Session(meshcat, MECHANISMS["icp_only"])
-    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0])
+    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0, 0.1])
     assert len(meshcat.GetButtonNames()) == 5
     assert not any(b.endswith(": on") for b in meshcat.GetButtonNames())

@@ -45,7 +45,7 @@ def run(
     for k in range(ticks):
         fix(source, context, walking_state=state_at(k * PERIOD))
         if live_at is not None:
-            fix(source, context, live_push=live_at(k))
+            fix(source, context, live_push=[*live_at(k), 0.1])
         simulator.AdvanceTo((k + 0.5) * PERIOD)
         found.append(answer(source, context, "push_force"))
     return np.array(found)
@@ -244,7 +244,7 @@ def test_each_live_push_has_its_number_and_its_size_while_others_act():
         (100, [2, 0.1, 90.0], 1, 0.45),
         (130, [2, 0.1, 90.0], 0, 0.0),
     ]:
-        fix(source, context, live_push=live)
+        fix(source, context, live_push=[*live, 0.1])
         simulator.AdvanceTo((ticks + 0.5) * PERIOD)
         signal = signal_of(source, context)
         assert (signal.number, signal.delta_v) == pytest.approx(
@@ -271,7 +271,7 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     diagram = builder.Build()
     simulator, root = running(diagram, walking_state=RIGHT_SWING)
     if not pushes:
-        fix(diagram, root, live_push=[1.0, 0.5, 90.0])
+        fix(diagram, root, live_push=[1.0, 0.5, 90.0, 0.1])
     simulator.AdvanceTo(0.3)
     v_WB = plant.EvalBodySpatialVelocityInWorld(
         plant.GetMyContextFromRoot(root), plant.GetBodyByName("base")
@@ -319,10 +319,20 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
         assert np.array_equal(signal.force, force)
 
 
+def test_a_live_push_lasts_as_long_as_it_is_told():
+    """Oracle: m delta_v in 0.3 s, or 150 ticks; felt from the next tick on."""
+    source = PushSource([], MASS, PERIOD)
+    context = asked(source, live_push=[1, 0.3, 0.0, 0.3])
+    for ticks, newtons in (1.5, MASS), (149.5, MASS), (150.5, 0.0):
+        signal = signal_of(source, advanced(source, ticks, context.Clone()))
+        assert np.linalg.norm(signal.force) == pytest.approx(newtons)
+        assert signal.delta_v == pytest.approx(0.3 if newtons else 0.0)
+
+
 def test_a_live_push_has_the_number_after_the_others():
     """Oracle: by hand; nobody waits for it."""
     source = PushSource([Push(force=1.0, at="9 s")], MASS, PERIOD)
-    context = asked(source, live_push=[1, 0.3, 0.0])
+    context = asked(source, live_push=[1, 0.3, 0.0, 0.1])
     signal = signal_of(source, advanced(source, 3.5, context))
     assert (signal.number, signal.waiting) == (2, 1)
     assert signal.delta_v == pytest.approx(0.3)

@@ -1,0 +1,186 @@
+"""A robot that walks until it is stopped, while a user pushes it."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.diagrams.in_meshcat import CONTROLS
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import (
+    ClosedLoop,
+    push_signal,
+    start,
+    until_ctrl_c,
+)
+from nadia_balance.results.live_story import LiveStory, phase_text
+from nadia_balance.results.scene import move_floor
+from nadia_balance.systems.balance_visualizer import FOOTPRINTS
+from nadia_balance.systems.icp_planner import IcpReference
+
+PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
+MOST_STEPS = 1000  # all that a Gait allows; then it begins anew
+LOOK = 0.02  # at buttons, falls and steps, so often [s]
+LYING = 3.0  # before it begins anew [s]
+PRINTS = 20  # of either foot stay
+
+
+def endless(scenario: Scenario) -> Scenario:
+    """Returns the scenario without its pushes, with all steps there can be."""
+    gait = scenario.gait
+    steps = MOST_STEPS if gait.num_steps else 0
+    return replace(scenario, pushes=[], gait=replace(gait, num_steps=steps))
+
+
+class LiveSession:
+    """Runs a diagram with LiveControls, and with buttons of its own.
+
+    Pause, Reset and Stop, and the speed over real time at the most.  After a
+    fall, or its last step, the robot begins anew: from a new Context, but with
+    the mechanisms that are on.  No log grows.
+    """
+
+    def __init__(
+        self,
+        diagram: ClosedLoop,
+        meshcat: Meshcat,
+        tell: Callable[[str], None],
+        speed: float = 1.0,
+    ):
+        """`tell` is given each line of the story; `speed` is 1 in real time."""
+        self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
+        self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
+        for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
+            meshcat.AddButton(name, key)
+        meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
+        self.paused = self.stopped = False
+        self._begin(None)
+
+    def run(self, show: Callable[[list[str]], None]) -> bool:
+        """Runs until Stop, or Ctrl-C: then it returns True.
+
+        `show` is given the lines of the status, now and then.
+        """
+        with until_ctrl_c() as pressed:
+            while not (pressed() or self.stopped):
+                self.tick()
+                show(self.status())
+            return pressed()
+
+    @property
+    def context(self) -> Context:
+        """That of the diagram, now."""
+        return self._simulator.get_context()
+
+    def status(self) -> list[str]:
+        """Time, phase, ICP error, last push, result, and how fast it is."""
+        lines = [f"t = {self.context.get_time():.2f} s, {self._phase}"]
+        lines.append(f"ICP error {self._error:.3f} m")
+        if self._story.last_push:
+            lines.append(f"last push {self._story.last_push}")
+        lines.append(self._story.result or "walks")
+        if self.paused:
+            return [*lines, "PAUSED"]
+        return [*lines, f"real-time factor {self._real_time_factor():.2f}"]
+
+    def tick(self) -> None:
+        """Obeys the buttons, and simulates for LOOK [s], or waits."""
+        self.stopped = self._clicked(STOP)
+        if self._clicked(RESET):
+            self._tell_now("reset")
+            self._begin(self.context)
+        if self._clicked(PAUSE):
+            self.paused = not self.paused
+            self._walls.clear()
+        if self.paused:
+            time.sleep(LOOK)
+        elif self._fell is None:
+            self._advance()
+            self._keep_pace()
+        elif time.monotonic() > self._fell + LYING:
+            self._begin(self.context)
+        else:
+            time.sleep(LOOK)
+
+    def _begin(self, old: Context | None) -> None:
+        """From the start, whatever was before."""
+        self._simulator = start(self._diagram)
+        if old is not None:
+            self._diagram.GetSubsystemByName(CONTROLS).keep_mechanisms(
+                old, self._simulator.get_mutable_context()
+            )
+        self._simulator.Initialize()
+        self._story = LiveStory(self._diagram.scenario.required_steps)
+        self._looks, self._steps, self._fell = 0, 0, None
+        self._walls: deque[float] = deque(maxlen=50)
+        self._look()
+
+    def _advance(self) -> None:
+        self._looks += 1
+        reason = ""
+        try:
+            self._simulator.AdvanceTo(self._looks * LOOK)
+            reason = self._diagram.fall_reason(self.context)
+        except (RuntimeError, ValueError) as error:  # such as NaN at an input
+            reason = " ".join(str(error).split())
+        if reason:
+            self._fell = time.monotonic()
+            self._tell_now(self._story.fell(reason))
+        else:
+            self._look()
+        self._diagram.forget_logs(self._simulator.get_mutable_context())
+
+    def _look(self) -> None:
+        context, diagram = self.context, self._diagram
+        state, icp, reference = (
+            diagram.GetOutputPort(name).Eval(context)
+            for name in ("walking_state", "icp", "icp_reference")
+        )
+        self._error = math.dist(icp, IcpReference(reference).icp)
+        self._phase = phase_text(state)
+        push = push_signal(diagram, context)
+        now = context.get_time()
+        for line in self._story.look(now, state, push, self._error):
+            self._tell_now(line)
+        if state.steps_taken > self._steps:
+            self._steps = state.steps_taken
+            self._go_along(state)
+
+    def _go_along(self, state: WalkingState) -> None:
+        """Takes the floor along, old prints away; begins anew at the end."""
+        schedule = state.schedule
+        move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
+        for side in Side:
+            old = f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"
+            self._meshcat.Delete(old)
+        if not schedule.footsteps and schedule.phase is not Phase.SWING:
+            self._tell_now("walked all its steps: begins anew")
+            self._fell = time.monotonic()
+
+    def _keep_pace(self) -> None:
+        """Waits until it is time; what is late is not made up for."""
+        now = time.monotonic()
+        last = self._walls[-1] if self._walls else now
+        due = last + LOOK / self._meshcat.GetSliderValue(SPEED)
+        time.sleep(max(due - now, 0.0))
+        self._walls.append(max(due, now))
+
+    def _real_time_factor(self) -> float:
+        if len(self._walls) < 2:
+            return 0.0
+        wall = self._walls[-1] - self._walls[0]
+        return LOOK * (len(self._walls) - 1) / wall
+
+    def _clicked(self, button: str) -> bool:
+        clicks = self._meshcat.GetButtonClicks(button)
+        changed = clicks > self._clicks[button]
+        self._clicks[button] = clicks
+        return changed
+
+    def _tell_now(self, line: str) -> None:
+        self._tell(f"t={self.context.get_time():.2f} s  {line}")

@@ -1,0 +1,101 @@
+"""What happens while the robot walks, told as it happens."""
+
+import math
+
+import numpy as np
+
+from nadia_balance.core.walking import FootPose, Phase, Side, WalkingState
+from nadia_balance.results.story import told_move
+from nadia_balance.results.summary import ICP_BACK
+from nadia_balance.systems.push_source import PushSignal
+
+QUIET = 1.0  # so long the ICP error stays small, if no steps do [s]
+
+
+class LiveStory:
+    """Finds the pushes, what the robot does about them, and how it ends.
+
+    `last_push` and `result` are what is known by now, in words.
+    """
+
+    def __init__(self, required_steps: int):
+        """After a push `required_steps` are to land before it has recovered."""
+        self._required_steps = required_steps
+        self.last_push = self.result = ""
+        self._number = 0.0  # of the push that acted at the last look
+        self._pushed_after: int | None = None  # steps; None: all is well
+        self._back: tuple[float, int] | None = None  # time [s] and steps
+        self._step: tuple[int, Side, FootPose, FootPose] | None = None
+
+    def look(
+        self, time: float, state: WalkingState, push: PushSignal, error: float
+    ) -> list[str]:
+        """Returns what has happened since the last look.
+
+        `error` [m] is that of the ICP, at `time` [s].
+        """
+        told = [*self._look_at_push(state, push), *self._look_at_step(state)]
+        if self._pushed_after is None:
+            return told
+        if push.number > 0 or error >= ICP_BACK:
+            self._back = None
+        elif self._back is None:
+            self._back = time, state.steps_taken - self._pushed_after
+        if self._back is not None:
+            left = bool(state.commanded)
+            taken = state.steps_taken - self._pushed_after
+            enough = taken >= self._required_steps or not left
+            if enough and time - self._back[0] >= QUIET:
+                self.result = f"RECOVERED in {_steps(self._back[1])}"
+                self._pushed_after = None
+                told.append(self.result)
+        return told
+
+    def fell(self, reason: str) -> str:
+        """Returns how that is told."""
+        self._pushed_after, self.result = None, f"FELL: {reason}"
+        return self.result
+
+    def _look_at_push(self, state: WalkingState, push: PushSignal) -> list[str]:
+        new = push.number > 0 and push.number != self._number
+        self._number = float(push.number)
+        if not new:
+            return []
+        yaw = state.schedule.feet[state.schedule.support_side].yaw
+        angle = math.degrees(math.atan2(push.force[1], push.force[0]) - yaw)
+        self.last_push = (
+            f"{push.delta_v:.2f} m/s at {round(angle) % 360} deg, "
+            f"{np.linalg.norm(push.force):.0f} N, {phase_text(state)}"
+        )
+        self._pushed_after, self._back = state.steps_taken, None
+        self.result = "pushed"
+        return [f"pushed {self.last_push}"]
+
+    def _look_at_step(self, state: WalkingState) -> list[str]:
+        """Whether a step has landed, and where it was meant to."""
+        told, last, self._step = [], self._step, None
+        if last is not None and last[0] != state.steps_taken:
+            _, side, wanted, found = last
+            move = told_move(side, wanted, (found.p_WF - wanted.p_WF)[:2])
+            if move and self._pushed_after is not None:
+                told.append(f"stepped ({side.value}) {move}")
+            last = None
+        if state.schedule.footsteps:
+            step = state.schedule.footsteps[0]
+            wanted = step.pose if last is None else last[2]
+            self._step = state.steps_taken, step.side, wanted, step.pose
+        return told
+
+
+def phase_text(state: WalkingState) -> str:
+    """The point of the gait as push.py's --at has it."""
+    schedule = state.schedule
+    if schedule.phase is Phase.STANDING:
+        return "standing"
+    share = state.time_in_phase / schedule.duration
+    swing = schedule.support_side.other
+    return f"{swing.value} {schedule.phase.value} {100.0 * share:.0f} %"
+
+
+def _steps(count: int) -> str:
+    return f"{count} step{'' if count == 1 else 's'}"

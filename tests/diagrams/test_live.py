@@ -1,0 +1,164 @@
+"""Live sessions of the point mass, clicked as a browser would."""
+
+import pytest
+
+from nadia_balance.core.walking import Side
+from nadia_balance.diagrams import live
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.live import (
+    PAUSE,
+    RESET,
+    SPEED,
+    STOP,
+    LiveSession,
+    endless,
+)
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.results.scene import start_meshcat
+from nadia_balance.systems.balance_visualizer import FOOTPRINTS
+from nadia_balance.systems.live_controls import PUSH, SIZE
+from tests.fake_meshcat import click
+
+
+class Session(LiveSession):
+    """As fast as can be, with what it has told."""
+
+    def __init__(self, text="{}"):
+        scenario = endless(load_scenario("push", text=text))
+        self.meshcat, self.told = start_meshcat()[0], []
+        diagram = LipmDiagram(scenario, self.meshcat)
+        super().__init__(diagram, self.meshcat, self.told.append, 10.0)
+
+    def ticks(self, number):
+        for _ in range(number):
+            self.tick()
+
+    def state(self):
+        own = self._diagram.plant.GetMyContextFromRoot(self.context)
+        return own.get_discrete_state(0).CopyToVector()
+
+    def times_logged(self):
+        return self._diagram.read_logs(self.context)["t"]
+
+
+@pytest.fixture
+def session(monkeypatch) -> Session:
+    monkeypatch.setattr(live, "LYING", 0.0)
+    return Session()
+
+
+def test_walks_without_the_scripted_push_and_without_a_log(session):
+    """Oracle: the steps of the gait: 0.5 s and 0.8 s, then 1 s each.
+
+    Nothing that was logged is kept.
+    """
+    session.ticks(715)
+    assert session.context.get_time() == pytest.approx(14.3)
+    state = session._diagram.GetOutputPort("walking_state").Eval(
+        session.context
+    )
+    assert state.steps_taken == 13
+    assert session.told == []
+    assert session.status()[2] == "walks"
+    assert len(session.times_logged()) == 0
+
+
+def test_a_pause_stops_the_time_until_the_next_click(session):
+    """Oracle: the clock."""
+    session.ticks(5)
+    click(session.meshcat, PAUSE)
+    session.ticks(5)
+    assert session.context.get_time() == pytest.approx(0.1)
+    assert session.status()[-1] == "PAUSED"
+    click(session.meshcat, PAUSE)
+    session.ticks(5)
+    assert session.context.get_time() == pytest.approx(0.2)
+
+
+def test_a_reset_begins_the_very_same_walk_with_what_is_on(session):
+    """Oracle: the state of the first walk, bit for bit; the button's label."""
+    session.ticks(150)
+    first = session.state()
+    click(session.meshcat, PUSH)
+    click(session.meshcat, "cross-over: on")
+    session.ticks(50)
+    click(session.meshcat, RESET)
+    session.ticks(150)
+    assert session.context.get_time() == pytest.approx(3.0)
+    assert (session.state() == first).all()
+    assert "cross-over: off" in session.meshcat.GetButtonNames()
+    assert session.told[-1] == "t=4.00 s  reset"
+    assert session.status()[2] == "walks"
+
+
+def test_tells_a_push_and_the_recovery(session):
+    """Oracles: m delta_v / 0.1 s; by hand: inward, so the legs cross.
+
+    Eight steps of 1 s each, the first of them sooner.
+    """
+    session.meshcat.SetSliderValue(SIZE, 0.6)
+    session.ticks(150)
+    click(session.meshcat, PUSH)
+    session.ticks(450)
+    pushed, stepped, recovered = session.told
+    newtons = session._diagram.robot.mass * 6.0
+    push = f"0.60 m/s at 90 deg, {newtons:.0f} N, right transfer 0 %"
+    assert pushed == f"t=3.02 s  pushed {push}"
+    assert "  stepped (right) " in stepped and " and in 0.3" in stepped
+    assert recovered.endswith("  RECOVERED in 1 step")
+    assert 10.2 < float(recovered[2:].split()[0]) < 11.02
+    assert session.status()[2:4] == [f"last push {push}", "RECOVERED in 1 step"]
+
+
+def test_a_fall_begins_anew(session):
+    """Oracle: 1.5 m/s are more than there is; then the clock."""
+    session.meshcat.SetSliderValue(SIZE, 1.5)
+    session.ticks(100)
+    click(session.meshcat, PUSH)
+    while "FELL" not in "".join(session.told[-1:]):
+        session.tick()
+    assert session.told[-1].endswith("FELL: CoM out of reach of both feet")
+    session.ticks(2)
+    assert session.context.get_time() < 0.1
+
+
+def test_begins_anew_after_the_last_step(monkeypatch):
+    """Oracle: the clock; two steps are done after 3.3 s."""
+    monkeypatch.setattr(live, "LYING", 0.0)
+    monkeypatch.setattr(live, "MOST_STEPS", 2)
+    session = Session()
+    session.ticks(170)
+    (line,) = session.told
+    assert line.endswith("walked all its steps: begins anew")
+    assert 0.0 < session.context.get_time() < 0.5
+
+
+def test_stop_ends_it(session):
+    """Oracle: not by Ctrl-C; what was shown last is the last status."""
+    click(session.meshcat, STOP)
+    shown = []
+    assert session.run(shown.append) is False
+    assert shown == [session.status()]
+
+
+def test_old_footprints_go(monkeypatch):
+    """Oracle: Meshcat; of each foot the last two are there."""
+    monkeypatch.setattr(live, "PRINTS", 2)
+    session = Session()
+    session.ticks(500)
+    steps = session._steps
+    assert steps > 6
+    for side in Side:
+        there = [
+            n
+            for n in range(-1, steps + 1)
+            if session.meshcat.HasPath(f"{FOOTPRINTS}/{side.value}_{n}")
+        ]
+        assert there and there[0] > steps - 3
+
+
+def test_is_no_faster_than_its_slider_says(session):
+    """Oracle: the clock on the wall; 0.1 s at a fifth take 0.5 s."""
+    session.meshcat.SetSliderValue(SPEED, 0.2)
+    session.ticks(7)
+    assert 0.0 < session._real_time_factor() <= 0.2 + 1e-6
