@@ -2,8 +2,8 @@
 
 The simulation runs in a thread of its own, in real time, while the browser
 clicks.  What stands still takes the place of a robot: in the robot's diagram,
-clicks are tested in test_humanoid.  The program `push.py --live` is clicked, too,
-on the point mass.
+clicks are tested in test_humanoid.  The program `push.py --live` is clicked,
+too, on the point mass.
 """
 
 import queue
