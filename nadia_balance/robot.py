@@ -402,10 +402,10 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
         for r in ground.regions
     ]
     bottom = min(top[:, 2].min() for top in tops) - _DEPTH
-    for region, top in zip(ground.regions, tops, strict=True):
+    for i, top in enumerate(tops):
         below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
-        shape = Convex(np.vstack([top, below]).T, region.name)
-        where = plant.world_body(), RigidTransform(), shape, region.name
+        shape = Convex(np.vstack([top, below]).T, name := f"region {i}")
+        where = plant.world_body(), RigidTransform(), shape, name
         plant.RegisterCollisionGeometry(*where, _ROUGH)
         plant.RegisterVisualGeometry(*where, palette.rgba(palette.GROUND).rgba)
 

@@ -136,7 +136,7 @@ def swing_foot_motion(
         end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
     ground = float(end[0, 2]) if edges is None else edges.top
     apex = _apex(start[:2, 2], ground, left, state, params)
-    landing = end[:, Z]
+    landing = end[:, Z].copy()
     if apex is not None:
         end[:, Z] = _aim(start[:, Z], landing, left, apex)
     if edges is not None and edges.are_in_the_way(start[0, :3]):
