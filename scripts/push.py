@@ -6,6 +6,7 @@ Examples:
     python scripts/push.py --direction 210 --at "left swing 50 %"
     python scripts/push.py --plant lipm --terrain stepping_stones
     python scripts/push.py --random 8 --seed 1
+    python scripts/push.py --live --open
 """
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
@@ -90,6 +91,8 @@ def _push_flags(parser: argparse.ArgumentParser) -> None:
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     """The scenario, its first push changed as the flags say.
 
+    With --live nobody pushes but the user.
+
     Raises:
         ValueError: a flag has no meaning, or the scenario has no push.
     """
@@ -97,6 +100,8 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         has_own = args.terrain in scenario_names()
         args.scenario_name = args.terrain if has_own else "push"
     scenario = scenario_from(args)
+    if args.live:
+        return scenario
     if not scenario.pushes:
         raise ValueError(
             f"scenario_name = {args.scenario_name!r}: must have a push"

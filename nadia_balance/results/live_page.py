@@ -1,5 +1,6 @@
 """Meshcat's own page, with a text in it that changes while the robot walks."""
 
+import contextlib
 import json
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -18,8 +19,8 @@ _TEXT = """
 <style>
 .dg.main > ul { display: flex; flex-direction: column; }
 .dg.main > ul > li.folder { order: 1; }
+#stats-plot { display: none !important; }
 </style>
-<style>#stats-plot { display: none !important; }</style>
 <div id="status" style="position:fixed; left:14px; top:12px; max-width:46%%;
 padding:8px 12px; border-radius:8px; background:#ffffffc8; color:#2f3440;
 font:14px/1.5 sans-serif; pointer-events:none"></div>
@@ -102,14 +103,14 @@ class LivePage:
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
                 try:
-                    body = page._answer(self.path)
+                    code, body = 200, page._answer(self.path)
                 except OSError:  # Meshcat has no such file
-                    self.send_error(404)
-                    return
-                self.send_response(200)
-                self.send_header("Content-Length", str(len(body)))
-                self.end_headers()
-                self.wfile.write(body)
+                    code, body = 404, b""
+                with contextlib.suppress(OSError):  # the browser is gone
+                    self.send_response(code)
+                    self.send_header("Content-Length", str(len(body)))
+                    self.end_headers()
+                    self.wfile.write(body)
 
             def log_message(self, *_: object) -> None:
                 """Says nothing: the terminal is the robot's."""

@@ -1,5 +1,7 @@
 """Live sessions of the point mass, clicked as a browser would."""
 
+import signal
+
 import pytest
 
 from nadia_balance.core.walking import Side
@@ -139,6 +141,12 @@ def test_stop_ends_it(session):
     shown = []
     assert session.run(shown.append) is False
     assert shown == [session.status()]
+
+
+def test_ctrl_c_ends_it_too(session):
+    """Oracle: the signal, sent while the status is shown."""
+    assert session.run(lambda _: signal.raise_signal(signal.SIGINT)) is True
+    assert session.context.get_time() == pytest.approx(0.02)
 
 
 def test_old_footprints_go(monkeypatch):
