@@ -38,6 +38,14 @@ class Terrain:
     # False: the controller takes it for flat.
     seen: bool = True
 
+    def validate_more(self) -> None:
+        """Raises ValueError if the error would have no effect."""
+        if not self.seen and self.error != GroundError():
+            raise ValueError(
+                f"terrain.error = {self.error}: must not be given with "
+                "seen = False"
+            )
+
     def ground(self, sole: Array) -> Ground | None:
         """The true ground for soles (n, 2) [m]; None if it is flat.
 

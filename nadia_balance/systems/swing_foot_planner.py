@@ -46,6 +46,7 @@ class SwingFootReference(
 class SwingFootPlanner(LeafSystem):
     """Continues the swing foot's reference from its last value.
 
+    It leads over the edges of uneven ground, as the model knows it.
     `walking_state` is a WalkingState; `swing_foot_reference` the
     SwingFootReference of the foot that swings, or that will swing next, a
     `lead` ahead.  The discrete state is the output of the last tick, and what

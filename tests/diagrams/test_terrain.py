@@ -136,6 +136,11 @@ def test_what_cannot_be_walked_is_refused(tmp_path):
     scenario.terrain.name = str(tmp_path / "high.yaml")
     with pytest.raises(ValueError, match="left foot at the start: its region"):
         HumanoidDiagram(scenario)
+    text = "{terrain: {name: tiles, seen: false, error: {height: 0.01}}}"
+    with pytest.raises(
+        ValueError, match=r"terrain.error = .*with seen = False"
+    ):
+        load_scenario("push", text=text)
     text = "{terrain: {name: gap}, controller: {icp_step_qp: {}}, "
     text += "mechanisms: feedback_step}"
     with pytest.raises(ValueError, match="'gap': must be flat with"):
