@@ -28,10 +28,10 @@ class CentroidalEstimator(LeafSystem):
     `estimated_state` is [q, v] of the robot's `control_plant`;
     `whole_body_terms` are WholeBodyTerms, from which all else is taken:
     `com_state` is a ComState, `icp` (2,) [m] in W follows from it by the Nadia
-    paper's Eq. 1, `foot_poses` are FootPoses (as if level).  All are those of the state ahead
-    by `lead`, when the torques that are about to be computed will be there: the
-    positions go on at the measured velocity.  (Velocities would need the
-    accelerations, and those of the last tick make the loop unstable.)
+    paper's Eq. 1, `foot_poses` are FootPoses, as if level.  All is of a state
+    ahead by `lead`, when the torques that are about to be computed will be
+    there: the positions go on at the measured velocity.  (Velocities would need
+    the accelerations, and those of the last tick make the loop unstable.)
 
     Evaluating any output raises RuntimeError if the state is not finite.
 
