@@ -197,7 +197,6 @@ def say_figures(
         f"{f.ankle_height:.3f} m high",
         f"CoM {f.com_height:.3f} m high where it stands, the soles "
         f"{f.step_width:.3f} m apart; arms and spine at 0, or near it",
-        "reach: Nadia's, by the length of the legs",
     ]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
 from nadia_balance.new_robot.figures import Figures
@@ -229,6 +230,19 @@ def write_yaml(
         lines.append(f"  joint_{which}_limits: {_by_joint(finite)}")
     text = "\n".join(lines) + "\n"
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
+
+
+def write_reach(folder: Path, reach: ReachabilityParams) -> None:
+    """Puts the lengths and widths of `reach` into the robot.yaml there."""
+    file = folder / "robot.yaml"
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    names = *_REACH, "width_min", "width_nominal"
+    found = _flow(**{name: getattr(reach, name) for name in names})
+    text = "".join(
+        f"reachability: {found}\n" if line.startswith("reachability:") else line
+        for line in lines
+    )
+    file.write_text(text, encoding="utf-8")
 
 
 def _by_joint(values: Mapping[str, float]) -> str:
