@@ -80,9 +80,9 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     """Returns the robot's reach, cut down to what its legs reach.
 
     And the names of the regions of which that was not enough, none if all went
-    well.  Until each corner of its regions, the farthest points, is reached: the
-    lengths and the width for the base region, and how far the legs cross for
-    those across.  Corners next to the stance leg do not count: they are no
+    well.  Until each corner of its regions, the farthest points, is reached:
+    the lengths and the width for the base region, and how far the legs cross
+    for those across.  Corners next to the stance leg do not count: they are no
     steps.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
