@@ -1,30 +1,48 @@
-"""How far apart the legs let both feet be, flat on the ground."""
+"""How far apart the feet can be, from the legs: flat soles, the hips low."""
 
 import math
+from typing import NamedTuple
 
 from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.model import LegGeometry
 
 
+class LegReach(NamedTuple):
+    """Of the base region (ReachabilityParams) [m]."""
+
+    length: float  # forward, and backward
+    width_max: float
+
+
 def leg_reach(
-    legs: LegGeometry, com_height: float, step_width: float
-) -> dict[str, float]:
-    """Returns lengths and widths [m] of ReachabilityParams, by name.
+    legs: LegGeometry,
+    com_height: float,
+    lean: float,
+    params: ComHeightParams | None = None,
+) -> LegReach:
+    """Returns how far apart the feet can be, the hips half-way between them.
 
     The CoM, `com_height` [m] above the soles when standing, is as low as the
-    height plan lets it be, the hips are half-way between the feet: Pythagoras
-    on either leg, stretched or rolled as far as it gets.  Of Nadia it is what
+    height plan lets it be; a leg is as long as there, or leans outward by
+    `lean` [rad].  It is `height_limit` solved for the step, and of Nadia what
     the paper's Sec. VII says, to 1 %.
+
+    Raises:
+        ValueError: the hips are not that low, or they are on the ground.
     """
-    params = ComHeightParams()
-    lowest = params.min_height_ratio * com_height
-    hip = max(lowest - legs.com_above_hip - legs.ankle_height, 0.0)
-    stretched = params.max_stretch * legs.length
-    reach = 2.0 * math.sqrt(max(stretched**2 - hip**2, 0.0))
-    return {
-        "length_forward": reach,
-        "length_backward": reach,
-        "width_nominal": step_width,
-        "width_max": legs.hip_width
-        + min(reach, 2.0 * hip * math.tan(legs.roll)),
-    }
+    params = params or ComHeightParams()
+    above_ankle = legs.com_above_hip + legs.ankle_height
+    hip = params.min_height_ratio * com_height - above_ankle
+    longest = params.max_stretch * legs.length
+    if not 0.0 < hip < longest:
+        low, high = (
+            (above_ankle + height) / params.min_height_ratio
+            for height in (0.0, longest)
+        )
+        raise ValueError(
+            f"com_height = {com_height:g}: must leave the legs bent in a "
+            f"crouch: in ({low:.3f}, {high:.3f}) m"
+        )
+    length = 2.0 * math.sqrt(longest**2 - hip**2)
+    aside = min(2.0 * hip * math.tan(lean), length)
+    return LegReach(length, legs.hip_width + aside)
