@@ -22,7 +22,7 @@ from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
 
 _JOINTS = ("revolute", "continuous", "fixed")
-_PITCH = 0.9  # of the y component of a pitch axis [-]
+_PITCH = 0.75  # of the y component of a pitch axis, slanted hips' too [-]
 
 
 def check_urdf(urdf: Path) -> None:

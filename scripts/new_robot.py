@@ -74,11 +74,11 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
             "not all is within the legs' reach, however short"
         )
     if reach == before:
-        return "guessed: reach: Nadia's, by the length of the legs"
+        return "guessed: the legs get to every corner of that reach"
     write_reach(folder, reach)
     return (
-        f"guessed: reach: Nadia's, cut down to {reach.length_forward:.2f} m "
-        f"forward, {reach.width_max:.2f} m out, {reach.width_forward:.2f} and "
+        f"guessed: reach cut down to {reach.length_forward:.2f} m forward, "
+        f"{reach.width_max:.2f} m out, {reach.width_forward:.2f} and "
         f"{reach.width_backward:.2f} m across, by inverse kinematics"
     )
 

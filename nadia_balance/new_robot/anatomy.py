@@ -13,7 +13,7 @@ from nadia_balance.new_robot.tree import Array, Joint, Tree
 
 LEG_JOINTS = range(5, 8)
 # Of an axis that counts as lateral, or of an axis of the root as up [-].
-_ALONG = 0.75
+ALONG = 0.75
 _JOINTS_OF_A_LEG = ("hip_pitch", "knee", "ankle_pitch")
 
 
@@ -156,7 +156,7 @@ def vertical(tree: Tree, legs: Sequence[Leg]) -> Array:
 def _snapped(direction: Array, what: str) -> Array:
     """The nearest of the six unit vectors along the axes of the root."""
     i = int(np.abs(direction).argmax())
-    if abs(direction[i]) < _ALONG * np.linalg.norm(direction):
+    if abs(direction[i]) < ALONG * np.linalg.norm(direction):
         raise ValueError(
             f"{what}: must lie along an axis of the root's frame, all joints "
             f"at 0; they lie along {np.round(direction, 3)} m"
@@ -234,7 +234,7 @@ def _find_pitch(
         name
         for name, child in children.items()
         if abs(lateral @ (poses[child].rotation() @ tree.joints[name].axis))
-        > _ALONG
+        > ALONG
     ]
     if len(pitch) < 3:
         raise ValueError(

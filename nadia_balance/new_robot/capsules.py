@@ -62,13 +62,13 @@ def fit_capsules(
             (knee.parent, leg.hip_pitch, leg.knee),
             (knee.child, leg.knee, leg.ankle_pitch),
         ):
-            capsule = _fitted(tree.links[name], figures.length)
+            capsule = _fitted(tree.links[name], figures.legs.length)
             if not capsule:
                 notes.guessed.append(f"the thickness of {name}")
             capsules[name] = [capsule or _bone(tree, name, upper, lower)]
     for name, link in tree.links.items():
         if name not in of_legs:
-            if capsule := _fitted(link, figures.length):
+            if capsule := _fitted(link, figures.legs.length):
                 capsules[name] = [capsule]
     ignored = _neighbours(tree, set(capsules))
     poses = tree.poses(figures.posture)

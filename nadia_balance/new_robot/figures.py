@@ -7,8 +7,11 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import least_squares
 
+from nadia_balance.core.leg_reach import LegReach, leg_reach
+from nadia_balance.core.model import LegGeometry
+from nadia_balance.core.size import Size
 from nadia_balance.core.walking import Side
-from nadia_balance.new_robot.anatomy import Anatomy, Leg
+from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
 from nadia_balance.new_robot.tree import Array, Tree
 
@@ -22,6 +25,7 @@ _LEVEL = 0.01  # m, or rad
 _GAP = 0.05
 _SAME_LENGTH = 0.01  # of both legs [-]
 _NEVER_STRAIGHT = 0.1  # bend of a knee, at least [rad]
+_MOST_LEAN = 1.0  # of a leg, outward [rad]
 
 
 @dataclass
@@ -32,15 +36,19 @@ class Figures:
     toe: float
     half_width: float
     sole_z: float
-    length: float
-    ankle_height: float
-    com_above_hip: float
-    hip_width: float
+    legs: LegGeometry
+    reach: LegReach
     com_height: float
     step_width: float
     posture: dict[str, float]
     # Lower and upper ones that keep knees from being straight.
     knee_limits: dict[str, tuple[float, float]]
+
+    @property
+    def size(self) -> Size:
+        """By which all that is not measured is scaled from Nadia."""
+        leg = self.legs.length + self.legs.ankle_height
+        return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
 
 
 def set_frames(
@@ -100,20 +108,44 @@ def measure(
     centres = [poses[foot] @ p_FS for foot in anatomy.feet.values()]
     ground = float(np.mean(centres, axis=0)[2])
     across = float(centres[0][1] - centres[1][1])
+    com_height = float(com[2] - ground)
+    geometry = LegGeometry(
+        length=length,
+        ankle_height=height("ankle_pitch") - ground,
+        com_above_hip=float(com[2]) - height("hip_pitch"),
+        hip_width=across,
+    )
     return Figures(
         heel=heel,
         toe=toe,
         half_width=half_width,
         sole_z=-depth,
-        length=length,
-        ankle_height=height("ankle_pitch") - ground,
-        com_above_hip=float(com[2]) - height("hip_pitch"),
-        hip_width=across,
-        com_height=float(com[2] - ground),
+        legs=geometry,
+        reach=leg_reach(geometry, com_height, _lean(tree, anatomy)),
+        com_height=com_height,
         step_width=max(across, 2.0 * half_width + _GAP * length),
         posture=posture,
         knee_limits={name: knee.limits() for name, knee in knees.items()},
     )
+
+
+def _lean(tree: Tree, anatomy: Anatomy) -> float:
+    """How far the legs lean outward, the soles level, from all at 0 [rad].
+
+    An ankle that does not roll does not count: its sole tilts.
+    """
+    poses, most = tree.poses(), _MOST_LEAN
+    for side, leg in anatomy.legs.items():
+        knee = leg.joints.index(leg.knee)
+        for i, name in enumerate(leg.joints):
+            joint = tree.joints[name]
+            axis = poses[joint.child].rotation() @ joint.axis
+            along = float(axis @ anatomy.forward)
+            if abs(along) > ALONG:
+                # Hips turn the leg outward, ankles the foot back inward.
+                outward = side.sign * np.sign(along) * (1 if i < knee else -1)
+                most = min(most, joint.upper if outward > 0 else -joint.lower)
+    return max(most, 0.0)
 
 
 @dataclass

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.multibody.tree import SpatialInertia
 
+from nadia_balance.core.size import NADIA
 from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import (
     Anatomy,
@@ -27,8 +28,8 @@ from nadia_balance.new_robot.tree import Tree
 from nadia_balance.new_robot.write import write_urdf, write_yaml
 
 # A rotor's inertia goes with mass and the square of the leg's length; Nadia's
-# and Atlas' are assumed to be 0.1 kg m^2, with 90.9 kg and 0.782 m.
-_ROTOR_SHARE = 0.1 / (90.9 * 0.782**2)
+# and Atlas' are assumed to be 0.1 kg m^2, with 90.9 kg.
+_ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # of joints without a limit [rad/s]
 _PLAUSIBLE = 25.0
 _SAME_DEPTH = 0.004  # of both soles, under their ankles [m]
@@ -193,16 +194,19 @@ def say_figures(
     notes.guessed += [
         f"sole {length:.3f} x {width:.3f} m, of {whole[0]:.3f} x "
         f"{whole[1]:.3f} m that the {sole.source} shapes have",
-        f"legs {f.length:.3f} m, hips {f.hip_width:.3f} m apart, ankles "
-        f"{f.ankle_height:.3f} m high",
+        f"legs {f.legs.length:.3f} m, hips {f.legs.hip_width:.3f} m apart, "
+        f"ankles {f.legs.ankle_height:.3f} m high",
         f"CoM {f.com_height:.3f} m high where it stands, the soles "
         f"{f.step_width:.3f} m apart; arms and spine at 0, or near it",
+        f"reach {f.reach.length:.3f} m forward and back, "
+        f"{f.reach.width_max:.3f} m to the side; across, Nadia's by size",
     ]
 
 
 def guess_drives(tree: Tree, figures: Figures, notes: Notes) -> None:
     """Gives all joints a rotor inertia; says what drives are not known."""
-    inertia = _ROTOR_SHARE * tree.mass(tree.root) * figures.length**2
+    mass, leg = tree.mass(tree.root), figures.size.leg
+    inertia = _ROTOR_SHARE * mass * leg**2
     joints = list(tree.joints.values())
     bare = [joint for joint in joints if not joint.rotor_inertia]
     for joint in bare:

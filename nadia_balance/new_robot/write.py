@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -12,6 +13,7 @@ import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.size import scaled
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
 from nadia_balance.new_robot.figures import Figures
@@ -172,15 +174,11 @@ def _transmission(parent: Element, joint: Joint) -> None:
     SubElement(actuator, f"{_DRAKE}gear_ratio", value="1")
 
 
-# Of Nadia, whose reach and ways round the stance leg are the defaults.
-_NADIAS_LEG = 0.782  # [m]
-_REACH = {
-    "length_forward": 1.0,
-    "length_backward": 1.0,
-    "width_max": 0.8,
-    "width_forward": 0.1,
-    "width_backward": -0.05,
-}
+_REACH = (
+    *("length_forward", "length_backward"),
+    *("width_min", "width_nominal", "width_max"),
+    *("width_forward", "width_backward"),
+)
 
 
 def write_yaml(
@@ -192,10 +190,6 @@ def write_yaml(
 ) -> None:
     """Writes robot.yaml, every figure in m or rad to four decimals."""
     f, (left, right) = figures, anatomy.feet.values()
-    length, width = f.toe - f.heel, 2.0 * f.half_width
-    reach = {k: v * f.length / _NADIAS_LEG for k, v in _REACH.items()}
-    reach |= {"width_min": width + 0.005, "width_nominal": f.step_width}
-    detour = {"ahead": 1.12 * length, "beside": 1.25 * width}
     lower, upper = (
         {knee: pair[i] for knee, pair in f.knee_limits.items()} for i in (0, 1)
     )
@@ -212,15 +206,8 @@ def write_yaml(
         f"com_height: {f.com_height:.4f}",
         f"step_width: {f.step_width:.4f}",
         f"posture: {_by_joint(f.posture)}",
-        "legs: "
-        + _flow(
-            length=f.length,
-            ankle_height=f.ankle_height,
-            com_above_hip=f.com_above_hip,
-            hip_width=f.hip_width,
-        ),
-        f"reachability: {_flow(**reach)}",
-        f"swing_detour: {_flow(**detour)}",
+        f"legs: {_flow(**asdict(f.legs))}",
+        f"reachability: {_flow(**_reach(f))}",
     ]
     if max_joint_speed:
         lines.append(f"max_joint_speed: {max_joint_speed}")
@@ -232,12 +219,23 @@ def write_yaml(
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
 
 
+def _reach(f: Figures) -> dict[str, float]:
+    """Lengths and widths [m]; what the legs do not say is Nadia's, by size."""
+    of_legs = {
+        "length_forward": f.reach.length,
+        "length_backward": f.reach.length,
+        "width_nominal": f.step_width,
+        "width_max": f.reach.width_max,
+    }
+    reach = scaled(ReachabilityParams(**of_legs), f.size, of_legs)
+    return {name: getattr(reach, name) for name in _REACH}
+
+
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     """Puts the lengths and widths of `reach` into the robot.yaml there."""
     file = folder / "robot.yaml"
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    names = *_REACH, "width_min", "width_nominal"
-    found = _flow(**{name: getattr(reach, name) for name in names})
+    found = _flow(**{name: getattr(reach, name) for name in _REACH})
     text = "".join(
         f"reachability: {found}\n" if line.startswith("reachability:") else line
         for line in lines
