@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -220,14 +220,16 @@ def write_yaml(
 
 
 def _reach(f: Figures) -> dict[str, float]:
-    """Lengths and widths [m]; what the legs do not say is Nadia's, by size."""
-    of_legs = {
-        "length_forward": f.reach.length,
-        "length_backward": f.reach.length,
-        "width_nominal": f.step_width,
-        "width_max": f.reach.width_max,
-    }
-    reach = scaled(ReachabilityParams(**of_legs), f.size, of_legs)
+    """Lengths and widths [m]: Nadia's by size, or as far as the legs get."""
+    nadias = scaled(ReachabilityParams(), f.size)
+    length = min(nadias.length_forward, f.reach.length)
+    reach = replace(
+        nadias,
+        length_forward=length,
+        length_backward=length,
+        width_nominal=f.step_width,
+        width_max=min(nadias.width_max, f.reach.width_max),
+    )
     return {name: getattr(reach, name) for name in _REACH}
 
 
