@@ -182,7 +182,7 @@ def legend_entries(tag: str) -> str:
         for name, color in palette.LEGEND.items()
     ]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
-    entries.append(f"{feet} as adjusted, of either foot")
+    entries.append(f"{feet} foothold as adjusted")
     return "".join(f"<{tag}>{entry}</{tag}>" for entry in entries)
 
 

@@ -119,7 +119,7 @@ def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
     assert "%s" not in added  # filled in
     entries = re.findall(r">(<b [^>]+>&#963[23];</b>)+ ([^<]+)<", added)
     legend = {name: bold for bold, name in entries}
-    adjusted = legend.pop("as adjusted, of either foot")
+    adjusted = legend.pop("foothold as adjusted")
     assert palette.RIGHT in adjusted and "&#9633;" in adjusted
     assert list(legend) == list(palette.LEGEND)
     for name, color in palette.LEGEND.items():
