@@ -199,7 +199,7 @@ def say_figures(
         f"CoM {f.com_height:.3f} m high where it stands, the soles "
         f"{f.step_width:.3f} m apart; arms and spine at 0, or near it",
         f"legs reach {f.reach.length:.3f} m forward and back, "
-        f"{f.reach.width_max:.3f} m to the side: used as far as Nadia's, by size",
+        f"{f.reach.width_max:.3f} m to the side; used up to Nadia's, by size",
     ]
 
 
