@@ -14,6 +14,7 @@ ECMP = "#d29a00"  # gold
 SUPPORT = "#3d4552"  # slate
 PUSH = "#d11f35"  # red
 CAPTURE_REGIONS = ("#4a0f8f", "#7d3cc9", "#a673e3")  # C_1 to C_3: violets
+OPACITIES = (0.4, 0.25, 0.18)  # of them, filled, on top of each other
 REACH = "#8a5a2b"  # brown
 NOMINAL = "#626b78"  # of a foothold that was adjusted: grey
 FLOOR = "#c9d0da"  # grey
@@ -36,8 +37,9 @@ LEGEND = {
     "C\N{SUBSCRIPT TWO}": CAPTURE_REGIONS[1],
     "C\N{SUBSCRIPT THREE}": CAPTURE_REGIONS[2],
     "reachable": REACH,
-    "planned foothold": NOMINAL,
+    "foothold as planned": NOMINAL,
 }
+OUTLINED = ("support polygon", "reachable", "foothold as planned")  # of these
 
 
 def foot_color(side: Side) -> str:

@@ -15,6 +15,7 @@ class FakeMeshcat:
     def __init__(self):
         self.objects = {}  # path -> how often it was set
         self.colors = {}
+        self.meshes = {}  # path -> triangles (n, 3, 3) [m]
         self.live = {}  # (path, name) -> value
         self.tracks = {}  # (path, name) -> {frame: value}
 
@@ -24,6 +25,7 @@ class FakeMeshcat:
 
     def SetTriangleMesh(self, path, vertices, faces, rgba):
         self.SetObject(path, None, rgba)
+        self.meshes[path] = vertices.T[faces.T]
 
     def SetTransform(self, path, X, time=None):
         self._set(path, "transform", X.GetAsMatrix4(), time)
@@ -35,8 +37,8 @@ class FakeMeshcat:
         return path in self.objects
 
     def Delete(self, path):
-        for store in (self.objects, self.colors):
-            for key in [k for k in store if k.startswith(path)]:
+        for store in (self.objects, self.colors, self.meshes):
+            for key in [k for k in store if f"{k}/".startswith(f"{path}/")]:
                 del store[key]
 
     def _set(self, path, name, value, time):
@@ -70,6 +72,16 @@ def drawn_edges(meshcat: FakeMeshcat, path: str, time: float):
             ends.append(X[:2, 3] + half)
             heights.append(X[2, 3])
     return starts, ends, heights
+
+
+def drawn_triangles(meshcat: FakeMeshcat, path: str, time: float):
+    """The visible triangles (n, 3, 3) [m] of a ConvexShape."""
+    seen = [
+        mesh
+        for name, mesh in meshcat.meshes.items()
+        if name.rpartition("/")[0] == path and meshcat.at(name, "visible", time)
+    ]
+    return np.concatenate([np.empty((0, 3, 3)), *seen])
 
 
 def click(meshcat, button: str) -> None:

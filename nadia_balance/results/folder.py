@@ -13,6 +13,7 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
+from nadia_balance.core.walking import Side
 from nadia_balance.results.log import Log
 from nadia_balance.results.plots import effort, footsteps, icp, timeline
 from nadia_balance.results.plots.style import RC
@@ -168,12 +169,21 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
 
 
 def legend_entries(tag: str) -> str:
-    """What the colours mean, as HTML, each entry in a `tag`."""
-    entries = "".join(
-        f'<{tag}><b style="color:{color}">&#9632;</b> {name}</{tag}>'
+    """What the colours mean, as HTML, each entry in a `tag`.
+
+    A full square for what is filled, an empty one for what is outlined.
+    """
+
+    def square(color: str, outlined: bool) -> str:
+        return f'<b style="color:{color}">&#{9632 + outlined};</b>'
+
+    entries = [
+        f"{square(color, name in palette.OUTLINED)} {name}"
         for name, color in palette.LEGEND.items()
-    )
-    return f"{entries}<{tag}>&#9633; adjusted foothold, in its colour</{tag}>"
+    ]
+    feet = "".join(square(palette.foot_color(side), True) for side in Side)
+    entries.append(f"{feet} foothold as adjusted")
+    return "".join(f"<{tag}>{entry}</{tag}>" for entry in entries)
 
 
 def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:

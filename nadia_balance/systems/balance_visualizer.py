@@ -57,8 +57,8 @@ class BalanceVisualizer(LeafSystem):
     in their colours; the support polygon; the ICP and its reference (balls,
     large and small); the CoM (ball) and its projection, the CoP (discs) and
     the eCMP (square) on the ground; the push (arrow).  In swings the capture
-    regions, the reachability region that the step respects, and the nominal
-    foothold if it is adjusted, all outlined, and redrawn less often: they
+    regions (filled), the reachability region that the step respects, and the
+    nominal foothold if it is adjusted (outlined), redrawn less often: they
     have many edges.  The regions of a `ground`, filled, darker where the next
     step goes.  What is not connected is not drawn, except that
     `walking_state` is needed.
@@ -103,7 +103,7 @@ class BalanceVisualizer(LeafSystem):
             meshcat, f"{ROOT}/support_polygon", 2 * len(sole), palette.SUPPORT
         )
         self._region_overlay = RegionOverlay(
-            meshcat, f"{ROOT}/capture_regions", self._sole
+            meshcat, f"{ROOT}/capture_regions", self._sole, PERIOD
         )
         self._ground = ground and GroundView(meshcat, f"{ROOT}/ground", ground)
         self._markers = {
@@ -122,6 +122,7 @@ class BalanceVisualizer(LeafSystem):
     def _forget(self, context):
         """A new run: what the last one left behind is not its own."""
         self._footprints.forget()
+        self._region_overlay.forget()
         self._arrow.hide(context.get_time())
         return EventStatus.Succeeded()
 

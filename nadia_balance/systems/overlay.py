@@ -1,18 +1,21 @@
 """Shapes drawn over the robot in Meshcat, which also move in a recording.
 
-A recording keeps transforms and properties but no new objects.  So every
-object is set once, and from then on only moved, scaled, shown and hidden,
-always with the time of the frame.
+A recording keeps transforms and properties, and has every object from its
+start on.  So an object is set once, and from then on only moved, scaled, shown
+and hidden, always with the time of the frame.
 """
 
 import math
+from itertools import zip_longest
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatCone, Shape
+from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatCone, Rgba, Shape
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from nadia_balance import palette
 from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.polygon import intersection
+from nadia_balance.core.reachability import circle
 from nadia_balance.core.walking import Array, FootPose, Side
 
 
@@ -75,21 +78,13 @@ class PolygonOutline:
         Raises:
             ValueError: it has more edges than there are boxes.
         """
-        self.draw_edges(vertices, np.roll(vertices, -1, axis=0), z, time)
-
-    def draw_edges(
-        self, starts: Array, ends: Array, z: float, time: float | None
-    ) -> None:
-        """Shows the lines from `starts` to `ends` (n, 2) [m]; no points.
-
-        Each has the box of its number; else as `draw`.
-        """
-        if len(starts) > len(self._edges):
+        if len(vertices) > len(self._edges):
             raise ValueError(
-                f"edges = {len(starts)}: must be at most {len(self._edges)}"
+                f"edges = {len(vertices)}: must be at most {len(self._edges)}"
             )
+        starts, ends = vertices, np.roll(vertices, -1, axis=0)
         for i, edge in enumerate(self._edges):
-            seen = i < len(starts) and not np.array_equal(starts[i], ends[i])
+            seen = i < len(starts)
             self._meshcat.SetProperty(edge, "visible", seen, time)
             if not seen:
                 continue
@@ -157,9 +152,7 @@ class Footprints:
     def __init__(self, meshcat: Meshcat, path: str, sole: Array, period: float):
         """Draws `sole` (n, 2) [m] under `path`, a frame each `period` [s]."""
         self._meshcat, self._path, self._period = meshcat, path, period
-        self._vertices = np.vstack([np.asarray(sole).T, np.zeros(len(sole))])
-        fan = [[0, i, i + 1] for i in range(1, len(sole) - 1)]
-        self._faces = np.array(fan, dtype=np.int32).T
+        self._sole = np.asarray(sole)
 
     def draw(
         self, side: Side, number: int, pose: FootPose, time: float
@@ -168,12 +161,11 @@ class Footprints:
         path = f"{self._path}/{side.value}_{number}"
         if not self._meshcat.HasPath(path):
             color = palette.rgba(palette.foot_color(side), 0.6)
+            faces = fan(len(self._sole))
             self._meshcat.SetTriangleMesh(
-                path, self._vertices, self._faces, color
+                path, at_height(self._sole, 0.0), faces, color
             )
-            # A recording has it from the start: keep it hidden until now.
-            if (before := time - self._period) >= 0.0:
-                self._meshcat.SetProperty(path, "visible", False, before)
+            hide_before(self._meshcat, path, time, self._period)
         self._meshcat.SetTransform(path, sole_transform(pose, 0.002), time)
         self._meshcat.SetProperty(path, "visible", True, time)
 
@@ -188,10 +180,109 @@ def sole_transform(pose: FootPose, height: float = 0.0) -> RigidTransform:
     return RigidTransform(RollPitchYaw(0.0, 0.0, pose.yaw), p_W)
 
 
+class ConvexShape:
+    """A convex polygon that may change, with its border; filled or not.
+
+    A recording cannot reshape an object: each shape is one, and seen only in
+    its own frames.  The last KEPT of them stay, so that a long walk without a
+    recording does not fill the memory.
+    """
+
+    KEPT = 1000
+    BORDER = 0.016  # its width at corners [m]
+    STILL = 0.005  # corners that move less are not drawn anew [m]
+
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        path: str,
+        color: Rgba,
+        period: float,
+        filled: bool = True,
+    ):
+        """Draws under `path`, a frame each `period` [s]."""
+        self._meshcat, self._path, self._color = meshcat, path, color
+        self._period, self._filled = period, filled
+        self.forget()
+
+    def draw(self, polygon: Array, z: float, time: float) -> None:
+        """Shows `polygon` (n, 2) [m] of W at z [m]; an empty one hides it."""
+        corners = at_height(polygon, z)
+        if corners.shape == self._shown.shape and np.all(
+            np.abs(corners - self._shown) < self.STILL
+        ):
+            return
+        self._shown = corners
+        if self._count:
+            last = f"{self._path}/{self._count}"
+            self._meshcat.SetProperty(last, "visible", False, time)
+        if len(polygon):
+            self._add(polygon, z, time)
+
+    def _add(self, polygon: Array, z: float, time: float) -> None:
+        self._count += 1
+        path = f"{self._path}/{self._count}"
+        vertices, faces = border(polygon, self.BORDER)
+        if self._filled:  # the border twice, which makes it darker
+            faces = np.hstack([fan(len(polygon)), faces])
+        self._meshcat.SetTriangleMesh(
+            path, at_height(vertices, z), faces, self._color
+        )
+        # What is painted later, but lies lower, is to be seen, too.
+        self._meshcat.SetProperty(
+            f"{path}/<object>", "material.depthWrite", False
+        )
+        hide_before(self._meshcat, path, time, self._period)
+        self._meshcat.SetProperty(path, "visible", True, time)
+        self._meshcat.Delete(f"{self._path}/{self._count - self.KEPT}")
+
+    def forget(self) -> None:
+        """Removes all shapes."""
+        self._meshcat.Delete(self._path)
+        self._count, self._shown = 0, np.empty((3, 0))
+
+
+def hide_before(
+    meshcat: Meshcat, path: str, time: float, period: float
+) -> None:
+    """A recording has a new object from the start: it stays hidden until now.
+
+    `time` [s] is of this frame, `period` [s] before is the last one.
+    """
+    if (before := time - period) >= 0.0:
+        meshcat.SetProperty(path, "visible", False, before)
+
+
+def at_height(points: Array, z: float) -> Array:
+    """Returns the points (n, 2) as columns (3, n) [m] with this z."""
+    return np.vstack([points.T, np.full(len(points), z)])
+
+
+def fan(count: int) -> Array:
+    """Returns the triangles (3, count - 2) of a convex polygon."""
+    i = np.arange(1, count - 1, dtype=np.int32)
+    return np.stack([0 * i, i, i + 1])
+
+
+def border(polygon: Array, width: float) -> tuple[Array, Array]:
+    """Returns vertices (2 n, 2) [m] and triangles (3, 2 n) of a border.
+
+    First the vertices of the polygon (n, 2), then the inner ones, which are
+    `width` [m] nearer to the middle.
+    """
+    n = len(polygon)
+    inwards = polygon.mean(axis=0) - polygon
+    lengths = np.linalg.norm(inwards, axis=1, keepdims=True)
+    inner = polygon + inwards * np.minimum(width / lengths, 0.5)
+    i = np.arange(n, dtype=np.int32)
+    j = np.roll(i, -1)
+    faces = np.hstack([np.stack([i, j, j + n]), np.stack([i, j + n, i + n])])
+    return np.vstack([polygon, inner]), faces
+
+
 RADIUS = 1.2  # capture regions are shown so far about the stance foot [m]
 EDGES = 16  # of any region: more cost more than they show
-BOXES = 24  # for the edges of a capture region
-_CUT = -0.2  # a direction that no side of a foot has [rad]
+_CIRCLE = circle(RADIUS, 2 * EDGES)
 
 
 class RegionOverlay(Drawing):
@@ -202,15 +293,22 @@ class RegionOverlay(Drawing):
     only when the foot is to land elsewhere.
     """
 
-    def __init__(self, meshcat: Meshcat, path: str, sole: Array):
+    def __init__(self, meshcat: Meshcat, path: str, sole: Array, period: float):
         """Adds all that there is to draw below `path`, hidden."""
         super().__init__(meshcat, path)
-        self._reach = PolygonOutline(
-            meshcat, f"{path}/reach", EDGES, palette.REACH
+        brown = palette.rgba(palette.REACH, 0.99)  # painted after the floor
+        self._reach = ConvexShape(
+            meshcat, f"{path}/reach", brown, period, filled=False
         )
+        looks = zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
         self._regions = [
-            PolygonOutline(meshcat, f"{path}/c_{i}", BOXES, color)
-            for i, color in enumerate(palette.CAPTURE_REGIONS, start=1)
+            ConvexShape(
+                meshcat,
+                f"{path}/c_{i}",
+                palette.rgba(*look),
+                period,
+            )
+            for i, look in enumerate(looks, start=1)
         ]
         self._nominal = SoleOutline(
             meshcat, f"{path}/nominal", sole, palette.NOMINAL
@@ -221,21 +319,26 @@ class RegionOverlay(Drawing):
     ) -> None:
         """Shows `found` about the stance foot at `centre` (2,) [m], z [m]."""
         self._show(True, time)
-        self._reach.draw(thinned(found.reach, EDGES), z + 0.002, time)
-        for i, outline in enumerate(self._regions):
-            lines = np.zeros((2, BOXES, 2))
-            if i < len(found.regions):
-                region = thinned(found.regions[i], EDGES)
-                boxes = boxes_of_edges(region, BOXES)
-                lines[:, boxes] = edges_near(region, centre, RADIUS)
-            # C_1 above the others: where they coincide, it is seen.
-            outline.draw_edges(*lines, z + 0.005 - 0.001 * i, time)
+        self._reach.draw(thinned(found.reach, EDGES), z + 0.005, time)
+        for drawing, region in zip_longest(
+            self._regions, found.regions[: len(self._regions)]
+        ):
+            seen = np.empty((0, 2))
+            if region is not None:
+                near = intersection(region, centre + _CIRCLE)
+                seen = thinned(near, EDGES)
+            drawing.draw(seen, z + 0.004, time)  # above the prints
         nominal, adjusted = found.nominal, found.adjusted
         if nominal is not None and (
             adjusted is None or math.dist(nominal.p_WF, adjusted.p_WF) <= 1e-3
         ):
             nominal = None
         self._nominal.draw(nominal, time)
+
+    def forget(self) -> None:
+        """Removes the regions that were drawn."""
+        for drawing in (self._reach, *self._regions):
+            drawing.forget()
 
 
 def thinned(polygon: Array, max_vertices: int) -> Array:
@@ -250,38 +353,3 @@ def thinned(polygon: Array, max_vertices: int) -> Array:
         turn = last[:, 0] * edge[:, 1] - last[:, 1] * edge[:, 0]
         polygon = np.delete(polygon, np.argmin(np.abs(turn)), axis=0)
     return polygon
-
-
-def boxes_of_edges(polygon: Array, count: int) -> Array:
-    """Returns which of `count` boxes is to show which edge, (n,).
-
-    By the direction of the edge.  A replay draws what is between two frames:
-    when a polygon gets another edge, the others have to keep their boxes.
-    """
-    dx, dy = (np.roll(polygon, -1, axis=0) - polygon).T
-    turns = (np.arctan2(dy, dx) - _CUT) / (2.0 * math.pi) % 1.0
-    order, n = np.argsort(turns), np.arange(len(polygon))
-    boxes = np.floor(turns[order] * count).astype(int)
-    # One box, one edge: the next box for the second of one direction.
-    boxes = np.maximum.accumulate(boxes - n) + n
-    boxes = np.minimum(boxes, count - len(n) + n)
-    return boxes[np.argsort(order)]
-
-
-def edges_near(
-    polygon: Array, centre: Array, radius: float
-) -> tuple[Array, Array]:
-    """Returns the starts and ends (n, 2) of the edges, cut off by a circle.
-
-    An edge that is outside of it becomes a point.
-    """
-    edge, offset = np.roll(polygon, -1, axis=0) - polygon, polygon - centre
-    # |offset + s edge|^2 = radius^2, in halves of the coefficients.
-    a = np.maximum((edge * edge).sum(axis=1), 1e-12)
-    b = (edge * offset).sum(axis=1)
-    c = (offset * offset).sum(axis=1) - radius**2
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    first, last = (
-        np.clip((-b + sign * root) / a, 0.0, 1.0)[:, None] for sign in (-1, 1)
-    )
-    return polygon + first * edge, polygon + last * edge

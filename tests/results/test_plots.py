@@ -74,6 +74,49 @@ def test_a_long_timeline_names_a_push_in_the_row_of_its_time():
     assert shown == [(0, "push 545 N")]
 
 
+def entries(figure):
+    """The legend below the axes: label -> handle."""
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    return dict(zip(names, legend.legend_handles, strict=True))
+
+
+def test_bands_and_numbers_have_their_entry_in_the_legend(log):
+    """Oracle: the colours of the palette; no push, no entry."""
+    summary = summary_of(log)
+    for plot in icp, effort:
+        found = entries(plot.draw(log, summary))
+        colors = {n: to_hex(h.get_facecolor()) for n, h in found.items()}
+        assert colors == {
+            "left foot swings": palette.LEFT,
+            "right foot swings": palette.RIGHT,
+            "push": palette.PUSH,
+        }
+    with_push = set(entries(timeline.draw(log, summary)))
+    calm = make_log(Recipe(pushed_step=None, changed={}))
+    without = set(entries(timeline.draw(calm, summary_of(calm))))
+    assert with_push - without == {"push"}
+    assert {"transfer [s]", "contact as planned"} <= without
+
+
+def test_footsteps_tell_planned_from_adjusted_footholds():
+    """Oracle: the recipe: one foothold was moved by (0.3, -0.1) m."""
+    move = np.array([0.3, -0.1])
+    log = make_log(Recipe(pushed_step=3, changed={3: (move, 0.5, 0.3)}, miss=0))
+    figure = footsteps.draw(log, summary_of(log))
+    planned, adjusted = (
+        [
+            patch.get_xy()[:-1].mean(axis=0)
+            for patch in figure.axes[0].patches
+            if patch.get_linestyle()
+            == labelled(figure, f"foothold as {word}").get_linestyle()
+        ]
+        for word in ("planned", "adjusted")
+    )
+    moved = np.array(adjusted) - planned
+    assert moved == pytest.approx(np.array([move, 0 * move, 0 * move]))
+
+
 def test_measured_contacts_are_those_of_the_forces(log):
     """Oracle: forces set by hand; an impact does not hide the weight."""
     forces = np.tile([900.0, 0.0], (len(log["t"]), 1))

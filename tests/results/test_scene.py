@@ -117,5 +117,11 @@ def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
     assert added.count("<script>") == added.count("</script>") == 1
     assert f'"{MIDDLE}"' in added
     assert "%s" not in added  # filled in
-    entries = re.findall(r"color:(#\w{6})\">&#9632;</b> ([^<]+)<", added)
-    assert {name: color for color, name in entries} == palette.LEGEND
+    entries = re.findall(r">(<b [^>]+>&#963[23];</b>)+ ([^<]+)<", added)
+    legend = {name: bold for bold, name in entries}
+    adjusted = legend.pop("foothold as adjusted")
+    assert palette.RIGHT in adjusted and "&#9633;" in adjusted
+    assert list(legend) == list(palette.LEGEND)
+    for name, color in palette.LEGEND.items():
+        square = 9632 + (name in palette.OUTLINED)
+        assert legend[name] == f'<b style="color:{color}">&#{square};</b>'

@@ -4,26 +4,25 @@ import math
 
 import numpy as np
 import pytest
+from shapely import LinearRing, Point, Polygon, union_all
 
 from nadia_balance import palette
-from nadia_balance.core.capture_region import one_step_region
 from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.polygon import area, contains, convex_hull
+from nadia_balance.core.polygon import area, contains
 from nadia_balance.core.reachability import circle
 from nadia_balance.core.walking import FootPose, Side, rectangle
 from nadia_balance.systems.overlay import (
-    BOXES,
     EDGES,
+    RADIUS,
     Arrow,
+    ConvexShape,
     Footprints,
     PolygonOutline,
     RegionOverlay,
     SoleOutline,
-    boxes_of_edges,
-    edges_near,
     thinned,
 )
-from tests.fake_meshcat import FakeMeshcat, drawn_edges
+from tests.fake_meshcat import FakeMeshcat, drawn_edges, drawn_triangles
 
 PENTAGON = np.array(
     [[0.3, 0.0], [0.2, 0.4], [-0.1, 0.5], [-0.3, 0.1], [0.0, -0.3]]
@@ -135,28 +134,64 @@ def test_a_footprint_appears_with_its_step_and_stays():
     assert meshcat.objects == {}
 
 
-def test_regions_are_outlined_and_vanish_when_they_are_gone():
-    """Oracle: the sides of the very polygons; N is 2, then 5, then 1."""
+def covered(meshcat, path, time):
+    """What a filled polygon covers, and how much is painted twice [m^2]."""
+    triangles = [
+        Polygon(t[:, :2]) for t in drawn_triangles(meshcat, path, time)
+    ]
+    whole = union_all(triangles)
+    return whole, sum(t.area for t in triangles) - whole.area
+
+
+def test_regions_are_filled_and_vanish_when_they_are_gone():
+    """Oracle: shapely's union of the triangles; N is 2, then 5, then 1."""
     meshcat = FakeMeshcat()
-    overlay = RegionOverlay(meshcat, "/r", SOLE)
-    count = len(meshcat.objects)
+    overlay = RegionOverlay(meshcat, "/r", SOLE, PERIOD)
     assert not meshcat.live["/r", "visible"]
-    for time, regions in (
-        (0.0, (SMALL, LARGE)),
-        (1.0, (SMALL,) * 5),
-        (2.0, (LARGE,)),
-    ):
+    drawn = {0.0: (SMALL, LARGE), 1.0: (SMALL,) * 5, 2.0: (LARGE,)}
+    for time, regions in drawn.items():
         found = CaptureRegions(regions, SMALL + 0.1, NOMINAL, ADJUSTED)
         overlay.draw(found, CENTRE, 0.0, time)
-        drawn = [edges(meshcat, f"/r/c_{i}", time) for i in (1, 2, 3)]
-        expected = [*map(sides, regions), set(), set()][:3]
-        assert drawn == expected
-        assert edges(meshcat, "/r/reach", time) == sides(SMALL + 0.1)
     overlay.hide(time=3.0)
+    for time, regions in drawn.items():
+        line, _ = covered(meshcat, "/r/reach", time)
+        assert line.exterior.equals(LinearRing(SMALL + 0.1))
+        assert line.area < 0.016 * line.exterior.length
+        for i in range(3):
+            shape, _ = covered(meshcat, f"/r/c_{i + 1}", time + 0.9)
+            expected = Polygon(regions[i] if i < len(regions) else None)
+            assert shape.symmetric_difference(expected).area < 1e-9
     seen = [meshcat.at("/r", "visible", t) for t in (0.0, 2.9, 3.0)]
     assert seen == [True, True, False]
-    assert set(meshcat.objects.values()) == {1}
-    assert len(meshcat.objects) == count
+    overlay.forget()
+    assert meshcat.meshes == {}
+
+
+def test_a_border_is_painted_twice_and_only_it():
+    """Oracle: by hand; each corner of a square moves 16 mm to its middle."""
+    meshcat = FakeMeshcat()
+    filled = ConvexShape(meshcat, "/p", palette.rgba("#000000"), PERIOD)
+    filled.draw(rectangle(0.4, 0.4), 0.0, 0.0)
+    _, twice = covered(meshcat, "/p", 0.0)
+    side = 0.4 - math.sqrt(2.0) * ConvexShape.BORDER
+    assert twice == pytest.approx(0.4**2 - side**2)
+    triangles = drawn_triangles(meshcat, "/p", 0.0)
+    turns = np.cross(*np.diff(triangles, axis=1).transpose(1, 0, 2))
+    assert (turns[:, 2] > 0.0).all(), "seen from above"
+
+
+def test_the_last_shapes_stay_and_the_others_leave_the_memory():
+    """Oracle: KEPT shapes, each seen in the frame it was drawn in."""
+    meshcat, kept = FakeMeshcat(), ConvexShape.KEPT
+    filled = ConvexShape(meshcat, "/p", palette.rgba("#000000"), PERIOD)
+    for frame in range(kept + 3):
+        filled.draw(SMALL + [frame, 0.0], 0.0, frame * PERIOD)
+        filled.draw(SMALL + [frame, 0.004], 0.0, (frame + 0.5) * PERIOD)
+    assert len(meshcat.objects) == kept, "less than STILL is no new shape"
+    for frame in 3, 500, kept + 2:
+        seen = drawn_triangles(meshcat, "/p", frame * PERIOD)
+        assert seen[:, :, 0].min() == pytest.approx(frame + SMALL[:, 0].min())
+        assert np.ptp(seen[:, :, 0]) == pytest.approx(0.6), "one shape alone"
 
 
 @pytest.mark.parametrize(
@@ -173,27 +208,26 @@ def test_the_nominal_foothold_is_seen_when_the_foot_lands_elsewhere(
     """Oracle: NOMINAL and ADJUSTED are 0.22 m apart."""
     meshcat = FakeMeshcat()
     found = CaptureRegions((SMALL,), LARGE, nominal, adjusted)
-    RegionOverlay(meshcat, "/r", SOLE).draw(found, CENTRE, 0.0, 0.0)
+    RegionOverlay(meshcat, "/r", SOLE, PERIOD).draw(found, CENTRE, 0.0, 0.0)
     assert meshcat.live["/r/nominal", "visible"] == seen
     if seen:
         X = meshcat.live["/r/nominal", "transform"]
         assert X[:3, 3] == pytest.approx(nominal.p_WF)
 
 
-def test_edges_end_at_the_circle():
-    """Oracle: Pythagoras; outside of it nothing is left."""
-    square = rectangle(4.0, 1.2)  # its sides at y = +-0.6 cross the circle
-    starts, ends = edges_near(square, np.zeros(2), 1.0)
-    assert starts[0] == pytest.approx([0.8, 0.6])
-    assert ends[0] == pytest.approx([-0.8, 0.6])
-    assert (starts[[1, 3]] == ends[[1, 3]]).all()
+def test_regions_end_at_the_circle():
+    """Oracle: Pythagoras: sqrt(1.2^2 - 0.72^2) = 0.96; shapely's circle."""
     meshcat = FakeMeshcat()
-    found = CaptureRegions((CENTRE + rectangle(9.0, 2 * 0.72),))
-    RegionOverlay(meshcat, "/r", SOLE).draw(found, CENTRE, 0.0, 0.0)
-    assert edges(meshcat, "/r/c_1") == {  # sqrt(1.2^2 - 0.72^2) = 0.96
-        (1.96, 1.22, 0.04, 1.22),
-        (0.04, -0.22, 1.96, -0.22),
-    }
+    strip = CENTRE + rectangle(9.0, 2 * 0.72)
+    overlay = RegionOverlay(meshcat, "/r", SOLE, PERIOD)
+    overlay.draw(CaptureRegions((strip,)), CENTRE, 0.0, 0.0)
+    shape, _ = covered(meshcat, "/r/c_1", 0.0)
+    expected = Polygon(strip) & Point(CENTRE).buffer(RADIUS, 64)
+    assert shape.area == pytest.approx(expected.area, rel=0.02)
+    assert (shape - expected).area < 1e-3 * expected.area
+    x, y = np.array(shape.exterior.coords).T
+    top = x[y > CENTRE[1] + 0.72 - 1e-9]
+    assert np.ptp(top) == pytest.approx(2 * 0.96, abs=0.02)
 
 
 def test_the_least_vertices_go_first():
@@ -208,27 +242,3 @@ def test_the_least_vertices_go_first():
     assert area(inner) > 0.97 * area(wheel)
     assert all(contains(p, wheel, 1e-9) for p in inner)
     assert thinned(wheel, 64) is wheel
-
-
-def test_every_edge_has_a_box_of_its_own():
-    """Oracle: no number twice, none out of range."""
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        polygon = thinned(convex_hull(rng.normal(size=(60, 2))), EDGES)
-        boxes = set(boxes_of_edges(polygon, BOXES).tolist())
-        assert len(boxes) == len(polygon)
-        assert boxes <= set(range(BOXES))
-
-
-def test_the_sides_of_the_foot_keep_their_boxes_while_the_icp_moves():
-    """Oracle: C_1 has the foot's four sides, and two more or none."""
-    foot = rectangle(0.18, 0.07)
-    common, counts = set(range(BOXES)), set()
-    for angle in np.linspace(0.0, 2.0 * math.pi, 60):
-        for distance in (0.0, 0.05, 0.1, 0.3):
-            icp = distance * np.array([math.cos(angle), math.sin(angle)])
-            region = one_step_region(icp, foot, 3.3, (0.2, 0.7))
-            common &= set(boxes_of_edges(region, BOXES).tolist())
-            counts.add(len(region))
-    assert len(common) == 4
-    assert counts >= {4, 6}

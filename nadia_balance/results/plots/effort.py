@@ -67,9 +67,10 @@ def _draw_torques(ax: Axes, log: Log) -> None:
         largest = np.max(ratio[:, members], axis=1)
         ax.plot(log["t"], largest, color=color, linewidth=1.1, label=group)
     if np.max(ratio) > 60.0:
-        ax.axhline(100.0, color=palette.PUSH, linewidth=1.0, linestyle="--")
+        look = {"color": palette.PUSH, "linewidth": 1.0, "linestyle": "--"}
+        ax.axhline(100.0, label="limit", **look)
     ax.set(ylabel="torque [% of limit]", ylim=(0.0, None))
-    _legend(ax, len(groups))
+    _legend(ax, len(groups) + 1)
 
 
 def _draw_speed(ax: Axes, log: Log) -> None:

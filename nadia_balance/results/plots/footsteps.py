@@ -60,7 +60,8 @@ def draw(log: Log, summary: dict) -> Figure:
         _mark_touchdowns(ax, log, shown)
         _draw_reach(ax, log, shown)
     _key_to_footholds(ax, shown)
-    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
+    ax.legend(title="numbers: which step", alignment="left", **where)
     times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
     ax.set_title(title(summary, f"Footsteps, {times}"))
     return fig
@@ -235,12 +236,12 @@ def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
     for style, label in (
         (":", "foot at first"),
         ("--", "foothold as planned"),
-        ("-", "foothold as achieved"),
+        ("-", "foothold as adjusted,\nwhere the foot landed"),
     ):
         ax.plot([], [], color=TEXT, ls=style, lw=1.2, label=label)
     if any(map(_is_moved, shown)):
         head = {"marker": ">", "ms": 4, "markevery": [1]}
-        ax.plot([], [], color=FAINT, lw=1.2, label="foothold moved", **head)
+        ax.plot([], [], color=FAINT, lw=1.2, label="adjustment", **head)
     feet = [(side, f"{side.value} foot") for side in Side]
     if len(shown) <= _MOST_LISTED:
         feet = [(step.side, _durations(step)) for step in shown]

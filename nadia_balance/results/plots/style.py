@@ -3,14 +3,15 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Patch, Polygon
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Phase
-from nadia_balance.results.log import Log, phase_spans, pushes
+from nadia_balance.core.walking import Phase, Side
+from nadia_balance.results.log import Log, PhaseSpan, phase_spans, pushes
 
 TEXT = "#2f3440"
 FAINT = "#8a93a3"
+_SWING, _PUSH = 0.12, 0.3  # opacity of the bands
 RC = {
     "font.size": 9.0,
     "axes.edgecolor": FAINT,
@@ -49,7 +50,7 @@ def time_axes(
     Swings and pushes are marked, these with a `label`; `what` it shows is in
     the title.
     """
-    fig = Figure(figsize=(10.0, sum(heights) + 0.6), layout="constrained")
+    fig = Figure(figsize=(10.0, sum(heights) + 0.9), layout="constrained")
     axes = fig.subplots(
         len(heights),
         sharex=True,
@@ -61,8 +62,27 @@ def time_axes(
         mark_pushes(ax, log, label and ax is axes[0])
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(log["t"][0], log["t"][-1])
+    bands = [
+        Patch(color=palette.foot_color(side), alpha=_SWING, label=label)
+        for side in Side
+        for label in [f"{side.value} foot swings"]
+        if any(span.swing_side is side for span in _swings(log))
+    ]
+    key(fig, [*bands, *push_key(log)])
     set_title(fig, summary, what)
     return fig, list(axes)
+
+
+def key(fig: Figure, handles: list) -> None:
+    """The legend of what all axes show, below them."""
+    where = {"loc": "outside lower center", "ncols": max(len(handles), 1)}
+    fig.legend(handles=handles, **where)
+
+
+def push_key(log: Log) -> list[Patch]:
+    """The entry of a legend for the marks of pushes, if there are any."""
+    look = {"color": palette.PUSH, "alpha": _PUSH, "lw": 0, "label": "push"}
+    return [Patch(**look)] if pushes(log) else []
 
 
 def title(summary: dict, what: str) -> str:
@@ -90,16 +110,19 @@ def set_title(fig: Figure, summary: dict, what: str) -> None:
 
 def shade_swings(ax: Axes, log: Log) -> None:
     """Shades each swing in the colour of the foot in the air."""
-    for span in phase_spans(log):
-        if span.phase is Phase.SWING:
-            color = palette.foot_color(span.swing_side)
-            ax.axvspan(span.start, span.end, color=color, alpha=0.08, lw=0)
+    for span in _swings(log):
+        color = palette.foot_color(span.swing_side)
+        ax.axvspan(span.start, span.end, color=color, alpha=_SWING, lw=0)
+
+
+def _swings(log: Log) -> list[PhaseSpan]:
+    return [span for span in phase_spans(log) if span.phase is Phase.SWING]
 
 
 def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
     """Marks when the robot was pushed; the `label` is above the axes."""
     for push in pushes(log):
-        look = {"color": palette.PUSH, "alpha": 0.3, "lw": 0, "zorder": 0}
+        look = {"color": palette.PUSH, "alpha": _PUSH, "lw": 0, "zorder": 0}
         ax.axvspan(push.start, push.end, **look)
         if label:
             ax.annotate(

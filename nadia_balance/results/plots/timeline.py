@@ -5,6 +5,8 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from nadia_balance import palette
 from nadia_balance.core.walking import Phase, Side
@@ -13,7 +15,9 @@ from nadia_balance.results.plots.style import (
     FAINT,
     RC,
     TEXT,
+    key,
     mark_pushes,
+    push_key,
     set_title,
 )
 
@@ -23,6 +27,8 @@ _WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 _PLAN, _MEASURED = (0.02, 0.42), (-0.42, -0.02)  # lanes of a foot
 _LABEL_Y, _LINE = (1.36, 0.82), 0.27  # lanes of the durations, their lines
+_NUMBER = {"ls": "none", "ms": 22}  # in the legend
+_PALE = 0.3  # opacity of what is planned
 _LETTER = RC["font.size"] / 72.0 * 0.6  # the width of one [in]
 
 
@@ -31,7 +37,7 @@ def draw(log: Log, summary: dict) -> Figure:
     t = log["t"]
     total = max(t[-1] - t[0], 1e-3)
     rows = min(max(round(total / _ROW_SECONDS), 1), _MAX_ROWS)
-    fig = Figure(figsize=(_WIDTH, 0.6 + 1.75 * rows), layout="constrained")
+    fig = Figure(figsize=(_WIDTH, 1.0 + 1.75 * rows), layout="constrained")
     axes = np.atleast_1d(fig.subplots(rows, 1, squeeze=True))
     seconds = total / rows
     spans = phase_spans(log)
@@ -40,12 +46,25 @@ def draw(log: Log, summary: dict) -> Figure:
         _draw_row(ax, log, spans, begin, begin + seconds)
         mark_pushes(ax, log, label=True)
     axes[-1].set_xlabel("time [s]")
-    set_title(
-        fig,
-        summary,
-        "Contacts: planned pale, measured full, durations (planned) [s]",
-    )
+    _add_key(fig, log)
+    set_title(fig, summary, "Contacts")
     return fig
+
+
+def _add_key(fig: Figure, log: Log) -> None:
+    """What bars and numbers are, below the axes."""
+    bars = [Patch(color=FAINT, alpha=_PALE, label="contact as planned")]
+    if "foot_forces" in log:
+        bars.append(Patch(color=FAINT, label="as measured"))
+    numbers = [
+        Line2D([], [], color=color, marker=f"${text}$", label=label, **_NUMBER)
+        for text, color, label in (
+            ("0.54", palette.RIGHT, "swing [s], in the colour of its foot"),
+            ("0.54", TEXT, "transfer [s]"),
+            ("(0.70)", FAINT, "as planned, if changed"),
+        )
+    ]
+    key(fig, [*bars, *numbers, *push_key(log)])
 
 
 def _draw_row(
@@ -59,7 +78,7 @@ def _draw_row(
     ax.grid(axis="y", visible=False)
     for side in Side:
         plan = [(s.start, s.duration) for s in spans if s.carries(side)]
-        _bars(ax, plan, _FOOT_Y[side], _PLAN, side, 0.3)
+        _bars(ax, plan, _FOOT_Y[side], _PLAN, side, _PALE)
         if "foot_forces" in log:
             _bars(ax, measured(log, side), _FOOT_Y[side], _MEASURED, side, 1.0)
     inches = _WIDTH * 0.9 / (end - begin)
