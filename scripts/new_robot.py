@@ -20,8 +20,9 @@ from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.new_robot.named import Named
+from nadia_balance.reach import reach_within
 from nadia_balance.results.summary import summarize
-from nadia_balance.robot import FIDELITIES, load_robot
+from nadia_balance.robot import FIDELITIES, RobotModel, load_robot
 from nadia_balance.scripts.command_line import (
     DONE,
     FAILED,
@@ -54,11 +55,32 @@ def main(argv: list[str] | None = None) -> int:
         ).lines():
             say(line)
         robot = args.out / "robot.yaml"
-        load_robot(str(robot), args.fidelity)
+        say(_fit_reach(load_robot(str(robot), args.fidelity), args.out))
     say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
     if args.no_walk:
         return DONE
     return _walk(str(robot), args.fidelity)
+
+
+def _fit_reach(robot: RobotModel, folder: Path) -> str:
+    """Writes how far the legs reach into `folder`; returns what it found."""
+    from nadia_balance.new_robot.write import write_reach
+
+    before = robot.point_mass.reach
+    reach, missed = reach_within(robot)
+    if missed:
+        return (
+            f"unknown: how far it can step: of {', '.join(sorted(missed))}, "
+            "not all is within the legs' reach, however short"
+        )
+    if reach == before:
+        return "guessed: the legs get to every corner of that reach"
+    write_reach(folder, reach)
+    return (
+        f"guessed: reach cut down to {reach.length_forward:.2f} m forward, "
+        f"{reach.width_max:.2f} m out, {reach.width_forward:.2f} and "
+        f"{reach.width_backward:.2f} m across, by inverse kinematics"
+    )
 
 
 def _maker() -> Callable:

@@ -25,6 +25,7 @@ LAYERS = (
     "nadia_balance.robot_params",
     "nadia_balance.robot_checks",
     "nadia_balance.robot",
+    "nadia_balance.reach",
     "nadia_balance.link_distances",
     "nadia_balance.whole_body_kinematics",
     "nadia_balance.mujoco_model",

@@ -174,6 +174,13 @@ def _transmission(parent: Element, joint: Joint) -> None:
     SubElement(actuator, f"{_DRAKE}gear_ratio", value="1")
 
 
+_REACH = (
+    *("length_forward", "length_backward"),
+    *("width_min", "width_nominal", "width_max"),
+    *("width_forward", "width_backward"),
+)
+
+
 def write_yaml(
     tree: Tree,
     anatomy: Anatomy,
@@ -221,8 +228,19 @@ def _reach(f: Figures) -> dict[str, float]:
         "width_max": f.reach.width_max,
     }
     reach = scaled(ReachabilityParams(**of_legs), f.size, of_legs)
-    across = ("width_min", "width_forward", "width_backward")
-    return of_legs | {name: getattr(reach, name) for name in across}
+    return {name: getattr(reach, name) for name in _REACH}
+
+
+def write_reach(folder: Path, reach: ReachabilityParams) -> None:
+    """Puts the lengths and widths of `reach` into the robot.yaml there."""
+    file = folder / "robot.yaml"
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    found = _flow(**{name: getattr(reach, name) for name in _REACH})
+    text = "".join(
+        f"reachability: {found}\n" if line.startswith("reachability:") else line
+        for line in lines
+    )
+    file.write_text(text, encoding="utf-8")
 
 
 def _by_joint(values: Mapping[str, float]) -> str:
