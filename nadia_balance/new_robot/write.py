@@ -13,7 +13,6 @@ import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.size import scaled
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
 from nadia_balance.new_robot.figures import Figures
@@ -207,7 +206,7 @@ def write_yaml(
         f"step_width: {f.step_width:.4f}",
         f"posture: {_by_joint(f.posture)}",
         f"legs: {_flow(**asdict(f.legs))}",
-        f"reachability: {_flow(**_reach(f))}",
+        f"reachability: {_reach(f.reach)}",
     ]
     if max_joint_speed:
         lines.append(f"max_joint_speed: {max_joint_speed}")
@@ -219,28 +218,19 @@ def write_yaml(
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
 
 
-def _reach(f: Figures) -> dict[str, float]:
-    """Lengths and widths [m]; what the legs do not say is Nadia's, by size."""
-    of_legs = {
-        "length_forward": f.reach.length,
-        "length_backward": f.reach.length,
-        "width_nominal": f.step_width,
-        "width_max": f.reach.width_max,
-    }
-    reach = scaled(ReachabilityParams(**of_legs), f.size, of_legs)
-    return {name: getattr(reach, name) for name in _REACH}
-
-
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     """Puts the lengths and widths of `reach` into the robot.yaml there."""
     file = folder / "robot.yaml"
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    found = _flow(**{name: getattr(reach, name) for name in _REACH})
+    found = f"reachability: {_reach(reach)}\n"
     text = "".join(
-        f"reachability: {found}\n" if line.startswith("reachability:") else line
-        for line in lines
+        found if line.startswith("reachability:") else line for line in lines
     )
     file.write_text(text, encoding="utf-8")
+
+
+def _reach(reach: ReachabilityParams) -> str:
+    return _flow(**{name: getattr(reach, name) for name in _REACH})
 
 
 def _by_joint(values: Mapping[str, float]) -> str:
