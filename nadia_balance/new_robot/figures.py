@@ -1,16 +1,15 @@
 """The lengths of a robot that robot.yaml has, and the posture it stands in."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import least_squares
 
-from nadia_balance.core.leg_reach import leg_reach
+from nadia_balance.core.leg_reach import LegReach, leg_reach
 from nadia_balance.core.model import LegGeometry
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.size import Size, scaled
+from nadia_balance.core.size import Size
 from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
@@ -38,7 +37,7 @@ class Figures:
     half_width: float
     sole_z: float
     legs: LegGeometry
-    lean: float  # of a leg, outward
+    reach: LegReach
     com_height: float
     step_width: float
     posture: dict[str, float]
@@ -50,24 +49,6 @@ class Figures:
         """By which all that is not measured is scaled from Nadia."""
         leg = self.legs.length + self.legs.ankle_height
         return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
-
-    @property
-    def reach(self) -> ReachabilityParams:
-        """Nadia's by size, or as far as the legs get.
-
-        Raises:
-            ValueError: of `leg_reach`.
-        """
-        nadias = scaled(ReachabilityParams(), self.size)
-        legs = leg_reach(self.legs, self.com_height, self.lean)
-        length = min(nadias.length_forward, legs.length)
-        return replace(
-            nadias,
-            length_forward=length,
-            length_backward=length,
-            width_nominal=self.step_width,
-            width_max=min(nadias.width_max, legs.width_max),
-        )
 
 
 def set_frames(
@@ -140,7 +121,7 @@ def measure(
         half_width=half_width,
         sole_z=-depth,
         legs=geometry,
-        lean=_lean(tree, anatomy),
+        reach=leg_reach(geometry, com_height, _lean(tree, anatomy)),
         com_height=com_height,
         step_width=max(across, 2.0 * half_width + _GAP * length),
         posture=posture,

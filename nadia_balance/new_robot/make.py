@@ -198,9 +198,8 @@ def say_figures(
         f"ankles {f.legs.ankle_height:.3f} m high",
         f"CoM {f.com_height:.3f} m high where it stands, the soles "
         f"{f.step_width:.3f} m apart; arms and spine at 0, or near it",
-        f"reach {f.reach.length_forward:.3f} m forward and back, "
-        f"{f.reach.width_max:.3f} m to the side: as far as legs get, but not "
-        "beyond Nadia's by size",
+        f"legs reach {f.reach.length:.3f} m forward and back, "
+        f"{f.reach.width_max:.3f} m to the side; used up to Nadia's, by size",
     ]
 
 

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -13,6 +13,7 @@ import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.reachability import ReachabilityParams
+from nadia_balance.core.size import scaled
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
 from nadia_balance.new_robot.figures import Figures
@@ -206,7 +207,7 @@ def write_yaml(
         f"step_width: {f.step_width:.4f}",
         f"posture: {_by_joint(f.posture)}",
         f"legs: {_flow(**asdict(f.legs))}",
-        f"reachability: {_reach(f.reach)}",
+        f"reachability: {_flow(**_reach(f))}",
     ]
     if max_joint_speed:
         lines.append(f"max_joint_speed: {max_joint_speed}")
@@ -218,19 +219,30 @@ def write_yaml(
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
 
 
+def _reach(f: Figures) -> dict[str, float]:
+    """Lengths and widths [m]: Nadia's by size, or as far as the legs get."""
+    nadias = scaled(ReachabilityParams(), f.size)
+    length = min(nadias.length_forward, f.reach.length)
+    reach = replace(
+        nadias,
+        length_forward=length,
+        length_backward=length,
+        width_nominal=f.step_width,
+        width_max=min(nadias.width_max, f.reach.width_max),
+    )
+    return {name: getattr(reach, name) for name in _REACH}
+
+
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     """Puts the lengths and widths of `reach` into the robot.yaml there."""
     file = folder / "robot.yaml"
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    found = f"reachability: {_reach(reach)}\n"
+    found = _flow(**{name: getattr(reach, name) for name in _REACH})
     text = "".join(
-        found if line.startswith("reachability:") else line for line in lines
+        f"reachability: {found}\n" if line.startswith("reachability:") else line
+        for line in lines
     )
     file.write_text(text, encoding="utf-8")
-
-
-def _reach(reach: ReachabilityParams) -> str:
-    return _flow(**{name: getattr(reach, name) for name in _REACH})
 
 
 def _by_joint(values: Mapping[str, float]) -> str:

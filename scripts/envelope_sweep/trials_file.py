@@ -35,7 +35,6 @@ RESULTS = (
     *("max_torque_ratio", "max_joint_speed", "qp_failures"),
     *("predicted_at_push", "predicted_at_touchdowns"),
 )
-_NAMES = {"phase": "at"}  # of columns, in rows of protocol 1
 _COMMON = (  # the same in all rows of a file, but for the scenario
     *("robot", "scenario", "plant", "parameters", "code"),
     *("nadia_balance", "drake", "numpy", "python"),
@@ -202,7 +201,6 @@ def read_trials(path: Path) -> tuple[dict, list[dict]]:
         first, *lines = whole.decode("utf-8", "replace").split("\n")[:-1]
         identity = json.loads(first.removeprefix("# "))
         columns, *table = csv.reader(lines, strict=True)
-        columns = [_NAMES.get(name, name) for name in columns]
         if not isinstance(identity, dict) or tuple(columns) != COLUMNS:
             raise ValueError("other columns")
     except (ValueError, csv.Error):

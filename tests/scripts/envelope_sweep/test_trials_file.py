@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from nadia_balance.scripts.envelope_sweep.plan import code_hash
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
 from nadia_balance.scripts.envelope_sweep.trials_file import (
     COLUMNS,
@@ -30,6 +31,7 @@ from tests.source_files import ROOT
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
+PUBLISHED = ROOT / "docs" / "results" / "fig10"
 ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
 
 
@@ -174,20 +176,27 @@ def test_names_the_cell_that_no_trial_has(path, name, value, told):
     assert str(refused.value).startswith(f"trials = {path}: line 3: {told}")
 
 
-def test_rows_of_the_first_protocol_can_be_read_but_not_gone_on_with(path):
-    """Oracle: a published sweep; its moments were in a column `phase`."""
-    published = ROOT / "docs" / "results" / "fig10" / "trials.csv"
-    path.write_bytes(published.read_bytes())
-    identity, rows = read_trials(path)
-    assert identity["protocol"] == 1
-    assert len(rows) == 1924
+def test_rows_of_another_protocol_are_not_gone_on_with(path):
+    """Oracle: the published sweep, as if it were of an older program."""
+    identity, rows = read_trials(PUBLISHED / "trials.csv")
+    path.write_bytes((PUBLISHED / "trials.csv").read_bytes())
     assert {row["at"] for row in rows} == {"right swing 25 %"}
     with pytest.raises(ValueError) as refused:
-        TrialsFile(path, identity | {"protocol": 2})
+        TrialsFile(path, identity | {"protocol": 5})
     assert str(refused.value).startswith(
-        f"protocol = 2: must be 1 as in {path}"
+        f"protocol = 5: must be {identity['protocol']} as in {path}"
     )
-    assert path.read_bytes() == published.read_bytes()
+    assert path.read_bytes() == (PUBLISHED / "trials.csv").read_bytes()
+
+
+def test_the_page_says_of_which_code_its_rows_are():
+    """Oracle: the rows, and the fingerprint of this code."""
+    identity, rows = read_trials(PUBLISHED / "trials.csv")
+    page = (PUBLISHED.parent / "README.md").read_text(encoding="utf-8")
+    assert f"code `{identity['code']}`" in page
+    assert f"{len(rows)} trials" in page
+    if identity["code"] != code_hash():
+        assert "Newer code" in page
 
 
 def test_a_full_disk_is_told_and_nothing_is_lost(path):
