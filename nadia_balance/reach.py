@@ -14,7 +14,6 @@ from pydrake.solvers import SnoptSolver
 from nadia_balance.core.com_height import ComHeightParams, height_limit
 from nadia_balance.core.reachability import (
     BASE,
-    FORWARD,
     ReachabilityParams,
     step_regions,
 )
@@ -26,7 +25,7 @@ _LEVEL = 0.01  # the CoM is as high as planned, to within this [m]
 _BESIDE = 0.05  # the CoM may be beside the line between the feet [m]
 _LESS = 0.95  # of the lengths, in each turn of the search
 _NARROWER = 0.04  # a step across, in each turn, of the leg's length
-_TURNS = 12
+_TURNS = 24
 
 
 def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
@@ -80,40 +79,47 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     """Returns the robot's reach, cut down to what its legs reach.
 
     And the names of the regions of which that was not enough, none if all went
-    well.  Until each corner of its regions, the farthest points, is reached:
-    the lengths and the width for the base region, and how far the legs cross
-    for those across.  Corners next to the stance leg do not count: they are no
-    steps.
+    well.  Until all corners of its regions, and the middles between them, are
+    reached: shorter and less wide, or, if that is not what they need, less far
+    across.  Next to the stance leg nothing counts: it is no step.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
-    missed: set[str] = set()
+    missed: list[tuple[str, np.ndarray]] = []
     for _ in range(_TURNS):
-        missed = {
-            name
+        missed = [
+            (name, point)
             for name, polygon in step_regions(reach, True).items()
-            if not all(
-                reaches(robot, corner)
-                for corner in polygon
-                if not _beside_stance(robot, corner)
-            )
-        }
+            for point in _around(polygon)
+            if not (_beside_stance(robot, point) or reaches(robot, point))
+        ]
         if not missed:
             break
-        if BASE in missed:
-            reach = replace(
-                reach,
-                length_forward=_LESS * reach.length_forward,
-                length_backward=_LESS * reach.length_backward,
-                width_max=max(
-                    _LESS * reach.width_max, 1.01 * reach.width_nominal
-                ),
+        less = {
+            f"width_{name}": max(
+                getattr(reach, f"width_{name}") - _NARROWER * leg,
+                -0.9 * reach.width_nominal,
             )
-            continue
-        which = "width_forward" if FORWARD in missed else "width_backward"
-        narrower = getattr(reach, which) - _NARROWER * leg
-        least = -0.9 * reach.width_nominal
-        reach = replace(reach, **{which: max(narrower, least)})
-    return reach, missed
+            for name, point in missed
+            if name != BASE and point[1] < reach.width_nominal
+        }
+        narrower = replace(reach, **less)
+        too_long = narrower == reach or any(name == BASE for name, _ in missed)
+        reach = _shorter(reach) if too_long else narrower
+    return reach, {name for name, _ in missed}
+
+
+def _around(polygon: np.ndarray) -> np.ndarray:
+    """Corners and middles (2 n, 2) of the edges: not all between is reached."""
+    return np.vstack([polygon, 0.5 * (polygon + np.roll(polygon, 1, axis=0))])
+
+
+def _shorter(reach: ReachabilityParams) -> ReachabilityParams:
+    return replace(
+        reach,
+        length_forward=_LESS * reach.length_forward,
+        length_backward=_LESS * reach.length_backward,
+        width_max=max(_LESS * reach.width_max, 1.01 * reach.width_nominal),
+    )
 
 
 def _beside_stance(robot: RobotModel, corner: np.ndarray) -> bool:

@@ -68,14 +68,14 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
     before = robot.point_mass.reach
     reach, missed = reach_within(robot)
+    if reach == before and not missed:
+        return "guessed: the legs get to every corner of that reach"
+    write_reach(folder, reach)
     if missed:
         return (
             f"unknown: how far it can step: of {', '.join(sorted(missed))}, "
             "not all is within the legs' reach, however short"
         )
-    if reach == before:
-        return "guessed: the legs get to every corner of that reach"
-    write_reach(folder, reach)
     return (
         f"guessed: reach cut down to {reach.length_forward:.2f} m forward, "
         f"{reach.width_max:.2f} m out, {reach.width_forward:.2f} and "

@@ -78,7 +78,8 @@ class TimingAdapterParams:
 
 
 # The plan's way to the end of the phase has no direction below this [m]: in
-# transfer it comes to a standstill, and Eq. 16 would amplify noise.
+# transfer it comes to a standstill, and Eq. 16 would amplify noise, which does
+# not grow with the robot.
 _SHORT_WAY = 0.01
 
 

@@ -30,6 +30,7 @@ class Biped:
     toe: float = 0.17
     heel_half_width: float = 0.05
     toe_half_width: float = 0.06
+    ankle_roll: float = 0.5  # either way [rad]
     knee_sign: float = 1.0
     # Rows: forward, left, up in the base's axes; None: as they should be.
     base_axes: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -125,7 +126,8 @@ class Biped:
             (-1, 0.7),
         )
         self._link(f"{n}_5", 0.3, down, 0.02)
-        self._joint(f"{n}_tilt", f"{n}_5", f"{n}_foot", down, X, (-0.5, 0.5))
+        roll = self.ankle_roll
+        self._joint(f"{n}_tilt", f"{n}_5", f"{n}_foot", down, X, (-roll, roll))
         foot = self._link(f"{n}_foot", 1.5, (0.03, 0, -0.06), 0.0)
         for kind in ("visual", "collision"):
             geometry = SubElement(SubElement(foot, kind), "geometry")
