@@ -1,9 +1,11 @@
 """What README.md and docs/ say of the code is true; their examples run."""
 
 import ast
+import importlib
 import inspect
 import json
 import re
+import shlex
 import subprocess
 import sys
 import textwrap
@@ -20,11 +22,25 @@ import nadia_balance as nb
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.robot_params import RobotParams
+from nadia_balance.scripts import push
+from nadia_balance.scripts.command_line import CommandLine, scenario_from
+from nadia_balance.scripts.envelope_sweep.plan import sweep_from
 from tests.source_files import ROOT, imports
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 DIAGRAM = (ROOT / "docs" / "diagram.md").read_text(encoding="utf-8")
 ROBOT = (ROOT / "docs" / "robot.md").read_text(encoding="utf-8")
+PAGES = [
+    *ROOT.glob("*.md"),
+    *(ROOT / "docs").rglob("*.md"),
+    *(ROOT / "models").glob("*.md"),
+]
+# What a command line goes on to check.
+MAKERS = {
+    "push": push._pushed_scenario,
+    "simulate": scenario_from,
+    "envelope": sweep_from,
+}
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -110,7 +126,7 @@ def test_the_table_has_every_system_and_its_ports():
         for kind in public
         if inspect.isclass(kind) and issubclass(kind, LeafSystem)
     }
-    rows = re.findall(r"^\| `(\w+)` \|(.*)\|(.*)\|$", README, re.MULTILINE)
+    rows = re.findall(r"^\| `(\w+)` \|(.*)\|(.*)\|$", DIAGRAM, re.MULTILINE)
     table = {
         name: tuple(set(re.findall(r"`(\w+)`", cell)) for cell in cells)
         for name, *cells in rows
@@ -119,12 +135,60 @@ def test_the_table_has_every_system_and_its_ports():
     assert table == systems
 
 
+def commands() -> Iterator[tuple[str, list[str]]]:
+    """The scripts and their arguments in the consoles of all pages."""
+    for page in PAGES:
+        for block in blocks(page.read_text(encoding="utf-8"), "console"):
+            lines = block.replace("\\\n", "")
+            for line in re.findall(r"^\$ python (.*)", lines, re.MULTILINE):
+                script, *argv = shlex.split(line, comments=True)
+                # A robot of the reader's, of which there is none.
+                theirs = re.compile(r"\w+/robot\.yaml")
+                yield script, [theirs.sub("atlas", arg) for arg in argv]
+
+
+def test_every_command_is_understood(monkeypatch):
+    """Oracle: the scripts' own parsers, and what checks their values."""
+    parse, parsed = CommandLine.parse_args, []
+
+    def parse_only(parser, args=None, namespace=None):
+        parsed.append(parse(parser, args, namespace))
+        parser.exit()
+
+    monkeypatch.setattr(CommandLine, "parse_args", parse_only)
+    scripts = set()
+    for script, argv in commands():
+        name = re.fullmatch(r"scripts/(\w+)\.py", script)[1]
+        main = importlib.import_module(f"nadia_balance.scripts.{name}").main
+        with pytest.raises(SystemExit) as ended:
+            main(argv)
+        assert not ended.value.code, argv
+        args = parsed.pop()
+        if name in MAKERS:
+            MAKERS[name](args)
+        scripts.add(name)
+    shown = {path.stem for path in (ROOT / "scripts").glob("[!_]*.py")}
+    assert scripts == shown - {"command_line"}
+
+
 def test_links_lead_somewhere():
-    """Oracle: the files of the checkout."""
-    for file in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]:
-        text = file.read_text(encoding="utf-8")
-        for link in re.findall(r"\]\((?!https?:|#)([^)#]+)", text):
-            assert (file.parent / link).exists(), f"{file.name}: {link}"
+    """Oracle: the files of the checkout, and the headings in them."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for link, anchor in re.findall(
+            r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", text
+        ):
+            file = page.parent / link if link else page
+            assert file.exists(), f"{page.name}: {link}"
+            if anchor:
+                headings = re.findall(
+                    r"^#+ (.*)", file.read_text("utf-8"), re.M
+                )
+                slugs = [
+                    re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-")
+                    for heading in headings
+                ]
+                assert anchor in slugs, f"{page.name}: {link}#{anchor}"
 
 
 def values(params: object, prefix: str = "") -> Iterator[tuple[str, object]]:
