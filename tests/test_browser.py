@@ -267,8 +267,8 @@ def changed_pixels(a: np.ndarray, b: np.ndarray) -> int:
     return int(np.sum(np.max(np.abs(a - b), axis=2) > 12))
 
 
-def test_ten_seconds_are_no_more_than_six_megabytes(html):
-    assert html.stat().st_size <= 6.0 * MEGABYTE
+def test_ten_seconds_are_no_more_than_five_megabytes(html):
+    assert html.stat().st_size <= 5.0 * MEGABYTE
 
 
 def test_the_replay_opens_offline_and_whole(replay):

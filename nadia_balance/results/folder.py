@@ -1,8 +1,11 @@
 """The folder of a run: its log, summary, scenario, replay and plots."""
 
+import base64
 import contextlib
+import gzip
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -37,6 +40,15 @@ _LEGEND = (
     "font:13px/1.45 sans-serif; color:#2f3440; "
     'pointer-events:none">%s</div>'
 )
+# A long command to the viewer; a replay has one, the animation.
+_LONG = re.compile(
+    r'fetch\("data:application/octet-binary;base64,([^"]{100000,})"\)'
+    r"\s*\.then\(res => "
+)
+_INFLATE = """fetch("data:application/gzip;base64,%s")
+    .then(res => new Response(
+        res.body.pipeThrough(new DecompressionStream("gzip"))))
+    .then(res => """
 # Keeps the middle of the robot in view: when it leaves a band about its last
 # place, camera and target move along.  Turning and zooming remain the user's.
 FOLLOW = """
@@ -162,10 +174,17 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    page, end, rest = meshcat.StaticHtml().rpartition("</body>")
+    page = _LONG.sub(_compressed, meshcat.StaticHtml())
+    page, end, rest = page.rpartition("</body>")
     additions = _LEGEND % legend_entries("div") + FOLLOW % MIDDLE
     additions += status
     path.write_text(page + additions + end + rest, encoding="utf-8")
+
+
+def _compressed(command: re.Match) -> str:
+    """The same command, which the browser unpacks."""
+    packed = gzip.compress(base64.b64decode(command[1]), mtime=0)
+    return _INFLATE % base64.b64encode(packed).decode()
 
 
 def legend_entries(tag: str) -> str:
