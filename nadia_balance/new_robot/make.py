@@ -229,5 +229,5 @@ def guess_drives(tree: Tree, figures: Figures, notes: Notes) -> None:
         )
     notes.unknown.append(
         "dry friction of joints, which is left out; bandwidth and corner "
-        "speed of drives: the defaults of docs/robot.md"
+        "speed of drives: the defaults of docs/robot_yaml.md"
     )
