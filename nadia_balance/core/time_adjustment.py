@@ -16,9 +16,9 @@ from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import contains, project, support_polygon
 from nadia_balance.core.swing_detour import (
+    UNDER_WAY,
     SwingDetourParams,
-    shortest_time,
-    way_round,
+    time_of_way,
 )
 from nadia_balance.core.walking import (
     Array,
@@ -30,10 +30,6 @@ from nadia_balance.core.walking import (
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
-
-# A foot in the second half of its swing, at its full speed, needs this share
-# of the time that it would need from rest.
-_UNDER_WAY = math.sqrt(0.5)
 
 
 @dataclass(kw_only=True)
@@ -55,8 +51,9 @@ class TimingAdapterParams:
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
     # So near its foothold, a foot lands where it is: what the leg does not
-    # follow its reference by would else hold the clock, the foot in the air.
-    near_foothold: float = bounded(0.03, least=0.0, unit="m")
+    # follow its reference by, as beside the other leg, would else hold the
+    # clock, the foot in the air.
+    near_foothold: float = bounded(0.08, least=0.0, unit="m")
     # A foot that comes so late needs no time back.
     tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
@@ -173,8 +170,7 @@ def _time_to_foothold(
     """Returns how long [s] the swing foot takes from rest at `foot`."""
     side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
     stance = state.schedule.feet[side]
-    way = way_round(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
-    return shortest_time(way, detour) + detour.settling
+    return time_of_way(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
 
 
 def time_to_return(
@@ -192,7 +188,7 @@ def time_to_return(
     if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
         return 0.0
     gained = max(state.time_in_phase - state.elapsed, 0.0)
-    needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
+    needed = UNDER_WAY * _time_to_foothold(state, foot, detour)
     return min(
         max(needed - params.tolerated_delay - state.remaining_time, 0.0), gained
     )
