@@ -69,15 +69,16 @@ def current_adjustment(state: WalkingState) -> Adjustment:
 
 def touchdown_interval(
     state: WalkingState,
-    time_adjustment: float,
+    time_gain: float,
     params: CaptureRegionStepAdjusterParams,
 ) -> tuple[float, float]:
     """Returns between which times [s] from now the new foot takes the load.
 
-    `time_adjustment` [s] is about to be added to the clock, negative while
-    the clock is held.
+    `time_gain` [s] will in all be added to the clock, negative while the clock
+    is held: with the clock as it is, the legs cross for a touchdown that is
+    too late, and then comes sooner.
     """
-    earliest = max(state.remaining_time - time_adjustment, 0.0)
+    earliest = max(state.remaining_time - time_gain, 0.0)
     return earliest, earliest + params.waiting_time
 
 

@@ -9,6 +9,7 @@ time T away (and in Eq. 10 of the Atlas paper f has the squared norm below it).
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
@@ -194,6 +195,16 @@ def time_to_return(
     )
 
 
+class TimeAdjustment(NamedTuple):
+    """By how much [s] to advance the clock; negative: to hold it."""
+
+    now: float  # in this tick
+    in_all: float  # in this tick and the next ones, as things are
+
+
+NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
+
+
 def time_adjustment(
     icp: Array,
     plan: IcpPlan,
@@ -203,8 +214,8 @@ def time_adjustment(
     model: PointMassModel,
     period: float,
     on: Mechanisms,
-) -> float:
-    """Returns by how much [s] to advance the clock now; negative: to hold it.
+) -> TimeAdjustment:
+    """Returns by how much [s] to advance the clock; negative: to hold it.
 
     The discounted time by which the measured `icp` (2,) [m] is ahead of the
     plan (Nadia paper, Eq. 15) or, if what no time can explain makes the ICP
@@ -218,9 +229,9 @@ def time_adjustment(
     elif phase is Phase.TRANSFER and on.transfer:
         time_constant = params.transfer_time_constant
     else:
-        return 0.0
+        return NO_ADJUSTMENT
     if state.waiting or not state.schedule.footsteps:
-        return 0.0
+        return NO_ADJUSTMENT
     reference = plan.at(state.time_in_phase)
     error = icp - reference.icp
     hurried = math.hypot(*error) >= params.icp_error_threshold
@@ -230,15 +241,16 @@ def time_adjustment(
         foot = feet[state.schedule.support_side.other]
         late = time_to_return(state, foot, model.detour, params)
         if late > 0.0:
-            return -late
+            return TimeAdjustment(-late, -late)
         least = least_remaining_time(state, foot, error, params, model)
     if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:
-        return 0.0
+        return NO_ADJUSTMENT
     ahead = plan.time_to(icp, state.time_in_phase)
     future = plan.at(state.time_in_phase + ahead)
     support = support_polygon(state.schedule, model.sole)
     if math.dist(icp, future.icp) >= params.icp_error_threshold and is_leaving(
         icp, future, support, params.support_margin
     ):
-        return most
-    return min(gamma(time_constant, period) * ahead, most)
+        return TimeAdjustment(most, most)
+    now = min(gamma(time_constant, period) * ahead, most)
+    return TimeAdjustment(now, min(ahead, most))

@@ -57,12 +57,12 @@ class CaptureRegionStepAdjuster(LeafSystem):
     """Proposes where the swing foot should land (Nadia paper, Sec. IV, V).
 
     `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
-    (1,) [s] is about to be added to the clock, 0 if not connected;
-    `foot_poses` are FootPoses, measured; if not connected, no region is
-    reached sooner than another.  `mechanisms` (4,), all if not connected.
-    `adjustment` is an Adjustment: outside of a swing the next foothold as it
-    is, NOTHING (see ports) while `step` is off.  `capture_regions` are CaptureRegions, empty outside of a
-    swing.
+    (2,) [s] is that of a TimingAdapter, 0 if not connected; `foot_poses` are
+    FootPoses, measured; if not connected, no region is reached sooner than
+    another.  `mechanisms` (4,), all if not connected.  `adjustment` is an
+    Adjustment: outside of a swing the next foothold as it is, NOTHING (see
+    ports) while `step` is off.  `capture_regions` are CaptureRegions, empty
+    outside of a swing.
 
     It has no state: what it has to remember is in the Adjustment that it reads
     back from the walking state.
@@ -91,7 +91,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._params, self._model, self._period = params, model, period
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._feet = ValueInput(self, "foot_poses", FootPoses, None)
         self._mechanisms = MechanismsInput(self)
         self._tick = declare_cache(
@@ -114,7 +114,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[state.schedule.support_side.other].p_WF[:2]
         touchdown = touchdown_interval(
-            state, float(self._time(context)[0]), self._params
+            state, float(self._time(context)[1]), self._params
         )
         now = self._icp(context), touchdown, foot
         if last is not None and key == last.key:

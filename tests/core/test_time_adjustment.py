@@ -81,7 +81,7 @@ def adjustment(
         replace(MODEL, detour=detour),
         PERIOD,
         on,
-    )
+    ).now
 
 
 @pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
