@@ -136,15 +136,17 @@ def test_the_table_has_every_system_and_its_ports():
 
 
 def commands() -> Iterator[tuple[str, list[str]]]:
-    """The scripts and their arguments in the consoles of all pages."""
+    """The scripts and their arguments, in consoles and lines of all pages."""
     for page in PAGES:
-        for block in blocks(page.read_text(encoding="utf-8"), "console"):
-            lines = block.replace("\\\n", "")
-            for line in re.findall(r"^\$ python (.*)", lines, re.MULTILINE):
-                script, *argv = shlex.split(line, comments=True)
-                # A robot of the reader's, of which there is none.
-                theirs = re.compile(r"\w+/robot\.yaml")
-                yield script, [theirs.sub("atlas", arg) for arg in argv]
+        text = page.read_text(encoding="utf-8").replace("\\\n", "")
+        lines = re.findall(r"`python (scripts/[^`]+)`", text)
+        for block in blocks(text, "console"):
+            lines += re.findall(r"^\$ python (.*)", block, re.MULTILINE)
+        for line in lines:
+            script, *argv = shlex.split(line, comments=True)
+            # A robot of the reader's, of which there is none.
+            theirs = re.compile(r"\w+/robot\.yaml")
+            yield script, [theirs.sub("atlas", arg) for arg in argv]
 
 
 def test_every_command_is_understood(monkeypatch):
