@@ -241,7 +241,7 @@ def _is_everywhere(
 def _plane(region: Region) -> Array:
     """(3,): its height at p is [p, 1] times this [m]."""
     z = region.heights(np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]))
-    return z - [z[2], z[2], 0.0]
+    return np.asarray(z - [z[2], z[2], 0.0])
 
 
 def _rise_rows(last: Array, plane: Array, rise: float) -> Rows:
