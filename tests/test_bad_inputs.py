@@ -39,7 +39,8 @@ PORTS = {
             *("icp", "icp_plan", "walking_state", "foot_poses", "mechanisms"),
         ),
         "step_adjuster": (
-            *("icp", "walking_state", "time_adjustment", "mechanisms"),
+            *("icp", "walking_state", "time_adjustment", "foot_poses"),
+            "mechanisms",
         ),
         "momentum_qp": ("com_state", "icp", "icp_reference", "walking_state"),
         "swing_foot_planner": ("walking_state",),

@@ -32,7 +32,13 @@ JOINT_CONTROL = {
     "swing_foot_reference",
     "walking_state",
 }
-STEP_ADJUSTMENT = {"icp", "walking_state", "time_adjustment", "mechanisms"}
+STEP_ADJUSTMENT = {
+    "icp",
+    "walking_state",
+    "time_adjustment",
+    "foot_poses",
+    "mechanisms",
+}
 TIME_ADJUSTMENT = {
     "icp",
     "icp_plan",
@@ -40,7 +46,7 @@ TIME_ADJUSTMENT = {
     "mechanisms",
     "foot_poses",
 }
-STEP_CONTROL = STEP_ADJUSTMENT | {"icp_plan"}
+STEP_CONTROL = STEP_ADJUSTMENT - {"foot_poses"} | {"icp_plan"}
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": {

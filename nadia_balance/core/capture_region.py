@@ -33,6 +33,7 @@ from nadia_balance.core.reachability import (
     step_regions,
     total_region,
 )
+from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
@@ -216,6 +217,7 @@ class SwingGeometry(Immutable):
     foot: Array  # where the CoP of the stance foot can be
     regions: Mapping[str, Array]  # where the swing foot can be put, by name
     reach: ReachabilityParams  # of which they are made
+    detour: SwingDetourParams  # how the swing foot gets there
     offsets: tuple[Array, ...]  # D_1, ..., D_N of `later_steps`
     factor: float  # `transfer_factor` of the transfer to come [-]
     # A foothold p with A p < b is on, beside or across the stance foot.
@@ -281,6 +283,7 @@ def swing_geometry(
             for name, region in regions.items()
         },
         reach=model.reach,
+        detour=model.detour,
         offsets=_offsets(steps, params, model, on),
         factor=_factor(steps, 0, params, model.omega),
         stance_A=A,

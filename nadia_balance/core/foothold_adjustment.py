@@ -7,7 +7,8 @@ waiting times.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,13 @@ from nadia_balance.core.capture_region import (
     SwingGeometry,
 )
 from nadia_balance.core.polygon import contains, project
-from nadia_balance.core.reachability import BASE, Choice, choose_region
+from nadia_balance.core.reachability import (
+    BASE,
+    Choice,
+    choose_region,
+    closest_point,
+)
+from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -62,15 +69,16 @@ def current_adjustment(state: WalkingState) -> Adjustment:
 
 def touchdown_interval(
     state: WalkingState,
-    time_adjustment: float,
+    time_gain: float,
     params: CaptureRegionStepAdjusterParams,
 ) -> tuple[float, float]:
     """Returns between which times [s] from now the new foot takes the load.
 
-    `time_adjustment` [s] is about to be added to the clock, negative while
-    the clock is held.
+    `time_gain` [s] will in all be added to the clock, negative while the clock
+    is held: with the clock as it is, the legs cross for a touchdown that is
+    too late, and then comes sooner.
     """
-    earliest = max(state.remaining_time - time_adjustment, 0.0)
+    earliest = max(state.remaining_time - time_gain, 0.0)
     return earliest, earliest + params.waiting_time
 
 
@@ -78,17 +86,24 @@ def touchdown_interval(
 class Landing(Immutable):
     """Where and when the foot in the air may land, as seen in one tick.
 
-    `icp` (2,) [m] in W; `touchdown` [s] from now.  The capture regions (n, 2)
-    [m] are computed when they are asked for.
+    `icp` (2,) [m] in W; `touchdown` [s] from now.  `foot` (2,) [m] in W is
+    where the foot is, None if nothing makes it land sooner than that.  The
+    capture regions (n, 2) [m] are computed when they are asked for.
     """
 
     geometry: SwingGeometry
     icp: Array
     touchdown: tuple[float, float]
+    foot: Array | None = None
 
-    def at(self, icp: Array, touchdown: tuple[float, float]) -> Landing:
+    def at(
+        self,
+        icp: Array,
+        touchdown: tuple[float, float],
+        foot: Array | None = None,
+    ) -> Landing:
         """Returns the same swing's landing as seen in another tick."""
-        return Landing(self.geometry, icp, touchdown)
+        return replace(self, icp=icp, touchdown=touchdown, foot=foot)
 
     @cached_property
     def one_step(self) -> Array:
@@ -108,6 +123,23 @@ class Landing(Immutable):
         )
         return *inner, self.capture_region
 
+    def on_arrival(self, region: Array, under_way: bool = False) -> Array:
+        """Returns C_N of the time at which the foot is in `region` (n, 2) [m].
+
+        At its point that is closest to the C_N of now, as soon as the foot can
+        be there, by its way round the stance foot; `under_way` to it already.
+        """
+        if self.foot is None:
+            return self.capture_region
+        g = self.geometry
+        goal, _ = closest_point(region, self.capture_region)
+        soonest = time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
+        if under_way:
+            soonest *= UNDER_WAY
+        first, last = self.touchdown
+        times = soonest, soonest + last - first
+        return g.capture_region(g.one_step_region(self.icp, times))
+
     def adjust(
         self,
         current: Adjustment,
@@ -115,8 +147,18 @@ class Landing(Immutable):
         period: float,
     ) -> Adjustment:
         """Returns the adjustment for this tick of `period` [s]."""
+        going = self.geometry.regions.get(_chosen(current) or "")
+
+        def on_arrival(region: Array) -> Array:
+            return self.on_arrival(region, region is going)
+
         return adjust_foothold(
-            current, self.capture_region, self.geometry, params, period
+            current,
+            self.capture_region,
+            self.geometry,
+            params,
+            period,
+            on_arrival,
         )
 
 
@@ -159,14 +201,15 @@ def adjust_foothold(
     geometry: SwingGeometry,
     params: CaptureRegionStepAdjusterParams,
     period: float,
+    on_arrival: Callable[[Array], Array] | None = None,
 ) -> Adjustment:
     """Returns the adjustment that puts the foot into `capture_region` (n, 2).
 
     The nominal foothold, not the last one, is projected on what the capture
     region shares with the region that the rules choose, so that the foothold
-    comes back with the ICP; a tick lasts `period` [s].  The result keeps the
-    pose object of `current`, or that of the nominal foothold, unless the
-    foothold moves.
+    comes back with the ICP; a tick lasts `period` [s].  `on_arrival` is that of
+    `choose_region`.  The result keeps the pose object of `current`, or that of
+    the nominal foothold, unless the foothold moves.
     """
     nominal = current.nominal.pose
     if _covered(nominal.p_WF[:2], capture_region, geometry, params):
@@ -174,13 +217,13 @@ def adjust_foothold(
             current.pose.p_WF[:2], capture_region
         )
         return return_to_nominal(current, holds, params, period)
-    adjusted = current.pose is not nominal
     choice = choose_region(
         geometry.regions,
         capture_region,
-        current.region if adjusted else None,
+        _chosen(current),
         params.rules,
         params.margin,
+        on_arrival,
     )
     target = _target(nominal.p_WF[:2], choice, geometry)
     if (
@@ -191,6 +234,12 @@ def adjust_foothold(
     else:
         pose = FootPose(np.append(target, nominal.p_WF[2]), nominal.yaw)
     return Adjustment(current.nominal, pose, choice.region)
+
+
+def _chosen(current: Adjustment) -> str | None:
+    """Returns the region that was chosen last, None if none was."""
+    adjusted = current.pose is not current.nominal.pose
+    return current.region if adjusted else None
 
 
 def _covered(

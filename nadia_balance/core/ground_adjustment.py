@@ -1,7 +1,7 @@
 """Where the foot in the air is to land, if there is not ground everywhere."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
 from nadia_balance.core.foothold_adjustment import (
@@ -21,11 +21,7 @@ _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the margin that are tried [-]
 class GroundLanding(Landing):
     """A landing on the regions that are in reach."""
 
-    footing: Footing
-
-    def at(self, icp: Array, touchdown: tuple[float, float]) -> "GroundLanding":
-        """Returns the same swing's landing as seen in another tick."""
-        return GroundLanding(self.geometry, icp, touchdown, self.footing)
+    footing: Footing = field(kw_only=True)
 
     def adjust(
         self,
@@ -125,8 +121,10 @@ class GroundLanding(Landing):
         least = math.inf
         best: tuple[Place | None, Array] = None, current.pose.p_WF[:2]
         for place in self.footing.places:
-            point, gap = closest_point(place.polygon, self.capture_region)
-            if self._is_last(place, current):
+            last = self._is_last(place, current)
+            captures = self.on_arrival(place.polygon, last)
+            point, gap = closest_point(place.polygon, captures)
+            if last:
                 gap -= params.rules.distance_hysteresis
             if gap < least:
                 least, best = gap, (place, point)

@@ -6,7 +6,7 @@ forward, y toward the swing side.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -218,6 +218,7 @@ def choose_region(
     previous: str | None,
     params: ReachRulesParams,
     margin: float = 0.0,
+    on_arrival: Callable[[Array], Array] | None = None,
 ) -> Choice:
     """Returns the region to step into.
 
@@ -226,9 +227,13 @@ def choose_region(
     closest.  `regions` has convex polygons (n, 2) [m] in the frame of
     `capture_region` (m, 2), BASE among them; `previous` was chosen last.
     `margin` [m] is how deep inside the capture region the goal should be; if
-    there is no such place, it is about as deep as possible.
+    there is no such place, it is about as deep as possible.  `on_arrival`
+    returns, for a region, the capture region of the time at which the foot is
+    there at the soonest; without it, `capture_region` is that of all regions.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
+    Rule 3 compares all regions at one time; but the way across is longer, and
+    the ICP does not wait.
     """
     A, b = halfspaces(capture_region)
     choice = _largest(regions, A, b - margin, previous, params)
@@ -236,7 +241,13 @@ def choose_region(
         choice = _largest(regions, A, b, previous, params)
         if choice is not None:
             return Choice(choice.region, _deepest(choice.goal, A, b, margin))
-    return choice or _closest(regions, capture_region, previous, params)
+    if choice is not None:
+        return choice
+    captures = {
+        name: on_arrival(region) if on_arrival else capture_region
+        for name, region in regions.items()
+    }
+    return _closest(regions, captures, previous, params)
 
 
 def _largest(
@@ -275,14 +286,14 @@ def _deepest(shared: Array, A: Array, b: Array, margin: float) -> Array:
 
 def _closest(
     regions: Mapping[str, Array],
-    capture_region: Array,
+    captures: Mapping[str, Array],
     previous: str | None,
     params: ReachRulesParams,
 ) -> Choice:
     """Rule 3."""
 
     def candidate(name: str) -> tuple[float, Choice]:
-        nearest, gap = closest_point(regions[name], capture_region)
+        nearest, gap = closest_point(regions[name], captures[name])
         if name == previous:
             gap -= params.distance_hysteresis
         return gap, Choice(name, nearest[None])

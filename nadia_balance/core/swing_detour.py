@@ -19,6 +19,10 @@ Point = tuple[float, float]
 # thrust and braking, but has to correct speed across the way as well.
 PEAK = 2.0
 
+# A foot in the second half of its swing, at its full speed, needs this share
+# of the time that it would need from rest.
+UNDER_WAY = math.sqrt(0.5)
+
 _AT_REST = np.zeros(2)
 _TINY = 1e-9  # a shorter way has no direction: all speed is along it [m]
 
@@ -116,6 +120,21 @@ def shortest_time(
         return 2.0 * length / v
     back = stop / PEAK - length
     return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
+
+
+def time_of_way(
+    start: Array,
+    goal: Array,
+    stance: FootPose,
+    swing: Side,
+    params: SwingDetourParams,
+) -> float:
+    """Returns the least time [s] from rest at `start` to a landing at `goal`.
+
+    Points (2,) [m] in W; past the `stance` foot.
+    """
+    way = way_round(start, goal, stance, swing, params)
+    return shortest_time(way, params) + params.settling
 
 
 def _beside(stance: FootPose, swing: Side, x: float, y: float) -> Point:

@@ -9,6 +9,7 @@ time T away (and in Eq. 10 of the Atlas paper f has the squared norm below it).
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
@@ -16,9 +17,9 @@ from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import contains, project, support_polygon
 from nadia_balance.core.swing_detour import (
+    UNDER_WAY,
     SwingDetourParams,
-    shortest_time,
-    way_round,
+    time_of_way,
 )
 from nadia_balance.core.walking import (
     Array,
@@ -30,10 +31,6 @@ from nadia_balance.core.walking import (
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
-
-# A foot in the second half of its swing, at its full speed, needs this share
-# of the time that it would need from rest.
-_UNDER_WAY = math.sqrt(0.5)
 
 
 @dataclass(kw_only=True)
@@ -55,8 +52,9 @@ class TimingAdapterParams:
     # that is sped up no more than by sigma.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
     # So near its foothold, a foot lands where it is: what the leg does not
-    # follow its reference by would else hold the clock, the foot in the air.
-    near_foothold: float = bounded(0.03, least=0.0, unit="m")
+    # follow its reference by, as beside the other leg, would else hold the
+    # clock, the foot in the air.
+    near_foothold: float = bounded(0.08, least=0.0, unit="m")
     # A foot that comes so late needs no time back.
     tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
@@ -173,8 +171,7 @@ def _time_to_foothold(
     """Returns how long [s] the swing foot takes from rest at `foot`."""
     side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
     stance = state.schedule.feet[side]
-    way = way_round(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
-    return shortest_time(way, detour) + detour.settling
+    return time_of_way(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
 
 
 def time_to_return(
@@ -192,10 +189,20 @@ def time_to_return(
     if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
         return 0.0
     gained = max(state.time_in_phase - state.elapsed, 0.0)
-    needed = _UNDER_WAY * _time_to_foothold(state, foot, detour)
+    needed = UNDER_WAY * _time_to_foothold(state, foot, detour)
     return min(
         max(needed - params.tolerated_delay - state.remaining_time, 0.0), gained
     )
+
+
+class TimeAdjustment(NamedTuple):
+    """By how much [s] to advance the clock; negative: to hold it."""
+
+    now: float  # in this tick
+    in_all: float  # in this tick and the next ones, as things are
+
+
+NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
 
 
 def time_adjustment(
@@ -207,8 +214,8 @@ def time_adjustment(
     model: PointMassModel,
     period: float,
     on: Mechanisms,
-) -> float:
-    """Returns by how much [s] to advance the clock now; negative: to hold it.
+) -> TimeAdjustment:
+    """Returns by how much [s] to advance the clock; negative: to hold it.
 
     The discounted time by which the measured `icp` (2,) [m] is ahead of the
     plan (Nadia paper, Eq. 15) or, if what no time can explain makes the ICP
@@ -222,9 +229,9 @@ def time_adjustment(
     elif phase is Phase.TRANSFER and on.transfer:
         time_constant = params.transfer_time_constant
     else:
-        return 0.0
+        return NO_ADJUSTMENT
     if state.waiting or not state.schedule.footsteps:
-        return 0.0
+        return NO_ADJUSTMENT
     reference = plan.at(state.time_in_phase)
     error = icp - reference.icp
     hurried = math.hypot(*error) >= params.icp_error_threshold
@@ -234,15 +241,16 @@ def time_adjustment(
         foot = feet[state.schedule.support_side.other]
         late = time_to_return(state, foot, model.detour, params)
         if late > 0.0:
-            return -late
+            return TimeAdjustment(-late, -late)
         least = least_remaining_time(state, foot, error, params, model)
     if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:
-        return 0.0
+        return NO_ADJUSTMENT
     ahead = plan.time_to(icp, state.time_in_phase)
     future = plan.at(state.time_in_phase + ahead)
     support = support_polygon(state.schedule, model.sole)
     if math.dist(icp, future.icp) >= params.icp_error_threshold and is_leaving(
         icp, future, support, params.support_margin
     ):
-        return most
-    return min(gamma(time_constant, period) * ahead, most)
+        return TimeAdjustment(most, most)
+    now = min(gamma(time_constant, period) * ahead, most)
+    return TimeAdjustment(now, min(ahead, most))

@@ -23,7 +23,12 @@ from nadia_balance.core.ground_adjustment import GroundLanding
 from nadia_balance.core.ground_capture import footing
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import Adjustment, Phase, WalkingState
+from nadia_balance.core.walking import (
+    Adjustment,
+    FootPoses,
+    Phase,
+    WalkingState,
+)
 from nadia_balance.systems.ports import (
     MechanismsInput,
     ValueInput,
@@ -52,11 +57,12 @@ class CaptureRegionStepAdjuster(LeafSystem):
     """Proposes where the swing foot should land (Nadia paper, Sec. IV, V).
 
     `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
-    (1,) [s] is about to be added to the clock, 0 if not connected;
-    `mechanisms` (4,), all if not connected.  `adjustment` is an Adjustment:
-    outside of a swing the next foothold as it is, NOTHING (see ports) while
-    `step` is off.  `capture_regions` are CaptureRegions, empty outside of a
-    swing.
+    (2,) [s] is that of a TimingAdapter, 0 if not connected; `foot_poses` are
+    FootPoses, measured; if not connected, no region is reached sooner than
+    another.  `mechanisms` (4,), all if not connected.  `adjustment` is an
+    Adjustment: outside of a swing the next foothold as it is, NOTHING (see
+    ports) while `step` is off.  `capture_regions` are CaptureRegions, empty
+    outside of a swing.
 
     It has no state: what it has to remember is in the Adjustment that it reads
     back from the walking state.
@@ -64,7 +70,8 @@ class CaptureRegionStepAdjuster(LeafSystem):
     .. pydrake_system::
 
         name: CaptureRegionStepAdjuster
-        input_ports: [icp, walking_state, time_adjustment, mechanisms]
+        input_ports: [icp, walking_state, time_adjustment, foot_poses,
+                      mechanisms]
         output_ports: [adjustment, capture_regions]
     """
 
@@ -84,7 +91,8 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._params, self._model, self._period = params, model, period
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
+        self._feet = ValueInput(self, "foot_poses", FootPoses, None)
         self._mechanisms = MechanismsInput(self)
         self._tick = declare_cache(
             self, "tick", self._calc_tick, {self.all_input_ports_ticket()}
@@ -102,19 +110,20 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
-        now = (
-            self._icp(context),
-            touchdown_interval(
-                state, float(self._time(context)[0]), self._params
-            ),
+        foot = None
+        if on.swing and (feet := self._feet(context)) is not None:
+            foot = feet[state.schedule.support_side.other].p_WF[:2]
+        touchdown = touchdown_interval(
+            state, float(self._time(context)[1]), self._params
         )
+        now = self._icp(context), touchdown, foot
         if last is not None and key == last.key:
             return Tick(state, on, key, last.landing.at(*now))
         of = state.schedule, self._params, self._model, on
         geometry = swing_geometry(*of)
         landing = Landing(geometry, *now)
         if (ground := footing(*of, geometry)) is not None:
-            landing = GroundLanding(geometry, *now, ground)
+            landing = GroundLanding(geometry, *now, footing=ground)
         return Tick(state, on, key, landing)
 
     def _calc_adjustment(self, context) -> Adjustment | None:

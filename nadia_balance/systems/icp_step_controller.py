@@ -49,8 +49,8 @@ class IcpStepController(LeafSystem):
 
     `com_state` is a ComState, `icp` (2,) [m] in W; `walking_state` is a
     WalkingState, `icp_plan` the AtlasIcpPlan of its schedule;
-    `time_adjustment` (1,) [s] is about to be added to the clock, 0 if not
-    connected; `mechanisms` (4,), all if not connected.
+    `time_adjustment` (2,) [s] is that of a TimingAdapter, 0 if not connected;
+    `mechanisms` (4,), all if not connected.
 
     `adjustment` is an Adjustment, NOTHING (see ports) while `step` is off;
     `capture_regions` are CaptureRegions without any, but with reach and
@@ -88,7 +88,7 @@ class IcpStepController(LeafSystem):
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._icp_plan = ValueInput(self, "icp_plan", AtlasIcpPlan)
-        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._mechanisms = MechanismsInput(self)
         self._phase = declare_cache(
             self,

@@ -22,9 +22,10 @@ class TimingAdapter(LeafSystem):
 
     `icp` (2,) [m] in W; `walking_state` is a WalkingState, `icp_plan` the
     IcpPlan of its schedule; `foot_poses` are FootPoses, measured;
-    `mechanisms` (4,), all if not connected.  `time_adjustment` (1,) [s] is to
-    be added to the clock in this tick, on top of the control period; if
-    negative, the clock is to be held.
+    `mechanisms` (4,), all if not connected.  `time_adjustment` (2,) [s] is to
+    be added to the clock in this tick, on top of the control period, and, as
+    things are, in this tick and the next ones; if negative, the clock is to be
+    held.
 
     .. pydrake_system::
 
@@ -48,10 +49,10 @@ class TimingAdapter(LeafSystem):
         self._state = ValueInput(self, "walking_state", WalkingState)
         self._feet = ValueInput(self, "foot_poses", FootPoses)
         self._mechanisms = MechanismsInput(self)
-        self.DeclareVectorOutputPort("time_adjustment", 1, self._calc)
+        self.DeclareVectorOutputPort("time_adjustment", 2, self._calc)
 
     def _calc(self, context, output):
-        output[0] = time_adjustment(
+        adjustment = time_adjustment(
             self._icp(context),
             self._plan(context),
             self._state(context),
@@ -61,3 +62,4 @@ class TimingAdapter(LeafSystem):
             self._period,
             self._mechanisms(context),
         )
+        output.SetFromVector(adjustment)

@@ -63,10 +63,10 @@ class WalkingStateMachine(LeafSystem):
 
     `foot_poses` are FootPoses, measured; `foot_forces` (2,) [N] are those of
     the left and the right foot; `icp` (2,) [m] in W; `icp_plan` is the IcpPlan
-    of the schedule.  `time_adjustment` (1,) [s] and `adjustment`, an Adjustment
-    or None, are proposals; what is not connected is not used.  If nobody
-    proposes an adjustment, the feet go where they are told, and only waiting
-    helps: then it has no limit (`max_wait`).
+    of the schedule.  `time_adjustment` (2,) [s], of a TimingAdapter, and
+    `adjustment`, an Adjustment or None, are proposals; what is not connected
+    is not used.  If nobody proposes an adjustment, the feet go where they are
+    told, and only waiting helps: then it has no limit (`max_wait`).
 
     `walking_state` is the WalkingState before the update of a tick, and
     `walking_signal` the same as a WalkingSignal.
@@ -99,7 +99,7 @@ class WalkingStateMachine(LeafSystem):
         self._foot_forces = VectorInput(self, "foot_forces", 2)
         self._icp = VectorInput(self, "icp", 2)
         self._icp_plan = ValueInput(self, "icp_plan", IcpPlan)
-        self._time = VectorInput(self, "time_adjustment", 1, (0.0,))
+        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._adjustment = ValueInput(self, "adjustment", Adjustment, None)
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.

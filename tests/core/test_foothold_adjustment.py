@@ -22,7 +22,7 @@ from nadia_balance.core.foothold_adjustment import (
     unadjusted,
 )
 from nadia_balance.core.polygon import contains, convex_hull
-from nadia_balance.core.reachability import BASE, FORWARD
+from nadia_balance.core.reachability import BASE, FORWARD, closest_point
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -296,6 +296,28 @@ def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
     region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
     found = adjust_foothold(current, region, GEOMETRY, PARAMS, TICK)
     assert found.pose is NOMINAL
+
+
+def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
+    """Oracle: by hand: 2 sqrt(way / acceleration) + settling, a straight way;
+    so long as the latest landing is no longer waited for than now.
+    """
+    now, foot, icp = (0.4, 0.9), np.array([0.0, -0.125]), np.array([0.0, 0.4])
+    landing = Landing(GEOMETRY, icp, now, foot)
+    ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
+    corner, _ = closest_point(ahead, landing.capture_region)
+    detour = GEOMETRY.detour
+    t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
+    for under_way, share in (False, 1.0), (True, math.sqrt(0.5)):
+        first = share * (t + detour.settling)
+        one_step = GEOMETRY.one_step_region(icp, (first, first + 0.5))
+        np.testing.assert_allclose(
+            landing.on_arrival(ahead, under_way),
+            GEOMETRY.capture_region(one_step),
+            atol=1e-12,
+        )
+    unhurried = Landing(GEOMETRY, icp, now)
+    assert unhurried.on_arrival(ahead) is unhurried.capture_region
 
 
 # Noise.

@@ -35,7 +35,7 @@ def landing(icp, stones=STONES, params=PARAMS):
     geometry = swing_geometry(*of)
     ground = footing(*of, geometry)
     return (
-        GroundLanding(geometry, np.array(icp), TOUCHDOWN, ground),
+        GroundLanding(geometry, np.array(icp), TOUCHDOWN, footing=ground),
         unadjusted(schedule),
         model.ground,
     )

@@ -216,6 +216,18 @@ def test_the_last_region_is_kept_unless_another_is_clearly_better(
     assert choice.region == expected[before]
 
 
+def test_the_region_reached_too_late_is_farther():
+    """Oracle: by hand: forward is nearer by 0.5 m, and 0.7 m have passed."""
+    regions = towers(-1.0, -0.5, -3.0)
+
+    def on_arrival(region):
+        return ABOVE - [0.0, 0.7 * (region is regions[FORWARD])]
+
+    assert choose_region(regions, ABOVE, None, RULES).region == FORWARD
+    found = choose_region(regions, ABOVE, None, RULES, on_arrival=on_arrival)
+    assert found.region == BASE
+
+
 def test_the_goal_is_as_deep_inside_as_asked():
     """Oracle: by hand: the tower's part at least 0.3 m below the edge."""
     goal = choose_region(towers(1.0, 0, 0), ABOVE, None, RULES, 0.3).goal

@@ -81,7 +81,7 @@ def adjustment(
         replace(MODEL, detour=detour),
         PERIOD,
         on,
-    )
+    ).now
 
 
 @pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
@@ -210,7 +210,7 @@ def test_a_foot_near_its_foothold_lands():
         schedule.footsteps[0].pose.p_WF,
         replace(DETOUR, settling=0.1),
     )
-    for distance, lands in ((0.025, True), (0.035, False)):
+    for distance, lands in ((0.075, True), (0.085, False)):
         foot = FootPose(target - [distance, 0.0, 0.0])
         assert (time_to_return(state, foot, slow, PARAMS) == 0.0) is lands
 

@@ -106,7 +106,7 @@ def test_proposes_and_draws_what_the_core_does(adjuster, time_adjustment):
     """
     context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
     if time_adjustment is not None:
-        fix(adjuster, context, time_adjustment=[time_adjustment])
+        fix(adjuster, context, time_adjustment=[0.1, time_adjustment])
     found = adjustment(adjuster, context)
     wanted = expected(IN_AIR, OUT, time_adjustment or 0.0)
     assert_same(found, wanted)

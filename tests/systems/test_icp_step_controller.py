@@ -64,7 +64,7 @@ def expected_of(state, icp=OUT):
 @pytest.mark.parametrize("gain, later", [(0.0, 0.3), (0.1, 0.4), (-0.1, 0.3)])
 def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
     """Oracle: step_feedback() with the clock advanced; Eq. 7 by hand."""
-    context = asked(controller, time_adjustment=[gain], **inputs())
+    context = asked(controller, time_adjustment=[gain, 0.5], **inputs())
     expected = expected_of(replace(IN_AIR, time_in_phase=later))
     found = answer(controller, context, "adjustment")
     assert found.nominal is IN_PLACE.footsteps[0]

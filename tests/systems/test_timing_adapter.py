@@ -50,8 +50,8 @@ def test_proposes_what_the_core_says(ahead):
     """Oracle: the core function, to the last bit."""
     values = inputs(ahead)
     expected = time_adjustment(*values.values(), PARAMS, MODEL, PERIOD, ALL)
-    assert gain(values) == np.array([expected])
-    assert (expected > 0.0) is (ahead > 0.0)
+    np.testing.assert_array_equal(gain(values), expected)
+    assert (expected.now > 0.0) is (ahead > 0.0)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
@@ -62,7 +62,10 @@ def test_proposes_what_the_core_says(ahead):
 def test_makes_up_for_its_time_at_any_period(
     transfer, ahead, time_constant, period
 ):
-    """Oracle: the exponential, times all the time that the ICP is ahead."""
+    """Oracle: the exponential, times all the time that the ICP is ahead.
+
+    And that time, as far as it can be made up for.
+    """
     values = inputs(ahead, transfer)
     icp, plan, state, _ = values.values()
     whole = plan.time_to(icp, NOW)
@@ -74,7 +77,9 @@ def test_makes_up_for_its_time_at_any_period(
         transfer_time_constant=time_constant,
     )
     found = gain(values, params, period)
-    assert found == pytest.approx([share * whole])
+    # Of 0.6 s of the swing, its least duration takes 0.25 s.
+    most = 0.2 if transfer else 0.35
+    assert found == pytest.approx([share * whole, min(whole, most)])
 
 
 @pytest.mark.parametrize("transfer", [False, True])
@@ -86,12 +91,12 @@ def test_can_be_switched_for_swings_and_for_transfers(transfer):
     )
     context = asked(adapter, **values)
     always = answer(adapter, context, "time_adjustment").copy()
-    assert always > 0.0
+    assert always[0] > 0.0
     for on in (True, False) * 2:
         switches = Mechanisms(False, on, not on, False)
         fix(adapter, context, mechanisms=switches.as_vector())
         found = answer(adapter, context, "time_adjustment")
-        assert found == (always if on is not transfer else 0.0)
+        np.testing.assert_array_equal(found, always * (on is not transfer))
 
 
 def test_refuses_bad_params():

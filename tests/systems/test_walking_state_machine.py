@@ -138,7 +138,7 @@ def test_adds_the_time_adjustment_to_its_clock():
     for gain in None, 0.05:
         machine, simulator, context = machine_in(state)
         if gain is not None:
-            fix(machine, context, time_adjustment=[gain])
+            fix(machine, context, time_adjustment=[gain, 0.2])
         simulator.AdvanceTo(0.5 * PERIOD)
         time = walking_state(machine, context).time_in_phase
         assert time == pytest.approx(0.1 + PERIOD + (gain or 0.0), abs=1e-12)
