@@ -28,7 +28,7 @@ from nadia_balance.core.capture_region import (
     later_steps,
     step_contractions,
 )
-from nadia_balance.core.ground import Ground
+from nadia_balance.core.ground import Ground, Region
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import (
@@ -191,12 +191,18 @@ def footing(
     holds = [ground.footholds(step.pose.yaw) for step in steps[:count]]
     if _is_everywhere(holds, geometry, reaches):
         return None
+    planes = [_plane(region) for region in ground.regions]
+    at_stance = np.array([0.0, 0.0, geometry.stance.p_WF[2]])
+    rise = model.reach.rise_max
     places = []
     for name, reach in geometry.regions.items():
         for region, hold in enumerate(holds[0]):
             part = intersection(reach, hold) if len(hold) else hold
+            A, b = _rise_rows(at_stance, planes[region], rise)
+            part = _clipped(part, A[:, 2:], b)
             for free in _clear_of_stance(part, geometry):
-                sequences = _sequences((free,), (), holds[1:], reaches)
+                of = holds[1:], reaches, planes, rise
+                sequences = _sequences((free,), (), region, *of)
                 places.append(Place(name, region, free, tuple(sequences)))
     contractions = step_contractions(schedule.footsteps, params, model.omega)
     feet = later_feet(schedule.footsteps, params, model.sole)
@@ -232,6 +238,29 @@ def _is_everywhere(
     )
 
 
+def _plane(region: Region) -> Array:
+    """(3,): its height at p is [p, 1] times this [m]."""
+    z = region.heights(np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]))
+    return np.asarray(z - [z[2], z[2], 0.0])
+
+
+def _rise_rows(last: Array, plane: Array, rise: float) -> Rows:
+    """What keeps the step up or down from `last` to `plane` below `rise`."""
+    row = np.concatenate([-last[:2], plane[:2]])
+    up = plane[2] - last[2]
+    return np.array([row, -row]), np.array([rise - up, rise + up])
+
+
+def _clipped(polygon: Array, A: Array, b: Array) -> Array:
+    """The polygon by those of these rows that are not true all over it."""
+    if not len(polygon):
+        return polygon
+    binds = (A @ polygon.T).max(axis=1) > b
+    if ((A @ polygon.T).min(axis=1) > b).any():
+        return np.empty((0, 2))
+    return clip_all(polygon, A[binds], b[binds]) if binds.any() else polygon
+
+
 def _clear_of_stance(part: Array, geometry: SwingGeometry) -> list[Array]:
     """What of the polygon is not on, beside or across the stance foot."""
     if not len(part):
@@ -244,31 +273,49 @@ def _clear_of_stance(part: Array, geometry: SwingGeometry) -> list[Array]:
 def _sequences(
     polygons: tuple[Array, ...],
     rows: tuple[Rows, ...],
+    region: int,
     holds: list[tuple[Array, ...]],
     reaches: list[Array],
+    planes: list[Array],
+    rise: float,
 ) -> Iterator[Sequence]:
-    """Yields all sequences that go on from `polygons`."""
+    """Yields all sequences that go on from `polygons`, the last in `region`."""
     if not holds:
         return
     last, reach = polygons[-1], reaches[0]
     around = minkowski_sum(last, reach)
-    for hold in filter(len, holds[0]):
-        part = intersection(hold, around)
+    for following, hold in enumerate(holds[0]):
+        part = intersection(hold, around) if len(hold) else hold
         if not len(part):
             continue
-        now = (*polygons, part)
-        then = (*rows, _step_rows(last, hold, reach, len(now)))
+        climb = _rise_rows(planes[region], planes[following], rise)
+        step = _step_rows(last, hold, reach, climb, len(polygons) + 1)
+        if step is None:
+            continue
+        now, then = (*polygons, part), (*rows, step)
         yield Sequence(now, then)
-        yield from _sequences(now, then, holds[1:], reaches[1:])
+        of = holds[1:], reaches[1:], planes, rise
+        yield from _sequences(now, then, following, *of)
 
 
-def _step_rows(last: Array, hold: Array, reach: Array, n: int) -> Rows:
-    """What step n has to respect: p_n in `hold`, p_n - p_n-1 in `reach`."""
+def _step_rows(
+    last: Array, hold: Array, reach: Array, climb: Rows, n: int
+) -> Rows | None:
+    """What step n has to respect: p_n in `hold`, p_n - p_n-1 in `reach`.
+
+    And the rise `climb` of both; None if that never holds.
+    """
     A, b = halfspaces(hold)
     R, r = halfspaces(reach)
-    binds = (R @ hold.T).max(axis=1) - (R @ last.T).min(axis=1) > r
-    R, r = R[binds], r[binds]
-    both = np.zeros((len(A) + len(R), 2 * n))
-    both[:, -2:] = np.concatenate([A, R])
-    both[len(A) :, -4:-2] = -R
-    return both, np.concatenate([b, r])
+    joint = np.concatenate([np.hstack([-R, R]), climb[0]])
+    limit = np.concatenate([r, climb[1]])
+    of_last, of_hold = joint[:, :2] @ last.T, joint[:, 2:] @ hold.T
+    least = of_last.min(axis=1) + of_hold.min(axis=1)
+    if (least[len(R) :] > climb[1]).any():
+        return None
+    binds = of_hold.max(axis=1) + of_last.max(axis=1) > limit
+    joint, limit = joint[binds], limit[binds]
+    both = np.zeros((len(A) + len(joint), 2 * n))
+    both[: len(A), -2:] = A
+    both[len(A) :, -4:] = joint
+    return both, np.concatenate([b, limit])

@@ -118,3 +118,21 @@ def test_without_a_stone_in_reach_the_foot_goes_on():
     """Oracle: the very same pose."""
     case, current, _ = landing([0.2, 0.0], (square("far", 5.0),))
     assert case.adjust(current, PARAMS, 0.002).pose is current.pose
+
+
+@pytest.mark.parametrize("up", [-0.30, -0.20, 0.20, 0.30])
+def test_a_step_rises_no_farther_than_the_legs_allow(up):
+    """Oracle: by hand: 0.25 m up or down; both of the steps that count."""
+    stones = (STONES[0], replace(STONES[1], height=up), STONES[2])
+    params = replace(PARAMS, num_steps=2, ground_steps=2)
+    case, current, ground = landing(icp_before([0.6, -0.25]), stones)
+    name = ground.region_under(case.adjust(current, PARAMS, 0.002).pose).name
+    assert (name == "ahead") == (abs(up) < 0.25)
+    left = replace(square("left", 0.5, 0.3), height=up)
+    case, _, _ = landing([0.0, 0.0], (STONES[0], left), params)
+    onto_left = any(
+        contains(sequence.polygons[-1].mean(axis=0), left.polygon)
+        for place in case.footing.places
+        for sequence in place.sequences
+    )
+    assert onto_left == (abs(up) < 0.25)
