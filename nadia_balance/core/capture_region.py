@@ -79,6 +79,9 @@ class CaptureRegionStepAdjusterParams:
         math.inf, above=0.0, finite=False, unit="s"
     )
     shortest_swing: float = bounded(math.inf, above=0.0, finite=False, unit="s")
+    # The foot lands no sooner, wherever it is; as `min_remaining_swing` of the
+    # TimingAdapterParams.
+    least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
     # A foothold moves by so much, or not at all.
     dead_band: float = bounded(0.01, least=0.0, unit="m")
     # How deep inside the capture region to step, if possible.

@@ -123,11 +123,14 @@ class Landing(Immutable):
         )
         return *inner, self.capture_region
 
-    def on_arrival(self, region: Array, under_way: bool = False) -> Array:
+    def on_arrival(
+        self, region: Array, least: float, under_way: bool = False
+    ) -> Array:
         """Returns C_N of the time at which the foot is in `region` (n, 2) [m].
 
         At its point that is closest to the C_N of now, as soon as the foot can
-        be there, by its way round the stance foot; `under_way` to it already.
+        be there, by its way round the stance foot, but no sooner than in the
+        `least` [s]; `under_way` to it already.
         """
         if self.foot is None:
             return self.capture_region
@@ -136,6 +139,7 @@ class Landing(Immutable):
         soonest = time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
         if under_way:
             soonest *= UNDER_WAY
+        soonest = max(soonest, least)
         first, last = self.touchdown
         times = soonest, soonest + last - first
         return g.capture_region(g.one_step_region(self.icp, times))
@@ -150,7 +154,9 @@ class Landing(Immutable):
         going = self.geometry.regions.get(_chosen(current) or "")
 
         def on_arrival(region: Array) -> Array:
-            return self.on_arrival(region, region is going)
+            return self.on_arrival(
+                region, params.least_time_to_land, region is going
+            )
 
         return adjust_foothold(
             current,

@@ -122,7 +122,9 @@ class GroundLanding(Landing):
         best: tuple[Place | None, Array] = None, current.pose.p_WF[:2]
         for place in self.footing.places:
             last = self._is_last(place, current)
-            captures = self.on_arrival(place.polygon, last)
+            captures = self.on_arrival(
+                place.polygon, params.least_time_to_land, last
+            )
             point, gap = closest_point(place.polygon, captures)
             if last:
                 gap -= params.rules.distance_hysteresis

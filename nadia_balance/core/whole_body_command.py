@@ -22,6 +22,9 @@ PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
 MAX_PAIRS = 4  # of links that are kept apart at the same time
 _NO_ROWS = np.empty((0, 0))
+# A sole rolls so many of its margins inside its edge: within its cone, and not
+# on the rim of it.
+_ROLLING_MARGINS = 2.0
 
 
 @dataclass(kw_only=True)
@@ -79,6 +82,8 @@ class WholeBodyQpParams:
     # brings it level.
     stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
     stance_tilt_gain: float = bounded(100.0, least=0.0, unit="1/s^2")
+    # The trailing foot of a longer step may roll over its toes, or its heel.
+    rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
     friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
     # How far inside the sole's edge the CoP stays.
     sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
@@ -191,7 +196,8 @@ class WholeBodyCommand(NamedTuple):
     `contacts`: whether the (left, right) sole carries, at least one does;
     `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
     a, yaw, yawdot, yawddot] of the sole that does not carry.  `normals` (2, 3)
-    in W are across the (left, right) sole, as it is to be.
+    in W are across the (left, right) sole, as it is to be.  `edges` [m] are
+    where, along it, the (left, right) sole may roll; 0: it stays flat.
     """
 
     momentum_rate: Array
@@ -201,6 +207,7 @@ class WholeBodyCommand(NamedTuple):
     max_normal_forces: tuple[float, float]
     swing: Array
     normals: Array
+    edges: tuple[float, float] = (0.0, 0.0)
 
 
 def whole_body_command(
@@ -227,6 +234,10 @@ def whole_body_command(
         ),
         swing=swing,
         normals=sole_normals(state),
+        edges=(
+            rolling_edge(state, Side.LEFT, params, model),
+            rolling_edge(state, Side.RIGHT, params, model),
+        ),
     )
 
 
@@ -257,6 +268,34 @@ def sole_normals(state: WalkingState) -> Array:
         )
         normals[i] = n / math.hypot(*n.tolist())
     return np.array(normals)
+
+
+def rolling_edge(
+    state: WalkingState,
+    side: Side,
+    params: WholeBodyQpParams,
+    model: WholeBodyModel,
+) -> float:
+    """Returns x [m] of the edge about which the sole may roll; 0 if none.
+
+    In the transfer of a long step, the trailing foot's: its leg comes to its
+    end, and with the sole flat the knee would straighten at once.  The toes if
+    the step is forward, the heel if it is backward.
+    """
+    schedule = state.schedule
+    if (
+        schedule.phase is not Phase.TRANSFER
+        or side is schedule.support_side
+        or not schedule.footsteps
+        or state.steps_taken == 0
+    ):
+        return 0.0
+    foot, other = schedule.feet[side], schedule.feet[side.other]
+    ahead = float(foot.to_sole(other.p_WF[None, :2])[0, 0])
+    if abs(ahead) <= params.rolling_step:
+        return 0.0
+    edge = 0.5 * model.sole_length - _ROLLING_MARGINS * params.sole_margin
+    return math.copysign(edge, ahead)
 
 
 def crossing_turn(

@@ -16,6 +16,7 @@ from nadia_balance.core.whole_body_command import (
     LEFT_SOLE,
     MAX_PAIRS,
     RIGHT_SOLE,
+    SOLES,
     WholeBodyCommand,
     WholeBodyModel,
     WholeBodyQpParams,
@@ -268,7 +269,7 @@ class WholeBodyQp:
     robot's mass.  Minimises the weighted squares of the errors of the tasks
     and of the posture, and of the sole wrenches, subject to
 
-    * J vdot + Jdot v = a of a sole that carries,
+    * J vdot + Jdot v = a of a sole that carries; or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * the limits of contact wrenches, torques and joints; if there is no
       solution, those of the joints and of torque rates are given up.
@@ -390,9 +391,41 @@ class WholeBodyQp:
         motion[:, nv:] = -J.T
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms, command.normals)
+        if all(command.contacts):
+            for side, edge in enumerate(command.edges):
+                if edge:
+                    self._let_roll(terms, side, edge, rows, b)
         b = np.concatenate((b[soles], b[BASE]))
         lower, upper = self._limits.bounds(terms, command, C, last_torques)
         return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
+
+    def _let_roll(
+        self, terms: WholeBodyTerms, side: int, edge: float, A: Array, b: Array
+    ) -> None:
+        """Lets a sole roll about its edge: changes its rows of A x = b.
+
+        What is at `edge` [m] in front of its centre comes to rest, the sole
+        does not turn about other axes, and no moment acts about this one.
+        """
+        sole, nv = SOLES[side], terms.v.size
+        x, y, z = terms.rotations[side].T
+        px, py, pz = p = edge * x
+        cross = np.array([[0.0, -pz, py], [pz, 0.0, -px], [-py, px, 0.0]])
+        turn, move = A[sole, :nv].reshape(2, 3, nv)
+        # At the edge: a + alpha x p + w x (w x p).
+        w = terms.velocities[sole][:3]
+        rest, bias = b[sole].copy(), -terms.rows[sole, -1]
+        slip = terms.velocities[sole][3:] + np.cross(w, p)
+        rows, values = np.zeros((6, A.shape[1])), np.zeros(6)
+        rows[:3, :nv] = move - cross @ turn
+        values[:3] = bias[3:] - cross @ bias[:3]
+        values[:3] -= np.cross(w, np.cross(w, p))
+        values[:3] -= self._params.stance_damping * slip
+        axes = np.stack((x, z))
+        rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest[:3]
+        wrench = rows[5, nv + sole.start : nv + sole.stop]
+        wrench[:3], wrench[3:] = y, -y @ cross
+        A[sole], b[sole] = rows, values
 
     def _rest(self, terms: WholeBodyTerms, normals: Array) -> Array:
         """Accelerations (12,) that bring soles to rest, across `normals`."""

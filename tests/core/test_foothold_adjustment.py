@@ -312,12 +312,18 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
         first = share * (t + detour.settling)
         one_step = GEOMETRY.one_step_region(icp, (first, first + 0.5))
         np.testing.assert_allclose(
-            landing.on_arrival(ahead, under_way),
+            landing.on_arrival(ahead, 0.08, under_way),
             GEOMETRY.capture_region(one_step),
             atol=1e-12,
         )
+    one_step = GEOMETRY.one_step_region(icp, (0.3, 0.8))
+    np.testing.assert_allclose(
+        landing.on_arrival(ahead, 0.3, True),
+        GEOMETRY.capture_region(one_step),
+        atol=1e-12,
+    )
     unhurried = Landing(GEOMETRY, icp, now)
-    assert unhurried.on_arrival(ahead) is unhurried.capture_region
+    assert unhurried.on_arrival(ahead, 0.08) is unhurried.capture_region
 
 
 # Noise.

@@ -115,6 +115,25 @@ def test_the_trailing_foot_unloads_at_the_end_of_a_transfer(time, expected):
 
 
 @pytest.mark.parametrize(
+    ("ahead", "yaw", "edge"),
+    [(0.65, 0.0, 0.115), (-0.65, 0.0, -0.115), (0.55, 0.0, 0.0),
+     (0.65, math.pi, -0.115)],
+)  # fmt: skip
+def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
+    """Oracle: by hand: half of 0.25 m less 2 x 5 mm, towards the other foot."""
+    now = state(Phase.TRANSFER, yaws=(0.0, yaw))
+    foot = now.schedule.feet.left
+    feet = now.schedule.feet.with_foot(
+        Side.LEFT, replace(foot, p_WF=foot.p_WF + [ahead, 0.0, 0.0])
+    )
+    now = replace(now, schedule=replace(now.schedule, feet=feet), steps_taken=1)
+    assert command(now).edges == pytest.approx((0.0, edge))
+    swings = replace(now, schedule=replace(now.schedule, phase=Phase.SWING))
+    for flat in swings, replace(now, steps_taken=0):
+        assert command(flat).edges == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
     "both_stay",
     [
         state(Phase.TRANSFER, steps=0, time_in_phase=1.0),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from scipy.optimize import linprog
 
 from nadia_balance.core.walking import Side
@@ -340,6 +340,44 @@ def test_soles_on_the_ground_stay(contacts):
                 assert acceleration[rows] == pytest.approx(
                     -params.stance_damping * terms.velocities[rows], abs=1e-7
                 )
+
+
+@pytest.mark.parametrize("edge", [0.11, -0.11])
+def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
+    """Oracles: Drake's acceleration of the edge; the wrench's moment there.
+
+    The other sole stays; the rolling one does turn.
+    """
+    plant, foot = kinematics().plant, nadia().foot_bodies[Side.LEFT]
+    X_FootSole = nadia().X_FootSole[Side.LEFT]
+    frame, W = plant.GetBodyByName(foot).body_frame(), plant.world_frame()
+    at, V = X_FootSole @ [edge, 0.0, 0.0], JacobianWrtVariable.kV
+    params = WholeBodyQpParams(stance_tilt_gain=0.0)
+    for seed in range(3):
+        terms = terms_at(random_state(seed))
+        wish = command(terms, momentum_rate=(80.0, 0.0, 0.0))
+        wish = wish._replace(edges=(edge, 0.0))
+        found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+        assert found.qp.solved
+        context = plant.CreateDefaultContext()
+        plant.SetPositionsAndVelocities(context, random_state(seed))
+        J = plant.CalcJacobianTranslationalVelocity(context, V, frame, at, W, W)
+        bias = plant.CalcBiasTranslationalAcceleration(
+            context, V, frame, at, W, W
+        )
+        assert J @ found.vdot + bias.ravel() == pytest.approx(
+            -params.stance_damping * (J @ terms.v), abs=1e-6
+        )
+        R_WF = terms.rotations[0]
+        moment, force = np.split(found.wrenches[:6], 2)
+        about_edge = moment - np.cross(edge * R_WF[:, 0], force)
+        assert R_WF[:, 1] @ about_edge == pytest.approx(0.0, abs=ROUNDING)
+        still = -params.stance_damping * terms.velocities[:12]
+        left = (terms.rows @ np.append(found.vdot, 1.0))[:12] - still
+        assert left[6:] == pytest.approx(np.zeros(6), abs=1e-6)
+        turn = R_WF.T @ left[:3]
+        assert turn[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-6)
+        assert abs(turn[1]) > 0.1
 
 
 @pytest.mark.parametrize("ground", [0.0, 0.17])
