@@ -37,6 +37,7 @@ from nadia_balance.core.walking import (
 _SIDES = ("left", "right")
 _DISPLACED = 0.2  # of w_nom: unless pushed, feet land nearer to footholds
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
+_ROUNDING = 1e-9  # of a rise [m]
 
 
 @dataclass(kw_only=True)
@@ -208,6 +209,12 @@ def _check(
                 f"step {number} ({step.side.value}): {x:.3f} m forward and "
                 f"{y:.3f} m out of the stance foot: must be within "
                 f"{reach.describe()}"
+            )
+        rise = float(step.pose.p_WF[2] - stance.p_WF[2])
+        if abs(rise) > reach.rise_max + _ROUNDING:
+            raise ValueError(
+                f"step {number} ({step.side.value}): {rise:+.3f} m above the "
+                f"stance foot: must be within rise_max = {reach.rise_max} m"
             )
         feet = feet.with_foot(step.side, step.pose)
 

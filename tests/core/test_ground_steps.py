@@ -1,6 +1,7 @@
 """Oracles: figures by hand; the nearest foothold by test_ground's search."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -61,6 +62,16 @@ def test_no_step_is_planned_that_fits_nowhere():
         )
     with pytest.raises(ValueError, match=r"left foot at the start.*on 'left'"):
         walking_start(Gait(), replace(MODEL, ground=Ground(STONES[2:], SOLE)))
+
+
+@pytest.mark.parametrize("height", [0.35, -0.35])
+def test_no_step_is_planned_that_rises_too_far(height):
+    """Oracle: by hand; as far up as down, from the foot that stands."""
+    block = square("right", 0.7, -0.2, height=height)
+    ground = Ground((STONES[0], block), SOLE)
+    message = f"step 1 (right): {height:+.3f} m above the stance foot: must be"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        steps_of(num_steps=1, step=StepVector(length=0.5), ground=ground)
 
 
 def test_given_footholds_stay_where_they_are_and_get_their_height():
