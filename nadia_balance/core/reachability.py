@@ -56,7 +56,7 @@ class ReachabilityParams:
     # Angles from the y axis, at (0, w_nom), that keep clear of the stance leg.
     theta_forward_deg: float = bounded(20.0, least=0.0, most=80.0, unit="deg")
     theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")
-    # A step that is adjusted goes up or down no more than this; as JSK's.
+    # A step goes up or down no more than this; as JSK's.
     rise_max: float = bounded(0.25, above=0.0, unit="m")
     # Vertices [x, y] [m] of a convex base region in place of the ellipse.
     base_polygon: list[list[float]] = field(default_factory=list)
