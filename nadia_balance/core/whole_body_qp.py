@@ -391,21 +391,30 @@ class WholeBodyQp:
         motion[:, nv:] = -J.T
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms, command.normals)
+        b = np.concatenate((b[soles], b[BASE]))
+        lower, upper = self._limits.bounds(terms, command, C, last_torques)
+        H, g = self._cost(terms, command)
         if all(command.contacts):
             for side, edge in enumerate(command.edges):
                 if edge:
-                    self._let_roll(terms, side, edge, rows, b)
-        b = np.concatenate((b[soles], b[BASE]))
-        lower, upper = self._limits.bounds(terms, command, C, last_torques)
-        return QpProblem(*self._cost(terms, command), A, b, C, lower, upper)
+                    self._let_roll(terms, side, edge, A, b, H, g)
+        return QpProblem(H, g, A, b, C, lower, upper)
 
     def _let_roll(
-        self, terms: WholeBodyTerms, side: int, edge: float, A: Array, b: Array
+        self,
+        terms: WholeBodyTerms,
+        side: int,
+        edge: float,
+        A: Array,
+        b: Array,
+        H: Array,
+        g: Array,
     ) -> None:
         """Lets a sole roll about its edge: changes its rows of A x = b.
 
         What is at `edge` [m] in front of its centre comes to rest, the sole
-        does not turn about other axes, and no moment acts about this one.
+        does not turn about other axes, and no moment acts about this one: to
+        stay flat is a soft task in H and g, that of a sole in the air.
         """
         sole, nv = SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
@@ -423,6 +432,9 @@ class WholeBodyQp:
         values[:3] -= self._params.stance_damping * slip
         axes = np.stack((x, z))
         rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest[:3]
+        roll, weight = y @ turn, self._params.swing_orientation_weight
+        H[:nv, :nv] += weight * np.outer(roll, roll)
+        g[:nv] -= weight * (y @ rest[:3]) * roll
         wrench = rows[5, nv + sole.start : nv + sole.stop]
         wrench[:3], wrench[3:] = y, -y @ cross
         A[sole], b[sole] = rows, values
