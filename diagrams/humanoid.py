@@ -93,7 +93,10 @@ class HumanoidDiagram(Diagram):
         self._ground = scenario.terrain.ground(self.robot.sole)
         self.robot.point_mass = scenario.point_mass(self.robot)
         start = scenario.start(self.robot.point_mass)
-        check_start(self._ground, start.schedule.feet)
+        # That of the controller: the ground's own is more, by a margin.
+        slip = min(scenario.imperfections.friction_ratio, 1.0)
+        friction = slip * self.robot.whole_body.friction
+        check_start(self._ground, start.schedule.feet, friction)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)

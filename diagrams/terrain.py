@@ -10,6 +10,7 @@ from nadia_balance.core.ground import (
     GroundError,
     Region,
     believed,
+    check_friction,
     check_ground,
 )
 from nadia_balance.core.ground_steps import standing_on
@@ -97,14 +98,18 @@ class Terrain:
         return tuple(load_typed(RegionFile, what, filename=self.name).regions)
 
 
-def check_start(ground: Ground | None, feet: FootPoses) -> None:
-    """Checks that a robot can stand with its `feet` on the true `ground`.
+def check_start(
+    ground: Ground | None, feet: FootPoses, friction: float
+) -> None:
+    """Checks that a robot can be on the true `ground`, its `feet` to start.
 
     Raises:
-        ValueError: the ground under a foot is not one level region at z = 0.
+        ValueError: the ground under a foot is not one level region at z = 0,
+            or one anywhere is too steep for the `friction` [-].
     """
     if ground is None or ground.is_level:
         return
+    check_friction(ground, friction)
     for side in Side:
         for foot in standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:

@@ -54,7 +54,8 @@ class CaptureRegionStepAdjusterParams:
 
     # N, or as many steps as are queued.
     num_steps: int = bounded(3, least=1, most=10)
-    # Of them so many find only what the regions of the ground offer.
+    # Of them so many find only what the regions of the ground offer.  1 leaves
+    # the ground out of C_N: only the foot in the air has to be on a region.
     ground_steps: int = bounded(2, least=1, most=3)
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
     # Margins at the sole's front, back, inner and outer edge that the capture

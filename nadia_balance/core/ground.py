@@ -65,6 +65,12 @@ class Region:
         return np.array(self.normal) / math.hypot(*self.normal)
 
     @property
+    def slope(self) -> float:
+        """Its rise by length, the tangent of its tilt [-]."""
+        x, y, z = self.normal
+        return math.hypot(x, y) / z
+
+    @property
     def is_level(self) -> bool:
         """True if the normal is vertical."""
         return bool(self.unit_normal[2] == 1.0)
@@ -198,6 +204,22 @@ def check_ground(ground: Ground) -> None:
                 f"regions {one.name!r} and {other.name!r}, at heights "
                 f"{one.height:g} and {other.height:g} m: must not overlap, "
                 f"but share {shared:.2g} m^2 seen from above"
+            )
+
+
+def check_friction(ground: Ground, friction: float) -> None:
+    """Checks that a force up through a sole is within the cone of `friction`.
+
+    Raises:
+        ValueError: names the region that is too steep.
+    """
+    for region in ground.regions:
+        if not region.obstacle and region.slope >= friction:
+            tilt, most = (math.atan(s) for s in (region.slope, friction))
+            raise ValueError(
+                f"region {region.name!r}: must be tilted by less than "
+                f"{math.degrees(most):.1f} deg, as friction is {friction:g}, "
+                f"but is by {math.degrees(tilt):.1f} deg"
             )
 
 

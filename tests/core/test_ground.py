@@ -14,6 +14,7 @@ from nadia_balance.core.ground import (
     GroundError,
     Region,
     believed,
+    check_friction,
     check_ground,
 )
 from nadia_balance.core.polygon import contains, convex_hull
@@ -131,6 +132,22 @@ def test_says_which_regions_are_no_ground(regions, message):
     """Oracle: by hand."""
     with pytest.raises(ValueError, match=message):
         check_ground(Ground(regions, SOLE))
+
+
+def test_no_region_is_steeper_than_friction_allows():
+    """Oracle: Drake's turned normals; 30.96 deg is the angle of 0.6."""
+
+    def tilted(degrees, **more):
+        turn = AngleAxis(math.radians(degrees), np.array([0.6, -0.8, 0.0]))
+        normal = RotationMatrix(turn).col(2).tolist()
+        return Ground(
+            (square("a"), square("b", 2.0, normal=normal, **more)), SOLE
+        )
+
+    check_friction(tilted(30.9), 0.6)
+    check_friction(tilted(40.0, obstacle=True), 0.6)
+    with pytest.raises(ValueError, match=r"'b': must be .* 31.0 .* 31.1 deg"):
+        check_friction(tilted(31.1), 0.6)
 
 
 def test_no_foot_is_put_on_an_obstacle():

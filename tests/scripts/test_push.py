@@ -134,6 +134,13 @@ REFUSED = [
         "terrain.name = 'stairs': must be level, at height 0",
     ),
     (
+        [
+            *("--terrain", "slopes", "--scenario_name", "push"),
+            *(TEXT, "imperfections: {friction_ratio: 0.2}"),
+        ],
+        "region 'up': must be tilted by less than 6.8 deg, as friction is 0.12",
+    ),
+    (
         ["--terrain", "gap", TEXT, "gait: {step_width: 0.8}", "--plant=lipm"],
         "left foot at the start: the sole at x = 0.000, y = 0.400 m must be",
     ),
