@@ -80,13 +80,9 @@ class CaptureRegionStepAdjusterParams:
         math.inf, above=0.0, finite=False, unit="s"
     )
     shortest_swing: float = bounded(math.inf, above=0.0, finite=False, unit="s")
-    # Where no foothold captures, each region is seen at the time at which the
-    # foot can be there: the way across is longer.  On, the robot recovers from
-    # 0.60 m/s at 120 deg, off from 0.46; but the point mass falls at 30 deg
-    # from 1.20 m/s, or at 240 deg, where it did not.
-    sees_the_way: bool = False
-    # Then it lands no sooner, wherever it is; as `min_remaining_swing` of the
-    # TimingAdapterParams.
+    # Where no foothold captures, regions are compared at the times at which
+    # the foot can be there: no sooner than this, wherever it is; as
+    # `min_remaining_swing` of the TimingAdapterParams.
     least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
     # A foothold moves by so much, or not at all.
     dead_band: float = bounded(0.01, least=0.0, unit="m")

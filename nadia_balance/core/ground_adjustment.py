@@ -118,16 +118,17 @@ class GroundLanding(Landing):
         self, current: Adjustment, params: CaptureRegionStepAdjusterParams
     ) -> tuple[Place | None, Array]:
         """The foothold closest to the capture region, if none is in it."""
-        least = math.inf
-        best: tuple[Place | None, Array] = None, current.pose.p_WF[:2]
-        for place in self.footing.places:
-            last = self._is_last(place, current)
+        last = current.pose.p_WF[:2]
+        if not self.footing.places:
+            return None, last
+
+        def gap(place: Place) -> float:
+            is_last = self._is_last(place, current)
             captures = self.on_arrival(
-                place.polygon, params.least_time_to_land, last
+                place.polygon, params.least_time_to_land, is_last
             )
-            point, gap = closest_point(place.polygon, captures)
-            if last:
-                gap -= params.rules.distance_hysteresis
-            if gap < least:
-                least, best = gap, (place, point)
-        return best
+            _, gap = closest_point(place.polygon, captures)
+            return gap - is_last * params.rules.distance_hysteresis
+
+        place = min(self.footing.places, key=gap)
+        return place, closest_point(place.polygon, self.capture_region)[0]

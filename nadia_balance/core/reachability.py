@@ -229,11 +229,11 @@ def choose_region(
     `margin` [m] is how deep inside the capture region the goal should be; if
     there is no such place, it is about as deep as possible.  `on_arrival`
     returns, for a region, the capture region of the time at which the foot is
-    there at the soonest; without it, `capture_region` is that of all regions.
+    there at the soonest: rule 3 compares how close each region is then.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
-    Rule 3 compares all regions at one time; but the way across is longer, and
-    the ICP does not wait.
+    Its rule 3 compares all regions at one time; but the way across is longer,
+    and the ICP does not wait.
     """
     A, b = halfspaces(capture_region)
     choice = _largest(regions, A, b - margin, previous, params)
@@ -243,11 +243,13 @@ def choose_region(
             return Choice(choice.region, _deepest(choice.goal, A, b, margin))
     if choice is not None:
         return choice
-    captures = {
-        name: on_arrival(region) if on_arrival else capture_region
-        for name, region in regions.items()
-    }
-    return _closest(regions, captures, previous, params)
+    return _closest(
+        regions,
+        capture_region,
+        previous,
+        params,
+        on_arrival or (lambda _: capture_region),
+    )
 
 
 def _largest(
@@ -286,19 +288,20 @@ def _deepest(shared: Array, A: Array, b: Array, margin: float) -> Array:
 
 def _closest(
     regions: Mapping[str, Array],
-    captures: Mapping[str, Array],
+    capture_region: Array,
     previous: str | None,
     params: ReachRulesParams,
+    on_arrival: Callable[[Array], Array],
 ) -> Choice:
     """Rule 3."""
 
-    def candidate(name: str) -> tuple[float, Choice]:
-        nearest, gap = closest_point(regions[name], captures[name])
-        if name == previous:
-            gap -= params.distance_hysteresis
-        return gap, Choice(name, nearest[None])
+    def gap(name: str) -> float:
+        _, gap = closest_point(regions[name], on_arrival(regions[name]))
+        return gap - (name == previous) * params.distance_hysteresis
 
-    return min(map(candidate, regions), key=lambda found: found[0])[1]
+    name = min(regions, key=gap)
+    nearest, _ = closest_point(regions[name], capture_region)
+    return Choice(name, nearest[None])
 
 
 def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:

@@ -111,8 +111,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
         foot = None
-        sees = self._params.sees_the_way and on.swing
-        if sees and (feet := self._feet(context)) is not None:
+        if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[state.schedule.support_side.other].p_WF[:2]
         touchdown = touchdown_interval(
             state, float(self._time(context)[1]), self._params

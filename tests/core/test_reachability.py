@@ -228,6 +228,15 @@ def test_the_region_reached_too_late_is_farther():
     assert found.region == BASE
 
 
+def test_the_time_of_arrival_moves_no_goal():
+    """Oracle: by hand: the corner nearest to the capture region of now."""
+    corner = convex_hull(np.array([[0.0, 1.0], [1.0, 2.0], [0.0, 2.0]]))
+    found = choose_region(
+        {BASE: corner}, ABOVE, None, RULES, on_arrival=lambda _: ABOVE + [9, 5]
+    )
+    np.testing.assert_allclose(found.goal, [[0.0, 1.0]], atol=1e-15)
+
+
 def test_the_goal_is_as_deep_inside_as_asked():
     """Oracle: by hand: the tower's part at least 0.3 m below the edge."""
     goal = choose_region(towers(1.0, 0, 0), ABOVE, None, RULES, 0.3).goal

@@ -136,6 +136,19 @@ def test_crosses_the_legs_only_while_that_is_on(adjuster):
     assert regions == ["forward", "base", "forward"]
 
 
+def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster(adjuster):
+    """Oracle: the core, with the place of the swing foot, or with none."""
+    icp, feet = np.array([0.1, 0.5]), IN_PLACE.feet
+    seen = replace(landing(IN_AIR, icp), foot=feet.right.p_WF[:2])
+    wanted = propose_adjustment(IN_AIR, seen, PARAMS, PERIOD)
+    context = asked(adjuster, walking_state=IN_AIR, icp=icp, foot_poses=feet)
+    assert_same(adjustment(adjuster, context), wanted)
+    unhurried = expected(IN_AIR, icp)
+    assert (wanted.region, unhurried.region) == ("base", "forward")
+    fix(adjuster, context, mechanisms=replace(ALL, swing=False).as_vector())
+    assert_same(adjustment(adjuster, context), unhurried)
+
+
 def test_proposes_nothing_while_it_is_switched_off(adjuster):
     """Oracle: NOTHING; the first of the mechanisms is its switch."""
     context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
