@@ -168,10 +168,16 @@ def least_remaining_time(
 def _time_to_foothold(
     state: WalkingState, foot: FootPose, detour: SwingDetourParams
 ) -> float:
-    """Returns how long [s] the swing foot takes from rest at `foot`."""
-    side, goal = state.schedule.support_side, state.schedule.footsteps[0].pose
-    stance = state.schedule.feet[side]
-    return time_of_way(foot.p_WF[:2], goal.p_WF[:2], stance, side.other, detour)
+    """Returns how long [s] the swing foot takes from rest at `foot`.
+
+    If that is lower than where it was lifted, it descends after the way.
+    """
+    schedule, side = state.schedule, state.schedule.support_side
+    goal = schedule.footsteps[0].pose.p_WF
+    way = foot.p_WF[:2], goal[:2], schedule.feet[side], side.other
+    brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
+    descent = float(brink - goal[2]) / detour.max_descent
+    return time_of_way(*way, detour) + max(descent - detour.settling, 0.0)
 
 
 def time_to_return(

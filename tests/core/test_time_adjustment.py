@@ -195,6 +195,29 @@ def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
     assert found == pytest.approx(2.0 * math.sqrt(length / 30.0), abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("lifted", "height", "descent"),
+    [
+        (0.15, 0.20, 0.25),  # from the brink: 0.15 m at 0.6 m/s
+        (0.15, 0.06, 0.10),  # below it already
+        (0.0, 0.10, 0.03),  # on level ground it only settles
+        (-0.15, 0.10, 0.03),  # up a step
+    ],
+)
+def test_a_foot_that_goes_down_a_step_gets_the_time(lifted, height, descent):
+    """Oracle: by hand, 0.6 m forth and 0.6 m back in 0.2 s each; then down."""
+    detour = replace(DETOUR, max_descent=0.6, settling=0.03)
+    schedule, plan = swing(swing=1.0)
+    stood = schedule.feet.right
+    stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
+    feet = schedule.feet.with_foot(Side.RIGHT, stood)
+    state = WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
+    foot = FootPose(schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height])
+    model = replace(MODEL, detour=detour)
+    found = least_remaining_time(state, foot, np.zeros(2), PARAMS, model)
+    assert found == pytest.approx(0.4 + descent, abs=1e-12)
+
+
 # From rest 0.4 s at 30 m/s^2, under way sqrt(1/2) of that; 0.03 s are let be.
 NEEDED = 0.4 * math.sqrt(0.5) - 0.03
 
