@@ -16,9 +16,8 @@ class LinkDistances:
     """Reads the distances of links from the context of a plant with shapes.
 
     What counts is nearer than `link_attention`; or nearer than `arm_attention`
-    and so fast that it has to brake, if a link is of the upper body.  Trunk and
-    arms have time to: one seen late takes more force than an arm has, and what
-    is left comes from the legs.  They swing past each other, on their own way.
+    and so fast that it has to brake, if one of the links is of the upper body.
+    Legs swing past each other closely, by a way of their own.
     """
 
     def __init__(
@@ -44,16 +43,15 @@ class LinkDistances:
         self._p_BG = np.array([X.translation() for X in X_BG])
         self._R_BG = np.array([X.rotation().matrix() for X in X_BG])
         upper = _upper_body(robot, plant)
-        is_upper = {
+        self._is_upper = {
             shape: body.index() in upper
             for shape, body in zip(shapes, bodies, strict=True)
         }
         self._upper_pairs = [
             (a, b)
             for a, b in sorted(inspector.GetCollisionCandidates())
-            if is_upper[a] or is_upper[b]
+            if self._is_upper[a] or self._is_upper[b]
         ]
-        self._is_upper = is_upper
 
     def calc(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """Returns distances (k,) [m], and their rows (k, nv), k <= MAX_PAIRS.
@@ -103,10 +101,11 @@ class LinkDistances:
             )
             if not (self._is_upper[pair.id_A] or self._is_upper[pair.id_B])
         ]
-        # One by one, as most that are within `arm_attention` are of the legs.
+        # One by one, as most that are so near are of the legs.
+        far = max(params.arm_attention, params.link_attention)
         for a, b in self._upper_pairs:
             pair = query.ComputeSignedDistancePairClosestPoints(a, b)
-            if pair.distance < params.arm_attention:
+            if pair.distance < far:
                 pairs.append(pair)
         return pairs
 
