@@ -144,10 +144,12 @@ def swing_foot_motion(
     elif edges is not None:
         end[:, Z] = _over_edges(start, end, landing, over, left, edges)
     horizon = np.array([over, over, left, over])
+    # The clock may run out high above a foothold that is down a step.
+    low = there and (edges is None or height < params.there)
     motions = []
     for t in (period, period + lead):
         pva = quintic_at(start, end, horizon, t)
-        if state.waiting and there and not braking:
+        if state.waiting and low and not braking:
             z = float(start[0, 2]) - params.touchdown_velocity * t
             pva[:, 2] = z, -params.touchdown_velocity, 0.0
         motions.append(FootMotion(pva))

@@ -118,6 +118,32 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     assert motion.pva[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
 
 
+def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
+    """Oracle: by hand: at 0.6 m/s, the last 1 cm at 0.2 m/s."""
+    ground = ground_of("cinder_blocks")
+    model = replace(MODEL, ground=ground, detour=SwingDetourParams())
+    schedule = swing(ground, (1.74, -0.125), (2.15, -0.125), 0.9)
+    edges = edges_on_way(schedule, model, PARAMS.clearance)
+    motion, late = FootMotion.at_rest(schedule.feet.right), None
+    for tick in range(1, 500):
+        elapsed = tick * PERIOD
+        t = min(elapsed + 0.27 * (elapsed > 0.5), 0.9)
+        state = WalkingState(schedule, t, elapsed=elapsed, waiting=t == 0.9)
+        before = motion.pva[1, 2]
+        motion, _ = swing_foot_motion(
+            motion, state, PERIOD, PARAMS, model, edges=edges
+        )
+        assert abs(motion.pva[1, 2] - before) < 0.1
+        height = motion.pva[0, 2] - 0.3
+        if late is None and state.waiting:
+            late = elapsed + height / 0.6 + 0.01 / 0.2
+            assert height > 0.05
+        if height <= 0.0:
+            break
+    assert elapsed < late + 0.02
+    assert motion.pva[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
+
+
 def test_no_edge_is_on_level_ground_and_on_a_slope():
     """Oracle: by hand."""
     slope = square("slope", side=3.0, height=0.1, normal=[-0.17, 0.0, 1.0])
