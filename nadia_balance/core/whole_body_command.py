@@ -181,7 +181,8 @@ class WholeBodyTerms(NamedTuple):
 
     `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
     `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad]; `com_state` (6,)
-    = [p_WC, v_WC] [m, m/s] of the centre of mass.
+    = [p_WC, v_WC] [m, m/s] of the centre of mass.  `distances` (k,) [m] of
+    links that are to brake, or near: `distance_rows` (k, nv) v are their rates.
     """
 
     rows: Array
