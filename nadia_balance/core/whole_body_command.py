@@ -20,7 +20,7 @@ BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
-MAX_PAIRS = 4  # of links that are kept apart at the same time
+MAX_PAIRS = 8  # of links that are kept apart at the same time
 _NO_ROWS = np.empty((0, 0))
 # A sole rolls so many of its margins inside its edge: within its cone, and not
 # on the rim of it.
@@ -106,6 +106,10 @@ class WholeBodyQpParams:
     # apart: a distance d gets no smaller than one with the dynamics of
     # (d/dt + link_rate)^2 (d - link_clearance) = 0.
     link_attention: float = bounded(0.08, above=0.0, unit="m")
+    # Links of the upper body that are so near brake early, by a soft task:
+    # seen late, they take more torque than an arm has, and the legs kick.
+    arm_attention: float = bounded(0.4, above=0.0, unit="m")
+    arm_weight: float = bounded(3.0, least=0.0)
     link_clearance: float = bounded(0.02, least=0.0, unit="m")
     link_rate: float = bounded(25.0, above=0.0, unit="1/s")
     speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
@@ -120,6 +124,14 @@ class WholeBodyQpParams:
         default_factory=CrossingTurnParams
     )
     solver: str = bounded("active_set", one_of=SOLVERS)
+
+    def link_braking(self, distances: Array, rates: Array) -> Array:
+        """Returns the least accelerations (k,) [m/s^2] of these distances.
+
+        `distances` (k,) [m], and their `rates` (k,) [m/s].
+        """
+        room = self.link_rate * (distances - self.link_clearance)
+        return -self.link_rate * (2.0 * rates + room)
 
     def validate_more(self) -> None:
         """Raises ValueError if a foot would carry more when unloaded."""
@@ -169,7 +181,8 @@ class WholeBodyTerms(NamedTuple):
 
     `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
     `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad]; `com_state` (6,)
-    = [p_WC, v_WC] [m, m/s] of the centre of mass.
+    = [p_WC, v_WC] [m, m/s] of the centre of mass.  `distances` (k,) [m] of
+    links that are to brake, or near: `distance_rows` (k, nv) v are their rates.
     """
 
     rows: Array

@@ -149,15 +149,13 @@ class WholeBodyLimits:
         bounds[0, self._apart], bounds[1, self._apart] = -np.inf, np.inf
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
-        if len(terms.distances):
-            rate = self._params.link_rate
-            rows = slice(
-                self._apart.start, self._apart.start + len(terms.distances)
-            )
-            C[rows, :nv] = terms.distance_rows
-            bounds[0, rows] = -rate * (
-                2.0 * (terms.distance_rows @ terms.v)
-                + rate * (terms.distances - self._params.link_clearance)
+        near = terms.distances < self._params.link_attention
+        if near.any():
+            of = terms.distance_rows[near]
+            rows = slice(self._apart.start, self._apart.start + len(of))
+            C[rows, :nv] = of
+            bounds[0, rows] = self._params.link_braking(
+                terms.distances[near], of @ terms.v
             )
         row, column = self._apart.stop, nv
         for side, carries in enumerate(command.contacts):
@@ -457,6 +455,9 @@ class WholeBodyQp:
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)
         tasks = self._tasks.rows(terms, command)
+        far = terms.distances >= self._params.link_attention
+        if far.any():
+            tasks = np.concatenate((tasks, self._tasks.braking(terms, far)))
         square = tasks.T @ tasks
         H, g = self._H[:n, :n].copy(), np.zeros(n)
         H[:nv, :nv] += square[:-1, :-1]

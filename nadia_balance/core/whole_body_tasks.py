@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, tilt
@@ -42,7 +43,7 @@ class WholeBodyTasks:
 
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
         """The tasks of `model`, weighted and tuned by `params`."""
-        self._mass = model.mass
+        self._params, self._mass = params, model.mass
         # What picks the tasks from the rows of WholeBodyTerms.
         trunk = np.zeros((_NUM_ROWS, 24 + model.num_joints))
         weights, kp = np.zeros(_NUM_ROWS), np.zeros(_NUM_ROWS)
@@ -97,6 +98,16 @@ class WholeBodyTasks:
         )
         rows *= self._weights[: error.size]
         return rows
+
+    def braking(self, terms: WholeBodyTerms, far: NDArray[np.bool_]) -> Array:
+        """Returns the weighted rows of the links that are to brake early.
+
+        Those marked by `far` (k,), of the distances of `terms`.
+        """
+        of, params = terms.distance_rows[far], self._params
+        least = params.link_braking(terms.distances[far], of @ terms.v)
+        rows = np.concatenate((of, -least[:, None]), axis=1)
+        return np.asarray(math.sqrt(params.arm_weight) * rows)
 
     def _wanted(
         self, terms: WholeBodyTerms, command: WholeBodyCommand

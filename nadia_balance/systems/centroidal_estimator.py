@@ -9,7 +9,7 @@ from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
-from nadia_balance.core.whole_body_command import MAX_PAIRS, WholeBodyTerms
+from nadia_balance.core.whole_body_command import WholeBodyTerms
 from nadia_balance.link_distances import LinkDistances
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.ports import declare_output, entries, size
@@ -51,9 +51,9 @@ class CentroidalEstimator(LeafSystem):
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
         self._kinematics = WholeBodyKinematics(robot, plant)
-        self._distances, self._within = None, robot.whole_body.link_attention
+        self._distances = None
         if robot.drives is not None:
-            self._distances = LinkDistances(plant, scene_graph, MAX_PAIRS)
+            self._distances = LinkDistances(robot, plant, scene_graph)
         self._omega = robot.point_mass.omega
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
@@ -98,7 +98,7 @@ class CentroidalEstimator(LeafSystem):
         terms = self._kinematics.calc(plant_context)
         if self._distances is None:
             return terms
-        distances, rows = self._distances.calc(plant_context, self._within)
+        distances, rows = self._distances.calc(plant_context)
         return terms._replace(distances=distances, distance_rows=rows)
 
     def _look_ahead(self, plant_context, state: np.ndarray) -> None:
