@@ -30,23 +30,14 @@ class LinkDistances:
         self._plant, self._params = plant, robot.whole_body
         inspector = scene_graph.model_inspector()
         self._world = plant.world_frame()
-        shapes = inspector.GetAllGeometryIds()
-        self._index = {shape: i for i, shape in enumerate(shapes)}
-        bodies = [
-            plant.GetBodyFromFrameId(inspector.GetFrameId(s)) for s in shapes
-        ]
-        self._bodies = list({body.index(): body for body in bodies}.values())
-        # By shape: its body's place among the bodies, and its pose on it.
-        places = {body.index(): i for i, body in enumerate(self._bodies)}
-        self._body = np.array([places[body.index()] for body in bodies])
-        X_BG = [inspector.GetPoseInFrame(s) for s in shapes]
-        self._p_BG = np.array([X.translation() for X in X_BG])
-        self._R_BG = np.array([X.rotation().matrix() for X in X_BG])
         upper = _upper_body(robot, plant)
-        self._is_upper = {
-            shape: body.index() in upper
-            for shape, body in zip(shapes, bodies, strict=True)
-        }
+        # The frame of a shape's body, and the shape's pose in it.
+        self._place, self._is_upper = {}, {}
+        for shape in inspector.GetAllGeometryIds():
+            body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+            X_BG = inspector.GetPoseInFrame(shape)
+            self._place[shape] = body.body_frame(), X_BG
+            self._is_upper[shape] = body.index() in upper
         self._upper_pairs = [
             (a, b)
             for a, b in sorted(inspector.GetCollisionCandidates())
@@ -60,35 +51,18 @@ class LinkDistances:
         most.
         """
         pairs = self._pairs(context)
-        if not pairs:
-            return np.empty(0), np.empty((0, self._plant.num_velocities()))
+        rows = np.empty((len(pairs), self._plant.num_velocities()))
+        for row, pair in zip(rows, pairs, strict=True):
+            J_A = self._jacobian(context, pair.id_A, pair.p_ACa)
+            J_B = self._jacobian(context, pair.id_B, pair.p_BCb)
+            row[:] = pair.nhat_BA_W @ (J_A - J_B)
         distances = np.array([pair.distance for pair in pairs])
-        normals = np.array([pair.nhat_BA_W for pair in pairs])
-        shapes = np.array(
-            [(self._index[p.id_A], self._index[p.id_B]) for p in pairs]
-        ).T
-        # On the bodies, (2, k, 3).
-        points = np.array([(p.p_ACa, p.p_BCb) for p in pairs])
-        points = self._p_BG[shapes] + np.einsum(
-            "skij,ksj->ski", self._R_BG[shapes], points
-        )
-        bodies = self._body[shapes]
-        rates = self._rates(context, bodies, points, normals)
+        rates = rows @ self._plant.GetVelocities(context)
         braking = self._params.link_braking(distances, rates)
         near = distances < self._params.link_attention
         urgent = np.flatnonzero(near | (braking > 0.0))
         urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        rows = [
-            normals[k]
-            @ (
-                self._jacobian(context, bodies[0, k], points[0, k])
-                - self._jacobian(context, bodies[1, k], points[1, k])
-            )
-            for k in urgent
-        ]
-        return distances[urgent], np.reshape(
-            rows, (len(urgent), self._plant.num_velocities())
-        )
+        return distances[urgent], rows[urgent]
 
     def _pairs(self, context: Context) -> list[SignedDistancePair]:
         """Those near enough: of the legs, and with the upper body."""
@@ -109,25 +83,10 @@ class LinkDistances:
                 pairs.append(pair)
         return pairs
 
-    def _rates(self, context, bodies, points, normals) -> np.ndarray:
-        """Of the distances, (k,) [m/s]."""
-        used = sorted(set(bodies.ravel().tolist()))
-        R_WB = np.empty((len(self._bodies), 3, 3))
-        V_WB = np.empty((len(self._bodies), 6))
-        for i in used:
-            body = self._bodies[i]
-            X = self._plant.EvalBodyPoseInWorld(context, body)
-            V = self._plant.EvalBodySpatialVelocityInWorld(context, body)
-            R_WB[i], V_WB[i] = X.rotation().matrix(), V.get_coeffs()
-        arms = np.einsum("skij,skj->ski", R_WB[bodies], points)
-        V = V_WB[bodies]
-        v_A, v_B = V[..., 3:] + np.cross(V[..., :3], arms)
-        return np.einsum("ki,ki->k", normals, v_A - v_B)
-
-    def _jacobian(self, context, body: int, p_BC: np.ndarray) -> np.ndarray:
-        frame = self._bodies[body].body_frame()
+    def _jacobian(self, context, shape, p_GC) -> np.ndarray:
+        frame, X_BG = self._place[shape]
         return self._plant.CalcJacobianTranslationalVelocity(
-            context, _V, frame, p_BC, self._world, self._world
+            context, _V, frame, X_BG @ p_GC, self._world, self._world
         )
 
 
