@@ -128,7 +128,8 @@ class WholeBodyQpParams:
     def link_braking(self, distances: Array, rates: Array) -> Array:
         """Returns the least accelerations (k,) [m/s^2] of these distances.
 
-        `distances` (k,) [m], and their `rates` (k,) [m/s].
+        Those of (d/dt + link_rate)^2 (d - link_clearance) = 0, for the
+        `distances` d (k,) [m] of links, and their `rates` (k,) [m/s].
         """
         room = self.link_rate * (distances - self.link_clearance)
         return -self.link_rate * (2.0 * rates + room)

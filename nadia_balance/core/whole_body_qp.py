@@ -269,8 +269,9 @@ class WholeBodyQp:
 
     * J vdot + Jdot v = a of a sole that carries; or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
-    * the limits of contact wrenches, torques and joints; if there is no
-      solution, those of the joints and of torque rates are given up.
+    * the limits of contact wrenches, torques, joints and the distances of
+      near links; if there is no solution, those of the joints, of torque rates
+      and of the links are given up in turn.
 
     Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous

@@ -100,7 +100,7 @@ class WholeBodyTasks:
         return rows
 
     def braking(self, terms: WholeBodyTerms, far: NDArray[np.bool_]) -> Array:
-        """Returns the weighted rows of the links that are to brake early.
+        """Returns [S, r], as of `rows`, of links that are to brake early.
 
         Those marked by `far` (k,), of the distances of `terms`.
         """

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nadia_balance.core.walking import Side
-from nadia_balance.new_robot.named import Named
 from nadia_balance.new_robot.notes import Notes
 from nadia_balance.new_robot.tree import Array, Joint, Tree
 
@@ -15,6 +14,19 @@ LEG_JOINTS = range(5, 8)
 # Of an axis that counts as lateral, or of an axis of the root as up [-].
 ALONG = 0.75
 _JOINTS_OF_A_LEG = ("hip_pitch", "knee", "ankle_pitch")
+
+
+@dataclass
+class Named:
+    """What the user names, in place of what would be found; empty: is found."""
+
+    pelvis: str = ""
+    torso: str = ""
+    left_foot: str = ""
+    right_foot: str = ""
+    hip_pitch: str = ""  # "left,right"
+    knee: str = ""
+    ankle_pitch: str = ""
 
 
 @dataclass

@@ -12,6 +12,7 @@ from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import (
     Anatomy,
     Leg,
+    Named,
     check_leg_joints,
     find_anatomy,
     two_legs,
@@ -19,7 +20,6 @@ from nadia_balance.new_robot.anatomy import (
 )
 from nadia_balance.new_robot.capsules import fit_capsules
 from nadia_balance.new_robot.figures import Figures, measure, set_frames
-from nadia_balance.new_robot.named import Named
 from nadia_balance.new_robot.notes import Notes
 from nadia_balance.new_robot.read_drake import read_with_drake
 from nadia_balance.new_robot.read_urdf import read_urdf

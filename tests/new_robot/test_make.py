@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from nadia_balance.core.walking import Side
+from nadia_balance.new_robot.anatomy import Named
 from nadia_balance.new_robot.make import make_robot
-from nadia_balance.new_robot.named import Named
 from nadia_balance.robot import load_robot
 from tests.new_robot.biped import Biped
 
