@@ -36,6 +36,7 @@ from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.mujoco_plant import add_mujoco_plant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.state_predictor import StatePredictor
 from nadia_balance.systems.state_sensor import StateSensor
 
 CONTROLLER_LOGS = (
@@ -158,29 +159,7 @@ class HumanoidDiagram(Diagram):
     ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
-        self._state_sensor = None
-        if self.scenario.imperfections.of_measurements:
-            self._state_sensor = builder.AddNamedSystem(
-                "state_sensor",
-                StateSensor(
-                    self.plant,
-                    self.scenario.imperfections,
-                    self.scenario.controller.control_period,
-                    self.scenario.seed,
-                ),
-            )
-            connect(builder, engine, self._state_sensor, "state")
-            connect(builder, self.sensor, self._state_sensor, "foot_forces")
-            connect(
-                builder,
-                self._state_sensor,
-                controller,
-                "estimated_state",
-                measured_foot_forces="foot_forces",
-            )
-        else:
-            connect(builder, engine, controller, state="estimated_state")
-            connect(builder, self.sensor, controller, "foot_forces")
+        self._sense(builder)
         connect(builder, controller, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
@@ -200,6 +179,34 @@ class HumanoidDiagram(Diagram):
         on = NAMED[self.scenario.mechanisms]
         self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
+
+    def _sense(self, builder: DiagramBuilder) -> None:
+        """Connects the controller's inputs with what is measured."""
+        engine, controller = self.engine, self.controller
+        self._state_sensor = None
+        imperfections = self.scenario.imperfections
+        if not imperfections.of_measurements:
+            connect(builder, engine, controller, state="estimated_state")
+            connect(builder, self.sensor, controller, "foot_forces")
+            return
+        period = self.scenario.controller.control_period
+        sensor = self._state_sensor = builder.AddNamedSystem(
+            "state_sensor",
+            StateSensor(self.plant, imperfections, period, self.scenario.seed),
+        )
+        connect(builder, engine, sensor, "state")
+        connect(builder, self.sensor, sensor, "foot_forces")
+        connect(builder, sensor, controller, measured_foot_forces="foot_forces")
+        if not imperfections.delay:
+            connect(builder, sensor, controller, "estimated_state")
+            return
+        predictor = builder.AddNamedSystem(
+            "state_predictor",
+            StatePredictor(self.robot, period, imperfections.delay),
+        )
+        connect(builder, sensor, predictor, estimated_state="delayed_state")
+        connect(builder, controller, predictor, "generalized_acceleration")
+        connect(builder, predictor, controller, "estimated_state")
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {

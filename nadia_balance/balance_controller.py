@@ -10,6 +10,7 @@ from nadia_balance.core.bounds import check
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
+from nadia_balance.systems.friction_estimator import FrictionEstimator
 from nadia_balance.systems.ports import wire
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
@@ -39,8 +40,9 @@ class BalanceController(Diagram):
                        walking_state, walking_signal, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
                        ecmp_command, momentum_qp_status, momentum_rate,
-                       swing_foot_reference, actuation, foot_wrenches,
-                       whole_body_qp_status]
+                       swing_foot_reference, friction, actuation,
+                       foot_wrenches, whole_body_qp_status,
+                       generalized_acceleration]
     """
 
     INPUTS = ("estimated_state", "foot_forces", "mechanisms")
@@ -76,6 +78,9 @@ class BalanceController(Diagram):
                 ),
                 "swing_foot_planner": SwingFootPlanner(
                     params.swing_foot, model, period, lead
+                ),
+                "friction_estimator": FrictionEstimator(
+                    robot.whole_body, robot.mass, period
                 ),
                 "whole_body_inverse_dynamics": WholeBodyInverseDynamics(
                     robot.whole_body, robot, period, lead

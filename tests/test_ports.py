@@ -31,6 +31,7 @@ JOINT_CONTROL = {
     "momentum_rate",
     "swing_foot_reference",
     "walking_state",
+    "friction",
 }
 STEP_ADJUSTMENT = {
     "icp",
@@ -60,6 +61,7 @@ FEEDTHROUGH = {
         "whole_body_terms": {"estimated_state"},
     },
     "FootForceSensor": {"foot_forces": set()},  # held between two ticks
+    "FrictionEstimator": {"friction": set()},  # one tick late
     "IcpStepController": {
         "adjustment": STEP_CONTROL,
         "capture_regions": STEP_CONTROL,
@@ -94,6 +96,7 @@ FEEDTHROUGH = {
         "push_signal": set(),
         "spatial_forces": set(),
     },
+    "StatePredictor": {"estimated_state": {"delayed_state"}},
     "StateSensor": {"estimated_state": set(), "measured_foot_forces": set()},
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
@@ -102,6 +105,7 @@ FEEDTHROUGH = {
         "actuation": JOINT_CONTROL,
         "foot_wrenches": JOINT_CONTROL,
         "whole_body_qp_status": JOINT_CONTROL,
+        "generalized_acceleration": JOINT_CONTROL,
     },
 }
 

@@ -71,6 +71,7 @@ def command(
     contacts: tuple[bool, bool] = (True, True),
     momentum_rate=(0.0, 0.0, 0.0),
     max_normal_forces=(math.inf, math.inf),
+    friction=0.6,
 ) -> WholeBodyCommand:
     """Pelvis and torso ahead; a swing foot stays where it is."""
     swing = np.zeros(12)
@@ -84,6 +85,7 @@ def command(
         max_normal_forces=max_normal_forces,
         swing=swing,
         normals=np.array([[0.0, 0.0, 1.0]] * 2),
+        friction=friction,
     )
 
 

@@ -18,7 +18,8 @@ class Imperfections:
     # Of the position, and of both velocities.
     pelvis_noise: float = bounded(0.0, least=0.0, most=0.1, unit="m")
     pelvis_speed_noise: float = bounded(0.0, least=0.0, most=1.0, unit="m/s")
-    # From a measurement to the controller; a multiple of its period.
+    # From a measurement to the controller; a multiple of its period.  Its
+    # length is known, as from time stamps.
     delay: float = bounded(0.0, least=0.0, most=0.1, unit="s")
     # Of all friction coefficients to those of the models.
     friction_ratio: float = bounded(1.0, above=0.0, most=2.0)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
+from nadia_balance.core.friction import SlipParams
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.qp import SOLVERS
@@ -85,6 +86,7 @@ class WholeBodyQpParams:
     # The trailing foot of a longer step may roll over its toes, or its heel.
     rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
     friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
+    slip: SlipParams = field(default_factory=SlipParams)
     # How far inside the sole's edge the CoP stays.
     sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # Of a foot in contact.
@@ -210,8 +212,9 @@ class WholeBodyCommand(NamedTuple):
     `contacts`: whether the (left, right) sole carries, at least one does;
     `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
     a, yaw, yawdot, yawddot] of the sole that does not carry.  `normals` (2, 3)
-    in W are across the (left, right) sole, as it is to be.  `edges` [m] are
-    where, along it, the (left, right) sole may roll; 0: it stays flat.
+    in W are across the (left, right) sole, as it is to be; `friction` is what
+    both may count on.  `edges` [m] are where, along it, the (left, right) sole
+    may roll; 0: it stays flat.
     """
 
     momentum_rate: Array
@@ -221,6 +224,7 @@ class WholeBodyCommand(NamedTuple):
     max_normal_forces: tuple[float, float]
     swing: Array
     normals: Array
+    friction: float
     edges: tuple[float, float] = (0.0, 0.0)
 
 
@@ -228,12 +232,14 @@ def whole_body_command(
     state: WalkingState,
     momentum_rate: Array,
     swing: Array,
+    friction: float,
     params: WholeBodyQpParams,
     model: WholeBodyModel,
 ) -> WholeBodyCommand:
     """Returns contacts, heading and force bounds of a walking state.
 
-    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole.
+    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
+    `friction` to count on.
     """
     schedule = state.schedule
     left, right = (schedule.in_contact(s) for s in (Side.LEFT, Side.RIGHT))
@@ -248,6 +254,7 @@ def whole_body_command(
         ),
         swing=swing,
         normals=sole_normals(state),
+        friction=friction,
         edges=(
             rolling_edge(state, Side.LEFT, params, model),
             rolling_edge(state, Side.RIGHT, params, model),

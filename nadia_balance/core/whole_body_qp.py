@@ -98,10 +98,8 @@ class WholeBodyLimits:
                 f"sole_margin = {params.sole_margin}: must leave some of the "
                 "sole"
             )
-        cone = np.zeros((_FOOT_ROWS, 6))
-        cone[:NUM_CONE_ROWS] = contact_wrench_cone(*sides, params.friction)
-        cone[-1, 5] = 1.0
-        self._cone = cone.reshape(-1, 3)  # tau and f in turn, to rotate both
+        self._sides = sides
+        self._usual_cone = self._cone(params.friction)
         # The first axis of all bounds is lower, upper.
         self._least_force = params.min_normal_force / model.mass
         self._wrench = np.zeros((2, _FOOT_ROWS))
@@ -157,11 +155,15 @@ class WholeBodyLimits:
             bounds[0, rows] = self._params.link_braking(
                 terms.distances[near], of @ terms.v
             )
+        cone = self._usual_cone
+        if command.friction != self._params.friction:
+            cone = self._cone(command.friction)
         row, column = self._apart.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:
                 rows = slice(row, row + _FOOT_ROWS)
-                C[rows, column : column + 6] = self._rotated_cone(terms, side)
+                R_FW = terms.rotations[side].T
+                C[rows, column : column + 6] = (cone @ R_FW).reshape(-1, 6)
                 bounds[:, rows] = self._wrench
                 most = command.max_normal_forces[side] / self._mass
                 bounds[1, rows.stop - 1] = max(most, self._least_force)
@@ -211,10 +213,15 @@ class WholeBodyLimits:
         lower[self._apart] = -np.inf
         yield
 
-    def _rotated_cone(self, terms: WholeBodyTerms, side: int) -> Array:
-        """Rows (_FOOT_ROWS, 6) for the wrench of a sole, which is in W."""
-        R_FW = terms.rotations[side].T
-        return np.asarray((self._cone @ R_FW).reshape(_FOOT_ROWS, 6))
+    def _cone(self, friction: float) -> Array:
+        """The cone and the normal force of a sole, in its frame.
+
+        (2 * _FOOT_ROWS, 3), for tau and f in turn, to rotate both.
+        """
+        cone = np.zeros((_FOOT_ROWS, 6))
+        cone[:NUM_CONE_ROWS] = contact_wrench_cone(*self._sides, friction)
+        cone[-1, 5] = 1.0
+        return cone.reshape(-1, 3)
 
     def _braking(self, terms: WholeBodyTerms) -> Array:
         """Bounds (2, nj) of joint accelerations that keep the joints' limits.

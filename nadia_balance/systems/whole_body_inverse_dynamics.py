@@ -31,18 +31,20 @@ class WholeBodyInverseDynamics(LeafSystem):
     `whole_body_terms` are WholeBodyTerms, see CentroidalEstimator;
     `momentum_rate` (3,) [N] is that of the linear momentum, in W;
     `swing_foot_reference` is a SwingFootReference, `walking_state` a
-    WalkingState.  `actuation` [N m] is in the order of the plant's actuators;
-    `foot_wrenches` (12,) are [tau, f] [N m, N] of the left and the right sole,
-    at its centre, in W; `whole_body_qp_status` is a QpStatus.
+    WalkingState; `friction` (1,) is what soles may count on, that of the
+    parameters if it is not connected.  `actuation` [N m] is in the order of
+    the plant's actuators; `foot_wrenches` (12,) are [tau, f] [N m, N] of the
+    left and the right sole, at its centre, in W; `whole_body_qp_status` is a
+    QpStatus; `generalized_acceleration` (nv,) is what is to come of it.
 
     Before the update of a tick the outputs are computed from the inputs; after
     it, and up to the next tick, they are those of the state, whatever the
     inputs have become.  The discrete state holds what came of the last tick:
     the outputs, the active rows that warm-start the next one, the ticks
     without a solution until now, and its time.  In a tick in which the QP has
-    none, the torques damp the joints, the wrenches are 0, and the failure is
-    counted.  After GIVES_UP_AFTER of it in one go nothing else comes any more,
-    and the QP is not asked.
+    none, the torques damp the joints, wrenches and accelerations are 0, and
+    the failure is counted.  After GIVES_UP_AFTER of it in one go nothing else
+    comes any more, and the QP is not asked.
 
     Evaluating any output raises RuntimeError if a vector input is not finite.
 
@@ -50,8 +52,9 @@ class WholeBodyInverseDynamics(LeafSystem):
 
         name: WholeBodyInverseDynamics
         input_ports: [whole_body_terms, momentum_rate, swing_foot_reference,
-                      walking_state]
-        output_ports: [actuation, foot_wrenches, whole_body_qp_status]
+                      walking_state, friction]
+        output_ports: [actuation, foot_wrenches, whole_body_qp_status,
+                       generalized_acceleration]
     """
 
     def __init__(
@@ -84,16 +87,19 @@ class WholeBodyInverseDynamics(LeafSystem):
         shape = size(SwingFootReference)
         self._swing = VectorInput(self, "swing_foot_reference", shape)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        usual = np.array([params.friction])
+        self._friction = VectorInput(self, "friction", 1, usual)
         Outcome(
             self,
             {
                 "actuation": len(self._joint_of_actuator),
                 "foot_wrenches": 12,
                 "whole_body_qp_status": size(QpStatus),
+                "generalized_acceleration": plant.num_velocities(),
                 "active": self._qp.num_inequalities,
                 "unsolved": 1,
             },
-            3,
+            4,
             self._calc_outcome,
             {self.all_input_ports_ticket()},
             period,
@@ -106,6 +112,7 @@ class WholeBodyInverseDynamics(LeafSystem):
             self._walking_state(context),
             self._momentum_rate(context),
             velocity_now(self._swing(context), self._lead),
+            float(self._friction(context)[0]),
             self._params,
             self._model,
         )
@@ -120,9 +127,13 @@ class WholeBodyInverseDynamics(LeafSystem):
             found = self._qp.solve(terms, command, active, torques)
             status, active = status.after(found.qp), found.qp.active
         if status[0]:
-            torques, wrenches, unsolved = found.torques, found.wrenches, 0
+            torques, wrenches, vdot = found.torques, found.wrenches, found.vdot
+            unsolved = 0
         else:
             torques = self._qp.damping_torques(terms, torques)
-            wrenches, unsolved = np.zeros(12), unsolved + 1
+            wrenches, vdot = np.zeros(12), np.zeros(terms.v.size)
+            unsolved += 1
         actuation = torques[self._joint_of_actuator]
-        return np.concatenate((actuation, wrenches, status, active, [unsolved]))
+        return np.concatenate(
+            (actuation, wrenches, status, vdot, active, [unsolved])
+        )

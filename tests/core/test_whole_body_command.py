@@ -51,6 +51,7 @@ def command(walking_state, swing=None, **params):
         walking_state,
         np.zeros(3),
         np.zeros(12) if swing is None else swing,
+        0.6,
         WholeBodyQpParams(**params),
         MODEL,
     )

@@ -1,0 +1,72 @@
+"""Friction to count on, from soles that slip."""
+
+import numpy as np
+from pydrake.systems.framework import EventStatus, LeafSystem
+
+from nadia_balance.core.friction import FrictionEstimate, friction_after
+from nadia_balance.core.lipm import GRAVITY
+from nadia_balance.core.whole_body_command import (
+    SOLES,
+    WholeBodyQpParams,
+    WholeBodyTerms,
+)
+from nadia_balance.systems.ports import ValueInput, VectorInput
+
+
+class FrictionEstimator(LeafSystem):
+    """Counts on less friction when a sole slips that carries.
+
+    `whole_body_terms` are WholeBodyTerms, `foot_wrenches` (12,) [N m, N] what
+    the soles are to bear, both of this tick; `friction` (1,) is that of the
+    pyramid, one tick late.  The discrete state is a FrictionEstimate.
+
+    An update raises RuntimeError if `foot_wrenches` is not finite.
+
+    .. pydrake_system::
+
+        name: FrictionEstimator
+        input_ports: [whole_body_terms, foot_wrenches]
+        output_ports: [friction]
+    """
+
+    def __init__(self, params: WholeBodyQpParams, mass: float, period: float):
+        """Looks every `period` [s] at soles that bear a robot of `mass` [kg].
+
+        Without a slip, the friction is that of `params`.
+        """
+        super().__init__()
+        self._params, self._period = params, period
+        self._weight = mass * GRAVITY
+        self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
+        self._wrenches = VectorInput(self, "foot_wrenches", 12)
+        self.DeclareDiscreteState(FrictionEstimate(params.friction, 0.0, 0.0))
+        self.DeclareVectorOutputPort(
+            "friction", 1, self._calc_friction, {self.all_state_ticket()}
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _calc_friction(self, context, output):
+        output.set_value(context.get_discrete_state_vector().value()[:1])
+
+    def _update(self, context, new):
+        last = context.get_discrete_state_vector().value()
+        terms, wrenches = self._terms(context), self._wrenches(context)
+        to_sole = terms.rotations[:2].transpose(0, 2, 1)
+        motion = np.stack(
+            (
+                wrenches.reshape(2, 6)[:, 3:] / self._weight,
+                [terms.velocities[sole][3:] for sole in SOLES],
+            ),
+            axis=-1,
+        )
+        forces, velocities = np.moveaxis(to_sole @ motion, -1, 0)
+        estimate = friction_after(
+            FrictionEstimate(*last.tolist()),
+            forces,
+            velocities,
+            self._params.friction,
+            self._params.slip,
+            self._period,
+        )
+        new.get_mutable_discrete_state(0).set_value(np.array(estimate))
+        return EventStatus.Succeeded()

@@ -1,0 +1,96 @@
+"""Oracles: motion at a constant acceleration, a first-order lag, the plant."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.robot import load_robot
+from nadia_balance.systems.state_predictor import StatePredictor
+from tests.blocks import answer, running, tick
+from tests.whole_body_examples import standing_state
+
+PERIOD = 0.002
+TICKS = 5
+DELAY = TICKS * PERIOD
+NADIA = {f: load_robot("nadia", f) for f in ("ideal", "realistic")}
+NQ = NADIA["ideal"].control_plant().num_positions()
+
+
+def predicted(fidelity, v, acceleration, ticks):
+    """What is predicted after `ticks` of a constant acceleration."""
+    state = standing_state()
+    state[NQ:] = v
+    predictor = StatePredictor(NADIA[fidelity], PERIOD, DELAY)
+    simulator, context = running(
+        predictor,
+        delayed_state=state,
+        generalized_acceleration=np.full(state.size - NQ, acceleration),
+    )
+    for _ in range(ticks):
+        tick(simulator, PERIOD)
+    found = answer(predictor, context, "estimated_state")
+    return found[:NQ] - state[:NQ], found[NQ:] - state[NQ:]
+
+
+@pytest.mark.parametrize("ticks", [0, 2, 5, 50])
+def test_joints_go_on_as_commanded(ticks):
+    """Oracle: v0 + a t, and its integral, of what was commanded by now."""
+    way, gain = predicted("ideal", 0.3, 4.0, ticks)
+    t = min(ticks * PERIOD, DELAY)
+    assert gain == pytest.approx(np.full(gain.size, 4.0 * t))
+    expected = 0.3 * DELAY + 2.0 * t * t
+    assert way[7:] == pytest.approx(np.full(NQ - 7, expected))
+
+
+def test_the_pelvis_turns():
+    """Oracle: the angle of a rotation about an axis in the plane."""
+    v = np.zeros(standing_state().size - NQ)
+    v[1] = 2.0
+    way, _ = predicted("ideal", v, 0.0, 0)
+    q = way[:4] + standing_state()[:4]
+    angle = 2.0 * math.atan2(q[2], q[0])
+    assert angle == pytest.approx(2.0 * DELAY, rel=1e-4)
+    assert np.linalg.norm(q) == pytest.approx(1.0)
+
+
+def test_drives_are_late():
+    """Oracle: the integrals of 1 - exp(-t / T), in closed form."""
+    way, gain = predicted("realistic", 0.0, 4.0, TICKS)
+    lag = NADIA["realistic"].drives.lag
+    late = lag * (1.0 - math.exp(-DELAY / lag))
+    assert gain == pytest.approx(np.full(gain.size, 4.0 * (DELAY - late)))
+    # The acceleration counts as constant in a period.
+    expected = 4.0 * (0.5 * DELAY**2 - lag * (DELAY - late))
+    assert way[7:] == pytest.approx(np.full(NQ - 7, expected), rel=0.02)
+
+
+def test_a_walking_robot_is_where_it_is_predicted():
+    """Oracle: the plant's state; without prediction the error is larger."""
+    built = HumanoidDiagram(
+        load_scenario("walk_in_place", text="imperfections: {delay: 0.01}")
+    )
+    simulator = Simulator(built)
+    context = simulator.get_mutable_context()
+    built.set_initial_state(context)
+    errors = []
+    for i in range(400):
+        simulator.AdvanceTo(1.2 + i * PERIOD)
+        known, late = (
+            system.GetOutputPort("estimated_state").Eval(
+                system.GetMyContextFromRoot(context)
+            )
+            for system in map(
+                built.GetSubsystemByName, ("state_predictor", "state_sensor")
+            )
+        )
+        state = built.engine.GetOutputPort("state").Eval(
+            built.engine.GetMyContextFromRoot(context)
+        )
+        errors.append(np.abs(np.stack((known, late)) - state))
+    known, late = np.median(errors, axis=0)
+    assert known[:NQ].max() < 0.1 * late[:NQ].max()
+    assert known[NQ:].max() < 0.5 * late[NQ:].max()
