@@ -26,7 +26,11 @@ PORTS = {
             "momentum_rate",
             "swing_foot_reference",
             "walking_state",
+            "friction",
         ),
+        "state_sensor": ("state", "foot_forces"),
+        "state_predictor": ("delayed_state", "generalized_acceleration"),
+        "friction_estimator": ("whole_body_terms", "foot_wrenches"),
         "joint_drives": ("actuation", "state"),
     },
     LipmDiagram: {
@@ -67,7 +71,7 @@ def runs() -> dict[type, Simulator]:
     """
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
-        "pushes: [{delta_v: 0.1, at: 5 s}]}"
+        "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}]}"
     )
     scenario = load_scenario("walk_in_place", text=text)
     simulators = {}
