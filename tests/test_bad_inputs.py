@@ -67,7 +67,8 @@ CASES = [
 def runs() -> dict[type, Simulator]:
     """Both diagrams in the middle of a swing; nothing moves them on.
 
-    The push is still to come, so that its source watches the walking state.
+    The push is still to come, so that its source watches the walking state;
+    with a delay, there are a sensor and a predictor.
     """
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
