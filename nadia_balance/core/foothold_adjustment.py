@@ -37,6 +37,9 @@ from nadia_balance.core.walking import (
     number_of_ticks,
 )
 
+ROUNDING = 1e-6  # a foothold so far out is on the edge [m]
+_BISECTION = tuple(0.5**i for i in range(1, 6))
+
 
 @dataclass(frozen=True, eq=False)
 class CaptureRegions(Immutable):
@@ -167,6 +170,49 @@ class Landing(Immutable):
             on_arrival,
         )
 
+    def in_time(
+        self, current: Adjustment, wanted: Adjustment, time: float
+    ) -> Adjustment:
+        """Returns `wanted`, or as much of it as the foot can do in `time` [s].
+
+        A foothold moves on from that of `current` only as far as the foot,
+        which is under way, can be there before it lands; else it would be
+        dragged along the ground.  The nominal foothold may always be taken.
+        """
+        p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
+        nominal = wanted.nominal.pose
+        if (
+            wanted.pose is current.pose
+            or wanted.pose is nominal
+            or self._is_in_time(q, time)
+        ):
+            return wanted
+        pose, share = current.pose, 0.0
+        for part in _BISECTION:
+            point = p + (share + part) * (q - p)
+            if self._is_in_time(point, time) and (
+                found := self._foothold(point, nominal)
+            ):
+                pose, share = found, share + part
+        return replace(wanted, pose=pose)
+
+    def _is_in_time(self, foothold: Array, time: float) -> bool:
+        if self.foot is None:
+            return True
+        g = self.geometry
+        way = self.foot, foothold, g.stance, g.swing
+        return UNDER_WAY * time_of_way(*way, g.detour) <= time
+
+    def _foothold(self, point: Array, nominal: FootPose) -> FootPose | None:
+        """The foot at `point` (2,) [m] in W; None if it cannot stand there."""
+        within = any(
+            contains(point, region, ROUNDING)
+            for region in self.geometry.regions.values()
+        )
+        if not within or self.geometry.blocked(point):
+            return None
+        return FootPose(np.append(point, nominal.p_WF[2]), nominal.yaw)
+
 
 def propose_adjustment(
     state: WalkingState,
@@ -186,7 +232,9 @@ def propose_adjustment(
         or landing.touchdown[0] < params.freeze_time
     ):
         return current
-    return landing.adjust(current, params, period)
+    wanted = landing.adjust(current, params, period)
+    time = state.remaining_time + state.gained_time
+    return landing.in_time(current, wanted, time)
 
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:

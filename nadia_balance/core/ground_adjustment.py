@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
 from nadia_balance.core.foothold_adjustment import (
+    ROUNDING,
     Landing,
     return_to_nominal,
 )
 from nadia_balance.core.ground_capture import Footing, Place
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.reachability import BASE, closest_point
-from nadia_balance.core.walking import Adjustment, Array
+from nadia_balance.core.walking import Adjustment, Array, FootPose
 
-_ROUNDING = 1e-6  # a foothold so far out is on the edge [m]
 _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the margin that are tried [-]
 
 
@@ -45,17 +45,26 @@ class GroundLanding(Landing):
             return current
         pose = current.pose
         if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
-            pose = self.footing.ground.pose(
-                target, nominal.yaw, nominal.p_WF[2]
-            )
+            pose = self._on_ground(target, nominal)
         return Adjustment(current.nominal, pose, place.reach)
+
+    def _foothold(self, point: Array, nominal: FootPose) -> FootPose | None:
+        if any(
+            contains(point, place.polygon, ROUNDING)
+            for place in self.footing.places
+        ):
+            return self._on_ground(point, nominal)
+        return None
+
+    def _on_ground(self, point: Array, nominal: FootPose) -> FootPose:
+        return self.footing.ground.pose(point, nominal.yaw, nominal.p_WF[2])
 
     def _captures(self, foothold: Array, margin: float) -> bool:
         """True if the foot can be put there, and then recovers."""
         return any(
-            contains(foothold, part, _ROUNDING)
+            contains(foothold, part, ROUNDING)
             for place in self.footing.places
-            if contains(foothold, place.polygon, _ROUNDING)
+            if contains(foothold, place.polygon, ROUNDING)
             for part in self.footing.parts(place, self.one_step, margin)
         )
 
@@ -111,7 +120,7 @@ class GroundLanding(Landing):
         return (
             current.pose is not current.nominal.pose
             and place.reach == current.region
-            and contains(current.pose.p_WF[:2], place.polygon, _ROUNDING)
+            and contains(current.pose.p_WF[:2], place.polygon, ROUNDING)
         )
 
     def _closest(

@@ -194,11 +194,9 @@ def time_to_return(
     goal = state.schedule.footsteps[0].pose.p_WF
     if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
         return 0.0
-    gained = max(state.time_in_phase - state.elapsed, 0.0)
     needed = UNDER_WAY * _time_to_foothold(state, foot, detour)
-    return min(
-        max(needed - params.tolerated_delay - state.remaining_time, 0.0), gained
-    )
+    late = needed - params.tolerated_delay - state.remaining_time
+    return min(max(late, 0.0), state.gained_time)
 
 
 class TimeAdjustment(NamedTuple):

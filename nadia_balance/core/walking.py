@@ -231,6 +231,11 @@ class WalkingState(Immutable):
         """Planned time [s] until the present phase ends."""
         return max(self.schedule.duration - self.time_in_phase, 0.0)
 
+    @property
+    def gained_time(self) -> float:
+        """By how much [s] the clock is ahead; so much it can give back."""
+        return max(self.time_in_phase - self.elapsed, 0.0)
+
 
 def rectangle(length: float, width: float) -> Array:
     """Corners (4, 2) [m] of a rectangle about 0, counter-clockwise."""

@@ -59,10 +59,10 @@ class CaptureRegionStepAdjuster(LeafSystem):
     `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
     (2,) [s] is that of a TimingAdapter, 0 if not connected; `foot_poses` are
     FootPoses, measured; if not connected, no region is reached sooner than
-    another.  `mechanisms` (4,), all if not connected.  `adjustment` is an
-    Adjustment: outside of a swing the next foothold as it is, NOTHING (see
-    ports) while `step` is off.  `capture_regions` are CaptureRegions, empty
-    outside of a swing.
+    another, and no foothold too late.  `mechanisms` (4,), all if not
+    connected.  `adjustment` is an Adjustment: outside of a swing the next
+    foothold as it is, NOTHING (see ports) while `step` is off.
+    `capture_regions` are CaptureRegions, empty outside of a swing.
 
     It has no state: what it has to remember is in the Adjustment that it reads
     back from the walking state.

@@ -326,6 +326,75 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     assert unhurried.on_arrival(ahead, 0.08) is unhurried.capture_region
 
 
+# In time.
+
+FOOT = np.array([0.0, -0.2])
+LAST = Adjustment(IN_PLACE.footsteps[0], FootPose([0.1, -0.25, 0.0]), BASE)
+WANTED = Adjustment(IN_PLACE.footsteps[0], FootPose([0.6, -0.4, 0.0]), BASE)
+
+
+def late_landing(foot=FOOT):
+    return Landing(GEOMETRY, np.array(OUT), (0.1, 0.6), foot)
+
+
+@pytest.mark.parametrize("time", [0.12, 0.15, 0.18])
+def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
+    """Oracle: by hand: straight, accelerating for one half and braking for the
+    other, a foot under way goes a / 4 (t / sqrt(0.5) - settling)^2.
+    """
+    detour = GEOMETRY.detour
+    reach = math.sqrt(2.0) * time - detour.settling
+    reach = 0.25 * detour.max_acceleration * reach**2
+    last, goal = LAST.pose.p_WF[:2], WANTED.pose.p_WF[:2]
+    circle = shapely.Point(FOOT).buffer(reach, quad_segs=256)
+    way = shapely.LineString([last, goal])
+    share = circle.intersection(way).length / way.length
+
+    found = late_landing().in_time(LAST, WANTED, time)
+    x, y = (found.pose.p_WF[:2] - last) / (goal - last)
+    assert x == pytest.approx(y)
+    assert 0.1 < share - 1.0 / 32.0 - 1e-4 <= x <= share + 1e-4 < 0.9
+    assert found.pose.yaw == WANTED.pose.yaw
+
+
+def test_a_foothold_in_time_is_taken_as_it_is_and_one_too_late_not_at_all():
+    """Oracle: the very objects; the nominal foothold, and a foot that no
+    mechanism hurries, are left alone.
+    """
+    found = late_landing()
+    assert found.in_time(LAST, WANTED, 0.5) is WANTED
+    assert found.in_time(LAST, WANTED, 0.02).pose is LAST.pose
+    back = unadjusted(IN_PLACE)
+    assert found.in_time(LAST, back, 0.0) is back
+    assert late_landing(None).in_time(LAST, WANTED, 0.0) is WANTED
+
+
+def test_a_foothold_moves_on_past_the_stance_foot_or_not_at_all():
+    """Oracle: no point of the way that is on the stance foot."""
+    beside = Adjustment(LAST.nominal, FootPose([0.15, -0.1, 0.0]), BASE)
+    across = Adjustment(LAST.nominal, FootPose([0.3, 0.2, 0.0]), FORWARD)
+    half = 0.5 * (beside.pose.p_WF + across.pose.p_WF)
+    assert GEOMETRY.blocked(half[:2])
+    for time in np.arange(0.0, 0.4, 0.01):
+        found = late_landing().in_time(beside, across, float(time)).pose
+        assert not GEOMETRY.blocked(found.p_WF[:2])
+
+
+def test_the_time_that_the_clock_has_gained_counts():
+    """Oracle: 0.15 s of the clock; 0.05 s, and 0.1 s that it can give back."""
+    for left, gained in ((0.15, 0.0), (0.05, 0.1)):
+        t = IN_PLACE.duration - left
+        state = WalkingState(
+            IN_PLACE, time_in_phase=t, elapsed=t - gained, adjustment=LAST
+        )
+        case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
+        wanted = case.adjust(LAST, PARAMS, TICK)
+        found = propose_adjustment(state, case, PARAMS, TICK)
+        expected = case.in_time(LAST, wanted, 0.15)
+        assert found.pose.p_WF[:2] == pytest.approx(expected.pose.p_WF[:2])
+        assert found.pose.p_WF[0] < wanted.pose.p_WF[0]
+
+
 # Noise.
 
 GAITS = [

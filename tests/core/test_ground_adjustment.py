@@ -81,6 +81,26 @@ def test_wherever_the_icp_is_the_foot_lands_on_a_stone():
         assert ground.region_under(found.pose) is not None
 
 
+def test_a_foot_that_is_late_moves_on_along_a_stone_or_stays():
+    """Oracle: the sole's corners, and the times of the ways by hand."""
+    moved = 0
+    for to in ([0.6, -0.25], [0.15, -0.3], [0.3, -0.6]):
+        case, current, ground = landing(icp_before(np.array(to)))
+        case = case.at(case.icp, TOUCHDOWN, np.array([0.0, -0.125]))
+        wanted = case.adjust(current, PARAMS, 0.002)
+        for time in np.arange(0.0, 0.3, 0.01):
+            found = case.in_time(current, wanted, float(time)).pose
+            assert ground.region_under(found) is not None
+            way = math.hypot(*(found.p_WF[:2] - case.foot))
+            least = 2.0 * math.sqrt(way / MODEL.detour.max_acceleration)
+            least += MODEL.detour.settling
+            assert (
+                found is current.pose or math.sqrt(0.5) * least <= time + 1e-9
+            )
+            moved += found is not current.pose and found is not wanted.pose
+    assert moved
+
+
 def test_noise_does_not_move_the_foot_from_stone_to_stone():
     """Oracle: the stone of the tick before; without it, they change.
 

@@ -74,7 +74,7 @@ def test_tasks_are_met_where_nothing_is_in_the_way(slope):
     turn = kp * math.sin(to_go.angle()) * to_go.axis()
     turn[2] += kd * 0.4 + 0.5
     assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
-    kp, kd = 150.0, 2.0 * math.sqrt(150.0)
+    kp, kd = 300.0, 2.0 * math.sqrt(300.0)
     move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
     assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
 
