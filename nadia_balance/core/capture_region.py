@@ -84,7 +84,7 @@ class CaptureRegionStepAdjusterParams:
     # the foot can be there: no sooner than this, wherever it is; as
     # `min_remaining_swing` of the TimingAdapterParams.
     least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
-    # A foothold moves by so much, or not at all.
+    # No foothold moves for a wish that is less far away.
     dead_band: float = bounded(0.01, least=0.0, unit="m")
     # How deep inside the capture region to step, if possible.
     margin: float = bounded(0.03, least=0.0, unit="m")

@@ -38,7 +38,7 @@ from nadia_balance.core.walking import (
 )
 
 ROUNDING = 1e-6  # a foothold so far out is on the edge [m]
-_BISECTION = tuple(0.5**i for i in range(1, 6))
+_BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,13 +139,20 @@ class Landing(Immutable):
             return self.capture_region
         g = self.geometry
         goal, _ = closest_point(region, self.capture_region)
-        soonest = time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
+        soonest = self._time_to(goal)
         if under_way:
             soonest *= UNDER_WAY
         soonest = max(soonest, least)
         first, last = self.touchdown
         times = soonest, soonest + last - first
         return g.capture_region(g.one_step_region(self.icp, times))
+
+    def _time_to(self, goal: Array) -> float:
+        """From rest to a landing at `goal` (2,) [m] in W; 0 without `foot`."""
+        if self.foot is None:
+            return 0.0
+        g = self.geometry
+        return time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
 
     def adjust(
         self,
@@ -178,6 +185,7 @@ class Landing(Immutable):
         A foothold moves on from that of `current` only as far as the foot,
         which is under way, can be there before it lands; else it would be
         dragged along the ground.  The nominal foothold may always be taken.
+        The papers do not ask for this.
         """
         p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
         nominal = wanted.nominal.pose
@@ -197,11 +205,7 @@ class Landing(Immutable):
         return replace(wanted, pose=pose)
 
     def _is_in_time(self, foothold: Array, time: float) -> bool:
-        if self.foot is None:
-            return True
-        g = self.geometry
-        way = self.foot, foothold, g.stance, g.swing
-        return UNDER_WAY * time_of_way(*way, g.detour) <= time
+        return UNDER_WAY * self._time_to(foothold) <= time
 
     def _foothold(self, point: Array, nominal: FootPose) -> FootPose | None:
         """The foot at `point` (2,) [m] in W; None if it cannot stand there."""
