@@ -1,15 +1,20 @@
 """How near the robot's links are to each other, and how that changes."""
 
+import itertools
+
 import numpy as np
-from pydrake.geometry import SceneGraph, SignedDistancePair
+from pydrake.geometry import Capsule, SceneGraph, SceneGraphInspector, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.capsules import SegmentPairs, cross
 from nadia_balance.core.whole_body_command import MAX_PAIRS
 from nadia_balance.robot import RobotModel
 
 _V = JacobianWrtVariable.kV
+_ORIGIN = np.zeros(3)
+_TINY = 1e-9  # links whose axes meet have no direction [m]
 
 
 class LinkDistances:
@@ -18,6 +23,9 @@ class LinkDistances:
     What counts is nearer than `link_attention`; or nearer than `arm_attention`
     and so fast that it has to brake, if one of the links is of the upper body.
     Legs swing past each other closely, by a way of their own.
+
+    Capsules and spheres are measured in closed form, all pairs at once; pairs
+    with another shape by the SceneGraph, one by one.
     """
 
     def __init__(
@@ -28,21 +36,49 @@ class LinkDistances:
     ):
         """Of `robot`, alone in `plant`."""
         self._plant, self._params = plant, robot.whole_body
-        inspector = scene_graph.model_inspector()
         self._world = plant.world_frame()
+        inspector = scene_graph.model_inspector()
+        candidates = sorted(inspector.GetCollisionCandidates())
+        self._shapes = {
+            shape: _Shape(inspector, plant, shape)
+            for shape in itertools.chain.from_iterable(candidates)
+        }
+        bodies = {shape.body.index() for shape in self._shapes.values()}
+        self._bodies = [plant.get_body(body) for body in sorted(bodies)]
+        self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper = _upper_body(robot, plant)
-        # The frame of a shape's body, and the shape's pose in it.
-        self._place, self._is_upper = {}, {}
-        for shape in inspector.GetAllGeometryIds():
-            body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-            X_BG = inspector.GetPoseInFrame(shape)
-            self._place[shape] = body.body_frame(), X_BG
-            self._is_upper[shape] = body.index() in upper
-        self._upper_pairs = [
-            (a, b)
-            for a, b in sorted(inspector.GetCollisionCandidates())
-            if self._is_upper[a] or self._is_upper[b]
-        ]
+        attention = self._params.link_attention
+        round_pairs, self._others = [], []
+        for pair in candidates:
+            shapes = [self._shapes[shape] for shape in pair]
+            far = attention
+            if any(shape.body.index() in upper for shape in shapes):
+                far = max(self._params.arm_attention, attention)
+            if all(shape.radius is not None for shape in shapes):
+                round_pairs.append((*shapes, far))
+            else:
+                self._others.append((*pair, far))
+        self._set_round_pairs(round_pairs)
+
+    def _set_round_pairs(self, pairs: list) -> None:
+        """Tables of k pairs of capsules and spheres."""
+        sides = [[pair[side] for pair in pairs] for side in (0, 1)]
+        shapes = list(dict.fromkeys(sides[0] + sides[1]))
+        # Each times the pose of its body is [begin, way] (3, 2) in W.
+        self._segments = np.array([s.segment for s in shapes]).reshape(-1, 4, 2)
+        self._owner = np.array(
+            [self._number[s.body.index()] for s in shapes], dtype=int
+        )
+        # Which shapes, and bodies, the first and the second of each pair are.
+        self._sides = np.array(
+            [[shapes.index(s) for s in side] for side in sides], dtype=int
+        )
+        self._pair_bodies = self._owner[self._sides]
+        lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
+        self._pairs = SegmentPairs(lengths[self._sides])
+        radii = np.array([s.radius for s in shapes])
+        self._radii = radii[self._sides].sum(axis=0)
+        self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
 
     def calc(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """Returns distances (k,) [m], and their rows (k, nv), k <= MAX_PAIRS.
@@ -50,44 +86,119 @@ class LinkDistances:
         Rows times v are the rates of the distances.  The first has to brake
         most.
         """
-        pairs = self._pairs(context)
-        rows = np.empty((len(pairs), self._plant.num_velocities()))
-        for row, pair in zip(rows, pairs, strict=True):
-            J_A = self._jacobian(context, pair.id_A, pair.p_ACa)
-            J_B = self._jacobian(context, pair.id_B, pair.p_BCb)
-            row[:] = pair.nhat_BA_W @ (J_A - J_B)
-        distances = np.array([pair.distance for pair in pairs])
-        rates = rows @ self._plant.GetVelocities(context)
-        braking = self._params.link_braking(distances, rates)
-        near = distances < self._params.link_attention
-        urgent = np.flatnonzero(near | (braking > 0.0))
-        urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        return distances[urgent], rows[urgent]
-
-    def _pairs(self, context: Context) -> list[SignedDistancePair]:
-        """Those near enough: of the legs, and with the upper body."""
-        port = self._plant.get_geometry_query_input_port()
-        query, params = port.Eval(context), self._params
-        pairs = [
-            pair
-            for pair in query.ComputeSignedDistancePairwiseClosestPoints(
-                params.link_attention
+        plant = self._plant
+        X_WB = np.array(
+            [
+                plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
+                for body in self._bodies
+            ]
+        )
+        distance, normal, p, bodies = self._near_round(X_WB)
+        if self._others:
+            more = self._near_others(context, X_WB)
+            distance, normal, p, bodies = (
+                np.concatenate(both, axis=-1)
+                for both in zip(
+                    (distance, normal, p, bodies), more, strict=True
+                )
             )
-            if not (self._is_upper[pair.id_A] or self._is_upper[pair.id_B])
-        ]
-        # One by one, as most that are so near are of the legs.
-        far = max(params.arm_attention, params.link_attention)
-        for a, b in self._upper_pairs:
+        if not distance.size:
+            return np.empty(0), np.empty((0, plant.num_velocities()))
+        # n . (v + w x r) = (r x n) . w + n . v for V = [w, v] of a body; to
+        # go along n from the axis to the surface makes no difference.
+        W = np.empty((6, 2, distance.size))
+        W[3:, 0], W[3:, 1] = normal, -normal
+        W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        V = np.empty((len(self._bodies), 6))
+        for body in set(bodies.ravel().tolist()):
+            V[body] = plant.EvalBodySpatialVelocityInWorld(
+                context, self._bodies[body]
+            ).get_coeffs()
+        rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
+        braking = self._params.link_braking(distance, rates)
+        counts = distance < self._params.link_attention
+        urgent = (counts | (braking > 0.0)).nonzero()[0]
+        if urgent.size > 1:
+            urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
+        rows = np.empty((urgent.size, plant.num_velocities()))
+        for row, k in zip(rows, urgent.tolist(), strict=True):
+            J_A, J_B = (
+                plant.CalcJacobianSpatialVelocity(
+                    context,
+                    _V,
+                    self._bodies[body].body_frame(),
+                    _ORIGIN,
+                    self._world,
+                    self._world,
+                )
+                for body in bodies[:, k]
+            )
+            row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
+        return distance[urgent], rows
+
+    def _near_round(self, X_WB: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Those of the k pairs of capsules and spheres that are near.
+
+        Their distances (n,) [m], the normals (3, n) from the second to the
+        first link, the points (3, 2, n) [m] on their axes, all in W, and the
+        numbers (2, n) of the links.
+        """
+        placed = (X_WB.take(self._owner, axis=0) @ self._segments).T
+        begin, way = placed.take(self._sides, axis=2)
+        p = self._pairs.closest_points(begin, way)
+        apart = p[:, 0] - p[:, 1]
+        squares = np.einsum("ik,ik->k", apart, apart)
+        near = (squares < self._squared_far).nonzero()[0]
+        length = np.sqrt(squares.take(near))
+        normal = apart.take(near, axis=1) / np.maximum(length, _TINY)
+        bodies = self._pair_bodies.take(near, axis=1)
+        distance = length - self._radii.take(near)
+        return distance, normal, p.take(near, axis=2), bodies
+
+    def _near_others(
+        self, context: Context, X_WB: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """The same of pairs with another shape; points are on the surfaces."""
+        query = self._plant.get_geometry_query_input_port().Eval(context)
+        found = []
+        for a, b, far in self._others:
             pair = query.ComputeSignedDistancePairClosestPoints(a, b)
             if pair.distance < far:
-                pairs.append(pair)
-        return pairs
+                shapes = self._shapes[a], self._shapes[b]
+                bodies = [self._number[s.body.index()] for s in shapes]
+                points = [
+                    X_WB[body] @ [*(shape.X_BG @ p_GC), 1.0]
+                    for body, shape, p_GC in zip(
+                        bodies, shapes, (pair.p_ACa, pair.p_BCb), strict=True
+                    )
+                ]
+                row = pair.distance, *pair.nhat_BA_W, *np.ravel(points), *bodies
+                found.append(row)
+        columns = np.array(found).reshape(-1, 12).T
+        p = columns[4:10].reshape(2, 3, -1).transpose(1, 0, 2)
+        return columns[0], columns[1:4], p, columns[10:].astype(int)
 
-    def _jacobian(self, context, shape, p_GC) -> np.ndarray:
-        frame, X_BG = self._place[shape]
-        return self._plant.CalcJacobianTranslationalVelocity(
-            context, _V, frame, X_BG @ p_GC, self._world, self._world
-        )
+
+class _Shape:
+    """A shape of a link, and the segment in its middle if it is round."""
+
+    def __init__(
+        self, inspector: SceneGraphInspector, plant: MultibodyPlant, shape
+    ):
+        """`segment` (4, 2) times a pose [R, p] of the body is [begin, way].
+
+        `radius` [m] is None of what is neither a capsule nor a sphere.
+        """
+        self.body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+        self.X_BG = inspector.GetPoseInFrame(shape)
+        form = inspector.GetShape(shape)
+        is_round = isinstance(form, Capsule | Sphere)
+        self.radius = form.radius() if is_round else None
+        way = np.zeros(3)
+        if isinstance(form, Capsule):
+            way = form.length() * self.X_BG.rotation().matrix()[:, 2]
+        begin = self.X_BG.translation() - 0.5 * way
+        self.segment = np.array([[*begin, 1.0], [*way, 0.0]]).T
 
 
 def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:

@@ -40,7 +40,7 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
-_NO_QP = QpResult(np.empty(0), True, np.empty(0, np.int8), 0, False, 0.0)
+_NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
 
 @dataclass(frozen=True, eq=False)

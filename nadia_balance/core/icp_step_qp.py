@@ -8,10 +8,8 @@ import numpy as np
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.polygon import contains, project
-from nadia_balance.core.qp import SOLVERS, DenseQp, QpProblem, QpResult
+from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.walking import Array, FootPose, Immutable
-
-_EXACT = 1e-12  # of a constraint [m]
 
 
 def _diagonal(weight: float) -> Any:
@@ -41,7 +39,6 @@ class IcpStepQpParams:
     # No change so shortly before touchdown, nor so early in a phase.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
-    solver: str = bounded("active_set", one_of=SOLVERS)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
     def validate_more(self) -> None:
@@ -118,13 +115,10 @@ class IcpStepQp:
     moves with the footholds where a spline shifts it.  Delta is eliminated.
     """
 
-    def __init__(self, params: IcpStepQpParams, max_rows: int) -> None:
-        """For rooms that have, together, up to `max_rows` half-spaces."""
-        self._max_rows, self._gain = max_rows, params.feedback_gain
-        self._size = 2 * params.num_steps + 2
-        self._qp = DenseQp(self._size, 0, max_rows, params.solver)
-        self._no_lower = np.full(max_rows, -np.inf)
-        self._no_rows, self._no_values = np.zeros((0, self._size)), np.zeros(0)
+    def __init__(self, params: IcpStepQpParams) -> None:
+        """Builds the program."""
+        self._gain, self._size = params.feedback_gain, 2 * params.num_steps + 2
+        self._qp = DenseQp(self._size)
 
     def limits(
         self,
@@ -140,9 +134,9 @@ class IcpStepQp:
         H = np.zeros((self._size, self._size))
         H += np.kron(np.eye(self._size // 2), weights.step)
         H[-2:, -2:] = weights.slack
-        C, upper = np.zeros((self._max_rows, self._size)), -self._no_lower
-        rows = slice(len(b_cmp), len(b_cmp) + len(b))
-        C[rows, : A.shape[1]], upper[rows] = A, b
+        C = np.zeros((len(b_cmp) + len(b), self._size))
+        C[len(b_cmp) :, : A.shape[1]] = A
+        upper = np.concatenate((b_cmp, b))
         return StepLimits(A_cmp, b_cmp, C, upper, H, weights.feedback)
 
     def solve(
@@ -167,33 +161,18 @@ class IcpStepQp:
         C, upper = limits.C.copy(), limits.upper.copy()
         C[:k] = limits.A_cmp @ cmp_D
         upper[:k] = limits.b_cmp - limits.A_cmp @ (cmp + delta_0)
-        result = self._exact(
+        result = self._qp.solve(
             QpProblem(
                 limits.H + DR @ D,
                 DR @ delta_0,
-                self._no_rows,
-                self._no_values,
                 C,
-                self._no_lower,
+                np.full(len(upper), -np.inf),
                 upper,
             )
         )
         x = result.x
         steps = x[:used].reshape(-1, 2)
         return StepSolution(steps, delta_0 + D @ x, x[-2:], result)
-
-    def _exact(self, qp: QpProblem) -> QpResult:
-        """The optimum, with what is violated within the tolerance as well.
-
-        A foothold is farther off than that, by 1 / (k_xi Gamma).
-        """
-        found = self._qp.solve(qp)
-        late = qp.C @ found.x > qp.upper + _EXACT
-        if not late.any():  # nor if it is not solved, and NaN
-            return found
-        guess = np.where(late, 1, found.active).astype(np.int8)
-        again = self._qp.solve(qp, guess)
-        return again if again.solved else found
 
 
 class AnkleFeedback:

@@ -36,9 +36,15 @@ def torque_limits(
     [rad/s]: the torque-speed line bounds what drives a joint, never what
     brakes it.
     """
-    room = np.stack((max_speed + speed, max_speed - speed))
-    share = np.clip(room / ((1.0 - corner_speed) * max_speed), 0.0, 1.0)
-    return np.asarray(share * max_torque * np.array([[-1.0], [1.0]]))
+    # In place, as it is asked for in every step of the plant.
+    limits = np.empty((2, speed.size))
+    np.add(max_speed, speed, out=limits[0])
+    np.subtract(max_speed, speed, out=limits[1])
+    limits /= (1.0 - corner_speed) * max_speed
+    np.minimum(np.maximum(limits, 0.0, out=limits), 1.0, out=limits)
+    limits *= max_torque
+    np.negative(limits[0], out=limits[0])
+    return limits
 
 
 def lag_share(bandwidth: float, period: float) -> float:

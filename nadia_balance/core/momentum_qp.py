@@ -10,10 +10,8 @@ from nadia_balance.core.bounds import bounded
 from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import halfspaces, project, shrink
-from nadia_balance.core.qp import SOLVERS, DenseQp, Mask, QpProblem, QpResult
+from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.walking import Array
-
-_NO_ROWS, _NO_BOUNDS = np.zeros((0, 4)), np.zeros(0)
 
 
 @dataclass(kw_only=True)
@@ -40,7 +38,6 @@ class MomentumQpParams:
     cop_safe_distance: float = bounded(
         0.005, least=0.0, unit="m", of="sole_width"
     )
-    solver: str = bounded("active_set", one_of=SOLVERS)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
     def validate_more(self) -> None:
@@ -65,10 +62,9 @@ class FeedbackLimits:
 
     lower <= C (cop, kappa) <= upper, with the total kappa = ecmp - cop: the
     CoP in the `polygon` (n, 2) [m] of W, and kappa within +-max_kappa [m]
-    along the rows of `axes` (2, 2), the last two rows of C.  As kappa leads
-    from the CoP to the eCMP, this also bounds how far the eCMP leaves the
-    polygon.  C is (max_edges + 2, 4); rows that are not needed are zero, and
-    without bounds.
+    along the rows of `axes` (2, 2), the last two rows of C (n + 2, 4).  As
+    kappa leads from the CoP to the eCMP, this also bounds how far the eCMP
+    leaves the polygon.
     """
 
     polygon: Array
@@ -91,12 +87,12 @@ class FeedbackLimits:
 
 
 def feedback_limits(
-    support: Array, heading: float, params: MomentumQpParams, max_edges: int = 8
+    support: Array, heading: float, params: MomentumQpParams
 ) -> FeedbackLimits:
     """Returns the limits for a support polygon (n, 2) [m] in W.
 
     `heading` [rad] is the yaw of the foot along and across which kappa is
-    bounded; n <= max_edges.
+    bounded.
 
     Raises:
         ValueError: nothing is left of the polygon.
@@ -105,12 +101,10 @@ def feedback_limits(
     A, b = halfspaces(polygon)
     c, s = math.cos(heading), math.sin(heading)
     axes = np.array([[c, s], [-s, c]])
-    C = np.zeros((max_edges + 2, 4))
-    upper = np.full(max_edges + 2, np.inf)
-    lower = -upper
-    C[: len(A), :2], upper[: len(A)] = A, b
-    C[max_edges:, 2:], upper[max_edges:] = axes, params.max_kappa
-    lower[max_edges:] = -params.max_kappa
+    C = np.zeros((len(A) + 2, 4))
+    C[:-2, :2], C[-2:, 2:] = A, axes
+    upper = np.append(b, 2 * [params.max_kappa])
+    lower = np.append(np.full(len(A), -np.inf), 2 * [-params.max_kappa])
     return FeedbackLimits(polygon, axes, params.max_kappa, C, lower, upper)
 
 
@@ -119,7 +113,6 @@ class IcpFeedback(NamedTuple):
 
     `increments` (4,) are delta, of the CoP, and kappa, of the eCMP with respect
     to the CoP; `cop` (2,) is r_cop,d, `ecmp` (2,) is r_ecmp,d.
-    `result.active` tells the active limits, a guess for the next tick;
     `result.x` is not to be used if it is not solved.
     """
 
@@ -144,10 +137,10 @@ class IcpFeedbackQp:
     here R_kappa acts on the increment, and the limits on the total.
     """
 
-    def __init__(self, params: MomentumQpParams, max_edges: int = 8) -> None:
-        """Builds the program for up to `max_edges` of the support polygon."""
+    def __init__(self, params: MomentumQpParams) -> None:
+        """Builds the program."""
         self._params = params
-        self._qp = DenseQp(4, 0, max_edges + 2, params.solver)
+        self._qp = DenseQp(4)
 
     def solve(
         self,
@@ -156,7 +149,6 @@ class IcpFeedbackQp:
         kappa_r: Array,
         previous: Array,
         limits: FeedbackLimits,
-        active_guess: Mask | None = None,
     ) -> IcpFeedback:
         """Returns the feedback for the ICP error icp - icp_r, (2,) [m] in W.
 
@@ -172,10 +164,7 @@ class IcpFeedbackQp:
         reference = np.concatenate((cop_r, kappa_r))
         shift = limits.C @ reference
         lower, upper = limits.lower - shift, limits.upper - shift
-        result = self._qp.solve(
-            QpProblem(H, g, _NO_ROWS, _NO_BOUNDS, limits.C, lower, upper),
-            active_guess,
-        )
+        result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
         x = result.x
         if not result.solved:
             x = limits.clipped(previous, reference)

@@ -11,7 +11,6 @@ from nadia_balance.core.bounds import bounded
 from nadia_balance.core.friction import SlipParams
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.qp import SOLVERS
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
 
 # Rows of WholeBodyTerms: those of the joints come in between.
@@ -125,7 +124,6 @@ class WholeBodyQpParams:
     crossing_turn: CrossingTurnParams = field(
         default_factory=CrossingTurnParams
     )
-    solver: str = bounded("active_set", one_of=SOLVERS)
 
     def link_braking(self, distances: Array, rates: Array) -> Array:
         """Returns the least accelerations (k,) [m/s^2] of these distances.

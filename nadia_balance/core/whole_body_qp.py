@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.joint_drives import torque_limits
-from nadia_balance.core.qp import DenseQp, Mask, QpProblem, QpResult
+from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import (
     BASE,
     LEFT_SOLE,
-    MAX_PAIRS,
     RIGHT_SOLE,
     SOLES,
     WholeBodyCommand,
@@ -73,7 +72,7 @@ class WholeBodyLimits:
     Wrenches [tau, f] and torques are per unit of the robot's mass; there are
     wrenches of those soles only that carry.  In this order: torques, joint
     accelerations, the cone and the normal force of the left and of the right
-    sole.
+    sole, distances of near links.
     """
 
     def __init__(
@@ -87,9 +86,6 @@ class WholeBodyLimits:
         self._params, self._mass = params, model.mass
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
-        # Of pairs of links that are kept apart.
-        pairs = MAX_PAIRS if model.drives is not None else 0
-        self._apart = slice(2 * n, 2 * n + pairs)
         self._joints = np.eye(n)
         margin = 2.0 * params.sole_margin
         sides = model.sole_length - margin, model.sole_width - margin
@@ -116,49 +112,38 @@ class WholeBodyLimits:
             self._torque_steps = ticks * self._torques
 
     def num_rows(self, num_soles: int) -> int:
-        """Returns how many rows there are if so many soles carry."""
-        return self._apart.stop + num_soles * _FOOT_ROWS
+        """Returns how many rows there are if so many soles carry.
 
-    def rows_of(self, contacts: tuple[bool, bool]) -> NDArray[np.bool_]:
-        """Marks those of all rows that there are with these `contacts`."""
-        marks = np.ones(self.num_rows(2), dtype=bool)
-        for carries, rows in zip(
-            contacts, marks[self._apart.stop :].reshape(2, -1), strict=True
-        ):
-            rows[:] = carries
-        return marks
+        Those of near links come on top.
+        """
+        return self._joint_rows.stop + num_soles * _FOOT_ROWS
 
-    def bounds(
+    def near(self, terms: WholeBodyTerms) -> NDArray[np.bool_]:
+        """Marks the distances (k,) of links that are kept apart."""
+        return terms.distances < self._params.link_attention
+
+    def fill(
         self,
+        C: Array,
+        bounds: Array,
         terms: WholeBodyTerms,
         command: WholeBodyCommand,
-        C: Array,
         last_torques: Array | None = None,
-    ) -> tuple[Array, Array]:
-        """Returns lower and upper (m,), and completes the rows `C` (m, n).
+    ) -> None:
+        """Writes lower and upper `bounds` (2, m), and completes `C` (m, n).
 
-        Those of the torques, M vdot - sum J' w, are there already; all others
-        are zero.
+        The rows of the torques, M vdot - sum J' w, are there already; all
+        others are zero.
         """
-        bounds = np.empty((2, len(C)))
         torques = self.torque_bounds(terms.v[6:], last_torques)
         bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
         bounds[:, self._joint_rows] = self._braking(terms)
-        bounds[0, self._apart], bounds[1, self._apart] = -np.inf, np.inf
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
-        near = terms.distances < self._params.link_attention
-        if near.any():
-            of = terms.distance_rows[near]
-            rows = slice(self._apart.start, self._apart.start + len(of))
-            C[rows, :nv] = of
-            bounds[0, rows] = self._params.link_braking(
-                terms.distances[near], of @ terms.v
-            )
         cone = self._usual_cone
         if command.friction != self._params.friction:
             cone = self._cone(command.friction)
-        row, column = self._apart.stop, nv
+        row, column = self._joint_rows.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:
                 rows = slice(row, row + _FOOT_ROWS)
@@ -168,7 +153,13 @@ class WholeBodyLimits:
                 most = command.max_normal_forces[side] / self._mass
                 bounds[1, rows.stop - 1] = max(most, self._least_force)
                 row, column = rows.stop, column + 6
-        return bounds[0], bounds[1]
+        if row < len(C):
+            near = self.near(terms)
+            C[row:, :nv] = of = terms.distance_rows[near]
+            bounds[0, row:] = self._params.link_braking(
+                terms.distances[near], of @ terms.v
+            )
+            bounds[1, row:] = np.inf
 
     def torque_bounds(
         self, speed: Array, last: Array | None, haste: float = 1.0
@@ -210,8 +201,9 @@ class WholeBodyLimits:
             torques = torques - terms.forces[6:, -1]
             lower[self.torque_rows], upper[self.torque_rows] = torques
             yield
-        lower[self._apart] = -np.inf
-        yield
+        if near := np.count_nonzero(self.near(terms)):
+            lower[-near:] = -np.inf
+            yield
 
     def _cone(self, friction: float) -> Array:
         """The cone and the normal force of a sole, in its frame.
@@ -297,12 +289,9 @@ class WholeBodyQp:
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         self._qps = {
-            n: DenseQp(
-                nv + 6 * n, 6 + 6 * n, self._limits.num_rows(n), params.solver
-            )
+            n: DenseQp(nv + 6 * n)
             for n in (1, 2)  # soles that carry
         }
-        self._rows_of = {c: self._limits.rows_of(c) for c in _CARRYING}
         # The posture's PD law, and the costs that are always the same: those
         # of vdot, and those of the wrenches.
         weights = np.where(
@@ -318,19 +307,13 @@ class WholeBodyQp:
         wrench[5] = params.normal_weight
         self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
 
-    @property
-    def num_inequalities(self) -> int:
-        """Length of the active-set mask."""
-        return self._limits.num_rows(2)
-
     def solve(
         self,
         terms: WholeBodyTerms,
         command: WholeBodyCommand,
-        active_guess: Mask | None = None,
         last_torques: Array | None = None,
     ) -> WholeBodySolution:
-        """Solves the QP; `active_guess` is `qp.active` of the last tick.
+        """Solves the QP.
 
         Torques stay near the `last_torques` (nj,) [N m], if there are any.
 
@@ -338,31 +321,28 @@ class WholeBodyQp:
             ValueError: NaN or infinity in `terms` or `command`.
         """
         contacts = command.contacts
-        rows = self._rows_of[contacts]
         problem = self.problem(terms, command, last_torques)
-        guess = None if active_guess is None else active_guess[rows]
         solver = self._qps[sum(contacts)]
-        qp = solver.solve(problem, guess)
+        qp = solver.solve(problem)
         # At the touchdown of a long step, soles, torques and friction may leave
         # no room for braking, nor for torques that change slowly: neither is a
         # law of physics.
+        limits = slice(6 * sum(contacts) + 6, None)
         freed = self._limits.freed(
-            terms, last_torques, problem.lower, problem.upper
+            terms, last_torques, problem.lower[limits], problem.upper[limits]
         )
         while not qp.solved and next(freed, True) is None:
-            again = solver.solve(problem, guess)
-            solves = qp.iterations + again.iterations
-            qp = again._replace(iterations=solves, fallback=qp.fallback)
-        active = np.zeros(rows.size, dtype=np.int8)
-        active[rows] = qp.active
+            again = solver.solve(problem)
+            solves, helped = qp.solves + again.solves, qp.fallback
+            qp = again._replace(
+                solves=solves, fallback=helped or again.fallback
+            )
         nv, mass = terms.v.size, self._model.mass
-        torques = problem.C[self._limits.torque_rows] @ qp.x
+        torques = problem.A[limits][self._limits.torque_rows] @ qp.x
         torques += terms.forces[6:, -1]
         wrenches = np.zeros(12)
         wrenches[_CARRYING[contacts]] = mass * qp.x[nv:]
-        return WholeBodySolution(
-            qp.x[:nv], wrenches, mass * torques, qp._replace(active=active)
-        )
+        return WholeBodySolution(qp.x[:nv], wrenches, mass * torques, qp)
 
     def damping_torques(
         self, terms: WholeBodyTerms, last: Array | None = None
@@ -388,9 +368,12 @@ class WholeBodyQp:
         """Returns the QP as plain matrices."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
         J, n = terms.rows[soles, :nv], sum(command.contacts)
-        rows = np.zeros((6 * n + 6 + self._limits.num_rows(n), nv + 6 * n))
+        near = int(np.count_nonzero(self._limits.near(terms)))
+        num_rows = self._limits.num_rows(n) + near
+        rows = np.zeros((6 * n + 6 + num_rows, nv + 6 * n))
+        bounds = np.empty((2, len(rows)))
         A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
-        rows[: 6 * n, :nv] = J
+        A[: 6 * n, :nv] = J
         # The equations of motion: the base's, and the torques' next to them.
         motion = rows[6 * n : 6 * n + nv]
         motion[:, :nv] = terms.forces[:, :nv]
@@ -398,13 +381,15 @@ class WholeBodyQp:
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms, command.normals)
         b = np.concatenate((b[soles], b[BASE]))
-        lower, upper = self._limits.bounds(terms, command, C, last_torques)
+        limits = bounds[:, len(A) :]
+        self._limits.fill(C, limits, terms, command, last_torques)
         H, g = self._cost(terms, command)
         if all(command.contacts):
             for side, edge in enumerate(command.edges):
                 if edge:
                     self._let_roll(terms, side, edge, A, b, H, g)
-        return QpProblem(H, g, A, b, C, lower, upper)
+        bounds[:, : len(A)] = b
+        return QpProblem(H, g, rows, *bounds)
 
     def _let_roll(
         self,

@@ -84,9 +84,8 @@ class FootForceSensor(LeafSystem):
 
     def _measure(self, context, state):
         left, right = self._forces(self._contact_results.Eval(context))
-        samples = np.empty(2 * self._steps)
-        samples[:2] = max(left, 0.0), max(right, 0.0)
-        samples[2:] = context.get_discrete_state(self._samples).value()[:-2]
+        last = context.get_discrete_state(self._samples).value()[:-2]
+        samples = np.array((max(left, 0.0), max(right, 0.0), *last.tolist()))
         state.set_value(self._samples, samples)
         state.set_value(self._mean, self._average @ samples)
         return EventStatus.Succeeded()
@@ -94,12 +93,13 @@ class FootForceSensor(LeafSystem):
     def _forces(self, results: ContactResults) -> list[float]:
         """The vertical forces on left and right foot, in this step."""
         forces, foot_of = [0.0, 0.0], self._foot_of
+        info = results.point_pair_contact_info
         for i in range(results.num_point_pair_contacts()):
-            pair = results.point_pair_contact_info(i)
+            pair = info(i)
             bodies = int(pair.bodyA_index()), int(pair.bodyB_index())
             if found := foot_of.get(bodies):
                 foot, sign = found
-                forces[foot] += sign * pair.contact_force()[2]
+                forces[foot] += sign * float(pair.contact_force()[2])
         patches = self._has_patches and results.num_hydroelastic_contacts()
         for i in range(patches):
             patch = results.hydroelastic_contact_info(i)

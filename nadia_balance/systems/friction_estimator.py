@@ -51,19 +51,16 @@ class FrictionEstimator(LeafSystem):
     def _update(self, context, new):
         last = context.get_discrete_state_vector().value()
         terms, wrenches = self._terms(context), self._wrenches(context)
-        to_sole = terms.rotations[:2].transpose(0, 2, 1)
-        motion = np.stack(
-            (
-                wrenches.reshape(2, 6)[:, 3:] / self._weight,
-                [terms.velocities[sole][3:] for sole in SOLES],
-            ),
-            axis=-1,
-        )
-        forces, velocities = np.moveaxis(to_sole @ motion, -1, 0)
+        # Of each sole: its force and its velocity, from W to its own frame.
+        motion = np.empty((2, 2, 3))
+        motion[:, 0] = wrenches.reshape(2, 6)[:, 3:]
+        motion[:, 0] /= self._weight
+        motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
+        motion = motion @ terms.rotations[:2]
         estimate = friction_after(
             FrictionEstimate(*last.tolist()),
-            forces,
-            velocities,
+            motion[:, 0],
+            motion[:, 1],
             self._params.friction,
             self._params.slip,
             self._period,

@@ -82,8 +82,7 @@ class IcpStepController(LeafSystem):
         shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
         self._params, self._model = params, model
         self._reach = uncrossed_reach(params, model)
-        rows = 2 * len(model.sole) + params.num_steps * len(self._reach)
-        self._qp = IcpStepQp(params, rows)
+        self._qp = IcpStepQp(params)
         self._com_state = VectorInput(self, "com_state", ComState)
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)

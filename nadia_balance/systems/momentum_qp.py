@@ -46,7 +46,7 @@ class EcmpCommand(
 class QpStatus(
     namedview(
         "QpStatus",
-        ["solved", "fallback", "iterations", "violation", "failures"],
+        ["solved", "fallback", "solves", "violation", "failures"],
     )
 ):
     """How a QP was solved in this tick, and its failures so far.
@@ -57,7 +57,7 @@ class QpStatus(
     def after(self, qp: QpResult) -> tuple[float, ...]:
         """The next status, of `qp`."""
         failures = self.failures + (not qp.solved)
-        return qp.solved, qp.fallback, qp.iterations, qp.violation, failures
+        return qp.solved, qp.fallback, qp.solves, qp.violation, failures
 
 
 class PhaseData(NamedTuple):
@@ -75,7 +75,7 @@ class MomentumQp(LeafSystem):
     IcpReference, `walking_state` a WalkingState; `ecmp_command` is an
     EcmpCommand, `momentum_qp_status` a QpStatus, its violation in [m];
     `momentum_rate` (3,) [N] is in W.  The discrete state is what came of the
-    last tick: command, status, [delta, kappa], and the active limits.
+    last tick: command, status, and [delta, kappa].
 
     Evaluating an output raises RuntimeError if an input that it depends on is
     not finite.
@@ -98,8 +98,7 @@ class MomentumQp(LeafSystem):
         check(params)
         shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
         self._params, self._model = params, model
-        self._max_edges = 2 * len(model.sole)
-        self._qp = IcpFeedbackQp(params, self._max_edges)
+        self._qp = IcpFeedbackQp(params)
         self._com_state = VectorInput(self, "com_state", ComState)
         self._icp = VectorInput(self, "icp", 2)
         self._reference = VectorInput(self, "icp_reference", IcpReference)
@@ -118,7 +117,6 @@ class MomentumQp(LeafSystem):
                 "momentum_qp_status": size(QpStatus),
                 "momentum_rate": 3,
                 "increments": 4,
-                "active": self._max_edges + 2,
             },
             3,
             self._calc_outcome,
@@ -134,7 +132,6 @@ class MomentumQp(LeafSystem):
             support_polygon(schedule, self._model.sole),
             schedule.feet[schedule.support_side].yaw,
             self._params,
-            self._max_edges,
         )
         height = plan_com_height(schedule, self._params.com_height, self._model)
         return PhaseData(schedule, limits, height)
@@ -148,7 +145,6 @@ class MomentumQp(LeafSystem):
             reference.ecmp - cop_r,
             last["increments"],
             data.limits,
-            last["active"].astype(np.int8),
         )
         return np.concatenate(
             (
@@ -157,7 +153,6 @@ class MomentumQp(LeafSystem):
                 QpStatus(last["momentum_qp_status"]).after(feedback.result),
                 self._momentum_rate(context, feedback.ecmp, data.height),
                 feedback.increments,
-                feedback.result.active,
             )
         )
 

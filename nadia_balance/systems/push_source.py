@@ -216,6 +216,8 @@ class PushSource(LeafSystem):
     def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
         """The pushes that act now: index, ticks passed, force (3,) [N] in W."""
         active = []
+        if not (self._rows(context)[:, 0] > 0.0).any():
+            return active
         # The last is the live one.
         shares = [*self._shares, np.ones(round(self._live(context)[2]))]
         for i, (left, heading, newtons) in enumerate(
@@ -229,8 +231,10 @@ class PushSource(LeafSystem):
         return active
 
     def _calc_force(self, context, output):
-        forces = (force for *_, force in self._active.Eval(context))
-        output.set_value(sum(forces, np.zeros(3)))
+        total = np.zeros(3)
+        for *_, force in self._active.Eval(context):
+            total += force
+        output.set_value(total)
 
     def _calc_signal(self, context, output):
         number, delta_v, force = 0, 0.0, np.zeros(3)

@@ -40,11 +40,10 @@ class WholeBodyInverseDynamics(LeafSystem):
     Before the update of a tick the outputs are computed from the inputs; after
     it, and up to the next tick, they are those of the state, whatever the
     inputs have become.  The discrete state holds what came of the last tick:
-    the outputs, the active rows that warm-start the next one, the ticks
-    without a solution until now, and its time.  In a tick in which the QP has
-    none, the torques damp the joints, wrenches and accelerations are 0, and
-    the failure is counted.  After GIVES_UP_AFTER of it in one go nothing else
-    comes any more, and the QP is not asked.
+    the outputs, the ticks without a solution until now, and its time.  In a
+    tick in which the QP has none, the torques damp the joints, wrenches and
+    accelerations are 0, and the failure is counted.  After GIVES_UP_AFTER of
+    it in one go nothing else comes any more, and the QP is not asked.
 
     Evaluating any output raises RuntimeError if a vector input is not finite.
 
@@ -96,7 +95,6 @@ class WholeBodyInverseDynamics(LeafSystem):
                 "foot_wrenches": 12,
                 "whole_body_qp_status": size(QpStatus),
                 "generalized_acceleration": plant.num_velocities(),
-                "active": self._qp.num_inequalities,
                 "unsolved": 1,
             },
             4,
@@ -116,7 +114,7 @@ class WholeBodyInverseDynamics(LeafSystem):
             self._params,
             self._model,
         )
-        active, (unsolved,) = last["active"].astype(np.int8), last["unsolved"]
+        (unsolved,) = last["unsolved"]
         status, torques = QpStatus(last["whole_body_qp_status"]), None
         if status.solved or unsolved:  # else there was no tick yet
             torques = np.empty(len(self._joint_of_actuator))
@@ -124,8 +122,8 @@ class WholeBodyInverseDynamics(LeafSystem):
         if unsolved > self._max_unsolved:
             status = 0.0, 0.0, 0.0, np.nan, status.failures + 1
         else:
-            found = self._qp.solve(terms, command, active, torques)
-            status, active = status.after(found.qp), found.qp.active
+            found = self._qp.solve(terms, command, torques)
+            status = status.after(found.qp)
         if status[0]:
             torques, wrenches, vdot = found.torques, found.wrenches, found.vdot
             unsolved = 0
@@ -134,6 +132,4 @@ class WholeBodyInverseDynamics(LeafSystem):
             wrenches, vdot = np.zeros(12), np.zeros(terms.v.size)
             unsolved += 1
         actuation = torques[self._joint_of_actuator]
-        return np.concatenate(
-            (actuation, wrenches, status, vdot, active, [unsolved])
-        )
+        return np.concatenate((actuation, wrenches, status, vdot, [unsolved]))
