@@ -1,8 +1,9 @@
 """The whole robot in closed loop."""
 
+import math
+
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.math import RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import (
     Context,
@@ -20,6 +21,7 @@ from nadia_balance.diagrams.in_meshcat import (
     add_mouse,
     connect_forces,
 )
+from nadia_balance.diagrams.measured_poses import MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import (
     SignalLog,
@@ -27,8 +29,8 @@ from nadia_balance.diagrams.signal_log import (
     region_logs,
 )
 from nadia_balance.diagrams.terrain import check_start, foot_beside
-from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.scene import add_robot_view
+from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot import actuated_velocities, load_robot, scale_friction
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
@@ -63,6 +65,7 @@ VISUALIZED = (
 EXPORTED = ("walking_state", "icp", "icp_reference", "swing_foot_reference")
 FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
 FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
+FALLEN_TORSO_TILT = math.radians(70.0)  # and of the torso [rad]
 
 
 class HumanoidDiagram(Diagram):
@@ -98,6 +101,7 @@ class HumanoidDiagram(Diagram):
         slip = min(scenario.imperfections.friction_ratio, 1.0)
         friction = slip * self.robot.whole_body.friction
         check_start(self._ground, start.schedule.feet, friction)
+        self._poses = MeasuredPoses(self.robot)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)
@@ -256,25 +260,40 @@ class HumanoidDiagram(Diagram):
 
     def fall_reason(self, context: Context) -> str:
         """Why the robot counts as fallen; empty while it does not."""
-        # The pelvis is the floating base: quaternion and position come first.
-        q = self._read(context, "state")[:7]
-        w, x, y, z = q[:4] ** 2
+        state = self._read(context, "state")
         schedule = self.GetOutputPort("walking_state").Eval(context).schedule
         ground = self._ground
         is_uneven = ground is not None and not ground.is_level
-        height = q[6]
+        # The pelvis is the floating base: quaternion and position come first.
+        height = state[6]
         if is_uneven:
             height -= schedule.feet[schedule.support_side].p_WF[2]
         if height < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
-        if w - x - y + z < np.cos(FALLEN_TILT) * (w + x + y + z):
+        torso, pelvis = self._poses.trunk_tilt(state)
+        if pelvis > FALLEN_TILT:
             return "pelvis tilted"
+        if torso > FALLEN_TORSO_TILT:
+            return "torso tilted"
         return "" if is_uneven else foot_beside(ground, schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Contacts that are not those of a foot and the ground, by name."""
         results = self._read(context, "contact_results")
         return self.robot.improper_contacts(self.plant, results)
+
+    def passed_limit(self, context: Context) -> bool:
+        """True if a joint is too fast, or the torso leans too far."""
+        if self.robot.drives is None:
+            return False
+        state = self._read(context, "state")
+        torso, _ = self._poses.trunk_tilt(state)
+        speeds = np.abs(state[self.plant.num_positions() + 6 :])
+        limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
+        return bool(
+            torso > math.radians(self.scenario.max_torso_tilt_deg)
+            or (speeds > limits).any()
+        )
 
     def _read(self, context: Context, port: str):
         """The value of a `port` of the engine."""
@@ -284,7 +303,7 @@ class HumanoidDiagram(Diagram):
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
-        logs["foot_poses"] = self._feet(logs["state"])
+        logs |= self._poses.along(logs["state"])
         logs["sole"] = self.robot.sole
         logs["weight"] = np.array(self.robot.mass * GRAVITY)
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
@@ -304,21 +323,3 @@ class HumanoidDiagram(Diagram):
     def forget_logs(self, context: Context) -> None:
         """Drops all that was logged."""
         self._signal_log.forget(context)
-
-    def _feet(self, states: np.ndarray) -> np.ndarray:
-        """MeasuredFeet (n, 8) along `states`."""
-        plant = self.robot.control_plant()
-        context = plant.CreateDefaultContext()
-        feet = [
-            (plant.GetBodyByName(name), self.robot.X_FootSole[side])
-            for side, name in self.robot.foot_bodies.items()
-        ]
-        poses = np.empty((len(states), len(feet), 4))
-        for row, state in enumerate(states):
-            plant.SetPositionsAndVelocities(context, state)
-            for foot, (body, X_FootSole) in enumerate(feet):
-                X_WF = plant.EvalBodyPoseInWorld(context, body) @ X_FootSole
-                poses[row, foot, :3] = X_WF.translation()
-                yaw = RollPitchYaw(X_WF.rotation()).yaw_angle()
-                poses[row, foot, 3] = yaw
-        return poses.reshape(-1, len(MeasuredFeet.get_fields()))

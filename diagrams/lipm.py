@@ -171,6 +171,10 @@ class LipmDiagram(Diagram):
         """A point mass touches nothing."""
         return set()
 
+    def passed_limit(self, context: Context) -> bool:
+        """A point mass has no joints, and no torso."""
+        return False
+
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)

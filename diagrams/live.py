@@ -115,7 +115,7 @@ class LiveSession:
                 old, self._simulator.get_mutable_context()
             )
         self._simulator.Initialize()
-        self._story = LiveStory(self._diagram.scenario.required_steps)
+        self._story = LiveStory(self._diagram.scenario.calm_steps)
         self._looks, self._steps, self._fell = 0, 0, None
         self._walls: deque[float] = deque(maxlen=50)
         self._look()

@@ -1,4 +1,4 @@
-"""What was simulated, and how many steps it takes to have recovered."""
+"""What was simulated, and what it takes to have recovered."""
 
 import itertools
 
@@ -7,15 +7,17 @@ from nadia_balance.results.log import Log, pushes, signal
 from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.robot import load_robot
 
+PATIENCE = 8  # steps after the last push: so many a recovery may take
 
-def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
-    """Returns how many steps the last push requires, and how many of them fit.
 
-    Required are the scenario's `required_steps`, or as many as the gait had
-    left to take when the push began: none of a robot that only stands.  They
-    fit between the push and the end of the run, each with its own transfer and
-    swing, less one, since a push delays the steps: with fewer the robot has
-    failed.  A run without a push is judged from its start.
+def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
+    """Returns the calm steps that are required, and whether it ran long enough.
+
+    Required are the scenario's `calm_steps`, as far as the gait had so many
+    left when the last push began: none of a robot that only stands.  A run is
+    long enough if PATIENCE steps, or all that are left, fit between the push
+    and its end, each with its own transfer and swing, less one, since a push
+    delays the steps.  A run without a push is judged from its start.
     """
     robot = load_robot(scenario.robot, scenario.fidelity)
     start = scenario.start(scenario.point_mass(robot)).schedule
@@ -25,7 +27,7 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
         walking = signal(log, "walking_signal", felt[-1].first)
         taken = int(walking.steps_taken)
     left = start.footsteps[taken:]
-    required = min(scenario.required_steps, len(left))
+    required = min(scenario.calm_steps, max(len(left) - 1, 0))
     ends = itertools.accumulate(
         (step.transfer_duration + step.swing_duration for step in left),
         initial=max(begin, start.duration),  # until then it stands
@@ -33,7 +35,7 @@ def required_steps(scenario: Scenario, log: Log) -> tuple[int, int]:
     gait = scenario.gait
     last = scenario.duration - gait.transfer_duration - gait.swing_duration
     fitting = sum(end <= last + 1e-9 for end in itertools.islice(ends, 1, None))
-    return required, min(required, fitting)
+    return required, not required or fitting >= min(PATIENCE, len(left))
 
 
 def run_info(
@@ -44,7 +46,10 @@ def run_info(
     `plant` is humanoid or lipm, `name` that of the scenario.
     """
     push = scenario.pushes[0] if scenario.pushes else None
-    required, fitting = required_steps(scenario, run.logs)
+    calm_steps, is_long_enough = required_calm_steps(scenario, run.logs)
+    upright = {}
+    if scenario.fidelity == "realistic":
+        upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
     return RunInfo(
         robot=scenario.robot,
         mechanisms=scenario.mechanisms,
@@ -55,6 +60,7 @@ def run_info(
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
-        required_steps=required,
-        fitting_steps=fitting,
+        calm_steps=calm_steps,
+        is_long_enough=is_long_enough,
+        **upright,
     )

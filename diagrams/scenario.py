@@ -59,8 +59,12 @@ class Scenario:
     seed: int = bounded(0, least=0, most=2**32 - 1)
     # What may be used to recover.
     mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
-    # After a push, to have recovered from it [-].
-    required_steps: int = bounded(0, least=0, most=1000)
+    # Whole ones with an ICP error below 5 cm, after a push, to have recovered.
+    calm_steps: int = bounded(0, least=0, most=100)
+    # Of a recovery; without `ideal` fidelity.
+    max_torso_tilt_deg: float = bounded(
+        45.0, above=0.0, most=90.0, unit="deg", of=""
+    )
     # Control period of the point mass.  It has the same largest pushes at
     # 0.01 as at the robot's, controller.control_period, but is faster.
     lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")

@@ -1,6 +1,7 @@
 """Runs a closed diagram until it is done, or the robot has fallen."""
 
 import contextlib
+import math
 import signal
 import threading
 import time
@@ -12,18 +13,19 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.summary import Run
+from nadia_balance.results.summary import ICP_BACK, Run
+from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.push_source import PushSignal, PushSource
 
 WATCH_PERIOD = 0.01  # looks for a fall so often [s]
+_EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
 class ClosedLoop(Protocol):
     """What a diagram needs, beside being one, to be simulated here.
 
-    Each `context` is that of the whole diagram.  A sweep also needs its output
-    ports walking_state, icp and swing_foot_reference; LiveSession (see
-    nadia_balance.diagrams.live) also icp_reference.
+    Each `context` is that of the whole diagram.  RecoveryWatch needs its output
+    ports walking_state, icp and icp_reference, a sweep swing_foot_reference.
     """
 
     scenario: Scenario
@@ -37,6 +39,9 @@ class ClosedLoop(Protocol):
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Contacts that are not those of a foot and the ground, by name."""
+
+    def passed_limit(self, context: Context) -> bool:
+        """True if the robot is where no recovery leads."""
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All that was logged (see nadia_balance.results.log)."""
@@ -77,15 +82,46 @@ def simulate(
     duration: float,
     realtime_rate: float = 0.0,
     *,
-    stop_at_improper_contact: bool = False,
+    stop_at_failure: bool = False,
 ) -> Run:
     """Simulates `diagram` from its start for `duration` [s]; see advance."""
     return advance(
         start(diagram),
         duration,
         realtime_rate,
-        stop_at_improper_contact=stop_at_improper_contact,
+        stop_at_failure=stop_at_failure,
     )
+
+
+class RecoveryWatch:
+    """Sees, asked once a tick, when a robot has recovered from all its pushes.
+
+    That is, once it has taken the whole steps with a small ICP error that its
+    scenario requires (see summarize), and `more_steps` like them.  Without
+    steps that are required, it is the end of the run that tells.
+    """
+
+    def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
+        """Watches `diagram`, from any time on."""
+        self._diagram = diagram
+        calm = diagram.scenario.calm_steps
+        self._landings = calm + 1 + more_steps if calm else math.inf
+        self._landed, self._steps = 0, 0  # since the error is small; in all
+
+    def __call__(self, context: Context) -> bool:
+        """True if it has recovered."""
+        diagram = self._diagram
+        state, icp, reference = (
+            diagram.GetOutputPort(name).Eval(context)
+            for name in ("walking_state", "icp", "icp_reference")
+        )
+        landed = state.steps_taken - self._steps
+        self._steps = state.steps_taken
+        self._landed += landed
+        error = math.dist(icp, IcpReference(reference).icp)
+        if error >= ICP_BACK or push_signal(diagram, context).waiting:
+            self._landed = 0
+        return self._landed >= self._landings
 
 
 def walk_to_push(
@@ -101,7 +137,7 @@ def walk_to_push(
     run = advance(
         simulator,
         duration,
-        stop_at_improper_contact=True,
+        stop_at_failure=True,
         until=lambda context: (
             until(context) or push.begins(push.GetMyContextFromRoot(context))
         ),
@@ -114,39 +150,48 @@ def advance(
     duration: float,
     realtime_rate: float = 0.0,
     *,
-    stop_at_improper_contact: bool = False,
+    stop_at_failure: bool = False,
     until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
-    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.  The
-    first improper contact decides that it has not recovered: who only wants
-    to know that stops there.  `until` is asked after every step of the plant.
+    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
+    `stop_at_failure` ends the run with the first improper contact, or limit
+    that is passed: either decides that the robot does not recover.  `until` is
+    asked once a control period, before its update.
     Ctrl-C, or an error while running, ends the run early; what was logged
     until then is returned.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
-    next_look, message = 0.0, ""
+    next_look, next_tick, message = 0.0, 0.0, ""
+    period = diagram.push.period
     contacts: set[str] = set()
     outcome: dict = {}
 
-    def decided() -> bool:
+    def decided(now: float) -> bool:
         nonlocal next_look, contacts
         if pressed():
             outcome["interrupted"] = True
-        elif (now := context.get_time()) >= next_look:
+        elif now >= next_look:
             next_look = now + WATCH_PERIOD
             contacts |= diagram.improper_contacts(context)
             if reason := diagram.fall_reason(context):
                 outcome.update(fell_at=now, fall_reason=reason)
-            elif stop_at_improper_contact and contacts:
+            elif stop_at_failure and (
+                contacts or diagram.passed_limit(context)
+            ):
                 return True
         if not outcome and until(context):
             outcome["until"] = True
         return bool(outcome)
 
     def look(_: Context) -> EventStatus:
-        if decided():
+        nonlocal next_tick
+        now = context.get_time()
+        if now < next_tick - _EARLY:
+            return EventStatus.DidNothing()
+        next_tick = (math.floor(now / period + _EARLY) + 1) * period
+        if decided(now):
             return EventStatus.ReachedTermination(diagram, "decided")
         return EventStatus.DidNothing()
 

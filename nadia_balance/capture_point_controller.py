@@ -31,7 +31,7 @@ class ControllerParams:
     """The parameters of every algorithm; the robot's own are in robot.yaml."""
 
     control_period: float = bounded(
-        0.002, least=0.0005, most=0.02, unit="s", of=""
+        0.004, least=0.0005, most=0.02, unit="s", of=""
     )  # T
     walking_state_machine: WalkingStateMachineParams = field(
         default_factory=WalkingStateMachineParams

@@ -13,15 +13,22 @@ Examples:
     python scripts/benchmark.py
     python scripts/benchmark.py --json --seconds 10
     python scripts/benchmark.py --mechanisms all_with_cross_over
+    python scripts/benchmark.py --record     # a row in docs/results/speed.csv
     python scripts/benchmark.py --scenario_text "{robot: my/robot.yaml}"
 """
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 
 # isort: split
+import contextlib
+import csv
 import json
+import platform
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from pydrake.multibody.plant import AddMultibodyPlant
@@ -29,15 +36,19 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
+from nadia_balance.core.qp import DenseQp
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
+from nadia_balance.link_distances import LinkDistances
+from nadia_balance.results.summary import versions
 from nadia_balance.robot import add_ground, load_robot
 from nadia_balance.scripts.command_line import (
     DONE,
     ONE_OF,
     CommandLine,
     finite,
+    place,
     program,
     say,
 )
@@ -46,6 +57,8 @@ STIFFNESS, DAMPING = 3000.0, 100.0  # of the joints of the plant alone
 LONGEST = 3600  # [s]
 START = 1.0  # when the measurement begins: the robot steps [s]
 ROUNDS, TICKS = 10, 500  # of alone and loop in turns; one after the other
+SMALL = 10  # variables of a QP that is not that of the whole body
+RECORD = Path("docs/results/speed.csv")
 
 
 @program
@@ -54,7 +67,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = CommandLine(
         prog="benchmark.py",
         description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 done, 2 bad input, 130 Ctrl-C.",
+        epilog="Exit code: 0 done, 1 the record cannot be written, "
+        "2 bad input, 130 Ctrl-C.",
     )
     parser.add_argument(
         "--scenario_name",
@@ -72,6 +86,14 @@ def main(argv: list[str] | None = None) -> int:
         default=5.0,
         help="to simulate, > 0 (default: %(default)g) [s]",
     )
+    parser.add_argument(
+        "--record",
+        type=place,
+        nargs="?",
+        const=RECORD,
+        metavar="FILE",
+        help=f"add a row to this CSV (default: {RECORD})",
+    )
     args = parser.parse_args(argv)
     with parser.refusing():
         scenario = load_scenario(
@@ -85,6 +107,8 @@ def main(argv: list[str] | None = None) -> int:
             )
     figures = measure(scenario, args.seconds)
     say(json.dumps(figures, indent=2) if args.json else as_text(figures))
+    if args.record is not None:
+        record(args.record, scenario, figures)
     return DONE
 
 
@@ -100,8 +124,15 @@ def measure(scenario: Scenario, seconds: float) -> dict:
         ]
     )
     alone, closed = np.median(rates, axis=0)
-    in_loop, blocks = tick_times(loop, plant, TICKS)
+    with (
+        timed(DenseQp, "solve", lambda qp, problem: problem.g.size > SMALL) as (
+            qp
+        ),
+        timed(LinkDistances, "calc") as distances,
+    ):
+        in_loop, blocks = tick_times(loop, plant, TICKS)
     return {
+        "control_period": scenario.controller.control_period,
         "plant_alone": {"real_time_factor": float(alone)},
         "plant_in_loop": {"real_time_factor": in_loop},
         "closed_loop": {
@@ -110,7 +141,38 @@ def measure(scenario: Scenario, seconds: float) -> dict:
             "ratio_to_plant_in_loop": float(closed) / in_loop,
         },
         "blocks": blocks,
+        "parts": {
+            "whole_body_qp_program": spread(qp),
+            "link_distances": spread(distances),
+        },
     }
+
+
+@contextlib.contextmanager
+def timed(
+    owner: type, name: str, counts=lambda *_: True
+) -> Iterator[list[float]]:
+    """Yields the times [us] of all calls of a method that count."""
+    times, method = [], getattr(owner, name)
+
+    def stopped(*args):
+        begin = time.thread_time()
+        result = method(*args)
+        if counts(*args):
+            times.append(1e6 * (time.thread_time() - begin))
+        return result
+
+    setattr(owner, name, stopped)
+    try:
+        yield times
+    finally:
+        setattr(owner, name, method)
+
+
+def spread(times: list[float]) -> dict[str, float]:
+    """Median and 99th percentile; NaN of no times."""
+    median, p99 = np.percentile(times or [np.nan], [50.0, 99.0])
+    return {"median_us": float(median), "p99_us": float(p99)}
 
 
 def plant_alone(scenario: Scenario) -> Simulator:
@@ -171,11 +233,7 @@ def tick_times(
         for name, meter in meters.items():
             times[name].append(1e6 * meter.measure(root))
     return float(np.median(rates)), {
-        name: {
-            "median_us": float(np.median(values)),
-            "p99_us": float(np.percentile(values, 99)),
-        }
-        for name, values in times.items()
+        name: spread(values) for name, values in times.items()
     }
 
 
@@ -234,9 +292,75 @@ def as_text(figures: dict) -> str:
     lines.append(f"{'block, per tick':32} {'median us':>10} {'p99 us':>10}")
     lines += [
         f"{name:32} {block['median_us']:10.0f} {block['p99_us']:10.0f}"
-        for name, block in figures["blocks"].items()
+        for kind in ("blocks", "parts")
+        for name, block in figures[kind].items()
     ]
+    period = 1e6 * figures["control_period"]
+    lines.append(f"{'the control period':32} {period:10.0f}")
     return "\n".join(lines)
+
+
+def record(path: Path, scenario: Scenario, figures: dict) -> None:
+    """Adds the ratios, and what they are of, as a row to the CSV `path`.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    found = versions()
+    row = {
+        "commit": _commit(),
+        "machine": f"{platform.machine()} {_processor()}",
+        **{name: found[name] for name in ("python", "drake", "daqp", "numpy")},
+        "robot": scenario.robot,
+        "mechanisms": scenario.mechanisms,
+        "control_period_ms": 1e3 * figures["control_period"],
+        **{
+            f"{name}_x_real_time": figures[name]["real_time_factor"]
+            for name in ("plant_alone", "plant_in_loop", "closed_loop")
+        },
+        "loop_over_plant_in_loop": figures["closed_loop"][
+            "ratio_to_plant_in_loop"
+        ],
+        **{
+            f"{name}_{key}": part[key]
+            for name, part in (
+                ("tick", figures["blocks"]["balance_controller"]),
+                *figures["parts"].items(),
+            )
+            for key in part
+        },
+    }
+    is_new = not path.exists()
+    with path.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if is_new:
+            writer.writerow(row)
+        writer.writerow(
+            f"{value:.4g}" if isinstance(value, float) else value
+            for value in row.values()
+        )
+
+
+def _commit() -> str:
+    """That of the checkout, with a + if it has been changed since."""
+    command = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
+    here = Path(__file__).parent
+    try:
+        found = subprocess.run(
+            command, cwd=here, capture_output=True, text=True
+        )
+    except OSError:
+        return "unknown"
+    return found.stdout.strip() or "unknown"
+
+
+def _processor() -> str:
+    """Its name, as Linux tells it; else what Python knows."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor()
 
 
 if __name__ == "__main__":

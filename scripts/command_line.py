@@ -23,7 +23,12 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import ClosedLoop, advance, start
+from nadia_balance.diagrams.simulation import (
+    ClosedLoop,
+    RecoveryWatch,
+    advance,
+    start,
+)
 from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.results.folder import (
     new_folder,
@@ -38,6 +43,7 @@ from nadia_balance.scripts import INTERRUPTED, interruptible
 
 DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 FASTEST = 1000  # of the rates that make sense [-]
+SHOWN_STEPS = 3  # more than those that decide on a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
 # Of main_job, for --help.
 EXIT_CODES = (
@@ -278,7 +284,12 @@ def main_job(
         if args.open:
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
-    run = advance(simulator, scenario.duration, args.realtime_rate)
+    run = advance(
+        simulator,
+        scenario.duration,
+        args.realtime_rate,
+        until=RecoveryWatch(diagram, more_steps=SHOWN_STEPS),
+    )
     info = run_info(scenario, run, args.plant, args.scenario_name)
     summary = summarize(run, info)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)

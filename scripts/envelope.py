@@ -120,6 +120,14 @@ def _parser() -> argparse.ArgumentParser:
         "nobody was pushed), 130 Ctrl-C.",
     )
     sweep_flags(parser)
+    parser.add_argument(
+        "--from",
+        dest="known",
+        type=place,
+        metavar="FOLDER",
+        help="march up from 0.16 m/s below the limits that an earlier sweep "
+        "found in FOLDER, not from zero",
+    )
     group = parser.add_argument_group("running")
     cores = _cores()
     group.add_argument(
@@ -175,6 +183,11 @@ def _prepare(
         OSError: a file is missing, or cannot be written.
     """
     sweep = sweep_from(args)
+    if args.known is not None:
+        envelope = envelope_of(*read_trials(_trials_in("from", args.known)))
+        sweep.known_limits = {
+            cell: limit.recovered for cell, limit in envelope.limits.items()
+        }
     identity = sweep.identity()
     # The robot and the diagram, too, have something to check.
     firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
@@ -247,12 +260,17 @@ def _plan_lines(
 
 
 def _plot_only(folder: Path) -> int:
-    if not (folder / TRIALS).is_file():
-        raise ValueError(
-            f"plot_only = {str(folder)!r}: must be a folder with a {TRIALS}"
-        )
+    _trials_in("plot_only", folder)
     envelope = _report(prepare_folder(folder), [])
     return UNDECIDED if envelope.undecided else DONE
+
+
+def _trials_in(flag: str, folder: Path) -> Path:
+    if not (path := folder / TRIALS).is_file():
+        raise ValueError(
+            f"{flag} = {str(folder)!r}: must be a folder with a {TRIALS}"
+        )
+    return path
 
 
 def _limit(sweep: Sweep) -> int:

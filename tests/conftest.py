@@ -1,10 +1,12 @@
-"""What all tests share: reproducible hypotheses, and one browser."""
+"""What all tests share: reproducible hypotheses, runs, and one browser."""
 
 import os
 from collections.abc import Iterator
 
 import hypothesis
 import pytest
+
+from tests import run_cache
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -13,6 +15,12 @@ hypothesis.settings.register_profile(
     "reproducible", deadline=None, derandomize=True
 )
 hypothesis.settings.load_profile("reproducible")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keeps what is simulated; --cache-clear drops that before the start."""
+    if config.pluginmanager.hasplugin("cacheprovider"):
+        run_cache.folder = config.cache.mkdir("simulated")
 
 
 @pytest.fixture(scope="session")

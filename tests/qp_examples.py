@@ -1,16 +1,18 @@
 """Random quadratic programs, and independent solvers for them."""
 
-import daqp
 import numpy as np
 import quadprog
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
-# Sizes (variables, equalities, inequalities); the last is a hard one from a
-# cold start: some twenty of its inequalities are active.
+from nadia_balance.core.qp import QpProblem
+
+# Sizes (variables, equalities, inequalities); some twenty of the last one's
+# inequalities are active.
 SIZES = [(4, 0, 10), (4, 1, 10), (12, 3, 20), (41, 18, 80)]
 
 
-def random_qp(seed, n, equalities, inequalities):
-    """A feasible QP whose bounds are partly infinite."""
+def random_qp(seed, n, equalities, inequalities) -> QpProblem:
+    """A feasible QP whose bounds are partly infinite; equalities come first."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(n, n))
     inside = rng.normal(size=n)
@@ -21,22 +23,40 @@ def random_qp(seed, n, equalities, inequalities):
     lower[rng.random(inequalities) < 0.3] = -np.inf
     upper[rng.random(inequalities) < 0.3] = np.inf
     H = root @ root.T + 0.01 * np.eye(n)
-    return H, 5.0 * rng.normal(size=n), A_eq, A_eq @ inside, C, lower, upper
+    b = A_eq @ inside
+    return QpProblem(
+        H,
+        5.0 * rng.normal(size=n),
+        np.vstack((A_eq, C)),
+        np.concatenate((b, lower)),
+        np.concatenate((b, upper)),
+    )
 
 
-def by_quadprog(H, g, A_eq, b_eq, C, lower, upper):
-    below, above = np.isfinite(lower), np.isfinite(upper)
-    rows = np.vstack([A_eq, C[below], -C[above]])
-    bounds = np.concatenate([b_eq, lower[below], -upper[above]])
-    return quadprog.solve_qp(H, -g, rows.T, bounds, len(b_eq))[0]
+def by_quadprog(problem: QpProblem):
+    """x (n,) of a dual active-set code; ValueError: there is no solution."""
+    H, g, A, lower, upper = problem
+    equal = lower == upper
+    below, above = ~equal & np.isfinite(lower), ~equal & np.isfinite(upper)
+    rows = np.vstack((A[equal], A[below], -A[above]))
+    bounds = np.concatenate((lower[equal], lower[below], -upper[above]))
+    return quadprog.solve_qp(H, -g, rows.T, bounds, int(equal.sum()))[0]
 
 
-def by_daqp(H, g, A_eq, b_eq, C, lower, upper):
-    rows = np.ascontiguousarray(np.vstack([A_eq, C]))
-    above = np.concatenate([b_eq, np.minimum(upper, 1e30)])
-    below = np.concatenate([b_eq, np.maximum(lower, -1e30)])
-    sense = np.zeros(len(above), dtype=np.int32)
-    sense[: len(b_eq)] = 5  # equality
-    x, _, flag, _ = daqp.solve(H, g, rows, above, below, sense)
-    assert flag == 1
-    return x
+def by_clarabel(problem: QpProblem):
+    """x (n,) of an interior-point code, to about 1e-6; None: no solution."""
+    H, g, A, lower, upper = problem
+    program = MathematicalProgram()
+    x = program.NewContinuousVariables(len(g))
+    program.AddQuadraticCost(H, g, x, is_convex=True)
+    program.AddLinearConstraint(A, lower, upper, x)
+    result = ClarabelSolver().Solve(program, None, tight())
+    return result.get_x_val() if result.is_success() else None
+
+
+def tight() -> SolverOptions:
+    """Clarabel's tolerances, a thousandth of its defaults."""
+    options = SolverOptions()
+    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+        options.SetOption(ClarabelSolver.id(), name, 1e-11)
+    return options

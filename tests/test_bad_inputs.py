@@ -17,7 +17,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from tests.blocks import fix
 from tests.test_ports import systems_in
 
-MID_SWING = 1.65  # [s]
+MID_SWING = 1.68  # as a tick is due [s]
 PORTS = {
     HumanoidDiagram: {
         "centroidal_estimator": ("estimated_state",),

@@ -23,6 +23,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import steps
 from nadia_balance.results.scene import start_meshcat
+from nadia_balance.robot import load_robot
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -38,6 +39,7 @@ from nadia_balance.systems.walking_state_machine import (
     WalkingStateMachine,
 )
 from tests.blocks import answer, asked, fix
+from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL
 
 PERIOD = 0.002
@@ -60,16 +62,14 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
     Asked once more between two ticks, when the robot has moved on, it still
     gives the torques of the tick.
     """
-    scenario = scenario_of(f"pushes: [{PUSH}]")
-    diagram = HumanoidDiagram(scenario)
-    log = simulate(diagram, 1.1).logs
+    scenario = scenario_of(f"duration: 1.1, pushes: [{PUSH}]")
+    robot, log = load_robot("nadia"), run_of(scenario).logs
     signal = WalkingSignal(log["walking_signal"].T)
     landed = np.flatnonzero(np.diff(signal.phase) < 0.0)
     assert [PHASES[int(signal.phase[i])] for i in landed] == [Phase.SWING]
     assert PushSignal(log["push_signal"].T).force.any()
-    model = diagram.robot.point_mass
     controller = BalanceController(
-        scenario.controller, diagram.robot, start=scenario.start(model)
+        scenario.controller, robot, start=scenario.start(robot.point_mass)
     )
     simulator = Simulator(controller)
     context = simulator.get_mutable_context()
@@ -89,14 +89,11 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
 def test_sampled_ports_of_the_plant_change_no_bit():
     """Oracle: all logs of a run without them, through a touchdown."""
     sampled, direct = (
-        simulate(
-            HumanoidDiagram(
-                scenario_of(
-                    "pushes: [], "
-                    f"plant_config: {{use_sampled_output_ports: {sampled}}}"
-                )
-            ),
-            1.0,
+        run_of(
+            scenario_of(
+                "duration: 1.0, pushes: [], "
+                f"plant_config: {{use_sampled_output_ports: {sampled}}}"
+            )
         ).logs
         for sampled in ("true", "false")
     )

@@ -15,16 +15,21 @@ from dataclasses import fields, is_dataclass
 
 import pytest
 import yaml
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.summary import Run
 from nadia_balance.robot_params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope_sweep.plan import sweep_from
+from nadia_balance.typed_yaml import load_typed
+from tests import run_cache
+from tests.diagrams.simulated import run_of
+from tests.run_cache import data
 from tests.source_files import ROOT, imports
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -41,6 +46,9 @@ MAKERS = {
     "simulate": scenario_from,
     "envelope": sweep_from,
 }
+
+# What an example may come upon, see run_cache.
+MODULES = tuple(f"nadia_balance.{home}" for home in nb._HOME.values())
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -79,11 +87,19 @@ print(json.dumps({{
     "waiting": PushSignal(value(push, "push_signal")).waiting,
 }}))
 """
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+
+    def printed() -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    modules = "README", *MODULES
+    found = json.loads(run_cache.once(modules, code + data(), printed))
     assert found["height"] == pytest.approx(found["started"], abs=0.02)
     assert found["icp"] == pytest.approx(found["planned"], abs=0.02)
     assert found["waiting"] == 0.0
@@ -103,12 +119,19 @@ def test_some_40_lines_are_a_step_adjuster_of_ones_own():
     """Oracle: without it, the same push throws the robot over."""
     _, block = blocks(DIAGRAM, "python")
     assert len(block.splitlines()) <= 41
-    names = {}
-    exec(block, names)
-    assert names["run"].simulated_time == pytest.approx(5.0)
-    assert not names["run"].fall_reason
-    alone = simulate(HumanoidDiagram(names["scenario"]), duration=5.0)
-    assert alone.fall_reason
+
+    def executed() -> tuple[Run, str]:
+        names = {}
+        exec(block, names)
+        assert names["run"].simulated_time == pytest.approx(5.0)
+        return names["run"], yaml_dump_typed(names["scenario"])
+
+    modules = "docs.diagram", *MODULES, *imports(ast.parse(block))
+    run, text = run_cache.once(modules, block + data(), executed)
+    assert not run.fall_reason
+    scenario = load_typed(Scenario, "scenario", data=text)
+    scenario.duration = 5.0
+    assert run_of(scenario).fall_reason
 
 
 def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:

@@ -2,13 +2,20 @@
 
 import copy
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from pydrake.geometry import Capsule, Sphere
 
+from nadia_balance import link_distances
 from nadia_balance.core.whole_body_command import MAX_PAIRS, WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.link_distances import LinkDistances
+from nadia_balance.new_robot.make import make_robot
+from nadia_balance.robot import RobotModel, load_robot, load_robot_params
+from tests.core.test_capsules import brute_force
+from tests.new_robot.biped import Biped
 from tests.whole_body_examples import (
     PERIOD,
     command,
@@ -19,63 +26,221 @@ from tests.whole_body_examples import (
     terms_at,
 )
 
-DIAGRAM, PLANT, SCENE = nadia().control_diagram()
 PARAMS = WholeBodyQpParams()
+FAR = 0.4  # [m]
+ROBOTS = ("nadia", "atlas", "biped")
 
 
-def distances(q, within=0.08, v=None):
-    """Of links within so many metres, at q and v, and their rows."""
-    robot = copy.copy(nadia())
-    robot.whole_body = replace(PARAMS, link_attention=within)
-    root = DIAGRAM.CreateDefaultContext()
-    context = PLANT.GetMyMutableContextFromRoot(root)
-    PLANT.SetPositions(context, q)
-    if v is not None:
-        PLANT.SetVelocities(context, v)
-    return LinkDistances(robot, PLANT, SCENE).calc(context)
+class Links:
+    """A robot, what is said of its links, and what is true."""
+
+    def __init__(self, robot: RobotModel):
+        self.robot = robot
+        self.diagram, self.plant, self.scene = robot.control_diagram()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+        inspector = self.scene.model_inspector()
+        self.candidates = sorted(inspector.GetCollisionCandidates())
+        shapes = {shape for pair in self.candidates for shape in pair}
+        self.round = {
+            shape: (
+                self.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)),
+                inspector.GetPoseInFrame(shape),
+                getattr(form, "length", float)(),
+                form.radius(),
+            )
+            for shape in shapes
+            if isinstance(form := inspector.GetShape(shape), Capsule | Sphere)
+        }
+
+    def at(self, q, v=None):
+        """The context at q and v; None: at rest."""
+        nv = self.plant.num_velocities()
+        self.plant.SetPositions(self.context, q)
+        self.plant.SetVelocities(self.context, np.zeros(nv) if v is None else v)
+        return self.context
+
+    def said(self, q, within, v=None):
+        """Distances of links within so many metres, and their rows."""
+        robot = copy.copy(self.robot)
+        robot.whole_body = replace(PARAMS, link_attention=within)
+        found = LinkDistances(robot, self.plant, self.scene)
+        return found.calc(self.at(q, v))
+
+    def true(self, positions):
+        """Distances (n, k) of all capsules and spheres at q (n, nq)."""
+        pairs = [p for p in self.candidates if set(p) <= set(self.round)]
+        places, radii = [], np.zeros(len(pairs))
+        for q in positions:
+            context, ends = self.at(q), {}
+            for shape, (body, X_BG, length, _) in self.round.items():
+                X_WG = body.EvalPoseInWorld(context) @ X_BG
+                axis = 0.5 * length * X_WG.rotation().matrix()[:, 2]
+                ends[shape] = X_WG.translation() - axis, 2.0 * axis
+            places.append([[ends[a], ends[b]] for a, b in pairs])
+        for k, pair in enumerate(pairs):
+            radii[k] = sum(self.round[shape][3] for shape in pair)
+        # As begin and way, (3, 2, n k).
+        begin, way = np.moveaxis(places, (3, 4, 2), (0, 1, 2)).reshape(
+            2, 3, 2, -1
+        )
+        return brute_force(begin, way).reshape(-1, len(pairs)) - radii
+
+    def by_drake(self, q, v):
+        """Of all pairs with another shape: their distances and rates (k, 2)."""
+        port = self.plant.get_geometry_query_input_port()
+        query = port.Eval(self.at(q, v))
+        inspector = self.scene.model_inspector()
+        found = []
+        for pair in self.candidates:
+            if not set(pair) <= set(self.round):
+                near = query.ComputeSignedDistancePairClosestPoints(*pair)
+                speeds = []
+                for shape, p_GC in zip(
+                    pair, (near.p_ACa, near.p_BCb), strict=True
+                ):
+                    frame = inspector.GetFrameId(shape)
+                    body = self.plant.GetBodyFromFrameId(frame)
+                    p_BC = inspector.GetPoseInFrame(shape) @ p_GC
+                    to_point = body.EvalPoseInWorld(self.context).rotation()
+                    V_WB = body.EvalSpatialVelocityInWorld(self.context)
+                    speeds.append(V_WB.Shift(to_point @ p_BC).translational())
+                rate = near.nhat_BA_W @ (speeds[0] - speeds[1])
+                found.append((near.distance, rate))
+        return np.array(found)
+
+    def random_positions(self, rng):
+        """Any pose of the base, and joints within their limits."""
+        q = rng.normal(size=self.plant.num_positions())
+        q[:4] /= np.linalg.norm(q[:4])
+        lower = self.plant.GetPositionLowerLimits()[7:]
+        upper = self.plant.GetPositionUpperLimits()[7:]
+        q[7:] = rng.uniform(lower, upper)
+        return q
+
+
+NADIA = Links(nadia())
+
+
+@pytest.fixture(scope="module")
+def links(request, tmp_path_factory):
+    """Those of a robot of ROBOTS."""
+    if request.param == "nadia":
+        return NADIA
+    if request.param == "atlas":
+        return Links(load_robot("atlas"))
+    folder = tmp_path_factory.mktemp("biped")
+    make_robot(Biped(seed=1).write(folder), folder / "made")
+    return Links(load_robot(str(folder / "made" / "robot.yaml")))
+
+
+@pytest.fixture
+def all_pairs(monkeypatch):
+    """No pair is left out because there are so many."""
+    monkeypatch.setattr(link_distances, "MAX_PAIRS", 1000)
+
+
+def nearest(distances):
+    """Where those are that are near, the nearest first."""
+    order = np.argsort(distances)
+    return order[distances[order] < FAR]
+
+
+@pytest.mark.usefixtures("all_pairs")
+@pytest.mark.parametrize("links", ROBOTS, indirect=True)
+def test_distances_are_those_of_the_shapes(links):
+    """Oracle: brute force over each pair's axes, in random poses."""
+    rng = np.random.default_rng(0)
+    poses = [links.random_positions(rng) for _ in range(20)]
+    for q, expected in zip(poses, links.true(poses), strict=True):
+        found, _ = links.said(q, FAR)
+        assert found == pytest.approx(expected[nearest(expected)], abs=1e-9)
+        assert len(found) > 10
+
+
+@pytest.mark.usefixtures("all_pairs")
+@pytest.mark.parametrize("links", ROBOTS, indirect=True)
+def test_rows_are_the_rates_of_the_distances(links):
+    """Oracle: finite differences of brute force along each velocity.
+
+    Drake maps velocities to q.  A step of 1e-5 leaves 1e-10 of curvature, and
+    1e-10 of rounding.
+    """
+    q, step = links.random_positions(np.random.default_rng(1)), 1e-5
+    found, rows = links.said(q, FAR)
+    nv = links.plant.num_velocities()
+    along = [
+        step * links.plant.MapVelocityToQDot(links.at(q), v) for v in np.eye(nv)
+    ]
+    now, *others = links.true(
+        [q, *(q + way for way in along), *(q - way for way in along)]
+    )
+    after, before = np.array(others).reshape(2, nv, -1)
+    rates = (after - before) / (2.0 * step)
+    assert len(found) > 10
+    assert rows == pytest.approx(rates.T[nearest(now)], rel=1e-6, abs=1e-7)
+
+
+def test_those_that_brake_most_come_first(monkeypatch):
+    """Oracle: the accelerations that WholeBodyQpParams demand, sorted."""
+    rng = np.random.default_rng(2)
+    q, v = NADIA.random_positions(rng), rng.normal(size=29)
+    few, few_rows = NADIA.said(q, FAR, v)
+    monkeypatch.setattr(link_distances, "MAX_PAIRS", 1000)
+    found, rows = NADIA.said(q, FAR, v)
+    assert len(few) == MAX_PAIRS < len(found)
+    assert np.all(np.diff(PARAMS.link_braking(found, rows @ v)) < 0.0)
+    assert few.tolist() == found[:MAX_PAIRS].tolist()
+    assert few_rows == pytest.approx(rows[:MAX_PAIRS], abs=1e-15)
+
+
+def with_other_shapes(folder):
+    """Nadia, with a box for its left thigh and a cylinder for its torso."""
+    params, urdf = load_robot_params("nadia")
+    tree = ElementTree.parse(urdf)
+    sizes = {"radius": "0.16", "length": "0.3"}
+    for link, shape, size in (
+        ("LEFT_THIGH_LINK", "box", {"size": "0.12 0.14 0.3"}),
+        ("TORSO_LINK", "cylinder", sizes),
+    ):
+        geometry = tree.find(f"link[@name='{link}']/collision/geometry")
+        geometry.clear()
+        ElementTree.SubElement(geometry, shape, size)
+    tree.write(folder / "nadia.urdf")
+    return RobotModel(params, folder / "nadia.urdf")
+
+
+@pytest.mark.usefixtures("all_pairs")
+def test_other_shapes_are_measured_by_drake(tmp_path):
+    """Oracles: Drake's distances, and its velocities of the nearest points.
+
+    Capsules and spheres are measured by brute force, as without such shapes.
+    """
+    links, rng = Links(with_other_shapes(tmp_path)), np.random.default_rng(3)
+    for _ in range(10):
+        q, v = links.random_positions(rng), rng.normal(size=29)
+        others = links.by_drake(q, v)
+        others = others[others[:, 0] < FAR]
+        found, rows = links.said(q, FAR)
+        expected = np.append(links.true([q])[0], others[:, 0])
+        assert found == pytest.approx(expected[nearest(expected)], abs=1e-9)
+        for distance, rate in others:
+            row = rows[np.argmin(np.abs(found - distance))]
+            assert row @ v == pytest.approx(rate, abs=1e-9)
 
 
 def moving(joint, speed):
     """All velocities, zero but for one [rad/s]."""
-    v = np.zeros(PLANT.num_velocities())
-    v[PLANT.GetJointByName(joint).velocity_start()] = speed
+    v = np.zeros(29)
+    v[NADIA.plant.GetJointByName(joint).velocity_start()] = speed
     return v
-
-
-def thighs(angle):
-    """Stands, with both hips adducted by so much [rad]."""
-    q = standing_positions().copy()
-    for name, sign in (("LEFT_HIP_X", -1.0), ("RIGHT_HIP_X", 1.0)):
-        q[PLANT.GetJointByName(name).position_start()] = sign * angle
-    return q
-
-
-def test_rows_are_the_rates_of_the_distances():
-    """Oracle: finite differences along each velocity, by Drake's map to q.
-
-    Drake finds the closest points of capsules by iteration, its normals are
-    good to 4e-4.
-    """
-    q = thighs(0.05)
-    q[PLANT.GetJointByName("LEFT_HIP_Y").position_start()] -= 0.1
-    found, rows = distances(q, 0.09)
-    assert 4 <= len(found) <= MAX_PAIRS
-    assert np.all(np.diff(found) > 1e-5)  # so that they keep their order
-    context = PLANT.CreateDefaultContext()
-    PLANT.SetPositions(context, q)
-    step = 1e-4
-    for i, v in enumerate(np.eye(PLANT.num_velocities())):
-        along = step * PLANT.MapVelocityToQDot(context, v)
-        after, before = distances(q + along, 0.09), distances(q - along, 0.09)
-        rates = (after[0] - before[0]) / (2.0 * step)
-        assert rows[:, i] == pytest.approx(rates, abs=1e-3)
 
 
 def test_there_is_nothing_near_a_robot_that_stands():
     """Oracle: the gap of 2 cm that the shapes leave."""
-    found, rows = distances(standing_positions(), 0.02)
+    found, rows = NADIA.said(standing_positions(), 0.02)
     assert found.shape == (0,)
-    assert rows.shape == (0, PLANT.num_velocities())
+    assert rows.shape == (0, 29)
 
 
 @pytest.mark.parametrize(
@@ -88,25 +253,27 @@ def test_there_is_nothing_near_a_robot_that_stands():
     ],
 )
 def test_an_arm_is_seen_from_afar_if_it_has_to_brake(joint, speed, seen):
-    """Oracle: all of Drake's distances, now and a moment later.
+    """Oracles: brute force, now and a moment before and after; Drake.
 
-    Legs may pass each other as closely, and as fast.
+    Drake's distances of capsules are up to 2e-4 m too large, as it finds them
+    by iteration.  Legs may pass each other as closely, and as fast.
     """
-    q, v, step = standing_positions(), moving(joint, speed), 1e-4
-    found, rows = distances(q, v=v)
+    q, v, step = standing_positions(), moving(joint, speed), 1e-5
+    found, rows = NADIA.said(q, 0.08, v)
     assert len(found) == seen
-    root = DIAGRAM.CreateDefaultContext()
-    context = PLANT.GetMyMutableContextFromRoot(root)
-    port, within = PLANT.get_geometry_query_input_port(), []
-    for at in q, q + step * PLANT.MapVelocityToQDot(context, v):
-        PLANT.SetPositions(context, at)
-        pairs = port.Eval(context).ComputeSignedDistancePairwiseClosestPoints(
-            0.4
-        )
-        within.append(np.array([pair.distance for pair in pairs]))
+    way = step * NADIA.plant.MapVelocityToQDot(NADIA.at(q), v)
+    now, after, before = NADIA.true([q, q + way, q - way])
+    port = NADIA.plant.get_geometry_query_input_port()
+    pairs = port.Eval(NADIA.at(q)).ComputeSignedDistancePairwiseClosestPoints(
+        FAR
+    )
+    by_drake = np.array([pair.distance for pair in pairs])
     for d, rate in zip(found, rows @ v, strict=True):
-        assert min(abs(within[0] - d)) < 1e-9
-        assert min(abs(within[1] - d - step * rate)) < 1e-5
+        k = np.argmin(np.abs(now - d))
+        assert d == pytest.approx(now[k], abs=1e-9)
+        expected = (after[k] - before[k]) / (2.0 * step)
+        assert rate == pytest.approx(expected, rel=1e-6)
+        assert min(abs(by_drake - d)) < 2e-4
         assert d > 0.08 and 2.0 * rate + 25.0 * (d - 0.02) < 0.0
 
 

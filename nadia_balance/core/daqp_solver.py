@@ -22,12 +22,29 @@ from nadia_balance.core.walking import Array
 # Of rows that DAQP has brought to length 1.  With its default, 1e-6, rows of
 # very different lengths are violated by centimetres.
 _PRIMAL_TOLERANCE = 1e-10
+# Where rows depend on each other and H is ill-conditioned, rounding may look
+# like a contradiction; never, in thousands of such programs, with these.
+_WITH_CARE = {
+    "primal_tol": 1e-8,
+    "eps_prox": 0.01,
+    "eta_prox": 1e-9,
+    "eq_reduction": 1,
+}
+_INFEASIBLE = -1
+_DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # cycles, contradicting equalities
+# Of the cost: DAQP takes for zero what is below 1e-11.
+_LEAST_SIZE, _MOST_SIZE = 1.0, 1e6
 _RESULTS = {
     1: SolutionResult.kSolutionFound,
     2: SolutionResult.kSolutionFound,
-    -1: SolutionResult.kInfeasibleConstraints,
+    _INFEASIBLE: SolutionResult.kInfeasibleConstraints,
     -3: SolutionResult.kUnbounded,
     -4: SolutionResult.kIterationLimit,
+    -6: SolutionResult.kInfeasibleConstraints,
+}
+_NO_COSTS = {
+    SolutionResult.kInfeasibleConstraints: math.inf,
+    SolutionResult.kUnbounded: -math.inf,
 }
 _ATTRIBUTES = {
     ProgramAttribute.kQuadraticCost,
@@ -35,6 +52,11 @@ _ATTRIBUTES = {
     ProgramAttribute.kLinearConstraint,
     ProgramAttribute.kLinearEqualityConstraint,
 }
+
+
+# E (k, n) of each binding, see _pick().
+_Picks = dict[Any, Array | None]
+_UNKNOWN = np.empty(0)
 
 
 class DaqpSolution(NamedTuple):
@@ -67,9 +89,9 @@ class DaqpSolver(SolverInterface):
 
     def __init__(self) -> None:
         super().__init__()
-        # How the variables of a binding are picked from those of a program:
-        # it takes Drake as long to tell as DAQP to solve.
-        self._picks: WeakKeyDictionary[Any, dict[Any, Array | None]] = (
+        # The variables of a program, and how those of a binding are picked from
+        # them: it takes Drake as long to tell as DAQP to solve.
+        self._picks: WeakKeyDictionary[Any, tuple[Any, _Picks]] = (
             WeakKeyDictionary()
         )
 
@@ -86,18 +108,21 @@ class DaqpSolver(SolverInterface):
         return SolverId("DAQP")
 
     def AreProgramAttributesSatisfied(self, prog: MathematicalProgram) -> bool:
-        """True for linear and quadratic costs, and linear constraints."""
-        return set(prog.required_capabilities()) <= _ATTRIBUTES
+        """True for linear and convex quadratic costs, linear constraints."""
+        return not self.ExplainUnsatisfiedProgramAttributes(prog)
 
     def ExplainUnsatisfiedProgramAttributes(
         self, prog: MathematicalProgram
     ) -> str:
         """Returns what of `prog` it cannot solve; empty if it can."""
         more = set(prog.required_capabilities()) - _ATTRIBUTES
-        if not more:
+        names = sorted(attribute.name for attribute in more)
+        costs: Any = prog.quadratic_costs()
+        if not all(binding.evaluator().is_convex() for binding in costs):
+            names.append("a quadratic cost that is not convex")
+        if not names:
             return ""
-        names = ", ".join(sorted(attribute.name for attribute in more))
-        return f"DaqpSolver cannot solve a program with {names}"
+        return f"DaqpSolver cannot solve a program with {', '.join(names)}"
 
     def Solve(  # type: ignore[override]
         self,
@@ -124,42 +149,44 @@ class DaqpSolver(SolverInterface):
         """Solves the convex QP `prog`, without a MathematicalProgramResult.
 
         Raises:
-            ValueError: a coefficient is not finite, or a bound is NaN, or an
-                infinity that nothing can meet.
+            ValueError: a cost is not convex, a coefficient not finite, or a
+                bound is NaN, or an infinity that nothing can meet.
         """
-        n, picks = prog.num_vars(), self._picks.setdefault(prog, {})
+        n, variables = prog.num_vars(), prog.decision_variable_index()
+        known, picks = self._picks.get(prog, (None, {}))
+        if known != variables:
+            picks = {}
+            self._picks[prog] = variables, picks
         H, g = _cost(prog, n, picks)
         A, lower, upper = _rows(prog, n, picks)
-        _check(H, g, lower, upper)
-        x, _, flag, info = daqp.solve(
-            H.T, g, A, upper, lower, primal_tol=_PRIMAL_TOLERANCE
-        )
+        _check(lower, upper)
+        x, flag, iterations = _solved(H, g, A, lower, upper)
         result = _RESULTS.get(flag, SolutionResult.kSolverSpecificError)
         if result is not SolutionResult.kSolutionFound:
             x = np.full(n, np.nan)
-        return DaqpSolution(x, result, info["iterations"])
+        return DaqpSolution(x, result, iterations)
 
 
 def _pick(
-    binding: Any, prog: MathematicalProgram, picks: dict[Any, Array | None]
+    binding: Any, prog: MathematicalProgram, picks: _Picks
 ) -> Array | None:
     """E (k, n) of a binding, whose variables are E x; None: they are x."""
-    if binding in picks:
-        return picks[binding]
-    n = prog.num_vars()
-    indices = prog.FindDecisionVariableIndices(binding.variables())
-    E = np.eye(n)[indices]
-    picks[binding] = None if np.array_equal(E, np.eye(n)) else E
-    return picks[binding]
+    E = picks.get(binding, _UNKNOWN)
+    if E is _UNKNOWN:
+        n = prog.num_vars()
+        indices = prog.FindDecisionVariableIndices(binding.variables())
+        E = np.eye(n)[indices]
+        E = picks[binding] = None if np.array_equal(E, np.eye(n)) else E
+    return E
 
 
-def _cost(
-    prog: Any, n: int, picks: dict[Any, Array | None]
-) -> tuple[Array, Array]:
+def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
     """H (n, n) and g (n,) of the sum of all costs."""
     squares, slopes = [], []
     for binding in prog.quadratic_costs():
         E, cost = _pick(binding, prog, picks), binding.evaluator()
+        if not cost.is_convex():  # DAQP does not notice if it is by little
+            raise ValueError("quadratic cost of the QP: must be convex")
         squares.append(cost.Q() if E is None else E.T @ cost.Q() @ E)
         slopes.append(cost.b() if E is None else cost.b() @ E)
     for binding in prog.linear_costs():
@@ -170,9 +197,7 @@ def _cost(
     return H, g
 
 
-def _rows(
-    prog: Any, n: int, picks: dict[Any, Array | None]
-) -> tuple[Array, Array, Array]:
+def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
     """A (m, n), lower (m,) and upper (m,) of all constraints."""
     rows, lower, upper = [], [], []
     for bindings in (
@@ -192,15 +217,23 @@ def _rows(
     return A, np.concatenate([[], *lower]), np.concatenate([[], *upper])
 
 
-def _check(H: Array, g: Array, lower: Array, upper: Array) -> None:
-    """Raises ValueError; DAQP would return NaN, and say that it is solved.
+def _size(H: Array, g: Array) -> float:
+    """The Frobenius norm of H; the length of g if that is zero; or 1.
 
-    Drake lets nothing else but costs and bounds be NaN or infinite.
+    Raises ValueError if these are not finite: DAQP would return NaN, and say
+    that it is solved.
     """
     # A sum of squares is finite only if all are; H.T is as it is in memory.
-    if not math.isfinite(np.vdot(H.T, H.T) + g @ g):
+    square, more = np.vdot(H.T, H.T), g @ g
+    if not math.isfinite(square + more):
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             raise ValueError("cost of the QP: must be finite")
+        return 1.0
+    return math.sqrt(square) or math.sqrt(more) or 1.0
+
+
+def _check(lower: Array, upper: Array) -> None:
+    """Raises ValueError; Drake lets no coefficients be NaN or infinite."""
     # argmax() and argmin() find a NaN.
     if lower.size and not lower[lower.argmax()] < math.inf:
         raise ValueError("lower bound of the QP: must be < inf, not NaN")
@@ -208,21 +241,62 @@ def _check(H: Array, g: Array, lower: Array, upper: Array) -> None:
         raise ValueError("upper bound of the QP: must be > -inf, not NaN")
 
 
+def _solved(
+    H: Array, g: Array, A: Array, lower: Array, upper: Array
+) -> tuple[Array, int, int]:
+    """DAQP's x (n,), its flag, and its iterations.
+
+    With what it takes to rely on them: see the comments.
+    """
+    size = _size(H, g)
+    if not _LEAST_SIZE <= size <= _MOST_SIZE:
+        H, g, size = H / size, g / size, 1.0
+    if len(A):
+        squares = np.einsum("ij,ij->i", A, A)
+        # DAQP ignores a row, whatever its bounds, if a' inv(H) a < 1e-11.
+        if squares[squares.argmin()] < 1e-10 * size:
+            A, lower, upper = _of_length_1(A, lower, upper)
+        # It may meet one of two bounds that exclude each other, as if equal.
+        gaps = lower - upper
+        if gaps[gaps.argmax()] > _PRIMAL_TOLERANCE:
+            return g, _INFEASIBLE, 0
+    x, _, flag, info = daqp.solve(
+        H.T, g, A, upper, lower, primal_tol=_PRIMAL_TOLERANCE
+    )
+    if flag not in _DOUBTFUL:
+        return x, flag, info["iterations"]
+    A, lower, upper = _of_length_1(A, lower, upper)
+    x, _, flag, more = daqp.solve(
+        H.T / size, g / size, A, upper, lower, **_WITH_CARE
+    )
+    return x, flag, info["iterations"] + more["iterations"]
+
+
+def _of_length_1(
+    A: Array, lower: Array, upper: Array
+) -> tuple[Array, Array, Array]:
+    """The same rows and bounds, of length 1 unless it is zero."""
+    lengths = np.linalg.norm(A, axis=1)
+    scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+    return A * scale[:, None], scale * lower, scale * upper
+
+
 def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
     """Writes `solution` of `prog` into `result`.
 
     Only a solver of Drake's own can tell a result its variables and cost.  So
-    one is asked for x, as the solution of x = solution.x with prog's cost.
+    one is asked for x, as the solution of x = solution.x with that cost.
     """
+    x = np.nan_to_num(solution.x)
+    cost = _NO_COSTS.get(solution.result, math.nan)
+    if solution.result is SolutionResult.kSolutionFound:
+        costs = [*prog.quadratic_costs(), *prog.linear_costs()]
+        cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
     known: Any = MathematicalProgram()
     variables = prog.decision_variables()
     known.AddDecisionVariables(variables)
-    x = np.nan_to_num(solution.x)
     known.AddLinearEqualityConstraint(np.eye(len(x)), x, variables)
-    for binding in [*prog.quadratic_costs(), *prog.linear_costs()]:
-        known.AddCost(binding)
-    # No cost, either, of no solution.
-    known.AddLinearCost(0.0 * x, 0.0 * float(solution.x.sum()), variables)
+    known.AddQuadraticCost(np.diag(0.0 * x), 0.0 * x, cost, variables, True)
     solver = MakeSolver(ChooseBestSolver(known))
     solver.Solve(known, None, None, result)
     result.set_x_val(solution.x)

@@ -9,7 +9,7 @@ from nadia_balance.results.story import told_move
 from nadia_balance.results.summary import ICP_BACK
 from nadia_balance.systems.push_source import PushSignal
 
-QUIET = 1.0  # so long the ICP error stays small, if no steps do [s]
+QUIET = 1.0  # so long the ICP error stays small, if nobody steps [s]
 
 
 class LiveStory:
@@ -18,13 +18,14 @@ class LiveStory:
     `last_push` and `result` are what is known by now, in words.
     """
 
-    def __init__(self, required_steps: int):
-        """After a push `required_steps` are to land before it has recovered."""
-        self._required_steps = required_steps
+    def __init__(self, calm_steps: int):
+        """After a push it takes `calm_steps` whole steps to have recovered."""
+        self._calm_steps = calm_steps
         self.last_push = self.result = ""
         self._number = 0.0  # of the push that acted at the last look
         self._pushed_after: int | None = None  # steps; None: all is well
-        self._back: tuple[float, int] | None = None  # time [s] and steps
+        # Since when the ICP error is small: time [s], and steps until then.
+        self._back: tuple[float, int] | None = None
         self._step: tuple[int, Side, FootPose, FootPose] | None = None
 
     def look(
@@ -40,13 +41,15 @@ class LiveStory:
         if push.number > 0 or error >= ICP_BACK:
             self._back = None
         elif self._back is None:
-            self._back = time, state.steps_taken - self._pushed_after
+            self._back = time, state.steps_taken
         if self._back is not None:
-            left = bool(state.commanded)
-            taken = state.steps_taken - self._pushed_after
-            enough = taken >= self._required_steps or not left
-            if enough and time - self._back[0] >= QUIET:
-                self.result = f"RECOVERED in {_steps(self._back[1])}"
+            since, steps = self._back
+            enough = time - since >= QUIET
+            if self._calm_steps and state.commanded:
+                enough = state.steps_taken - steps > self._calm_steps
+            if enough:
+                taken = steps - self._pushed_after
+                self.result = f"RECOVERED in {_steps(taken)}"
                 self._pushed_after = None
                 told.append(self.result)
         return told

@@ -2,7 +2,8 @@
 
 `t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is what
 holds at that instant; it has the name of the port that it was read from, and
-`signal` gives its parts by name.  `foot_poses` (n, 8) are MeasuredFeet.
+`signal` gives its parts by name.  `foot_poses` (n, 8) are MeasuredFeet,
+`trunk_tilt` (n, 2) is a TrunkTilt.
 Without a row for each tick are `sole` (4, 2) [m], `weight` () [N], of the
 actuators `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s]
 and `joint_speed_columns` of `state`, all (nu,), and `region_base`,
@@ -13,8 +14,8 @@ judge the run, and to draw all plots, from the log alone.
 
 `actuation` is commanded; `torques` are those that the drives give.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  A point
-mass has no joints, and neither `state`, `foot_poses` nor `foot_wrenches`;
-whoever reads a log copes without them.
+mass has no joints, and neither `state`, `foot_poses`, `trunk_tilt` nor
+`foot_wrenches`; whoever reads a log copes without them.
 """
 
 import itertools
@@ -56,6 +57,9 @@ class MeasuredFeet(
     left, right = entries(0, 3), entries(4, 7)
 
 
+# Angles of torso and pelvis against the vertical [rad].
+TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
+
 # A push is in the signal so many rows after it was decided on, and began.
 _FELT = 1
 
@@ -66,6 +70,7 @@ _VIEWS = {
     "foot_poses": MeasuredFeet,
     "icp_reference": IcpReference,
     "push_signal": PushSignal,
+    "trunk_tilt": TrunkTilt,
     "walking_signal": WalkingSignal,
     **dict.fromkeys(QP_STATUS, QpStatus),
 }

@@ -21,13 +21,15 @@ from nadia_balance.results.log import (
     steps,
     switches,
 )
+from nadia_balance.systems.walking_state_machine import PHASES
 from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
 ICP_BACK = 0.05  # the ICP error of a robot that has recovered [m]
-SETTLED = 0.5  # for so long at the end it must be below that [s]
+SETTLED = 0.5  # for so long it is below that in the end, if nobody steps [s]
 EFFORT_MARGIN = 1e-6  # rounding allowed on top of a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot allowed on top of a joint's speed limit [-]
 ROUNDING = 1e-6  # of times [s]
+STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 
@@ -63,16 +65,17 @@ class RunInfo:
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
-    required_steps: int = 0  # to be taken after the push, to have recovered
-    fitting_steps: float = math.inf  # of them, so many fit into the run
+    calm_steps: int = 0  # whole ones after the push, to have recovered
+    is_long_enough: bool = True  # the run, for as many steps as that may take
+    max_torso_tilt_deg: float = 180.0  # of a recovery [deg]
 
 
 def summarize(run: Run, info: RunInfo) -> dict:
     """Returns all figures of a run as plain values, None if there is none.
 
     `outcome` is recovered (or stood, or walked as it should), failed, or
-    undecided: nothing speaks against it, but the run ended before the push, or
-    before all steps that are required.  `reason` tells why it is not recovered.
+    undecided: nothing speaks against it, but the run was too short.  `reason`
+    tells why it is not recovered.
     """
     log = run.logs
     error, t = icp_error(log), log["t"]
@@ -100,6 +103,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         if outcome == "recovered"
         else None,
         "body_sway_deg": _largest(body_sway(log)),
+        **_posture_figures(log),
         "duration_s": duration,
         "max_icp_error_m": _largest(error),
         "rms_icp_error_m": math.sqrt(np.mean(error**2)) if len(t) else None,
@@ -108,7 +112,8 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "transfer_durations_s": durations(log, Phase.TRANSFER),
         "steps_taken": len(steps(log)),
         "steps_after_push": steps_after_push(log),
-        "required_steps": info.required_steps,
+        "calm_steps": calm_steps(log),
+        "required_calm_steps": info.calm_steps,
         "missed_pushes": run.missed_pushes,
         "stance_slip_m": stance_slip(log),
         "non_foot_contact": bool(run.improper_contacts),
@@ -119,6 +124,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "max_joint_speed": _largest(joint_speed(log)),
         "max_joint_speed_ratio": _largest(joint_speed_ratio(log)),
         "max_power_w": _largest(power(log)),
+        "positive_power_w": _largest(positive_power(log)),
         **_swing_figures(log),
         "max_impact_body_weights": _largest(foot_force_ratio(log)),
         "min_sole_distance_m": sole_distance(log),
@@ -137,15 +143,18 @@ def summarize(run: Run, info: RunInfo) -> dict:
 
 def _judge(run: Run, info: RunInfo, error: np.ndarray) -> tuple[str, str]:
     """The outcome, and why it is not recovered."""
-    if reason := _failure(run, error):
+    if reason := _failure(run, info, error):
         return "failed", reason
-    if reason := _doubt(run, info):
+    if reason := _doubt(run):
         return "undecided", reason
-    reason = _shortfall(run.logs, info, error)
-    return ("failed" if reason else "recovered"), reason
+    if not (reason := _shortfall(run.logs, info, error)):
+        return "recovered", ""
+    if info.is_long_enough:
+        return "failed", reason
+    return "undecided", f"too short: {reason}"
 
 
-def _failure(run: Run, error: np.ndarray) -> str:
+def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
     """What must not happen at any time; empty if it did not."""
     log = run.logs
     if run.error:
@@ -160,20 +169,17 @@ def _failure(run: Run, error: np.ndarray) -> str:
         return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
+    tilt = _posture_figures(log)["max_torso_tilt_deg"]
+    if tilt is not None and tilt > info.max_torso_tilt_deg:
+        return f"tilted: the torso by {tilt:.0f} deg"
     return _overload(log)
 
 
-def _doubt(run: Run, info: RunInfo) -> str:
+def _doubt(run: Run) -> str:
     """Why the run ended too early to judge it; empty if it did not."""
     log = run.logs
     if run.missed_pushes:
         return "not pushed: the push did not come before the end"
-    taken = steps_after_push(log)
-    if info.fitting_steps <= taken < info.required_steps:
-        return (
-            f"too short: the run ended after {taken} of {info.required_steps} "
-            "steps"
-        )
     for push in pushes(log)[-1:]:
         if (left := log["t"][-1] - push.end) < SETTLED - ROUNDING:
             return f"too short: the run ended {left:.2f} s after the push"
@@ -182,13 +188,29 @@ def _doubt(run: Run, info: RunInfo) -> str:
 
 def _shortfall(log: Log, info: RunInfo, error: np.ndarray) -> str:
     """What is missing in the end; empty if nothing is."""
+    if info.calm_steps and calm_steps(log) >= info.calm_steps:
+        return ""
+    walks = signal(log, "walking_signal", -1).phase != STANDS
+    if info.calm_steps and walks:
+        return (
+            f"the ICP error did not stay below {ICP_BACK} m for "
+            f"{info.calm_steps} whole steps"
+        )
     settled = log["t"] >= log["t"][-1] - SETTLED
     if not np.all(error[settled] < ICP_BACK):
         return f"the ICP error did not stay below {ICP_BACK} m"
-    if steps_after_push(log) < info.required_steps:
-        due = min(info.required_steps, info.fitting_steps)
-        return f"fewer than {due} steps after the push"
     return ""
+
+
+def calm_steps(log: Log) -> int:
+    """The whole steps in the end, after the last push, of small ICP errors.
+
+    From one landing to the next, with an error below ICP_BACK all the time.
+    """
+    last = pushes(log)[-1:]
+    begin = recovered_at(log, last[0] if last else None)
+    landings = [step.swing.end for step in steps(log)]
+    return max(sum(time > begin for time in landings) - 1, 0)
 
 
 def _push_figures(log: Log, push: PushSpan) -> dict:
@@ -210,11 +232,12 @@ def _push_figures(log: Log, push: PushSpan) -> dict:
     }
 
 
-def recovered_at(log: Log, push: PushSpan) -> float:
-    """When the ICP error went below 5 cm for good, after the push [s]."""
-    after = log["t"] >= push.end
+def recovered_at(log: Log, push: PushSpan | None) -> float:
+    """When the ICP error went below 5 cm for good, after `push` if any [s]."""
+    begin = push.end if push else 0.0
+    after = log["t"] >= begin
     large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
-    return float(log["t"][large[-1]]) if len(large) else push.end
+    return float(log["t"][large[-1]]) if len(large) else begin
 
 
 def recovery_time(log: Log) -> float | None:
@@ -231,11 +254,30 @@ def body_sway(log: Log) -> np.ndarray:
     """
     feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
     middle = 0.5 * (feet.left[:2] + feet.right[:2])
-    away, height = np.hypot(*(com[:2] - middle)), com[2]
-    if "foot_poses" in log:
-        soles = signal(log, "foot_poses")
-        height = height - np.minimum(soles.left[2], soles.right[2])
-    return np.degrees(np.arctan2(away, height))
+    away = np.hypot(*(com[:2] - middle))
+    return np.degrees(np.arctan2(away, com_height(log)))
+
+
+def com_height(log: Log) -> np.ndarray:
+    """Height (n,) [m] of the CoM above the lower one of the soles."""
+    height = signal(log, "com_state").position[2]
+    if "foot_poses" not in log:
+        return height
+    soles = signal(log, "foot_poses")
+    return height - np.minimum(soles.left[2], soles.right[2])
+
+
+def _posture_figures(log: Log) -> dict:
+    """How far the trunk leant, and the CoM sank since the start."""
+    tilts = [np.zeros(0), np.zeros(0)]
+    if "trunk_tilt" in log:
+        tilts = [np.degrees(tilt) for tilt in signal(log, "trunk_tilt")]
+    height = com_height(log)
+    return {
+        "max_torso_tilt_deg": _largest(tilts[0]),
+        "max_pelvis_tilt_deg": _largest(tilts[1]),
+        "com_sag_m": _largest(height[:1] - height),
+    }
 
 
 def _overload(log: Log) -> str:
@@ -321,10 +363,20 @@ def joint_speed_ratio(log: Log) -> np.ndarray:
 
 
 def power(log: Log) -> np.ndarray:
-    """Mechanical power (n,) [W] of all drives together."""
+    """Net mechanical power (n,) [W]: a drive that brakes feeds the others."""
+    return np.sum(_powers(log), axis=1)
+
+
+def positive_power(log: Log) -> np.ndarray:
+    """Mechanical power (n,) [W] of the drives that do not brake."""
+    return np.sum(np.maximum(_powers(log), 0.0), axis=1)
+
+
+def _powers(log: Log) -> np.ndarray:
+    """Mechanical power (n, nu) [W] of each drive."""
     if "torques" not in log:
-        return np.zeros(0)
-    return np.sum(log["torques"] * _joint_velocity(log), axis=1)
+        return np.zeros((0, 0))
+    return log["torques"] * _joint_velocity(log)
 
 
 def foot_force_ratio(log: Log) -> np.ndarray:
@@ -413,7 +465,8 @@ def _qp_figures(log: Log) -> dict:
 def versions(engine: str = "drake") -> dict[str, str]:
     """The versions that the figures of an `engine` depend on."""
     found = {"python": platform.python_version()}
-    for package in dict.fromkeys(("nadia_balance", "drake", "numpy", engine)):
+    packages = "nadia_balance", "drake", "daqp", "numpy", engine
+    for package in dict.fromkeys(packages):
         try:
             found[package] = version(package)
         except PackageNotFoundError:  # run from a checkout

@@ -102,7 +102,8 @@ class CentroidalEstimator(LeafSystem):
         return terms._replace(distances=distances, distance_rows=rows)
 
     def _look_ahead(self, plant_context, state: np.ndarray) -> None:
-        q, v = np.split(state, [self._plant.num_positions()])
+        nq = self._plant.num_positions()
+        q, v = state[:nq], state[nq:]
         q = q + self._lead * self._plant.MapVelocityToQDot(plant_context, v)
         q[:4] /= math.hypot(*q[:4].tolist())
         self._plant.SetPositions(plant_context, q)

@@ -1,6 +1,7 @@
 """What a sweep tries: the cells of the envelope, and how it is pushed there."""
 
 import argparse
+import ast
 import contextlib
 import copy
 import functools
@@ -32,7 +33,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Trial,
 )
 
-PROTOCOL = 4  # how limits are searched, trials judged, and cells named
+PROTOCOL = 5  # how limits are searched, trials judged, and cells named
 PLANTS = ("humanoid", "lipm")
 LONGEST = 1e6  # that one can wait for a process, more overflows [s]
 MOST_DIRECTIONS = 72  # that a count may ask for
@@ -57,6 +58,8 @@ class Sweep:
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
     search: SearchParams = field(default_factory=SearchParams)
     timeout: float = 600.0  # after which a trial counts as hung, wall time [s]
+    # What is known of limits [m/s], to begin a little below them.
+    known_limits: dict[Cell, float] = field(default_factory=dict)
 
     def validate(self) -> None:
         """Raises ValueError naming the field, its value, what is allowed."""
@@ -216,7 +219,8 @@ def code_hash(
 ) -> str:
     """Returns 16 hex digits for the files that trials use.
 
-    `package` is the folder of nadia_balance, `others` that of diagrams, models
+    Comments and docstrings are not in them; other versions of Python have
+    other ones.  `package` is the folder of nadia_balance, `others` that of diagrams, models
     and scripts: a checkout's, or again nadia_balance.
     """
     places = [
@@ -234,8 +238,20 @@ def code_hash(
     return _digest(
         part
         for name, path in sorted(paths.items())
-        for part in (name.encode(), path.read_bytes())
+        for part in (name.encode(), without_words(path))
     )
+
+
+def without_words(path: Path) -> bytes:
+    """Returns a file as it is; of Python code only what is carried out."""
+    if path.suffix != ".py":
+        return path.read_bytes()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
+    for node in ast.walk(tree):
+        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return ast.dump(tree).encode()
 
 
 # Of this package, what a row depends on; reports and plots are free to change.

@@ -27,11 +27,17 @@ from nadia_balance.scripts.envelope_sweep.plots import (
     WORDS,
     draw_envelope,
 )
-from nadia_balance.scripts.envelope_sweep.search import Limit, Situation
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    Limit,
+    Situation,
+)
 from nadia_balance.scripts.envelope_sweep.trials_file import (
     NO_ANSWER,
     OUTCOMES,
     UNDECIDED,
+    cell_of,
+    recovered,
 )
 
 PICTURE = "envelope.png"
@@ -136,7 +142,7 @@ def what_was_done(envelope: Envelope) -> str:
         "largest [m/s]": f"{search.largest:g}",
         "replicas": f"{search.required} of {search.replicas} recover",
     } | {name: row[name] for name in ("code", "parameters", "nadia_balance")}
-    found |= {name: row[name] for name in ("drake", "numpy", "python")}
+    found |= {name: row[name] for name in ("drake", "daqp", "numpy", "python")}
     return table(
         ["sweep", ""], [[name, str(value)] for name, value in found.items()]
     )
@@ -145,6 +151,13 @@ def what_was_done(envelope: Envelope) -> str:
 Words = Callable[[float], str]  # how a value is written
 
 _RECOVERED = "recovered [m/s]"
+# What the body did at the largest recovered push, the worst of its replicas.
+_POSTURE: dict[str, tuple[str, Words]] = {
+    "torso [deg]": ("max_torso_tilt_deg", "{:.0f}".format),
+    "pelvis [deg]": ("max_pelvis_tilt_deg", "{:.0f}".format),
+    "CoM sag [m]": ("com_sag_m", "{:.2f}".format),
+    "power [W]": ("positive_power_w", "{:.0f}".format),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +188,8 @@ class LimitTables:
     def details(self, mechanisms: str, situation: Situation) -> str:
         """A row for each direction."""
         columns, rows = self._columns(situation), []
-        head = ["direction", _RECOVERED, "fails at", *columns, "complete"]
+        head = ["direction", _RECOVERED, "fails at", *columns]
+        head += [*_POSTURE, "complete"]
         limits = self.envelope.curve(mechanisms, situation)
         for direction in self.envelope.directions:
             name = direction_words(direction)
@@ -189,9 +203,22 @@ class LimitTables:
                 self.envelope.limit_words(limit),
                 _text(limit.failed, self.envelope.words),
                 *map(_text, values, columns.values()),
+                *self._posture(Cell(mechanisms, situation, direction), limit),
             ]
             rows.append([name, *cells, "yes" if limit.complete else "no"])
         return table(head, rows)
+
+    def _posture(self, cell: Cell, limit: Limit) -> Iterator[str]:
+        rows = [
+            row
+            for row in self.envelope.rows
+            if cell_of(row) == cell
+            and recovered(row)
+            and math.isclose(row["delta_v"], limit.recovered)
+        ]
+        for name, write in _POSTURE.values():
+            known = [row[name] for row in rows if row[name] is not None]
+            yield _text(max(known, default=None), write)
 
     def _recovered(self, limits: Collection[Limit]) -> str:
         """The worst and the mean of the limits, and how sure they are."""

@@ -29,6 +29,7 @@ from nadia_balance.scripts.envelope_sweep.trials_file import (
 )
 from nadia_balance.scripts.envelope_sweep.workers import Workers, run_task
 
+HEADROOM = 0.16  # so far below a limit that is known a march begins [m/s]
 LOOK = 0.2  # how often it is asked whether to stop [s]
 DIED = "crashed", "the process of the trial died"
 
@@ -67,7 +68,11 @@ def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
         level = round(row["delta_v"] / sweep.search.resolution)
         trial = Trial(cell=cell, level=level, replica=row["replica"])
         known.append((trial, recovered(row)))
-    return Agenda(sweep.cells(), sweep.search, known)
+    first = {
+        cell: round((speed - HEADROOM) / sweep.search.resolution)
+        for cell, speed in sweep.known_limits.items()
+    }
+    return Agenda(sweep.cells(), sweep.search, known, first)
 
 
 def run_sweep(

@@ -132,9 +132,13 @@ def _levels(results: Results, search: SearchParams) -> list[_Level]:
     return found
 
 
-def next_batch(results: Results, search: SearchParams) -> list[tuple[int, int]]:
+def next_batch(
+    results: Results, search: SearchParams, first: int = 1
+) -> list[tuple[int, int]]:
     """Returns the trials (level, replica) to run next; empty when done.
 
+    The march begins at the level `first`, or at the first stride if that is
+    higher.
     They do not depend on each other.  If a batch is complete before the next
     one is asked for, the set of all trials depends on their outcomes alone.
     """
@@ -149,7 +153,8 @@ def next_batch(results: Results, search: SearchParams) -> list[tuple[int, int]]:
             return [(found.level, min(missing))]
     lower = below[-1].level if below else 0
     if not failed and lower < search.top:
-        return [(min(lower + search.stride, search.top), 0)]
+        level = lower + search.stride if below else max(first, search.stride)
+        return [(min(level, search.top), 0)]
     if upper - lower > 1:
         return [((lower + upper) // 2, 0)]
     return [
@@ -183,7 +188,7 @@ def limit(results: Results, search: SearchParams) -> Limit | None:
     )
 
 
-def trials_left(results: Results, search: SearchParams) -> int:
+def trials_left(results: Results, search: SearchParams, first: int = 1) -> int:
     """Returns how many trials the search makes if all goes as foreseen.
 
     It is played to its end with the limit in the middle of where `results`
@@ -196,7 +201,7 @@ def trials_left(results: Results, search: SearchParams) -> int:
     if known.failed is not None:
         middle = 0.5 * (known.recovered + known.failed)
     foreseen = dict(results)
-    while batch := next_batch(foreseen, search):
+    while batch := next_batch(foreseen, search, first):
         for level, replica in batch:
             foreseen[level, replica] = level * search.resolution <= middle
     return len(foreseen) - len(results)
@@ -226,9 +231,13 @@ class Agenda:
         cells: Iterable[Cell],
         search: SearchParams,
         known: Iterable[tuple[Trial, bool | None]] = (),
+        first: Mapping[Cell, int] | None = None,
     ):
-        """Takes the trials that are `known` as done; others' are ignored."""
-        self._search = search
+        """Takes the trials that are `known` as done; others' are ignored.
+
+        The march begins at the level `first` of a cell, if it has one.
+        """
+        self._search, self._first = search, first or {}
         self._rank = {cell: rank for rank, cell in enumerate(cells)}
         situations = dict.fromkeys(cell.situation for cell in self._rank)
         self._turn = {each: turn for turn, each in enumerate(situations)}
@@ -276,8 +285,9 @@ class Agenda:
     def _go_on(self, cell: Cell) -> None:
         """Plays the search of `cell` on, until it needs unknown trials."""
         known, told = self._known[cell], self._told[cell]
+        search = self._search, self._first.get(cell, 1)
         missing: list[tuple[int, int]] = []
-        while not missing and (batch := next_batch(told, self._search)):
+        while not missing and (batch := next_batch(told, *search)):
             missing = [key for key in batch if key not in known]
             if not missing:
                 told.update({key: known[key] for key in batch})
@@ -286,4 +296,4 @@ class Agenda:
             entry = *turn, len(known), self._rank[cell], cell, level, replica
             heapq.heappush(self._heap, entry)
         self._missing[cell] = len(missing)
-        self._left[cell] = max(len(missing), trials_left(known, self._search))
+        self._left[cell] = max(len(missing), trials_left(known, *search))

@@ -13,6 +13,7 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import (
+    RecoveryWatch,
     Run,
     advance,
     push_signal,
@@ -29,10 +30,12 @@ FROM_SUMMARY = (
     "max_icp_error_m",
     "max_torque_ratio",
     "max_joint_speed",
+    "max_torso_tilt_deg",
+    "max_pelvis_tilt_deg",
+    "com_sag_m",
+    "positive_power_w",
     "qp_failures",
 )
-LANDED = 0.05  # after the last step that is required, to be seen to stand [s]
-LOOK = 0.5  # until then again, if it has not recovered [s]
 MOST_WALKS = 32  # that a thread keeps: some 10 MB each
 
 
@@ -42,8 +45,8 @@ def run_trial(
     """Simulates one push, and returns its row as plain JSON.
 
     The verdict is that of push.py, given as soon as it is certain: with the
-    first improper contact, or once the robot has recovered and taken all steps
-    that are required.  `outcome` is recovered, fell, failed (upright, but not
+    first improper contact or limit passed, or once the robot has recovered.
+    `outcome` is recovered, fell, failed (upright, but not
     recovered), undecided (the run ended too early), hung or error; `cpu_s` the
     processor time [s], with that of the walk if it is the first from there.  No
     error is raised, whatever it is: a trial is one of hundreds, and its row
@@ -122,11 +125,8 @@ class Walk:
             until=lambda context: time.monotonic() > latest,
         )
         _check(self._run, latest)
-        state = walking_state(self.diagram, self._context)
-        self.taken = state.steps_taken  # steps, before the push
-        self.wanted = min(
-            scenario.required_steps, len(state.schedule.footsteps)
-        )
+        # Steps before the push.
+        self.taken = walking_state(self.diagram, self._context).steps_taken
 
     def push(self, delta_v: float, direction_deg: float, latest: float) -> dict:
         """Returns the row of a push of `delta_v` [m/s] in a direction [deg].
@@ -138,18 +138,14 @@ class Walk:
         if not self._run.until:  # no push came, whatever its size
             return self._row(self._run, observer)
         simulator = pushed(self.diagram, self._context, delta_v, direction_deg)
-        while True:
-            run = advance(
-                simulator,
-                self.scenario.duration,
-                stop_at_improper_contact=True,
-                until=observer,
-            )
-            _check(run, latest)
-            row = self._row(run, observer)
-            if not run.until or row["outcome"] == "recovered":
-                return row
-            observer.next_look = run.simulated_time + LOOK
+        run = advance(
+            simulator,
+            self.scenario.duration,
+            stop_at_failure=True,
+            until=observer,
+        )
+        _check(run, latest)
+        return self._row(run, observer)
 
     def _row(self, run: Run, observer: "Observer") -> dict:
         summary = summarize(run, run_info(self.scenario, run, self.plant))
@@ -172,7 +168,7 @@ def walking_state(diagram, context: Context) -> WalkingState:
 
 
 class Observer:
-    """Follows a pushed robot; ends the simulation once it may have recovered.
+    """Follows a pushed robot; ends the simulation once it has recovered.
 
     `at_push` and `at_touchdowns` are the least numbers of steps that capture it
     by the capture regions, or -1: when the push has ended (None: it has not),
@@ -184,11 +180,11 @@ class Observer:
         self._walk, self._latest, self._steps = walk, latest, walk.taken
         self.at_push: int | None = None
         self.at_touchdowns: list[int] = []
-        self.next_look: float | None = None  # whether it has recovered [s]
+        self._watch = RecoveryWatch(walk.diagram)
 
     def __call__(self, context: Context) -> bool:
-        """True if it is to be looked at, or too late."""
-        walk, now = self._walk, context.get_time()
+        """True if it has recovered, or it is too late."""
+        walk = self._walk
         steps = walking_state(walk.diagram, context).steps_taken
         landed, self._steps = steps > self._steps, steps
         if self.at_push is not None:
@@ -196,11 +192,7 @@ class Observer:
                 self.at_touchdowns.append(self._foretell(context))
         elif push_signal(walk.diagram, context).waiting == 0.0:
             self.at_push = self._foretell(context)
-        if self.next_look is None and 0 < walk.wanted <= steps - walk.taken:
-            self.next_look = now + LANDED
-        if self.next_look is not None and now >= self.next_look:
-            return True
-        return time.monotonic() > self._latest
+        return self._watch(context) or time.monotonic() > self._latest
 
     def _foretell(self, context: Context) -> int:
         scenario, diagram = self._walk.scenario, self._walk.diagram

@@ -32,12 +32,13 @@ _OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
 KEY = ("scenario", *_OWN)
 RESULTS = (
     *("outcome", "reason", "steps_after_push", "max_icp_error_m"),
-    *("max_torque_ratio", "max_joint_speed", "qp_failures"),
+    *("max_torque_ratio", "max_joint_speed", "max_torso_tilt_deg"),
+    *("max_pelvis_tilt_deg", "com_sag_m", "positive_power_w", "qp_failures"),
     *("predicted_at_push", "predicted_at_touchdowns"),
 )
 _COMMON = (  # the same in all rows of a file, but for the scenario
     *("robot", "scenario", "plant", "parameters", "code"),
-    *("nadia_balance", "drake", "numpy", "python"),
+    *("nadia_balance", "drake", "daqp", "numpy", "python"),
 )
 COLUMNS = (*_OWN, "seed", *RESULTS, *_COMMON)
 # Not among them, since a trial has the same row whenever it is run.
@@ -46,14 +47,13 @@ _WHOLE = (
     *("replica", "seed", "steps_after_push", "qp_failures"),
     "predicted_at_push",
 )
-_REAL = (
-    *("direction_deg", "delta_v", "max_icp_error_m"),
-    *("max_torque_ratio", "max_joint_speed"),
+_FIGURES = (
+    *("max_icp_error_m", "max_torque_ratio", "max_joint_speed"),
+    *("max_torso_tilt_deg", "max_pelvis_tilt_deg", "com_sag_m"),
+    "positive_power_w",
 )
-_MEASURED = (
-    *("steps_after_push", "max_icp_error_m", "max_torque_ratio"),
-    *("max_joint_speed", "qp_failures"),
-)
+_REAL = ("direction_deg", "delta_v", *_FIGURES)
+_MEASURED = ("steps_after_push", *_FIGURES, "qp_failures")
 _INTEGER = re.compile(r"-?\d{1,9}")
 MOST_STEPS = 10  # that capture regions are made for
 _TYPES = {**dict.fromkeys(_WHOLE, int), **dict.fromkeys(_REAL, float)}
@@ -201,18 +201,22 @@ def read_trials(path: Path) -> tuple[dict, list[dict]]:
         first, *lines = whole.decode("utf-8", "replace").split("\n")[:-1]
         identity = json.loads(first.removeprefix("# "))
         columns, *table = csv.reader(lines, strict=True)
-        if not isinstance(identity, dict) or tuple(columns) != COLUMNS:
-            raise ValueError("other columns")
+        if not isinstance(identity, dict):
+            raise ValueError("no identity")
     except (ValueError, csv.Error):
         raise ValueError(
             f"trials = {path}: must be a trials.csv of this program"
         ) from None
     with _naming_the_line(path, 1):
-        if (protocol := identity.get("protocol")) not in range(1, PROTOCOL + 1):
+        if (protocol := identity.get("protocol")) != PROTOCOL:
             raise ValueError(
-                f"protocol = {protocol}: must be in [1, {PROTOCOL}]"
+                f"protocol = {protocol}: must be {PROTOCOL}{_HINTS['protocol']}"
             )
         search = _search_of(identity)
+    if tuple(columns) != COLUMNS:
+        raise ValueError(
+            f"trials = {path}: must be a trials.csv of this program"
+        )
     rows: dict[Key, dict] = {}
     for number, cells in enumerate(table, start=3):
         with _naming_the_line(path, number):

@@ -48,7 +48,7 @@ def plan_of(state):
 
 
 def feedback(state, icp, params=PARAMS, on=True, qp=None):
-    qp = qp or IcpStepQp(params, 48)
+    qp = qp or IcpStepQp(params)
     phase = step_phase(state, REACH, qp, params, MODEL)
     return step_feedback(state, phase, plan_of(state), icp, qp, params, on)
 
@@ -154,7 +154,7 @@ def test_without_a_solution_no_foothold_moves():
             found = super().solve(*arguments)
             return found._replace(result=found.result._replace(solved=False))
 
-    found = feedback(state, icp, qp=Unsolved(PARAMS, 48))
+    found = feedback(state, icp, qp=Unsolved(PARAMS))
     alone = feedback(state, icp, on=False)
     assert not found.result.solved
     assert alone.result.solved

@@ -12,7 +12,13 @@ from nadia_balance.robot import FIDELITIES, load_robot
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
-from tests.diagrams.simulated import diagram_of, figures, scenario_of, simulated
+from tests.diagrams.simulated import (
+    SOON,
+    diagram_of,
+    figures,
+    scenario_of,
+    simulated,
+)
 
 PERIOD = 0.002
 PUSH = "duration: 1.0, pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]}"
@@ -38,11 +44,12 @@ def test_real_torques_lag_behind_the_commanded():
 def test_real_torques_change_slowly():
     """Oracle: 10 % of its limit in a tick; ideal ones change faster here."""
     shove = "{delta_v: 0.5, at: right swing 25 %, direction_deg: 90.0}"
+    soon = SOON % "right"
     steps = []
     for fidelity in FIDELITIES:
         logs = simulated(
             f"{{fidelity: {fidelity}, mechanisms: all_with_cross_over, "
-            f"duration: 2.0, gait: {{num_steps: 2}}, pushes: [{shove}]}}"
+            f"duration: 1.1, {soon}, pushes: [{shove}]}}"
         ).logs
         change = np.abs(np.diff(logs["actuation"], axis=0))
         steps.append(np.max(change / logs["effort_limits"]))

@@ -27,25 +27,24 @@ from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.systems.walking_state_machine import PHASES
-from tests.diagrams.simulated import diagram_of, figures, scenario_of, simulated
+from tests.diagrams.simulated import (
+    EARLY,
+    SOON,
+    diagram_of,
+    figures,
+    judged,
+    scenario_of,
+    simulated,
+)
 from tests.fake_meshcat import click
 from tests.source_files import ROOT
 
 SWING = PHASES.index(Phase.SWING)
-STAND = "{duration: 2.0}"
-IN_PLACE = "{duration: 4.0, gait: {num_steps: 2}}"
+STAND = "{duration: 1.5}"
+IN_PLACE = f"{{duration: 3.1, {SOON % 'right'}}}"
 # Forward, to the left, backward, and a turn; then the feet close up.
-WALK = (
-    "{duration: 6.6, gait: {steps: [{length: 0.3}, {sideways: 0.1}, "
-    "{length: -0.2}, {yaw_deg: 15.0}]}}"
-)
-
-
-# The foot is lifted at 0.45 s.
-SOON = (
-    "gait: {num_steps: 2, first_swing: %s, initial_transfer_duration: 0.4}, "
-    "controller: {walking_state_machine: {standing_duration: 0.05}}"
-)
+STEPS = "[{length: 0.3}, {sideways: 0.1}, {length: -0.2}, {yaw_deg: 15.0}]"
+WALK = f"{{duration: 5.7, {EARLY % f'steps: {STEPS}'}}}"
 
 
 def pushed(side, direction):
@@ -164,7 +163,7 @@ def test_recovers_from_a_shove_in_the_swing(direction):
 def test_takes_a_shove_without_a_step(direction_deg, impulse):
     """Oracle: the bar of the project [N s], in 0.1 s at the pelvis."""
     text = (
-        f"{{duration: 1.6, pushes: [{{force: {10 * impulse}, at: 0.1 s, "
+        f"{{duration: 1.3, pushes: [{{force: {10 * impulse}, at: 0.1 s, "
         f"direction_deg: {direction_deg}}}]}}"
     )
     found = figures(text)
@@ -221,7 +220,7 @@ def test_the_mirrored_shove_gives_the_mirrored_path():
     0.5 m/s: another millimetre for each of its landings.
     """
     right, left = (
-        simulated(f"{{fidelity: ideal, {pushed(side, direction)[1:]}").logs
+        simulated(pushed(side, direction)).logs
         for side, direction in (("right", 90.0), ("left", -90.0))
     )
     mirror = np.array([1.0, -1.0])
@@ -367,7 +366,10 @@ def test_what_is_not_finite_stops_the_robot(of, bad):
 def test_steps_in_other_ways_too(change, error):
     """Oracle: a step, upright, with hardly more error [m] than else."""
     gait = "" if change.startswith("gait") else "gait: {num_steps: 1}, "
-    found = figures(f"{{duration: 2.3, {gait}{change}}}")
+    scenario = scenario_of(f"{{duration: 1.65, {gait}{change}}}")
+    scenario.gait.initial_transfer_duration = 0.4
+    scenario.controller.walking_state_machine.standing_duration = 0.05
+    found = judged(scenario)
     assert found["recovered"]
     assert found["steps_taken"] == 1
     assert found["max_icp_error_m"] < error

@@ -5,25 +5,24 @@ first right swing, while stepping in place.
 """
 
 import copy
-import functools
 import itertools
-import math
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import EventStatus
 
-from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import simulate, start
+from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.log import Log, pushes, signal, steps
 from nadia_balance.results.summary import Run
 from nadia_balance.robot import load_robot
-from nadia_balance.scripts.envelope_sweep.trial import Walk
+from tests import run_cache
 from tests.diagrams.noisy_lipm import NoisyLipmDiagram
+from tests.diagrams.simulated import all_of, run_of
+from tests.diagrams.tried import tried
 from tests.results.made_up_run import cut
 
 ALL = "all_with_cross_over"
@@ -46,7 +45,6 @@ RAGGED = 0.03
 PUSH = """
 gait: {num_steps: %d}
 duration: %d
-required_steps: %d
 pushes: [{delta_v: 0.0, at: right swing 25 %%}]
 """
 
@@ -55,7 +53,7 @@ def pushed(
     mechanisms: str, direction: float, delta_v: float, num_steps: int = 8
 ) -> Scenario:
     """The push in this direction [deg], so hard [m/s]."""
-    text = PUSH % (num_steps, 2 + num_steps, num_steps)
+    text = PUSH % (num_steps, 2 + num_steps)
     scenario = load_scenario("push", text=text, fidelity="ideal")
     scenario.mechanisms = mechanisms
     (push,) = scenario.pushes
@@ -72,32 +70,25 @@ def mirrored(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def run_of(scenario: Scenario) -> Run:
-    check(scenario)
-    return simulate(LipmDiagram(scenario), scenario.duration)
-
-
-@functools.cache
 def moderate(direction: int) -> Run:
-    """All mechanisms, a push of 0.6 of the limit; do not change it."""
-    return run_of(pushed(ALL, direction, 0.6 * LIMIT[direction]))
+    """All mechanisms, a push of 0.6 of the limit."""
+    return run_of(pushed(ALL, direction, 0.6 * LIMIT[direction]), "lipm")
 
 
-@functools.cache
-def walk(mechanisms: str, num_steps: int, by_qp: bool = False) -> Walk:
+def walk(mechanisms: str, num_steps: int, by_qp: bool = False) -> Scenario:
     """Who is about to be pushed; by the QP of the Atlas paper, if told."""
     scenario = pushed(mechanisms, 0.0, 0.0, num_steps)
     if by_qp:
         scenario.controller.icp_step_qp = IcpStepQpParams()
-    return Walk(scenario, "lipm", math.inf)
+    return scenario
 
 
-def recovers(walk: Walk, direction: float, delta_v: float) -> bool:
+def recovers(walk: Scenario, direction: float, delta_v: float) -> bool:
     """Whether all steps of the gait end with the ICP error below 5 cm."""
-    row = walk.push(delta_v, direction, math.inf)
+    row = tried(walk, delta_v, direction)
     return (
         row["outcome"] == "recovered"
-        and row["steps_after_push"] >= walk.scenario.gait.num_steps
+        and row["steps_after_push"] >= walk.gait.num_steps
     )
 
 
@@ -193,7 +184,7 @@ def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction):
     """Oracle: the mirror; rounding alone tells left from right."""
     scenario = mirrored(pushed(ALL, direction, 0.6 * LIMIT[direction]))
     scenario.duration = 4.5  # until the third step has landed
-    other = run_of(scenario).logs
+    other = run_of(scenario, "lipm").logs
     log = cut(moderate(direction).logs, len(other["t"]))
     for name in ("icp", "icp_reference", "ecmp_command", "com_state"):
         signs = np.ones(log[name].shape[1])
@@ -201,8 +192,21 @@ def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction):
         assert log[name] == pytest.approx(other[name] * signs, abs=1e-9)
 
 
-def rules_used(diagram: LipmDiagram) -> tuple[list[tuple[int, str]], Log]:
-    """[(steps taken, reachability region), ...] as they change; the log."""
+def rules_used(
+    scenario: Scenario, noise: float
+) -> tuple[list[tuple[int, str]], Log]:
+    """[(steps taken, reachability region), ...] as they change; the log.
+
+    `noise` [m/s] is the deviation of what the controller sees.
+    """
+    return run_cache.once(
+        (__name__,),
+        f"{all_of(scenario, 'lipm')}\n{noise!r}",
+        lambda: _rules_used(NoisyLipmDiagram(scenario, noise)),
+    )
+
+
+def _rules_used(diagram: LipmDiagram) -> tuple[list[tuple[int, str]], Log]:
     machine = diagram.controller.GetSubsystemByName("walking_state_machine")
     port, used = machine.GetOutputPort("walking_state"), []
 
@@ -223,7 +227,7 @@ def test_noise_moves_no_foothold_and_hurries_no_clock():
     """Oracle: the gait, to the last bit; 1 mm/s, white, in every tick."""
     scenario = pushed(ALL, 0.0, 0.0, num_steps=3)
     scenario.pushes, scenario.lipm_period = [], 0.002
-    used, log = rules_used(NoisyLipmDiagram(scenario, 0.001))
+    used, log = rules_used(scenario, 0.001)
     assert used == [(step, "base") for step in range(3)]
     walking = signal(log, "walking_signal")
     taken = walking.steps_taken.astype(int)
@@ -247,7 +251,7 @@ def test_noise_makes_no_rule_flicker_after_a_push(direction):
     limit, at 240 deg, 0.1 mm/s tell whether the second step crosses behind.
     """
     scenario = pushed(ALL, direction, 0.75 * LIMIT[direction], num_steps=3)
-    quiet, _ = rules_used(NoisyLipmDiagram(scenario, 0.0))
-    noisy, _ = rules_used(NoisyLipmDiagram(scenario, 0.001))
+    quiet, _ = rules_used(scenario, 0.0)
+    noisy, _ = rules_used(scenario, 0.001)
     assert noisy == quiet
     assert {region for _, region in quiet} > {"base"}  # it crosses the legs

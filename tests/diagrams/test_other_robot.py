@@ -5,18 +5,16 @@ Twice Nadia's mass, the CoM a third higher.
 
 import pytest
 
-from tests.diagrams.simulated import figures
+from tests.diagrams.simulated import EARLY, SOON, figures
 
-WALK = "{robot: atlas, duration: 4.0, gait: {num_steps: 2}}"
+WALK = f"{{robot: atlas, duration: 3.1, {SOON % 'right'}}}"
 
 
 def shoved(delta_v, direction):
     """At 25 % of the first swing, soon; with all mechanisms."""
     return (
         "{robot: atlas, mechanisms: all_with_cross_over, duration: 4.5, "
-        "gait: {num_steps: 5, initial_transfer_duration: 0.4}, "
-        "controller: {walking_state_machine: {standing_duration: 0.05}}, "
-        "pushes: ["
+        f"{EARLY % 'num_steps: 5'}, pushes: ["
         f"{{delta_v: {delta_v}, at: right swing 25 %, "
         f"direction_deg: {direction}}}]}}"
     )

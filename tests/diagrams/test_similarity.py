@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
+from tests.diagrams.simulated import run_of
 from tests.scaled_robot import scaled_nadia
 
 SMALL = 0.25  # a power of 4: lengths and times are scaled without rounding
@@ -24,8 +23,8 @@ def pushed(ratio, robot, delta_v, direction):
     scenario.pushes[0].delta_v = delta_v * math.sqrt(ratio)
     scenario.pushes[0].duration *= math.sqrt(ratio)
     scenario.pushes[0].direction_deg = direction
-    run = simulate(LipmDiagram(scenario), 7.0 * math.sqrt(ratio))
-    return run.logs["icp"] / ratio
+    scenario.duration = 7.0 * math.sqrt(ratio)
+    return run_of(scenario, "lipm").logs["icp"] / ratio
 
 
 @pytest.mark.parametrize("delta_v, direction", [(0.41, 90.0), (1.2, 0.0)])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.simulation import (
+    RecoveryWatch,
     advance,
     pushed,
     simulate,
@@ -15,6 +16,7 @@ from nadia_balance.diagrams.simulation import (
     until_ctrl_c,
     walk_to_push,
 )
+from nadia_balance.results.summary import calm_steps
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002
@@ -31,13 +33,55 @@ def test_ends_with_an_improper_contact_if_it_is_told_to(stops, end):
     diagram.fall_reason = lambda context: (
         "made up" if context.get_time() >= 0.605 else ""
     )
-    run = simulate(diagram, 1.0, stop_at_improper_contact=stops)
+    run = simulate(diagram, 1.0, stop_at_failure=stops)
     assert run.improper_contacts == ("hand - ground",)
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
     assert run.fell_at == (None if stops else run.simulated_time)
     assert run.fall_reason == ("" if stops else "made up")
     assert run.logs["t"][-1] == pytest.approx(end, abs=2.01 * PERIOD)
     assert (run.error, run.interrupted) == ("", False)
+
+
+@pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.5)])
+def test_ends_where_a_limit_is_passed_if_it_is_told_to(stops, end):
+    """Oracle: the diagram, asked by hand."""
+    diagram = diagram_of(plant="lipm")
+    diagram.passed_limit = lambda context: context.get_time() >= 0.305
+    run = simulate(diagram, 0.5, stop_at_failure=stops)
+    assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
+    assert (run.fell_at, run.until) == (None, False)
+
+
+@pytest.mark.parametrize("period", [0.01, 0.003])
+def test_until_is_asked_once_a_tick_whatever_the_plants_step(period):
+    """Oracle: the ticks, counted; the robot's plant steps every 1 ms."""
+    asked = []
+    text = f"{{controller: {{control_period: {period}}}, duration: 0.05}}"
+    simulator = start(diagram_of(text))
+    advance(simulator, 0.05, until=lambda c: asked.append(c.get_time()))
+    ticks = period * np.arange(int(0.05 / period + 1e-9) + 1)
+    assert asked == pytest.approx(ticks, abs=1e-12)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_the_watch_sees_the_recovery_that_the_summary_finds(more):
+    """Oracle: calm_steps of the whole run's log, cut off row by row."""
+    text = "{mechanisms: all_with_cross_over, gait: {num_steps: 12}, "
+    text += "calm_steps: 2, pushes: [{delta_v: 0.5, direction_deg: 270, "
+    text += "at: right swing 25 %}]}"
+    diagram = diagram_of(text, "lipm")
+    watch = RecoveryWatch(diagram, more_steps=more)
+    run = advance(start(diagram), 9.0, until=watch)
+    assert run.until
+    whole = simulate(diagram, 9.0).logs
+    n = len(whole["t"])
+    calm = [
+        calm_steps(
+            {k: a[:rows] if len(a) == n else a for k, a in whole.items()}
+        )
+        for rows in (len(run.logs["t"]) - 1, len(run.logs["t"]))
+    ]
+    assert calm == [1 + more, 2 + more]
 
 
 def test_ctrl_c_keeps_what_was_logged():

@@ -12,11 +12,7 @@ from nadia_balance.core.reachability import (
     cross_over_region,
 )
 from nadia_balance.core.walking import FootPose, Phase, Side
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import (
     Log,
     PushSpan,
@@ -26,7 +22,7 @@ from nadia_balance.results.log import (
     sole_pose,
     steps,
 )
-from nadia_balance.results.summary import summarize
+from tests.diagrams.simulated import judged, run_of
 
 CROSSING = ReachabilityParams()
 HALF_WIDTH, BACK = 0.125, 0.03  # of a stance; back at its foothold [m]
@@ -63,11 +59,10 @@ class Story:
         return p_F * [1.0, step.side.sign]
 
 
-def tell(name: str, duration: float, diagram=HumanoidDiagram) -> Story:
+def tell(name: str, duration: float, plant: str = "humanoid") -> Story:
     """Simulates a scenario, no longer than it takes to see it out."""
     scenario = load_scenario(name, text=f"{{duration: {duration}}}")
-    run = simulate(diagram(scenario), duration)
-    return Story(run.logs, summarize(run, run_info(scenario, run)))
+    return Story(run_of(scenario, plant).logs, judged(scenario, plant))
 
 
 @pytest.fixture(scope="module")
@@ -236,7 +231,7 @@ def test_the_papers_pushes_of_atlas_speed_up_the_swing_and_move_the_foot(
 
     The foot moves the way of the push.  On the point mass, which is quick.
     """
-    story = tell(name, 26.0, LipmDiagram)
+    story = tell(name, 26.0, "lipm")
     assert story.summary["recovered"]
     before, hit = steps(story.log)[1], story.steps[0]
     for phase in before.transfer, before.swing:

@@ -1,6 +1,5 @@
 """Oracles: shapely, flat ground, messages by hand."""
 
-import functools
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +11,10 @@ from nadia_balance.core.walking import FootPose, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.diagrams.terrain import Terrain, foot_beside
 from nadia_balance.results.log import ground_regions, steps
 from nadia_balance.results.plots import footsteps
+from tests.diagrams.simulated import run_of
 from tests.example_walks import SOLE, swing
 from tests.results.made_up_run import summary_of
 
@@ -25,17 +24,12 @@ regions:
 """
 
 
-def run_of(scenario):
-    return simulate(LipmDiagram(scenario), scenario.duration)
-
-
-@functools.cache
 def pushed(direction_deg, delta_v):
-    """Walks on the stones and is pushed; do not change it."""
+    """Walks on the stones and is pushed."""
     scenario = load_scenario("stepping_stones", duration=9.0)
     (push,) = scenario.pushes
     push.direction_deg, push.delta_v = direction_deg, delta_v
-    return run_of(scenario)
+    return run_of(scenario, "lipm")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +59,7 @@ def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
     for name in "flat", str(tmp_path / "large.yaml"):
         scenario = load_scenario("push", duration=7.0)
         scenario.terrain.name = name
-        logs.append(run_of(scenario).logs)
+        logs.append(run_of(scenario, "lipm").logs)
     flat, large = logs
     assert max(np.linalg.norm(s.adjustment) for s in steps(flat)) > 0.1
     for name, values in flat.items():
@@ -77,7 +71,7 @@ def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     scenario = load_scenario("stepping_stones", duration=9.0)
     scenario.terrain.error = GroundError(place=0.3)
     scenario.terrain.margin = 0.0
-    run = run_of(scenario)
+    run = run_of(scenario, "lipm")
     assert run.fall_reason.endswith("foot beside its region")
 
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.results.log import steps
-from nadia_balance.results.summary import summarize
+from nadia_balance.results.log import Log, steps
+from nadia_balance.robot import RobotModel, load_robot
+from tests.diagrams.simulated import EARLY, SOON, judged, run_of
 
 STILE = """
 regions:
@@ -21,19 +19,21 @@ FOOTHOLDS = """[{side: right, x: 0.15, y: -0.125}, {x: 0.45, y: 0.125},
     {side: right, x: 0.76, y: -0.125}, {x: 0.76, y: 0.125}]"""
 
 
-def walked(name, text, duration):
-    """The diagram and its run, which obeys all limits."""
-    scenario = load_scenario(name, text=text, duration=duration)
-    diagram = HumanoidDiagram(scenario)
-    run = simulate(diagram, duration)
-    found = summarize(run, run_info(scenario, run))
+@pytest.fixture(scope="module")
+def robot() -> RobotModel:
+    return load_robot("nadia")
+
+
+def walked(scenario) -> Log:
+    """The log of its run, which obeys all limits."""
+    found = judged(scenario)
     assert found["outcome"] == "recovered", found["reason"]
-    return diagram, run
+    return run_of(scenario).logs
 
 
-def soles_at(diagram, log, time):
+def soles_at(robot, log, time):
     """X_WF of both soles at a `time`."""
-    robot, plant = diagram.robot, diagram.robot.control_plant()
+    plant = robot.control_plant()
     context = plant.CreateDefaultContext()
     row = np.searchsorted(log["t"], time)
     plant.SetPositionsAndVelocities(context, log["state"][row])
@@ -47,28 +47,29 @@ def soles_at(diagram, log, time):
 @pytest.mark.parametrize(
     ("name", "text", "duration", "num_steps", "top"),
     [
-        ("stairs", f"gait: {{footholds: {FOOTHOLDS}}}", 8.0, 4, 0.18),
+        ("stairs", EARLY % f"footholds: {FOOTHOLDS}", 7.15, 4, 0.18),
         ("cinder_blocks", "", 22.5, 16, 0.45),
         ("tilted_blocks", "", 7.8, 5, 0.30),
     ],
     ids=["18 cm up and down", "Fig. 11", "15 degrees"],
 )
 def test_soles_stand_on_the_planes_of_their_regions(
-    tmp_path, name, text, duration, num_steps, top
+    tmp_path, robot, name, text, duration, num_steps, top
 ):
     """Oracle: heights and normals of the regions, 0.2 s after landing."""
     if text:
         (tmp_path / "stile.yaml").write_text(STILE)
         text += f", terrain: {{name: {tmp_path}/stile.yaml}}"
-    diagram, run = walked(name, f"{{{text}}}", duration)
-    ground, heights = diagram.scenario.terrain.ground(diagram.robot.sole), []
-    taken = steps(run.logs)
+    scenario = load_scenario(name, text=f"{{{text}}}", duration=duration)
+    log = walked(scenario)
+    ground, heights = scenario.terrain.ground(robot.sole), []
+    taken = steps(log)
     assert len(taken) == num_steps
     for step in taken:
         away = step.achieved.p_WF - step.commanded.p_WF
         assert np.hypot(*away[:2]) < 0.005
-        after = run.logs["t"][step.swing.last] + 0.2
-        X_WF = soles_at(diagram, run.logs, after)[step.side]
+        after = log["t"][step.swing.last] + 0.2
+        X_WF = soles_at(robot, log, after)[step.side]
         p_WF = X_WF.translation()
         region = ground.region_under(ground.pose(p_WF[:2], 0.0, 0.0))
         expected = region.heights(p_WF[None, :2])[0]
@@ -79,12 +80,12 @@ def test_soles_stand_on_the_planes_of_their_regions(
     assert max(heights) == pytest.approx(top, abs=0.05)
 
 
-def test_walks_on_tiles_that_it_takes_for_flat_ground():
+def test_walks_on_tiles_that_it_takes_for_flat_ground(robot):
     """Oracle: by hand: its feet stand higher and lower by 2 cm, and tilted."""
-    diagram, run = walked("tiles", "{}", 8.0)
+    log = walked(load_scenario("tiles", duration=6.6))
     soles = [
-        soles_at(diagram, run.logs, run.logs["t"][step.swing.last])[step.side]
-        for step in steps(run.logs)
+        soles_at(robot, log, log["t"][step.swing.last])[step.side]
+        for step in steps(log)
     ]
     heights = [X_WF.translation()[2] for X_WF in soles]
     assert np.ptp(heights) > 0.02
@@ -98,8 +99,9 @@ def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
     (tmp_path / "large.yaml").write_text(f"regions: [{{name: a, {side}}}]")
     logs = []
     for name in "flat", str(tmp_path / "large.yaml"):
-        text = f"{{terrain: {{name: {name}}}}}"
-        logs.append(walked("walk_forward", text, 2.5)[1].logs)
+        text = f"{{terrain: {{name: {name}}}, {SOON % 'right'}}}"
+        scenario = load_scenario("walk_forward", text=text, duration=1.4)
+        logs.append(walked(scenario))
     flat, large = logs
     assert len(steps(flat)) > 0
     for name, values in flat.items():

@@ -223,3 +223,4 @@ def _add_robot(log, walking: WalkingSignal, push: np.ndarray) -> None:
         x += 0.002 * np.sin(t)  # slips
     log["foot_poses"] = feet[:].T
     log["swing_foot_reference"] = np.zeros((n, 12))
+    log["trunk_tilt"] = np.zeros((n, 2))

@@ -65,11 +65,11 @@ def test_tells_what_was_switched():
         (1000, {"fell_at": 1.998, "fall_reason": "low"}, "2.00 s  FELL: low"),
         (0, {"interrupted": True}, "0.00 s  INTERRUPTED"),
         (200, {}, "0.40 s  STOOD"),
-        (None, {"required_steps": 8}, "7.57 s  FEWER THAN 8 STEPS AFTER THE"),
+        (2000, {"calm_steps": 2}, "4.00 s  THE ICP ERROR DID NOT STAY BELOW"),
         (
-            None,
-            {"required_steps": 8, "fitting_steps": 3},
-            "7.57 s  UNDECIDED: too short: the run ended after 5 of 8 steps ",
+            2000,
+            {"calm_steps": 2, "is_long_enough": False},
+            "4.00 s  UNDECIDED: too short: the ICP error did not stay below ",
         ),
     ],
 )

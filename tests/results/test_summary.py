@@ -96,6 +96,46 @@ def test_torque_steps_are_commanded_and_power_is_delivered(log):
     summary = summary_of(log)
     assert summary["max_torque_step"] == 80.0
     assert summary["max_power_w"] == pytest.approx(500.0 - 60.0)
+    assert summary["positive_power_w"] == pytest.approx(500.0)
+
+
+def test_posture_is_that_of_trunk_and_centre_of_mass(log):
+    """Oracle: set by hand; the ground is where the lower sole is."""
+    log["trunk_tilt"][100] = np.radians([30.0, 12.0])
+    log["trunk_tilt"][200] = np.radians([20.0, 15.0])
+    com, feet = signal(log, "com_state"), signal(log, "foot_poses")
+    com.z[:], feet.left_z[:], feet.right_z[:] = 1.95, 1.0, 1.1
+    com.z[300], feet.right_z[300] = 1.85, 0.98
+    summary = summary_of(log)
+    assert summary["max_torso_tilt_deg"] == pytest.approx(30.0)
+    assert summary["max_pelvis_tilt_deg"] == pytest.approx(15.0)
+    assert summary["com_sag_m"] == pytest.approx(0.95 - (1.85 - 0.98))
+    assert summary_of(log, max_torso_tilt_deg=30.1)["recovered"]
+    assert summary_of(log, max_torso_tilt_deg=29.9)["reason"] == (
+        "tilted: the torso by 30 deg"
+    )
+
+
+@pytest.mark.parametrize(
+    ("large_at", "calm"), [(2.5, 3), (2.76, 3), (2.78, 2), (3.8, 1), (5.0, 0)]
+)
+def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
+    """Oracle: by hand: it lands at 1.5, 2.23, 2.77, 3.77, 4.77 and 5.77 s.
+
+    A walk that ends before it was calm for long enough has failed; one that
+    stands at its end, well, has recovered.
+    """
+    log["icp"][:] = log["icp_reference"][:, :2]
+    log["icp"][round(large_at / 0.002), 1] += 0.05
+    walks = cut(log, round(5.9 / 0.002))
+    assert summary_of(walks)["calm_steps"] == calm
+    assert summary_of(walks, calm_steps=calm)["recovered"]
+    more = summary_of(walks, calm_steps=calm + 1)
+    assert (more["outcome"], more["reason"]) == (
+        "failed",
+        f"the ICP error did not stay below 0.05 m for {calm + 1} whole steps",
+    )
+    assert summary_of(log, calm_steps=calm + 1)["recovered"]
 
 
 def test_impacts_are_in_body_weights(log):
@@ -198,10 +238,6 @@ def test_sums_up_both_qps(log):
         ({"fell_at": 2.0, "fall_reason": "low"}, "fell: low"),
         ({"interrupted": True}, "interrupted"),
         ({"improper_contacts": ("A - ground",)}, "contact of A"),
-        (
-            {"required_steps": 8, "fitting_steps": 6},
-            "fewer than 6 steps after the push",
-        ),
     ],
 )
 def test_says_why_a_run_does_not_count_as_recovered(log, told, reason):
@@ -213,16 +249,17 @@ def test_says_why_a_run_does_not_count_as_recovered(log, told, reason):
 @pytest.mark.parametrize(
     ("rows", "told", "reason"),
     [
-        # Five steps landed after the push, which ended at 2.076 s.
+        # It lands at 2.77 and 3.77 s, after a push that ended at 2.076 s.
         (
-            None,
-            {"required_steps": 8, "fitting_steps": 5},
-            "too short: the run ended after 5 of 8 steps",
+            2000,
+            {"calm_steps": 2, "is_long_enough": False},
+            "too short: the ICP error did not stay below 0.05 m for 2 whole "
+            "steps",
         ),
         # What was not pushed took no steps after it either.
         (
             900,
-            {"missed_pushes": 1, "required_steps": 8},
+            {"missed_pushes": 1, "calm_steps": 2},
             "not pushed: the push did not come before the end",
         ),
         (1200, {}, "too short: the run ended 0.32 s after the push"),
@@ -293,7 +330,8 @@ def test_a_point_mass_has_no_joints_but_all_other_figures(log):
     assert summary["recovered"] is True
     missing = {name for name, value in summary.items() if value is None}
     of_joints = "max_torque_ratio max_torque_step max_joint_speed "
-    of_joints += "max_joint_speed_ratio max_power_w"
+    of_joints += "max_joint_speed_ratio max_power_w positive_power_w "
+    of_joints += "max_torso_tilt_deg max_pelvis_tilt_deg"
     of_feet = "max_swing_foot_speed mean_swing_foot_speed stance_slip_m "
     of_feet += "min_sole_distance_m max_impact_body_weights"
     assert missing >= {*of_joints.split(), *of_feet.split()}

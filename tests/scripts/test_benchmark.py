@@ -1,5 +1,6 @@
 """The benchmark: what it measures, and what it refuses."""
 
+import csv
 import json
 import shutil
 from types import SimpleNamespace
@@ -33,9 +34,15 @@ BLOCKS = {
 
 
 @pytest.fixture(scope="module")
-def figures():
+def recorded(tmp_path_factory):
+    return tmp_path_factory.mktemp("speed") / "speed.csv"
+
+
+@pytest.fixture(scope="module")
+def figures(recorded):
     """One short run, as --json prints it."""
     argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
+    argv += f" --record {recorded}"
     lines = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(benchmark, "say", lines.append)
@@ -51,15 +58,33 @@ def test_every_block_and_every_plant_has_its_figures(figures):
     """
     table = benchmark.as_text(figures).splitlines()
     names = [line.split()[0] for line in table[4:]]
-    assert names == list(figures["blocks"])
+    parts = "whole_body_qp_program", "link_distances"
+    assert names == [*figures["blocks"], *parts, "the"]
+    assert set(parts) == set(figures["parts"])
     assert set(figures["blocks"]) >= BLOCKS
-    for block in figures["blocks"].values():
+    for block in (*figures["blocks"].values(), *figures["parts"].values()):
         assert 0.0 < block["median_us"] <= block["p99_us"]
     loop, in_loop = figures["closed_loop"], figures["plant_in_loop"]
     assert loop["ratio_to_plant_alone"] > 0.0
     assert loop["ratio_to_plant_in_loop"] == pytest.approx(
         loop["real_time_factor"] / in_loop["real_time_factor"]
     )
+
+
+def test_a_record_has_a_row_for_each_run(figures, recorded):
+    """Oracle: the figures; a second run adds a row under the same head."""
+    benchmark.record(recorded, scenario_of(), figures)
+    with recorded.open(encoding="utf-8", newline="") as file:
+        first, second = csv.DictReader(file)
+    assert first["mechanisms"] == "all_with_cross_over"
+    assert second["mechanisms"] == "icp_only"
+    for row in first, second:
+        ratio = figures["closed_loop"]["ratio_to_plant_in_loop"]
+        assert float(row["loop_over_plant_in_loop"]) == pytest.approx(
+            ratio, rel=1e-3
+        )
+        p99 = figures["blocks"]["balance_controller"]["p99_us"]
+        assert float(row["tick_p99_us"]) == pytest.approx(p99, rel=1e-3)
 
 
 @pytest.mark.parametrize(

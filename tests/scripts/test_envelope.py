@@ -11,8 +11,12 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
+from nadia_balance.scripts.envelope_sweep.limits import envelope_of
+from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL
+from nadia_balance.scripts.envelope_sweep.run import HEADROOM
 from nadia_balance.scripts.envelope_sweep.trials_file import (
     alone_in,
+    cell_of,
     read_trials,
 )
 from tests.scripts.running import (
@@ -25,7 +29,7 @@ from tests.scripts.running import (
 # Some twenty trials of less than a second of processor time each.
 SHORT = [
     *("--plant", "lipm", "--mechanisms", "icp_only", "--duration", "6"),
-    *("--scenario_text", "required_steps: 1", "--resolution", "0.1"),
+    *("--scenario_text", "calm_steps: 0", "--resolution", "0.1"),
     *("--stride", "2", "--replicas", "2"),
 ]
 SWEEP = [*SHORT, "--directions", "0,90"]
@@ -94,13 +98,46 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
     assert FILES | {"envelope.png", "tables.md"} <= set(names.split(", "))
 
 
+def test_begins_below_the_limits_that_another_folder_knows(
+    undisturbed, tmp_path, capsys
+):
+    """Oracles: the same limits, of fewer trials, none far below them."""
+    argv = [*SWEEP, "--from", undisturbed[0], "--out", tmp_path]
+    assert run_script(envelope, argv, capsys).code == 0
+    found, known = (
+        envelope_of(*read_trials(folder / "trials.csv"))
+        for folder in (tmp_path, undisturbed[0])
+    )
+    assert found.limits == known.limits
+    assert len(found.rows) < len(known.rows)
+    for row in found.rows:
+        lowest = known.limits[cell_of(row)].recovered - HEADROOM
+        assert row["delta_v"] > lowest - 0.051  # to a resolution of 0.1
+
+
+def test_refuses_to_begin_at_limits_of_another_protocol(
+    undisturbed, tmp_path, capsys
+):
+    """Oracle: the published way: one line, and nothing is written."""
+    text = (undisturbed[0] / "trials.csv").read_text()
+    old, out = tmp_path / "old", tmp_path / "out"
+    old.mkdir()
+    (old / "trials.csv").write_text(
+        text.replace(f'"protocol": {PROTOCOL}', '"protocol": 4', 1)
+    )
+    argv = [*SWEEP, "--from", old, "--out", out]
+    outcome = run_script(envelope, argv, capsys)
+    assert_refused(outcome, f"trials = {old / 'trials.csv'}: line 1: protocol")
+    assert not out.exists()
+
+
 def test_leaves_behind_what_is_needed_to_do_it_again(undisturbed):
     folder, _ = undisturbed
     scenario = load_scenario("push", folder / "scenario.yaml")
-    assert (scenario.duration, scenario.required_steps) == (6.0, 1)
+    assert (scenario.duration, scenario.calm_steps) == (6.0, 0)
     (command,) = (folder / "command.txt").read_text().splitlines()
     assert command.startswith("envelope.py --plant lipm --mechanisms icp_only ")
-    assert "--scenario_text 'required_steps: 1'" in command
+    assert "--scenario_text 'calm_steps: 0'" in command
 
 
 def test_killed_at_any_time_it_goes_on_where_it_was(undisturbed, tmp_path):
@@ -272,6 +309,15 @@ REFUSED = [
     (
         ["--plot-only", "nowhere"],
         "plot_only = 'nowhere': must be a folder with",
+    ),
+    (["--from", "nowhere"], "from = 'nowhere': must be a folder with"),
+    (
+        ["--scenario_text", "max_torso_tilt_deg: 91"],
+        "max_torso_tilt_deg = 91.0: must be in (0, 90] deg",
+    ),
+    (
+        ["--scenario_text", "controller: {control_period: 0.0035}"],
+        "time_step = 0.001: must divide control_period = 0.0035 s",
     ),
 ]
 

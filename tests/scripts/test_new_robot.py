@@ -5,6 +5,7 @@ import sys
 import pytest
 
 from nadia_balance.scripts import new_robot
+from tests.diagrams.simulated import EARLY
 from tests.new_robot.biped import Biped
 from tests.scripts.running import assert_refused, run_script
 
@@ -21,7 +22,7 @@ def test_an_unseen_biped_walks_by_one_command(
 
     Three steps of the twenty.
     """
-    short = "{duration: 5.0, gait: {num_steps: 3}}"
+    short = f"{{duration: 4.1, {EARLY % 'num_steps: 3'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     assert (outcome.code, outcome.err) == (0, [])

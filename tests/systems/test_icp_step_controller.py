@@ -56,7 +56,7 @@ def inputs(state=IN_AIR, icp=OUT):
 
 
 def expected_of(state, icp=OUT):
-    reach, qp = uncrossed_reach(PARAMS, MODEL), IcpStepQp(PARAMS, 64)
+    reach, qp = uncrossed_reach(PARAMS, MODEL), IcpStepQp(PARAMS)
     phase = step_phase(state, reach, qp, PARAMS, MODEL)
     return step_feedback(state, phase, plan_of(state), icp, qp, PARAMS)
 

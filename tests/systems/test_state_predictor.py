@@ -11,6 +11,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.state_predictor import StatePredictor
 from tests.blocks import answer, running, tick
+from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import standing_state
 
 PERIOD = 0.002
@@ -70,15 +71,14 @@ def test_drives_are_late():
 
 def test_a_walking_robot_is_where_it_is_predicted():
     """Oracle: the plant's state; without prediction the error is larger."""
-    built = HumanoidDiagram(
-        load_scenario("walk_in_place", text="imperfections: {delay: 0.01}")
-    )
+    text = f"{{imperfections: {{delay: 0.01}}, {SOON % 'right'}}}"
+    built = HumanoidDiagram(load_scenario("walk_in_place", text=text))
     simulator = Simulator(built)
     context = simulator.get_mutable_context()
     built.set_initial_state(context)
     errors = []
     for i in range(400):
-        simulator.AdvanceTo(1.2 + i * PERIOD)
+        simulator.AdvanceTo(0.35 + i * PERIOD)  # a swing from 0.45 s on
         known, late = (
             system.GetOutputPort("estimated_state").Eval(
                 system.GetMyContextFromRoot(context)

@@ -29,6 +29,7 @@ AT = Situation("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
 VERSIONS = {
     "nadia_balance": "0.1.0",
     "drake": "1.51.1",
+    "daqp": "0.11.0",
     "numpy": "2.4.6",
     "python": "3.11.2",
 }
@@ -123,6 +124,10 @@ def _row(
         "max_icp_error_m": 0.125 * delta_v,
         "max_torque_ratio": 0.75,
         "max_joint_speed": 6.5,
+        "max_torso_tilt_deg": 20.0 + replica,
+        "max_pelvis_tilt_deg": 10.0,
+        "com_sag_m": 0.125,
+        "positive_power_w": 2000.0,
         "qp_failures": 0,
         "predicted_at_push": 2 if recovered else -1,
         "predicted_at_touchdowns": "2;1;0;0" if recovered else "-1;-1",
@@ -228,8 +233,8 @@ def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
     A trial of it takes no more than half a second.
     """
     steps = int(duration) + 1
-    if "required_steps" not in text:  # as many as there is time for
-        text += f", required_steps: {min(8, max(0, int(duration) - 3))}"
+    if "calm_steps" not in text and duration < 7.0:
+        text += ", calm_steps: 0"  # there is no time for any
     push = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
     scenario = load_scenario(
         "push",

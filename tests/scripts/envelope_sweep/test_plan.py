@@ -82,8 +82,9 @@ def test_each_gait_of_a_sweep_is_its_own_scenario():
         "--protocol=atlas_fig6", "--scenario_name", ",".join(names)
     )
     assert list(sweep.scenarios) == names
+    gaits = {name: load_scenario(name).gait for name in names}
     for cell in sweep.cells():
-        gait = load_scenario(cell.situation.scenario).gait
+        gait = gaits[cell.situation.scenario]
         assert sweep.walk(cell, replica=0).gait == gait
     with pytest.raises(ValueError) as refused:
         sweep_of("--scenario_name", "push,atlas_in_place_fast")
@@ -264,7 +265,7 @@ def test_this_code_is_told_by_versions_and_a_hash():
     assert re.fullmatch("[0-9a-f]{16}", plan.code_hash())
 
 
-def test_sees_a_change_of_the_code_but_not_of_a_plot(tmp_path):
+def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
     """Oracle: a copy of the project, changed in one file at a time.
 
     As it is in a checkout, and as a wheel has it.
@@ -279,6 +280,15 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot(tmp_path):
     shutil.copytree(tmp_path / "lib", wheel)
     shutil.copytree(others, wheel, dirs_exist_ok=True)
     assert plan.code_hash(wheel, wheel) == before
+    lipm = tmp_path / "lib" / "core" / "lipm.py"
+    text = lipm.read_text()
+    assert text.startswith('"""') and "    return " in text
+    for words in (
+        text.replace('"""', '"""In other words: ', 1),
+        text.replace("    return ", "    # A word more.\n    return ", 1),
+    ):
+        lipm.write_text(words)
+        assert plan.code_hash(tmp_path / "lib", others) == before
     for name, seen in (
         ("lib/results/plots/style.py", False),
         ("others/scripts/envelope_sweep/report.py", False),

@@ -68,6 +68,10 @@ def test_a_row_for_each_direction_beside_the_paper_and_the_limit():
         "/ with hips": "0.50",
         "[N s]": "117",
         "/ sqrt(g z)": "0.650",
+        "torso [deg]": "23",  # the worst of four replicas
+        "pelvis [deg]": "10",
+        "CoM sag [m]": "0.12",
+        "power [W]": "2000",
         "complete": "yes",
     }
     assert second["direction"] == "45°"

@@ -259,7 +259,7 @@ def test_two_processes_make_the_rows_of_one(open_file):
         directions=(0.0, 180.0), mechanisms=("icp_only",), search=search
     )
     scenario = sweep.scenarios["push"]
-    scenario.duration, scenario.required_steps = 6.0, 1
+    scenario.duration, scenario.calm_steps = 6.0, 1
     written = []
     for slots in (1, 2):
         file = open_file(sweep, f"{slots}.csv")

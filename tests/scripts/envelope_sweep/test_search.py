@@ -139,6 +139,27 @@ def test_a_search_by_hand():
     assert limit(results, SEARCH) == Limit(21 * 0.02, 22 * 0.02, True)
 
 
+@pytest.mark.parametrize(
+    ("first", "levels"),
+    [
+        # From 8 below: one stride up, then halves.
+        (14, [14, 22, 18, 20, 21]),
+        # Too high: halves from zero.
+        (30, [30, 15, 22, 18, 20, 21]),
+        # Lower than the first stride.
+        (-5, [8, 16, 24, 20, 22, 21]),
+    ],
+)
+def test_a_search_may_begin_where_the_limit_was_known(first, levels):
+    """Oracle: by hand; it falls above level 21, and ends where others do."""
+    results, tried = {}, []
+    while batch := next_batch(results, SEARCH, first):
+        tried += [level for level, replica in batch if replica == 0]
+        results |= {trial: trial[0] <= 21 for trial in batch}
+    assert tried == levels
+    assert limit(results, SEARCH) == Limit(21 * 0.02, 22 * 0.02, True)
+
+
 def test_a_pocket_that_a_replica_finds_is_searched_below():
     """By hand: level 20 of the search above fails in the end."""
     results = {(n, 0): True for n in (8, 16, 20, 21)}

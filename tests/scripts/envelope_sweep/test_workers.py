@@ -31,7 +31,7 @@ from tests.source_files import ROOT
 
 PATIENCE = 60.0  # with a machine that is busy [s]
 LONG = (
-    walk_of(stepping_sweep(ENDLESS, ", required_steps: 0")),
+    walk_of(stepping_sweep(ENDLESS, ", calm_steps: 0")),
     "lipm",
     0.01,
     0.0,

@@ -1,0 +1,175 @@
+"""Nothing is simulated twice, and nothing that is not the same is shared."""
+
+import shutil
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.robot import MODELS
+from tests import run_cache
+from tests.diagrams import simulated
+from tests.source_files import ROOT
+
+CODE = {
+    "runs.py": '"""Runs."""\nfrom core.sums import total\n',
+    "core/sums.py": "from core import numbers\n\n\ndef total(): return 1\n",
+    "core/numbers.py": "ONE = 1\n",
+    "plots.py": "from core import numbers\n",
+}
+MODULES = ("tests.source_files",)
+
+
+@pytest.fixture(autouse=True)
+def empty(tmp_path, monkeypatch):
+    """A cache of which nobody knows."""
+    monkeypatch.setattr(run_cache, "folder", tmp_path / "kept")
+    monkeypatch.setattr(run_cache, "_made", {})
+
+
+@pytest.fixture
+def once(monkeypatch):
+    """Asks as if for the first time, and returns what was made, and read."""
+    made = []
+
+    def make():
+        time.sleep(0.1)
+        made.append(len(made))
+        return made[-1]
+
+    def ask(given="{}", modules=MODULES):
+        monkeypatch.setattr(run_cache, "_made", {})
+        return run_cache.once(modules, given, make)
+
+    return ask
+
+
+def code_of(folder, **changes):
+    """The fingerprint of runs.py, with other contents of some files."""
+    for name, text in {**CODE, **changes}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return run_cache.code_of("runs", places=(folder,))
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "is_same"),
+    [
+        ("core/numbers.py", "ONE = 2\n", False),
+        ("core/numbers.py", "ONE = 1  # the first\n", True),
+        ("runs.py", CODE["runs.py"].replace("Runs", "What runs"), True),
+        ("plots.py", "print()\n", True),
+        ("docs.md", "Words.\n", True),
+    ],
+)
+def test_the_code_is_all_that_is_imported_but_for_its_words(
+    file, text, is_same, tmp_path
+):
+    """Oracle: by hand."""
+    before = code_of(tmp_path / "before")
+    after = code_of(tmp_path / "after", **{file: text})
+    assert (before == after) == is_same
+
+
+def test_a_run_is_of_the_controller_and_not_of_pages_and_plots():
+    """Oracle: by hand, some of either kind."""
+    files = {
+        path.relative_to(ROOT).as_posix()
+        for path in run_cache._files(simulated.__name__)
+    }
+    assert files >= {
+        *("nadia_balance/core/qp.py", "nadia_balance/mujoco_model.py"),
+        *("diagrams/humanoid.py", "tests/diagrams/simulated.py"),
+        "nadia_balance/systems/whole_body_inverse_dynamics.py",
+    }
+    assert not [file for file in files if "page" in file or "plots" in file]
+    assert not [file for file in files if file.startswith("scripts/")]
+
+
+def test_the_rest_is_the_scenario_and_what_its_files_say(tmp_path):
+    """Oracle: by hand; neither where a file is nor its description counts."""
+
+    def all_of(text, **files):
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        shutil.copytree(MODELS / "nadia", folder)
+        for name, (old, new) in files.items():
+            (path,) = folder.glob(f"*.{name}")
+            path.write_text(path.read_text().replace(old, new))
+        text = f"{{robot: {folder}/robot.yaml, {text}}}"
+        return simulated.all_of(load_scenario("push", text=text), "humanoid")
+
+    same = all_of("seed: 0")
+    assert all_of("description: another") == same
+    others = {
+        all_of("seed: 1"),
+        all_of("fidelity: ideal"),
+        all_of("pushes: [{delta_v: 0.450001, at: 1 s}]"),
+        all_of("seed: 0", yaml=("width_max: 0.8", "width_max: 0.7")),
+        all_of("seed: 0", urdf=("<mass value=", "<mass  value=")),
+    }
+    for height in "0.1", "0.2":
+        terrain = tmp_path / "regions.yaml"
+        terrain.write_text(f"regions: [{{name: a, height: {height}}}]")
+        others.add(all_of(f"terrain: {{name: {terrain}}}"))
+    assert len(others - {same}) == 7
+
+
+def test_another_process_gets_the_same_bits_and_does_not_simulate():
+    """Oracle: the run itself; simulating would raise an error there."""
+    text = "{duration: 0.1}"
+    logs = simulated.simulated(text, "lipm").logs
+    code = (
+        "import pathlib, sys\n"
+        "from tests import run_cache\n"
+        "from tests.diagrams import simulated\n"
+        f"run_cache.folder = pathlib.Path({str(run_cache.folder)!r})\n"
+        "simulated.simulate = None\n"
+        f"run = simulated.simulated({text!r}, 'lipm')\n"
+        "sys.stdout.buffer.write(run.logs['icp'].tobytes())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True
+    )
+    assert done.stdout == logs["icp"].tobytes(), done.stderr
+    with pytest.raises(ValueError, match="read-only"):
+        logs["icp"][:] = 0.0
+
+
+def test_whoever_comes_second_waits_and_reads(once):
+    """Oracle: made once, for two at a time."""
+    with ThreadPoolExecutor() as pool:
+        assert list(pool.map(once, ["{}"] * 2)) == [0, 0]
+    assert [once(), once("other"), once()] == [0, 1, 0]
+
+
+@pytest.mark.parametrize("spoil", [b"", b"0" * 1000, None])
+def test_a_spoiled_file_is_made_anew(once, spoil):
+    """Oracle: made again, and then kept."""
+    assert once() == 0
+    (path,) = (
+        path
+        for path in run_cache.folder.rglob("*")
+        if not path.suffix and path.is_file()
+    )
+    path.write_bytes(path.read_bytes()[:-1] if spoil is None else spoil)
+    assert [once(), once()] == [1, 1]
+
+
+def test_what_other_code_has_made_is_removed(once):
+    """Oracle: the folders."""
+    old = run_cache.folder / MODULES[0] / "0123"
+    old.mkdir(parents=True)
+    (old / "run").touch()
+    once()
+    (kept,) = old.parent.iterdir()
+    assert kept.name == run_cache.code_of(*MODULES)
+
+
+def test_who_may_have_imported_other_code_keeps_nothing(once, monkeypatch):
+    """Oracle: the files are newer than the process."""
+    assert once() == 0
+    monkeypatch.setattr(run_cache, "STARTED", 0.0)
+    assert [once(), once()] == [1, 2]

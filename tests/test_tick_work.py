@@ -1,0 +1,72 @@
+"""How much work a control tick is: counted, so the same on every machine."""
+
+import sys
+from collections import Counter
+
+import pytest
+
+from nadia_balance.core.daqp_solver import DaqpSolver
+from nadia_balance.diagrams.simulation import start
+from tests.diagrams.simulated import diagram_of
+
+TICKS = 100
+TEXT = "{mechanisms: all_with_cross_over, gait: {num_steps: 6}}"
+# The means of a tick in steps in place, all mechanisms on, as measured when
+# this was written, and a few per cent more.  Who makes a tick lighter lowers
+# them; who makes it heavier says why.
+BOUNDS = {
+    "Python calls": 720,
+    "port evaluations": 40,
+    "Jacobians": 6.0,
+    "quadratic programs": 2.0,
+    "distance queries": 0.0,
+}
+JACOBIANS = {
+    "CalcJacobianSpatialVelocity",
+    "CalcJacobianAngularVelocity",
+    "CalcJacobianTranslationalVelocity",
+}
+QUERIES = {
+    "ComputeSignedDistancePairClosestPoints",
+    "ComputeSignedDistancePairwiseClosestPoints",
+}
+
+
+@pytest.fixture(scope="module")
+def work():
+    """What a tick does, the mean of some in a swing and a transfer."""
+    diagram = diagram_of(TEXT)
+    simulator = start(diagram)
+    simulator.AdvanceTo(1.3)
+    counts = Counter()
+
+    def count(frame, event, function):
+        if event == "call":
+            counts["Python calls"] += 1
+            is_solve = frame.f_code is DaqpSolver.solve.__code__
+            counts["quadratic programs"] += is_solve
+        elif event == "c_call":
+            name = function.__name__
+            counts["port evaluations"] += name == "Eval"
+            counts["Jacobians"] += name in JACOBIANS
+            counts["distance queries"] += name in QUERIES
+
+    period = diagram.scenario.controller.control_period
+    sys.setprofile(count)
+    try:
+        simulator.AdvanceTo(1.3 + TICKS * period)
+    finally:
+        sys.setprofile(None)
+    return {name: counts[name] / TICKS for name in BOUNDS}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_a_tick_does_no_more_than_it_did(work, name):
+    """Oracle: what is counted by Python's own profiler."""
+    assert work[name] <= BOUNDS[name]
+
+
+def test_a_tick_solves_both_programs_and_finds_all_jacobians(work):
+    """Oracle: the wiring: feedback and whole body; two soles and the torso."""
+    assert work["quadratic programs"] == 2.0
+    assert work["Jacobians"] >= 3.0
