@@ -220,8 +220,8 @@ def code_hash(
     """Returns 16 hex digits for the files that trials use.
 
     Comments and docstrings are not in them; other versions of Python have
-    other ones.  `package` is the folder of nadia_balance, `others` that of diagrams, models
-    and scripts: a checkout's, or again nadia_balance.
+    other ones.  `package` is the folder of nadia_balance, `others` that of
+    diagrams, models and scripts: a checkout's, or again nadia_balance.
     """
     places = [
         *((package, folder) for folder in ("", "core", "systems", "results")),

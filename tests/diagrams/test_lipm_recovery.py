@@ -21,8 +21,7 @@ from nadia_balance.results.summary import Run
 from nadia_balance.robot import load_robot
 from tests import run_cache
 from tests.diagrams.noisy_lipm import NoisyLipmDiagram
-from tests.diagrams.simulated import all_of, run_of
-from tests.diagrams.tried import tried
+from tests.diagrams.simulated import all_of, judged, run_of
 from tests.results.made_up_run import cut
 
 ALL = "all_with_cross_over"
@@ -75,26 +74,22 @@ def moderate(direction: int) -> Run:
     return run_of(pushed(ALL, direction, 0.6 * LIMIT[direction]), "lipm")
 
 
-def walk(mechanisms: str, num_steps: int, by_qp: bool = False) -> Scenario:
-    """Who is about to be pushed; by the QP of the Atlas paper, if told."""
-    scenario = pushed(mechanisms, 0.0, 0.0, num_steps)
+def recovers(
+    mechanisms: str,
+    direction: float,
+    delta_v: float,
+    num_steps: int = 4,
+    by_qp: bool = False,
+) -> bool:
+    """Whether all steps of the gait end with the ICP error below 5 cm.
+
+    Adjusted by the QP of the Atlas paper, if told.
+    """
+    scenario = pushed(mechanisms, direction, delta_v, num_steps)
     if by_qp:
         scenario.controller.icp_step_qp = IcpStepQpParams()
-    return scenario
-
-
-def recovers(walk: Scenario, direction: float, delta_v: float) -> bool:
-    """Whether all steps of the gait end with the ICP error below 5 cm."""
-    row = tried(walk, delta_v, direction)
-    return (
-        row["outcome"] == "recovered"
-        and row["steps_after_push"] >= walk.gait.num_steps
-    )
-
-
-def survives(mechanisms: str, direction: float, delta_v: float) -> bool:
-    """Whether 4 more steps are enough."""
-    return recovers(walk(mechanisms, 4), direction, delta_v)
+    found = judged(scenario, "lipm")
+    return found["recovered"] and found["steps_after_push"] >= num_steps
 
 
 def march(mechanisms: str, direction: float, delta_v: float) -> float:
@@ -102,10 +97,10 @@ def march(mechanisms: str, direction: float, delta_v: float) -> float:
 
     It goes on from `delta_v`, that is recovered from.
     """
-    while delta_v < TOP and survives(mechanisms, direction, delta_v + STEP):
+    while delta_v < TOP and recovers(mechanisms, direction, delta_v + STEP):
         delta_v += STEP
     half = delta_v + 0.5 * STEP
-    if delta_v < TOP and survives(mechanisms, direction, half):
+    if delta_v < TOP and recovers(mechanisms, direction, half):
         return half
     return delta_v
 
@@ -113,7 +108,7 @@ def march(mechanisms: str, direction: float, delta_v: float) -> float:
 @pytest.mark.parametrize("direction", LIMIT)
 def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
     """Oracle: 0.85 of the physical limit, and 8 more steps."""
-    assert recovers(walk(ALL, 8), direction, 0.85 * LIMIT[direction])
+    assert recovers(ALL, direction, 0.85 * LIMIT[direction], 8)
 
 
 @pytest.mark.parametrize("direction", [90, 180, 270])
@@ -122,7 +117,7 @@ def test_more_mechanisms_never_recover_less(direction):
     largest = {name: 0.0 for name in MECHANISMS}
     delta_v = FIRST
     for name in MECHANISMS:
-        assert survives(name, direction, delta_v), (name, delta_v, largest)
+        assert recovers(name, direction, delta_v), (name, delta_v, largest)
         largest[name] = march(name, direction, delta_v)
         delta_v = largest[name] - RAGGED
     assert largest[ALL] >= largest["icp_only"] + 0.3
@@ -133,8 +128,8 @@ def test_more_mechanisms_never_recover_less(direction):
 )
 def test_the_atlas_paper_s_qp_recovers_what_ankles_do_not(direction, delta_v):
     """Oracle: column step of lipm_limit.csv [m/s], and icp_only."""
-    assert recovers(walk("step", 8, by_qp=True), direction, delta_v)
-    assert not survives("icp_only", direction, delta_v)
+    assert recovers("step", direction, delta_v, 8, by_qp=True)
+    assert not recovers("icp_only", direction, delta_v)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +145,7 @@ def test_step_and_timing_together_recover_most(delta_v, names):
     found = {
         name
         for name in ATLAS_MECHANISMS
-        if recovers(walk(name, 4, by_qp=True), 270.0, delta_v)
+        if recovers(name, 270.0, delta_v, by_qp=True)
     }
     assert found == names
 
