@@ -95,8 +95,7 @@ class HumanoidDiagram(Diagram):
         period = params.control_period
         self.robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(self.robot.sole)
-        self.robot.point_mass = scenario.point_mass(self.robot)
-        start = scenario.start(self.robot.point_mass)
+        start = scenario.start(scenario.point_mass(self.robot))
         # That of the controller: the ground's own is more, by a margin.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
         friction = slip * self.robot.whole_body.friction
@@ -111,6 +110,7 @@ class HumanoidDiagram(Diagram):
                 params,
                 self.robot,
                 start=start,
+                ground=scenario.terrain.known(self._ground),
                 **blocks,
             ),
         )

@@ -1,5 +1,7 @@
 """The balance controller: from a robot's state to its joint torques."""
 
+from dataclasses import replace
+
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from nadia_balance.capture_point_controller import (
@@ -7,6 +9,7 @@ from nadia_balance.capture_point_controller import (
     ControllerParams,
 )
 from nadia_balance.core.bounds import check
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
@@ -53,18 +56,21 @@ class BalanceController(Diagram):
         robot: RobotModel,
         *,
         start: WalkingState | None = None,
+        ground: Ground | None = None,
         **blocks: System,
     ):
         """Begins with the walking state `start`, by default it stands.
 
-        `blocks` are those of the CapturePointController to be replaced.
+        `ground` is what it takes for the ground, None: flat.  `blocks` are
+        those of the CapturePointController to be replaced.
 
         Raises:
             ValueError: as CapturePointController.
         """
         super().__init__()
         check(params)
-        period, model = params.control_period, robot.point_mass
+        period = params.control_period
+        model = replace(robot.point_mass, ground=ground)
         lead = 0.0
         if robot.drives is not None:  # a torque is held for a period
             lead = robot.drives.lag + 0.5 * period

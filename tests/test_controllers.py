@@ -42,7 +42,7 @@ from tests.blocks import answer, asked, fix
 from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL
 
-PERIOD = 0.002
+PERIOD = 0.004
 # Lifts the foot at 0.45 s, and is about to put it down at 0.95 s.
 SOON = (
     "mechanisms: all_with_cross_over, gait: {num_steps: 3, "

@@ -206,7 +206,7 @@ class Observer:
             swing,
             scenario.controller.step_adjuster,
             scenario.controller.timing_adapter,
-            diagram.robot.point_mass,
+            scenario.point_mass(diagram.robot),
             NAMED[scenario.mechanisms],
         )
 

@@ -186,16 +186,15 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
     No force is at least 1 and at most -1, from 0.6 s on.
     """
     diagram = diagram_of(STAND)
-    simulator, bounds = start(diagram), WholeBodyLimits.bounds
+    simulator, fill = start(diagram), WholeBodyLimits.fill
     simulator.AdvanceTo(0.6)
 
-    def impossible(self, terms, wish, C, last):
-        lower, upper = bounds(self, terms, wish, C, last)
+    def impossible(self, C, bounds, *args):
+        fill(self, C, bounds, *args)
         C[-2] = C[-1]
-        lower[-2:], upper[-2:] = [1.0, -np.inf], [np.inf, -1.0]
-        return lower, upper
+        bounds[:, -2:] = [1.0, -np.inf], [np.inf, -1.0]
 
-    monkeypatch.setattr(WholeBodyLimits, "bounds", impossible)
+    monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
     run = advance(simulator, 3.0)
     found = summarize(run, run_info(diagram.scenario, run))
     assert found["reason"] == "fell: pelvis too low, the controller gave up"
@@ -325,7 +324,10 @@ def test_clicks_do_what_the_scenario_would():
     ("of", "bad"), [("position", np.nan), ("velocity", np.inf)]
 )
 def test_what_is_not_finite_stops_the_robot(of, bad):
-    """Oracle: it enters at 0.1 s; no torque follows from it."""
+    """Oracle: it enters at 0.1 s; no torque follows from it.
+
+    It is put in where a fall is looked for, in a tick every 0.01 s or more.
+    """
     simulator = start(diagram_of())
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     plant_context = diagram.plant.GetMyMutableContextFromRoot(context)
@@ -339,10 +341,10 @@ def test_what_is_not_finite_stops_the_robot(of, bad):
 
     diagram.fall_reason = poison
     run = advance(simulator, 1.0)
-    assert run.simulated_time == pytest.approx(0.1, abs=0.003)
+    assert 0.1 <= run.simulated_time < 0.115
     assert run.error  # of Drake's scene graph or contact solver
     assert (run.fell_at, run.fall_reason) == (None, "")
-    assert len(run.logs["t"]) >= 49
+    assert len(run.logs["t"]) >= 25
     assert np.all(np.isfinite(run.logs["actuation"]))
 
 
@@ -350,12 +352,11 @@ def test_what_is_not_finite_stops_the_robot(of, bad):
     ("change", "error"),
     [
         (
-            "controller: {control_period: 0.004}, "
+            "controller: {control_period: 0.002}, "
             "plant_config: {time_step: 0.002}",
             0.012,
         ),
         ("plant_config: {discrete_contact_approximation: similar}", 0.012),
-        ("controller: {balance: {solver: clarabel}}", 0.012),
         (
             "gait: {num_steps: 1, step_width: 0.15, swing_duration: 0.5, "
             "transfer_duration: 0.15}",
