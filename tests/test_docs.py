@@ -13,10 +13,12 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
+import numpy as np
 import pytest
 import yaml
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
@@ -107,7 +109,7 @@ print(json.dumps({{
 
 def test_a_plant_of_ones_own_is_that_of_the_robot():
     """Oracle: `add_plant_to`: the same bodies, in the same posture."""
-    block, _ = blocks(DIAGRAM, "python")
+    block, *_ = blocks(DIAGRAM, "python")
     robot, own = nb.load_robot("nadia"), MultibodyPlant(0.001)
     exec(block, {"nb": nb, "robot": robot, "plant": own})
     made, _ = robot.add_plant_to(DiagramBuilder())
@@ -115,9 +117,39 @@ def test_a_plant_of_ones_own_is_that_of_the_robot():
     assert (own.GetDefaultPositions() == made.GetDefaultPositions()).all()
 
 
+def test_some_lines_more_are_uneven_ground():
+    """Oracle: after six steps of 0.3 m it stands 10 cm higher, on the block."""
+    _, block, _ = blocks(DIAGRAM, "python")
+
+    def climbed() -> np.ndarray:
+        robot, builder = nb.load_robot("nadia"), DiagramBuilder()
+        params = nb.ControllerParams()
+        names = {"nb": nb, "robot": robot, "builder": builder, "params": params}
+        exec(block, names)
+        plant, controller = names["plant"], names["controller"]
+        builder.AddSystem(controller)
+        period = params.control_period
+        sensor = builder.AddSystem(nb.FootForceSensor(plant, robot, period))
+        nb.connect(builder, plant, controller, state="estimated_state")
+        nb.connect(builder, plant, sensor, "contact_results")
+        nb.connect(builder, sensor, controller, "foot_forces")
+        nb.connect(builder, controller, plant, "actuation")
+        simulator = Simulator(builder.Build())
+        simulator.AdvanceTo(11.0)
+        context = plant.GetMyContextFromRoot(simulator.get_context())
+        began = plant.GetPositions(plant.CreateDefaultContext())
+        return (plant.GetPositions(context) - began)[4:7]
+
+    modules = "docs.diagram", *MODULES, *imports(ast.parse(block))
+    x, y, z = run_cache.once(modules, block + data(), climbed)
+    assert x == pytest.approx(1.8, abs=0.05)
+    assert y == pytest.approx(0.0, abs=0.05)
+    assert z == pytest.approx(0.1, abs=0.01)
+
+
 def test_some_40_lines_are_a_step_adjuster_of_ones_own():
     """Oracle: without it, the same push throws the robot over."""
-    _, block = blocks(DIAGRAM, "python")
+    *_, block = blocks(DIAGRAM, "python")
     assert len(block.splitlines()) <= 41
 
     def executed() -> tuple[Run, str]:

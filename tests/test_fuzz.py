@@ -216,7 +216,8 @@ def test_a_signal_at_any_time_is_no_traceback(seed, tmp_path):
     sent = rng.choice([signal.SIGINT, signal.SIGINT, signal.SIGTERM])
     program = subprocess.Popen(
         [sys.executable, "-m", "nadia_balance.scripts.push"]
-        + ["--plant", "lipm", "--no-meshcat", "--duration", "600"],
+        + ["--plant", "lipm", "--no-meshcat", "--duration", "600"]
+        + ["--at", "standing", "--delta-v", "0.1"],  # to the end
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.DEVNULL,

@@ -138,7 +138,7 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 def diagrams() -> list[Diagram]:
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
-        "imperfections: {delay: 0.002}}"
+        "imperfections: {delay: 0.004}}"
     )
     scenario = load_scenario("walk_in_place", text=text)
     text = "{mechanisms: step_swing, controller: {icp_step_qp: {}}}"

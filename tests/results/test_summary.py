@@ -126,7 +126,7 @@ def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
     stands at its end, well, has recovered.
     """
     log["icp"][:] = log["icp_reference"][:, :2]
-    log["icp"][round(large_at / 0.002), 1] += 0.05
+    log["icp"][round(large_at / 0.002), 1] += 0.06
     walks = cut(log, round(5.9 / 0.002))
     assert summary_of(walks)["calm_steps"] == calm
     assert summary_of(walks, calm_steps=calm)["recovered"]

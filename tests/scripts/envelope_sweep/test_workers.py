@@ -264,7 +264,7 @@ def test_refuses_a_worker_with_other_code(empty_cluster, tmp_path):
     for name in ("nadia_balance", "diagrams", "models", "scripts"):
         shutil.copytree(ROOT / name, tmp_path / name)
     with (tmp_path / "nadia_balance/results/summary.py").open("a") as file:
-        file.write("# Judges in another way.\n")
+        file.write("ICP_BACK = 0.5\n")
     said = refused_worker(empty_cluster, [], PYTHONPATH=str(tmp_path))
     match = re.fullmatch(r"worker tcp://\S+: code (\w+), not (\w+)", said)
     assert match[2] == this_code()["code"] != match[1]
