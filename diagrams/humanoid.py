@@ -1,4 +1,4 @@
-"""The whole robot in closed loop."""
+"""The multibody robot and its controller in closed loop."""
 
 import math
 
@@ -63,16 +63,16 @@ VISUALIZED = (
     "capture_regions",
 )
 EXPORTED = ("walking_state", "icp", "icp_reference", "swing_foot_reference")
-FALLEN_HEIGHT = 0.6  # of the pelvis, as a fraction of its height at the start
-FALLEN_TILT = 1.0  # of the pelvis against the vertical [rad]
-FALLEN_TORSO_TILT = math.radians(70.0)  # and of the torso [rad]
+FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
+FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
+FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
 
 
 class HumanoidDiagram(Diagram):
     """Closes the loop of BalanceController and a MultibodyPlant.
 
-    On level regions the plant's ground is flat: a foot that lands beside them
-    has fallen.  Uneven ones are the plant's ground themselves.
+    For level regions the plant's ground is flat, and a foot that lands beside
+    them counts as a fall.  Uneven regions are the plant's ground themselves.
     """
 
     def __init__(
@@ -81,13 +81,13 @@ class HumanoidDiagram(Diagram):
         meshcat: Meshcat | None = None,
         **blocks: System,
     ):
-        """Builds all of `scenario`; draws if there is a `meshcat`.
+        """Builds the diagram of `scenario`; draws if `meshcat` is given.
 
-        `blocks` take the place of those of the CapturePointController.
+        `blocks` replace blocks of the CapturePointController.
 
         Raises:
-            ValueError: the robot cannot stand as it is told, a block lacks a
-                port, or it cannot be on the terrain.
+            ValueError: the robot cannot stand with the step width of the gait
+                or on the terrain, or a block lacks a port.
         """
         super().__init__()
         self.scenario = scenario
@@ -96,7 +96,7 @@ class HumanoidDiagram(Diagram):
         self.robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(self.robot.sole)
         start = scenario.start(scenario.point_mass(self.robot))
-        # That of the controller: the ground's own is more, by a margin.
+        # The controller's friction coefficient: a margin below the ground's.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
         friction = slip * self.robot.whole_body.friction
         check_start(self._ground, start.schedule.feet, friction)
@@ -142,7 +142,7 @@ class HumanoidDiagram(Diagram):
         builder.BuildInto(self)
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
-        """Adds the engine: the plant itself, or what stands in for it."""
+        """Adds the engine: the plant itself, or a MujocoPlant."""
         config = self.scenario.plant_config
         if self.scenario.engine == "mujoco":
             self.scenario.terrain.level_ground(self.robot.sole, "MuJoCo")
@@ -185,7 +185,7 @@ class HumanoidDiagram(Diagram):
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _sense(self, builder: DiagramBuilder) -> None:
-        """Connects the controller's inputs with what is measured."""
+        """Connects the controller's inputs to the measured signals."""
         engine, controller = self.engine, self.controller
         self._state_sensor = None
         imperfections = self.scenario.imperfections
@@ -225,7 +225,7 @@ class HumanoidDiagram(Diagram):
         self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
-        """Puts the robot on its feet, shifted as the scenario's seed says."""
+        """Lets the robot stand, shifted at random by the scenario's seed."""
         q = self._standing.copy()
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
@@ -237,14 +237,14 @@ class HumanoidDiagram(Diagram):
             self._state_sensor.ExecuteInitializationEvents(
                 self._state_sensor.GetMyMutableContextFromRoot(context)
             )
-        if self._drives is not None:  # they hold it already
+        if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
             own.SetDiscreteState(
                 self._drives.GetInputPort("actuation").Eval(own)
             )
 
     def _load_torso(self, context: Context) -> None:
-        """Makes the torso heavier, or lighter, than its URDF says."""
+        """Scales the torso's mass and inertia by `torso_mass_ratio`."""
         ratio = self.scenario.imperfections.torso_mass_ratio
         if ratio != 1.0:
             torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
@@ -259,7 +259,7 @@ class HumanoidDiagram(Diagram):
             )
 
     def fall_reason(self, context: Context) -> str:
-        """Why the robot counts as fallen; empty while it does not."""
+        """The criterion by which the robot has fallen; empty if it has not."""
         state = self._read(context, "state")
         schedule = self.GetOutputPort("walking_state").Eval(context).schedule
         ground = self._ground
@@ -278,12 +278,12 @@ class HumanoidDiagram(Diagram):
         return "" if is_uneven else foot_beside(ground, schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
-        """Contacts that are not those of a foot and the ground, by name."""
+        """Names of all contacts except those of a foot and the ground."""
         results = self._read(context, "contact_results")
         return self.robot.improper_contacts(self.plant, results)
 
     def passed_limit(self, context: Context) -> bool:
-        """True if a joint is too fast, or the torso leans too far."""
+        """True if a joint speed or the torso's tilt is above its limit."""
         if self.robot.drives is None:
             return False
         state = self._read(context, "state")
@@ -301,7 +301,7 @@ class HumanoidDiagram(Diagram):
         return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All that was logged (see nadia_balance.diagrams.signal_log)."""
+        """All logged signals (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs |= self._poses.along(logs["state"])
         logs["sole"] = self.robot.sole
@@ -321,5 +321,5 @@ class HumanoidDiagram(Diagram):
         return logs
 
     def forget_logs(self, context: Context) -> None:
-        """Drops all that was logged."""
+        """Clears the log."""
         self._signal_log.forget(context)

@@ -1,4 +1,4 @@
-"""What a closed loop has in Meshcat: controls, drawings, the user's mouse."""
+"""Meshcat parts of a closed loop: controls, drawings and mouse pushes."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ from nadia_balance.systems.live_controls import LiveControls
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 
-CONTROLS = "live_controls"  # the system of that name
+CONTROLS = "live_controls"  # name of the LiveControls system
 
 
 def add_mechanisms(
@@ -27,7 +27,7 @@ def add_mechanisms(
     push: PushSource,
     meshcat: Meshcat | None,
 ) -> OutputPort:
-    """Adds what says which mechanisms are on: the scenario, or the user."""
+    """Adds the source of `mechanisms`: constant, or LiveControls."""
     if meshcat is None:
         return builder.AddNamedSystem(
             "mechanisms", ConstantVectorSource(on.as_vector())
@@ -42,7 +42,7 @@ def add_drawings(
     view: BalanceVisualizer,
     sources: Sequence[tuple[System, Sequence[str]]],
 ) -> None:
-    """Adds `view`, of the signals that the `sources` have."""
+    """Adds `view` and connects it to the signals that the `sources` have."""
     builder.AddNamedSystem("balance_visualizer", view)
     for system, names in sources:
         connect(builder, system, view, *filter(system.HasOutputPort, names))
@@ -54,9 +54,10 @@ def add_mouse(
     scene_graph: SceneGraph,
     meshcat: Meshcat,
 ) -> OutputPort | None:
-    """Adds Drake's own pushing with the mouse, where Drake has it (1.57).
+    """Adds Drake's pushes with the mouse, which exist from Drake 1.57 on.
 
-    Returns its forces, not connected; None where there is no such thing.
+    Returns the output port of their forces, not connected; None in an older
+    Drake.
     """
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None
@@ -84,7 +85,7 @@ def add_mouse(
 def connect_forces(
     builder: DiagramBuilder, engine: System, *forces: OutputPort | None
 ) -> None:
-    """Applies the `forces` that there are to the `engine`, all together."""
+    """Applies the sum of the `forces` that are not None to the `engine`."""
     ports = [port for port in forces if port is not None]
     source = ports[0]
     if len(ports) > 1:

@@ -1,4 +1,4 @@
-"""The capture-point controller on a point mass, faster than the robot."""
+"""The capture-point controller and a point mass in closed loop."""
 
 import math
 from dataclasses import replace
@@ -37,7 +37,7 @@ CONTROLLER_DRAWN = (
     "ecmp_command",
     "capture_regions",
 )
-FALLEN_DISTANCE = 0.8  # of the CoM from the nearer foot, horizontally [m]
+FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
 
 
 class LipmDiagram(Diagram):
@@ -49,13 +49,13 @@ class LipmDiagram(Diagram):
         meshcat: Meshcat | None = None,
         **blocks: System,
     ):
-        """Builds everything from the `scenario`; draws if there is a `meshcat`.
+        """Builds the diagram of `scenario`; draws if `meshcat` is given.
 
-        `blocks` take the place of those of the CapturePointController.
+        `blocks` replace blocks of the CapturePointController.
 
         Raises:
-            ValueError: a block lacks a port, a push its body, the engine is
-                not Drake, or the terrain is not level.
+            ValueError: a block lacks a port, the robot lacks the body of a
+                push, the engine is not Drake, or the terrain is not level.
         """
         super().__init__()
         if scenario.engine != "drake":
@@ -64,7 +64,7 @@ class LipmDiagram(Diagram):
             )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot, scenario.fidelity)
-        # It has no bodies, but the robot that it stands for has.
+        # Bodies of pushes are checked on the robot: a point mass has none.
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
@@ -128,7 +128,7 @@ class LipmDiagram(Diagram):
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _sensed(self, builder: DiagramBuilder) -> System:
-        """The system whose com_state and icp the controller gets: the truth."""
+        """The system that outputs the controller's com_state and icp."""
         return self.plant
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
@@ -146,7 +146,7 @@ class LipmDiagram(Diagram):
         self._signal_log = SignalLog(builder, period, signals)
 
     def set_initial_state(self, context: Context) -> None:
-        """Shifts the point mass as the scenario's seed says."""
+        """Shifts the point mass at random by the scenario's seed."""
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             plant_context = self.plant.GetMyMutableContextFromRoot(context)
@@ -155,7 +155,7 @@ class LipmDiagram(Diagram):
                 state[axis] += shift
 
     def fall_reason(self, context: Context) -> str:
-        """Why the point mass counts as fallen; empty while it does not."""
+        """The criterion by which it has fallen; empty if it has not."""
         plant = self.plant.GetMyContextFromRoot(context)
         com, feet = (port.Eval(plant) for port in self._watched)
         nearest = min(
@@ -168,20 +168,20 @@ class LipmDiagram(Diagram):
         return foot_beside(self._ground, state.schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
-        """A point mass touches nothing."""
+        """Always empty: a point mass has no contacts."""
         return set()
 
     def passed_limit(self, context: Context) -> bool:
-        """A point mass has no joints, and no torso."""
+        """Always False: a point mass has no joints, and no torso."""
         return False
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All that was logged (see nadia_balance.diagrams.signal_log)."""
+        """All logged signals (see nadia_balance.diagrams.signal_log)."""
         logs = self._signal_log.read(context)
         logs["sole"] = self.robot.sole
         logs |= ground_logs(self._ground)
         return logs | region_logs(self.robot.point_mass.reach)
 
     def forget_logs(self, context: Context) -> None:
-        """Drops all that was logged."""
+        """Clears the log."""
         self._signal_log.forget(context)

@@ -1,4 +1,4 @@
-"""A robot that walks until it is stopped, while a user pushes it."""
+"""Live session: the robot walks until it is stopped; the user pushes it."""
 
 import math
 import time
@@ -24,25 +24,25 @@ from nadia_balance.systems.balance_visualizer import FOOTPRINTS
 from nadia_balance.systems.icp_planner import IcpReference
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
-MOST_STEPS = 1000  # all that a Gait allows; then it begins anew
-LOOK = 0.02  # at buttons, falls and steps, so often [s]
-LYING = 3.0  # before it begins anew [s]
-PRINTS = 20  # of either foot stay
+MOST_STEPS = 1000  # the most that a Gait allows; then the session restarts
+LOOK = 0.02  # period of the checks of buttons, falls and steps [s]
+LYING = 3.0  # time between a fall and the restart [s]
+PRINTS = 20  # footprints kept per foot
 
 
 def endless(scenario: Scenario) -> Scenario:
-    """Returns the scenario without its pushes, with all steps there can be."""
+    """Returns the scenario without its pushes, with MOST_STEPS steps."""
     gait = scenario.gait
     steps = MOST_STEPS if gait.num_steps else 0
     return replace(scenario, pushes=[], gait=replace(gait, num_steps=steps))
 
 
 class LiveSession:
-    """Runs a diagram with LiveControls, and with buttons of its own.
+    """Runs a diagram with LiveControls and buttons of its own.
 
-    Pause, Reset and Stop, and the speed over real time at the most.  After a
-    fall, or its last step, the robot begins anew: from a new Context, but with
-    the mechanisms that are on.  No log grows.
+    The buttons are Pause, Reset and Stop; a slider sets the largest speed over
+    real time.  After a fall, or its last step, the robot starts again, from a
+    new Context, with the same mechanisms on.  Logs are cleared.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class LiveSession:
         tell: Callable[[str], None],
         speed: float = 1.0,
     ):
-        """`tell` is given each line of the story; `speed` is 1 in real time."""
+        """Sends each event's line to `tell`; `speed` is 1 in real time."""
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
@@ -62,9 +62,9 @@ class LiveSession:
         self._begin(None)
 
     def run(self, show: Callable[[list[str]], None]) -> bool:
-        """Runs until Stop, or Ctrl-C: then it returns True.
+        """Runs until Stop or Ctrl-C; returns True after Ctrl-C.
 
-        `show` is given the lines of the status, now and then.
+        After each tick, `show` gets the lines of the status.
         """
         with until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
@@ -74,11 +74,11 @@ class LiveSession:
 
     @property
     def context(self) -> Context:
-        """That of the diagram, now."""
+        """The present Context of the diagram."""
         return self._simulator.get_context()
 
     def status(self) -> list[str]:
-        """Time, phase, ICP error, last push, result, and how fast it is."""
+        """Time, phase, ICP error, last push, result and real-time factor."""
         lines = [f"t = {self.context.get_time():.2f} s, {self._phase}"]
         lines.append(f"ICP error {self._error:.3f} m")
         if self._story.last_push:
@@ -89,7 +89,7 @@ class LiveSession:
         return [*lines, f"real-time factor {self._real_time_factor():.2f}"]
 
     def tick(self) -> None:
-        """Obeys the buttons, and simulates for LOOK [s], or waits."""
+        """Handles the buttons, then simulates for LOOK [s] or waits."""
         self.stopped = self._clicked(STOP)
         if self._clicked(RESET):
             self._tell_now("reset")
@@ -108,7 +108,7 @@ class LiveSession:
             time.sleep(LOOK)
 
     def _begin(self, old: Context | None) -> None:
-        """From the start, whatever was before."""
+        """Starts the simulation; keeps the mechanisms of Context `old`."""
         self._simulator = start(self._diagram)
         if old is not None:
             self._diagram.GetSubsystemByName(CONTROLS).keep_mechanisms(
@@ -152,7 +152,7 @@ class LiveSession:
             self._go_along(state)
 
     def _go_along(self, state: WalkingState) -> None:
-        """Takes the floor along, old prints away; begins anew at the end."""
+        """Moves the floor, deletes old prints; restarts after the last step."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
         for side in Side:
@@ -163,7 +163,7 @@ class LiveSession:
             self._fell = time.monotonic()
 
     def _keep_pace(self) -> None:
-        """Waits until it is time; what is late is not made up for."""
+        """Waits until the next tick is due; lost time is not made up for."""
         now = time.monotonic()
         last = self._walls[-1] if self._walls else now
         due = last + LOOK / self._meshcat.GetSliderValue(SPEED)

@@ -1,4 +1,4 @@
-"""Where soles, torso and pelvis are, along the states of a run."""
+"""Poses of soles, torso and pelvis along the states of a run."""
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -23,10 +23,10 @@ class MeasuredPoses:
         ]
 
     def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        """Returns `foot_poses` (n, 8) and `trunk_tilt` (n, 2) of a log.
+        """Returns the signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
 
-        As MeasuredFeet and TrunkTilt (see nadia_balance.results.log), for
-        `states` (n, nq + nv).
+        Rows are MeasuredFeet and TrunkTilt (see nadia_balance.results.log) of
+        the `states` (n, nq + nv).
         """
         feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))
         for row, state in enumerate(states):

@@ -1,4 +1,4 @@
-"""What was simulated, and what it takes to have recovered."""
+"""Description of a run, with its criteria of recovery."""
 
 import itertools
 
@@ -7,17 +7,17 @@ from nadia_balance.results.log import Log, pushes, signal
 from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.robot import load_robot
 
-PATIENCE = 8  # steps after the last push: so many a recovery may take
+PATIENCE = 8  # largest number of steps of a recovery
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
-    """Returns the calm steps that are required, and whether it ran long enough.
+    """Returns the required calm steps, and whether the run is long enough.
 
-    Required are the scenario's `calm_steps`, as far as the gait had so many
-    left when the last push began: none of a robot that only stands.  A run is
-    long enough if PATIENCE steps, or all that are left, fit between the push
-    and its end, each with its own transfer and swing, less one, since a push
-    delays the steps.  A run without a push is judged from its start.
+    The number is the scenario's `calm_steps`, or one less than the steps that
+    the gait has left when the last push begins, if that is less; 0 for a robot
+    that only stands.  A run is long enough if PATIENCE steps, or all that are
+    left, end one step before the end of the run, since a push delays the steps.
+    A run without a push is judged from its start.
     """
     robot = load_robot(scenario.robot, scenario.fidelity)
     start = scenario.start(scenario.point_mass(robot)).schedule
@@ -30,7 +30,7 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     required = min(scenario.calm_steps, max(len(left) - 1, 0))
     ends = itertools.accumulate(
         (step.transfer_duration + step.swing_duration for step in left),
-        initial=max(begin, start.duration),  # until then it stands
+        initial=max(begin, start.duration),  # the robot stands until then
     )
     gait = scenario.gait
     last = scenario.duration - gait.transfer_duration - gait.swing_duration
@@ -41,9 +41,9 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
 def run_info(
     scenario: Scenario, run: Run, plant: str = "humanoid", name: str = ""
 ) -> RunInfo:
-    """Returns what to judge `run` by, a run of `scenario`.
+    """Returns the RunInfo by which `run`, a run of `scenario`, is judged.
 
-    `plant` is humanoid or lipm, `name` that of the scenario.
+    `plant` is humanoid or lipm, `name` is the scenario's name.
     """
     push = scenario.pushes[0] if scenario.pushes else None
     calm_steps, is_long_enough = required_calm_steps(scenario, run.logs)

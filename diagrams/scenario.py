@@ -1,4 +1,4 @@
-"""What is simulated: robot, walking command, pushes, all parameters."""
+"""Scenarios: robot, walking command, pushes and all parameters of a run."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,35 +43,36 @@ PLANT_WORDS = {  # of MultibodyPlantConfig
 
 @dataclass(kw_only=True)
 class Scenario:
-    """One run: the same scenario and seed give the same bits."""
+    """One run, deterministic in the scenario and its seed."""
 
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
-    # Of what its file says: SI, or "froude": as for a robot of Nadia's size
-    # (core/size.py).  What it does not say is always the latter.
+    # Units of the values in its file: SI, or "froude": for a robot of Nadia's
+    # size (core/size.py).  Defaults are always in froude units.
     units: str = bounded("si", one_of=UNITS)
-    # The robot as it could be built, or with drives that can do anything.
+    # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)
-    # What moves it.  Of plant_config, MuJoCo has the time step only.
+    # Physics engine.  MuJoCo uses only the time step of plant_config.
     engine: str = bounded("drake", one_of=ENGINES)
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
-    # 0: the exact start; else it is shifted by up to 10 um.
+    # 0: the exact start; otherwise it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)
-    # What may be used to recover.
+    # Recovery mechanisms that are on.
     mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
-    # Whole ones with an ICP error below 5 cm, after a push, to have recovered.
+    # Complete steps after a push with an ICP error below 5 cm that a recovery
+    # requires.
     calm_steps: int = bounded(0, least=0, most=100)
-    # Of a recovery; without `ideal` fidelity.
+    # Largest torso tilt of a recovery; not used with `ideal` fidelity.
     max_torso_tilt_deg: float = bounded(
         45.0, above=0.0, most=90.0, unit="deg", of=""
     )
-    # Control period of the point mass.  It has the same largest pushes at
-    # 0.01 as at the robot's, controller.control_period, but is faster.
+    # Control period of the point mass.  At 0.01 the largest pushes are those at
+    # controller.control_period, and the simulation is faster.
     lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
     plant_config: MultibodyPlantConfig = field(
         default_factory=default_plant_config
     )
-    # Of the robot, which its controller does not know.
+    # Model errors and measurement errors unknown to the controller.
     imperfections: Imperfections = field(default_factory=Imperfections)
     terrain: Terrain = field(default_factory=Terrain)
     gait: Gait = field(default_factory=Gait)
@@ -79,22 +80,22 @@ class Scenario:
     pushes: list[Push] = field(default_factory=list)
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
-        """What the controller knows of `robot`, and of the ground.
+        """The controller's model of `robot` and of the ground.
 
         Raises:
-            ValueError: the terrain is none, as of `Terrain.ground`.
+            ValueError: the terrain is invalid, see `Terrain.ground`.
         """
         terrain = self.terrain
         ground = terrain.known(terrain.ground(robot.sole))
         return replace(robot.point_mass, ground=ground)
 
     def start(self, model: PointMassModel) -> WalkingState:
-        """The walking state at the start of `model`, which stands."""
+        """The walking state of the standing `model` at the start."""
         wait = self.controller.walking_state_machine.standing_duration
         return walking_start(self.gait, model, wait)
 
     def validate_more(self) -> None:
-        """Raises ValueError if fields do not go together."""
+        """Raises ValueError if fields contradict each other."""
         period = self.controller.control_period
         _check_plant(self.plant_config, period)
         delay = self.imperfections.delay / period
@@ -136,7 +137,7 @@ class Scenario:
             self._check_moment(push)
 
     def _check_moment(self, push: Push) -> None:
-        """Refuses a push of which it is known that it will never come."""
+        """Raises ValueError for a push that can never begin."""
         gait, moment = self.gait, push.moment
         if moment.phase is None and not moment.time < self.duration:
             raise ValueError(
@@ -151,7 +152,7 @@ class Scenario:
 
 
 def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
-    """Drake would refuse these late, and some by ending the process."""
+    """Raises ValueError for values that Drake refuses late or by an abort."""
     for name, least, most in PLANT_NUMBERS:
         value = getattr(config, name)
         if not least <= value <= most:
@@ -173,7 +174,7 @@ def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
 
 
 def _check_untouched(config: MultibodyPlantConfig) -> None:
-    """Refuses what would have no effect."""
+    """Raises ValueError for settings that have no effect with MuJoCo."""
     default = default_plant_config()
     default.time_step = config.time_step
     for field_name in (entry.name for entry in config.__fields__):
@@ -202,15 +203,15 @@ def load_scenario(
 ) -> Scenario:
     """Returns the scenario `name` of the package, or of the file.
 
-    `text` is YAML that overrides single fields, and so do `changes`, unless
-    they are None; both are in SI units.  So is the scenario that is returned:
-    what is not given, or in a file whose `units` are "froude", has been scaled
+    `text` is YAML that overrides single fields, and so do `changes` that are
+    not None; both are in SI units, and so is the returned scenario: default
+    values, and those of a file whose `units` are "froude", have been scaled
     from Nadia's size to that of the robot.
 
     Raises:
         ValueError: unknown name or field, malformed YAML, a value out of
             range; the message names it.
-        FileNotFoundError: there is no such file.
+        FileNotFoundError: the file does not exist.
     """
     what = f"scenario_file = {filename}"
     if filename is None:
@@ -249,7 +250,7 @@ def load_scenario(
 
 
 def _merged(tree: object, over: object) -> Any:
-    """The tree of YAML, with the leaves and lists of the one over it."""
+    """The YAML tree `tree` with the leaves and lists of `over` replaced."""
     if not (isinstance(tree, dict) and isinstance(over, dict)):
         return over
     merged = {key: _merged(tree.get(key), over[key]) for key in over}

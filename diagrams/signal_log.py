@@ -1,4 +1,4 @@
-"""A log that costs next to nothing: every signal is sampled once a tick."""
+"""Log of vector signals, sampled once per control tick."""
 
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
@@ -11,10 +11,9 @@ from nadia_balance.core.reachability import ReachabilityParams, step_regions
 class SignalLog:
     """Logs vector ports once per control period.
 
-    A plain publish is enough: Drake publishes at t before the updates of t, so
-    that row t has the state, the references and the torques of t, all from the
-    same x-.  The updates then find in the cache what the log has evaluated:
-    nothing is computed twice.
+    Drake publishes at t before the updates of t, so row t contains the state,
+    the references and the torques of t, all from the same x-.  The updates
+    reuse the outputs that the log has evaluated from the cache.
     """
 
     def __init__(
@@ -23,7 +22,7 @@ class SignalLog:
         period: float,
         ports: dict[str, OutputPort],
     ):
-        """Adds what it takes to log `ports`, by name, every `period` [s]."""
+        """Adds systems that log `ports`, by name, every `period` [s]."""
         self._sizes = {name: port.size() for name, port in ports.items()}
         multiplexer = builder.AddNamedSystem(
             "log_multiplexer", Multiplexer(list(self._sizes.values()))
@@ -36,17 +35,17 @@ class SignalLog:
         self._sink.set_name("log")
 
     def forget(self, context: Context) -> None:
-        """Drops all that was logged."""
+        """Clears the log."""
         self._sink.FindMutableLog(context).Clear()
 
     def read(self, context: Context) -> dict[str, np.ndarray]:
         """Returns name -> (n, size), and the times `t` (n,) [s].
 
-        Row i is what held at t[i], before its updates.
+        Row i contains the values at t[i], before its updates.
         """
         log = self._sink.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
-        # Who goes on from a copy of a Context logs its last row once more.
+        # A simulation from a cloned Context logs its first row a second time.
         last = np.diff(t, append=np.inf) > 0.0
         if not np.all(last):
             t, data = t[last], data[last]
@@ -68,10 +67,9 @@ def ground_logs(ground: Ground | None) -> dict[str, np.ndarray]:
 
 
 def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:
-    """Returns all regions (n, 2) [m] that a step can be put into.
+    """Returns all regions (n, 2) [m] of possible footholds.
 
-    Those for crossed legs too, whether or not that is allowed: it may be
-    switched on meanwhile.
+    They include those for crossed legs, which may be switched on in a run.
     """
     regions = step_regions(reach, cross_over=True)
     return {f"region_{name}": region for name, region in regions.items()}

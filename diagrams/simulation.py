@@ -1,4 +1,4 @@
-"""Runs a closed diagram until it is done, or the robot has fallen."""
+"""Simulation of a closed diagram until its end, or until the robot falls."""
 
 import contextlib
 import math
@@ -17,41 +17,41 @@ from nadia_balance.results.summary import ICP_BACK, Run
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.push_source import PushSignal, PushSource
 
-WATCH_PERIOD = 0.01  # looks for a fall so often [s]
+WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
 class ClosedLoop(Protocol):
-    """What a diagram needs, beside being one, to be simulated here.
+    """Interface of a Diagram that can be simulated here.
 
-    Each `context` is that of the whole diagram.  RecoveryWatch needs its output
-    ports walking_state, icp and icp_reference, a sweep swing_foot_reference.
+    Each `context` is that of the whole diagram.  RecoveryWatch requires output
+    ports walking_state, icp and icp_reference, sweeps swing_foot_reference.
     """
 
     scenario: Scenario
     push: PushSource  # one of its systems
 
     def set_initial_state(self, context: Context) -> None:
-        """Puts the robot where it starts."""
+        """Sets the robot's initial state."""
 
     def fall_reason(self, context: Context) -> str:
-        """Why the robot counts as fallen; empty while it does not."""
+        """The criterion by which the robot has fallen; empty if it has not."""
 
     def improper_contacts(self, context: Context) -> set[str]:
-        """Contacts that are not those of a foot and the ground, by name."""
+        """Names of all contacts except those of a foot and the ground."""
 
     def passed_limit(self, context: Context) -> bool:
-        """True if the robot is where no recovery leads."""
+        """True if a limit is exceeded that a recovery must not exceed."""
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All that was logged (see nadia_balance.results.log)."""
+        """All logged signals (see nadia_balance.results.log)."""
 
     def forget_logs(self, context: Context) -> None:
-        """Drops all that was logged: a log grows without end."""
+        """Clears the log, which otherwise grows without bound."""
 
 
 def start(diagram: ClosedLoop) -> Simulator:
-    """Returns a simulator of `diagram` that stands at the start."""
+    """Returns a simulator of `diagram` in its initial state."""
     simulator = Simulator(diagram)
     diagram.set_initial_state(simulator.get_mutable_context())
     return simulator
@@ -60,10 +60,10 @@ def start(diagram: ClosedLoop) -> Simulator:
 def pushed(
     diagram: ClosedLoop, walked: Context, delta_v: float, direction_deg: float
 ) -> Simulator:
-    """Returns a simulator that goes on from a copy of `walked`.
+    """Returns a simulator that continues from a copy of `walked`.
 
-    Its first push is now one of `delta_v` [m/s] in a direction [deg].  What was
-    logged on the way is in the copy, too.
+    Its first push has `delta_v` [m/s] and the given direction [deg].  The copy
+    contains the log until then.
     """
     context = walked.Clone()
     push_context = diagram.push.GetMyMutableContextFromRoot(context)
@@ -72,7 +72,7 @@ def pushed(
 
 
 def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
-    """Whether and how the robot is pushed now."""
+    """The push that acts now, see PushSignal."""
     port = diagram.push.GetOutputPort("push_signal")
     return PushSignal(port.Eval(diagram.push.GetMyContextFromRoot(context)))
 
@@ -94,11 +94,11 @@ def simulate(
 
 
 class RecoveryWatch:
-    """Sees, asked once a tick, when a robot has recovered from all its pushes.
+    """Detects, called once a tick, the recovery from all pushes.
 
-    That is, once it has taken the whole steps with a small ICP error that its
-    scenario requires (see summarize), and `more_steps` like them.  Without
-    steps that are required, it is the end of the run that tells.
+    The robot has recovered after the complete steps with a small ICP error
+    that its scenario requires (see summarize), and `more_steps` like them.
+    Without required steps, only the end of the run decides.
     """
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
@@ -106,10 +106,11 @@ class RecoveryWatch:
         self._diagram = diagram
         calm = diagram.scenario.calm_steps
         self._landings = calm + 1 + more_steps if calm else math.inf
-        self._landed, self._steps = 0, 0  # since the error is small; in all
+        # Steps since the error is small, and since the start.
+        self._landed, self._steps = 0, 0
 
     def __call__(self, context: Context) -> bool:
-        """True if it has recovered."""
+        """True if the robot has recovered."""
         diagram = self._diagram
         state, icp, reference = (
             diagram.GetOutputPort(name).Eval(context)
@@ -127,11 +128,11 @@ class RecoveryWatch:
 def walk_to_push(
     diagram: ClosedLoop, duration: float, until: Callable[[Context], bool]
 ) -> tuple[Context, Run]:
-    """Simulates `diagram` from its start until its first push is about to be.
+    """Simulates `diagram` from its start until just before its first push.
 
-    `pushed` goes on from there with any other push, as if it had been that one
-    from the start.  The run tells what ended the walk (see advance): that must
-    be `until`, or there is no push to come.
+    `pushed` continues from this Context with any other push; the result is that
+    of a run with that push.  Unless the run ended by `until` (see advance), the
+    Context is not that of a push.
     """
     simulator, push = start(diagram), diagram.push
     run = advance(
@@ -155,12 +156,12 @@ def advance(
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
-    `realtime_rate` 1 runs no faster than real time, 0 as fast as it can.
-    `stop_at_failure` ends the run with the first improper contact, or limit
-    that is passed: either decides that the robot does not recover.  `until` is
-    asked once a control period, before its update.
-    Ctrl-C, or an error while running, ends the run early; what was logged
-    until then is returned.
+    `realtime_rate` 1 runs at most at real time, 0 as fast as possible.
+    `stop_at_failure` ends the run at the first improper contact or exceeded
+    limit: either means that the robot does not recover.  `until` is called
+    once a control period, before its update; True ends the run.
+    Ctrl-C, or an error in the simulation, ends the run early, with the log
+    until then.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     next_look, next_tick, message = 0.0, 0.0, ""
@@ -219,10 +220,10 @@ def advance(
 
 @contextlib.contextmanager
 def until_ctrl_c() -> Iterator[Callable[[], bool]]:
-    """Yields what tells whether Ctrl-C was pressed.
+    """Yields a function that returns True after Ctrl-C was pressed.
 
-    Pressed once more, it raises KeyboardInterrupt as ever.  Only the main
-    thread is told of it.
+    A second Ctrl-C raises KeyboardInterrupt.  Outside of the main thread the
+    function always returns False.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False

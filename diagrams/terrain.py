@@ -1,4 +1,4 @@
-"""Which ground the robot walks on, and what its controller knows of it."""
+"""The ground, and the controller's model of it."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,16 +27,15 @@ FLAT = "flat"
 
 @dataclass(kw_only=True)
 class Terrain:
-    """Ground of convex regions; both the plant and the controller have it."""
+    """Ground of convex regions, for the plant and for the controller."""
 
-    # flat: level ground everywhere.  Else one of the courses, or a YAML file
-    # with `regions`.
+    # "flat": level ground everywhere; a course; or a YAML file with `regions`.
     name: str = FLAT
     seed: int = bounded(0, least=0)  # of random tiles, and of the error
-    # From a sole to the edge of its region, for the controller.
+    # Distance from a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
     error: GroundError = field(default_factory=GroundError)
-    # False: the controller takes it for flat.
+    # False: the controller's model is flat ground.
     seen: bool = True
 
     def validate_more(self) -> None:
@@ -51,8 +50,8 @@ class Terrain:
         """The true ground for soles (n, 2) [m]; None if it is flat.
 
         Raises:
-            ValueError: there is no such course or file, or its regions are
-                none: not convex, upside down, too small, or they overlap.
+            ValueError: the course or file does not exist, or regions are not
+                convex, upside down, too small, or overlap.
         """
         if self.name == FLAT:
             return None
@@ -63,11 +62,11 @@ class Terrain:
         return ground
 
     def level_ground(self, sole: Array, what: str) -> Ground | None:
-        """The true ground, for `what` knows no other than level ground.
+        """The true ground, for `what`, which supports level ground only.
 
         Raises:
-            ValueError: as of `ground`; or it is not level at z = 0, or not
-                taken for that.
+            ValueError: as `ground`; or the true ground or the controller's
+                model of it is not level at z = 0.
         """
         truth = self.ground(sole)
         if not all(g is None or g.is_level for g in (truth, self.known(truth))):
@@ -78,7 +77,7 @@ class Terrain:
         return truth
 
     def known(self, truth: Ground | None) -> Ground | None:
-        """What the controller takes for the ground, with its error."""
+        """The controller's model of the ground, with its error."""
         if truth is None or not self.seen:
             return None
         if self.error == GroundError():
@@ -101,11 +100,11 @@ class Terrain:
 def check_start(
     ground: Ground | None, feet: FootPoses, friction: float
 ) -> None:
-    """Checks that a robot can be on the true `ground`, its `feet` to start.
+    """Checks that a robot can start on the true `ground` with these `feet`.
 
     Raises:
         ValueError: the ground under a foot is not one level region at z = 0,
-            or one anywhere is too steep for the `friction` [-].
+            or a region is too steep for the `friction` coefficient [-].
     """
     if ground is None or ground.is_level:
         return
@@ -120,7 +119,7 @@ def check_start(
 
 
 def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
-    """Says which foot stands, but not on one region; empty if none does."""
+    """Names a stance foot that is not on one region; empty if none is."""
     if ground is not None:
         for side in filter(schedule.in_contact, Side):
             if ground.region_under(schedule.feet[side]) is None:
@@ -130,6 +129,6 @@ def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
 
 @dataclass(kw_only=True)
 class RegionFile:
-    """What is in a YAML file of regions."""
+    """The contents of a YAML file of regions."""
 
     regions: list[Region] = field(default_factory=list)

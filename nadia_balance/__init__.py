@@ -1,14 +1,14 @@
 """Balance control for walking humanoids, on Drake.
 
-What a user needs is here by name; each name is imported when it is first
-used, so that `nadia_balance.core` alone is as light as numpy.
+The public names are available here; each is imported at its first use, so that
+`nadia_balance.core` alone imports only numpy.
 """
 
 import importlib
 from pathlib import Path
 
-# `diagrams`, `models` and `scripts` are part of this package.  A wheel has
-# them in this folder; in a checkout they stand beside it.
+# `diagrams`, `models` and `scripts` are part of this package: in this folder in
+# a wheel, beside it in a checkout.
 if not (Path(__file__).parent / "models").is_dir():
     __path__.append(str(Path(__file__).resolve().parents[1]))
 

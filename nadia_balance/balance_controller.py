@@ -22,18 +22,19 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 
 
 class BalanceController(Diagram):
-    """Turns the robot's state into joint torques.
+    """Computes joint torques from the robot's state.
 
-    A CapturePointController with all that knows the robot.  `estimated_state`
-    is [q, v] of the robot's `control_plant`, `foot_forces` (2,) [N] are those
-    of the left and the right foot; `mechanisms` (4,), all if not connected.
-    `actuation` [N m] is in the order of the plant's actuators.
+    A CapturePointController with state estimation, swing-foot planning and
+    whole-body inverse dynamics.  `estimated_state` is [q, v] of the robot's
+    `control_plant`, `foot_forces` (2,) [N] are those of the left and the right
+    foot; `mechanisms` (4,), all on if not connected.  `actuation` [N m] is in
+    the order of the plant's actuators.
 
-    Whenever `actuation` is evaluated, it is the torque of that control tick:
-    before the update of the tick it is computed from the inputs, after it, it
-    is held.  No other hold is needed between controller and plant.  The state
-    is taken ahead to when that torque is there: by the lag of the drives, and
-    by half a period.
+    Any evaluation of `actuation` gives the torque of that control tick: before
+    the update of the tick it is computed from the inputs, afterwards it is
+    held.  No other hold is needed between controller and plant.  The state is
+    predicted to the time at which that torque acts: the lag of the drives plus
+    half a period ahead (0 without drives).
 
     .. pydrake_system::
 
@@ -59,10 +60,10 @@ class BalanceController(Diagram):
         ground: Ground | None = None,
         **blocks: System,
     ):
-        """Begins with the walking state `start`, by default it stands.
+        """Begins with the walking state `start`, by default standing.
 
-        `ground` is what it takes for the ground, None: flat.  `blocks` are
-        those of the CapturePointController to be replaced.
+        `ground` is the controller's model of the ground, None: flat.  `blocks`
+        replace blocks of the CapturePointController.
 
         Raises:
             ValueError: as CapturePointController.
@@ -72,7 +73,7 @@ class BalanceController(Diagram):
         period = params.control_period
         model = replace(robot.point_mass, ground=ground)
         lead = 0.0
-        if robot.drives is not None:  # a torque is held for a period
+        if robot.drives is not None:  # each torque is held for a period
             lead = robot.drives.lag + 0.5 * period
         builder = DiagramBuilder()
         wire(

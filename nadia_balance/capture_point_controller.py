@@ -1,4 +1,4 @@
-"""The capture-point controller: balance of any robot, or of a point mass."""
+"""The capture-point controller, for any robot or a point mass."""
 
 from dataclasses import dataclass, field
 
@@ -43,16 +43,16 @@ class ControllerParams:
         default_factory=CaptureRegionStepAdjusterParams
     )
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
-    # The Atlas paper's plan, in place of `icp_plan`.
+    # The Atlas paper's plan; replaces `icp_plan`.
     atlas_icp_plan: AtlasIcpPlanParams | None = None
-    # The Atlas paper's QP, with its plan, in place of `step_adjuster` and
+    # The Atlas paper's QP, with its plan; replaces `step_adjuster` and
     # `balance`.
     icp_step_qp: IcpStepQpParams | None = None
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
     swing_foot: SwingFootParams = field(default_factory=SwingFootParams)
 
     def validate_more(self) -> None:
-        """Raises ValueError if the QP moves steps that nobody plans."""
+        """Raises ValueError if the QP moves more steps than are planned."""
         qp, plan = self.icp_step_qp, self.atlas_icp_plan or AtlasIcpPlanParams()
         if qp and qp.num_steps > plan.num_previewed_steps:
             raise ValueError(
@@ -65,13 +65,13 @@ class ControllerParams:
 class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips, steps and their timing.
 
-    The Nadia paper's Sections II to VI or, if `icp_step_qp` says so, the Atlas
-    paper's; knows no robot, only a point mass and two soles.  `mechanisms` (see
-    Mechanisms) says what it may use; not connected, all.  Any block may be
-    replaced by another system with the same outputs; its inputs are connected
-    by their names and may be any signal here, input or output.
-    `capture_regions` is there if the step adjuster has it.  All that has state
-    updates in unrestricted events, once per `control_period`, from the state
+    It implements the Nadia paper's Sections II to VI or, with `icp_step_qp`,
+    the Atlas paper; its model is a point mass and two soles.  `mechanisms` (see
+    Mechanisms) selects the mechanisms that it may use, all if not connected.
+    Any block may be replaced by another system with the same outputs; its
+    inputs are connected by name to any input or output of this diagram.
+    The port `capture_regions` exists if the step adjuster has it.  State is
+    updated in unrestricted events, once per `control_period`, from the state
     and the inputs before them.
 
     .. pydrake_system::
@@ -96,11 +96,12 @@ class CapturePointController(Diagram):
         step_adjuster: System | None = None,
         momentum_qp: System | None = None,
     ):
-        """Begins with the walking state `start`, by default it stands.
+        """Begins with the walking state `start`, by default standing.
 
         Raises:
             ValueError: a parameter is out of range; a block lacks a port that
-                others need, has one that does not fit, or its place is taken.
+                others need, has one of a wrong type, or `icp_step_qp`
+                replaces it.
         """
         super().__init__()
         check(params)

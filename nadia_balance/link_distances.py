@@ -1,4 +1,4 @@
-"""How near the robot's links are to each other, and how that changes."""
+"""Distances between the robot's links, and their rates of change."""
 
 import itertools
 
@@ -14,18 +14,19 @@ from nadia_balance.robot import RobotModel
 
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
-_TINY = 1e-9  # links whose axes meet have no direction [m]
+_TINY = 1e-9  # avoids division by zero if the axes of links meet [m]
 
 
 class LinkDistances:
-    """Reads the distances of links from the context of a plant with shapes.
+    """Computes the distances of links from the context of a plant with shapes.
 
-    What counts is nearer than `link_attention`; or nearer than `arm_attention`
-    and so fast that it has to brake, if one of the links is of the upper body.
-    Legs swing past each other closely, by a way of their own.
+    A pair counts if it is nearer than `link_attention`, or, with a link of the
+    upper body, if it is nearer than `arm_attention` and so fast that it must
+    brake.  Pairs of legs have no larger distance: legs pass each other closely,
+    and the swing foot's reference makes its own detour.
 
     Capsules and spheres are measured in closed form, all pairs at once; pairs
-    with another shape by the SceneGraph, one by one.
+    with another shape are measured by the SceneGraph, one by one.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class LinkDistances:
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
     ):
-        """Of `robot`, alone in `plant`."""
+        """Measures the links of `robot`, the only one in `plant`."""
         self._plant, self._params = plant, robot.whole_body
         self._world = plant.world_frame()
         inspector = scene_graph.model_inspector()
@@ -61,15 +62,15 @@ class LinkDistances:
         self._set_round_pairs(round_pairs)
 
     def _set_round_pairs(self, pairs: list) -> None:
-        """Tables of k pairs of capsules and spheres."""
+        """Builds the tables of k pairs of capsules and spheres."""
         sides = [[pair[side] for pair in pairs] for side in (0, 1)]
         shapes = list(dict.fromkeys(sides[0] + sides[1]))
-        # Each times the pose of its body is [begin, way] (3, 2) in W.
+        # The pose of its body times a segment is [begin, way] (3, 2) in W.
         self._segments = np.array([s.segment for s in shapes]).reshape(-1, 4, 2)
         self._owner = np.array(
             [self._number[s.body.index()] for s in shapes], dtype=int
         )
-        # Which shapes, and bodies, the first and the second of each pair are.
+        # Indices of the first and the second shape, and body, of each pair.
         self._sides = np.array(
             [[shapes.index(s) for s in side] for side in sides], dtype=int
         )
@@ -83,8 +84,8 @@ class LinkDistances:
     def calc(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """Returns distances (k,) [m], and their rows (k, nv), k <= MAX_PAIRS.
 
-        Rows times v are the rates of the distances.  The first has to brake
-        most.
+        Rows times v are the rates of the distances.  Pairs are sorted by the
+        deceleration that they need, the largest first.
         """
         plant = self._plant
         X_WB = np.array(
@@ -104,8 +105,8 @@ class LinkDistances:
             )
         if not distance.size:
             return np.empty(0), np.empty((0, plant.num_velocities()))
-        # n . (v + w x r) = (r x n) . w + n . v for V = [w, v] of a body; to
-        # go along n from the axis to the surface makes no difference.
+        # n . (v + w x r) = (r x n) . w + n . v for V = [w, v] of a body; a
+        # shift of the point along n, from axis to surface, has no effect.
         W = np.empty((6, 2, distance.size))
         W[3:, 0], W[3:, 1] = normal, -normal
         W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
@@ -137,11 +138,11 @@ class LinkDistances:
         return distance[urgent], rows
 
     def _near_round(self, X_WB: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Those of the k pairs of capsules and spheres that are near.
+        """Returns the n near pairs of capsules and spheres.
 
-        Their distances (n,) [m], the normals (3, n) from the second to the
-        first link, the points (3, 2, n) [m] on their axes, all in W, and the
-        numbers (2, n) of the links.
+        Distances (n,) [m], normals (3, n) from the second to the first link,
+        closest points (3, 2, n) [m] on the axes, both in W, and numbers (2, n)
+        of the links.
         """
         placed = (X_WB.take(self._owner, axis=0) @ self._segments).T
         begin, way = placed.take(self._sides, axis=2)
@@ -158,7 +159,7 @@ class LinkDistances:
     def _near_others(
         self, context: Context, X_WB: np.ndarray
     ) -> tuple[np.ndarray, ...]:
-        """The same of pairs with another shape; points are on the surfaces."""
+        """Returns the same for other shapes, with points on the surfaces."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
         found = []
         for a, b, far in self._others:
@@ -180,14 +181,14 @@ class LinkDistances:
 
 
 class _Shape:
-    """A shape of a link, and the segment in its middle if it is round."""
+    """A shape of a link, with its axis if it is a capsule or a sphere."""
 
     def __init__(
         self, inspector: SceneGraphInspector, plant: MultibodyPlant, shape
     ):
-        """`segment` (4, 2) times a pose [R, p] of the body is [begin, way].
+        """A pose [R, p] of the body times `segment` (4, 2) is [begin, way].
 
-        `radius` [m] is None of what is neither a capsule nor a sphere.
+        `radius` [m] is None unless the shape is a capsule or a sphere.
         """
         self.body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         self.X_BG = inspector.GetPoseInFrame(shape)
@@ -202,7 +203,7 @@ class _Shape:
 
 
 def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:
-    """Those that move with a joint that moves no foot."""
+    """The bodies moved by a joint that moves no foot."""
     feet = {plant.GetBodyByName(n).index() for n in robot.foot_bodies.values()}
     upper = set()
     for joint in plant.GetJointIndices():

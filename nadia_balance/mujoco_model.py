@@ -1,4 +1,4 @@
-"""The robot and its ground in MuJoCo, made from a plant of Drake's."""
+"""MuJoCo model of the robot and its ground, from Drake's MultibodyPlant."""
 
 from collections.abc import Iterable
 
@@ -25,11 +25,11 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
-# Contacts and joint limits give way as a damped spring with this time constant
-# [s]; MuJoCo needs two steps or more.  Its default, 0.02, is a soft mat.
+# Time constant of contacts and joint limits, which are damped springs [s];
+# MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.
 STIFFNESS_TIME = 0.004
 _HARDNESS = [0.95, 0.99, 0.001, 0.5, 2.0]  # the impedance of all constraints
-# Friction yields so much less than the normal force, or soles creep.
+# Ratio of frictional to normal impedance; with less, soles creep.
 _FRICTION_IMPEDANCE = 10.0
 _SHAPES = {
     Box: (mujoco.mjtGeom.mjGEOM_BOX, lambda s: 0.5 * s.size()),
@@ -56,18 +56,18 @@ _JOINTS = {
 
 
 class MujocoModel:
-    """All that a plant has but its engine: MuJoCo computes the motion.
+    """A plant whose motion MuJoCo computes.
 
     Bodies, inertias, joints with their limits, damping and reflected inertia,
-    collision shapes and which of them may touch are those of Drake's plant,
-    and so is the order of q, v and of the actuators: x = [q, v] (nq + nv,).
+    collision shapes and filters are those of Drake's plant, and so is the order
+    of q, v and of the actuators: x = [q, v] (nq + nv,).
     """
 
     def __init__(self, plant: MultibodyPlant, inspector: SceneGraphInspector):
         """Models `plant`, finalized, with the shapes of the `inspector`.
 
         Raises:
-            ValueError: a joint or a shape that this cannot express.
+            ValueError: a joint or a shape of a type that is not supported.
         """
         self._plant = plant
         self._spec = _empty_spec(plant)
@@ -88,7 +88,7 @@ class MujocoModel:
         self._find_columns()
 
     def _add_body(self, body: RigidBody) -> mujoco.MjsBody:
-        """Adds `body`, and before it what carries it."""
+        """Adds `body`, after its parents."""
         if body.index() in self._bodies:
             return self._bodies[body.index()]
         joint = self._inboard[body.index()]
@@ -169,7 +169,7 @@ class MujocoModel:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         what = inspector.GetShape(shape)
         options = _pose(inspector.GetPoseInFrame(shape))
-        if isinstance(what, (Convex, Mesh)):  # Drake, too, takes its hull
+        if isinstance(what, (Convex, Mesh)):  # the convex hull, as in Drake
             hull = inspector.GetConvexHull(shape)
             points = [hull.vertex(i) for i in range(hull.num_vertices())]
             self._spec.add_mesh(name=_name(shape), uservert=np.ravel(points))
@@ -190,10 +190,11 @@ class MujocoModel:
         )
 
     def _find_columns(self) -> None:
-        """Where in q and v of the plant each entry of MuJoCo's is."""
+        """Finds the index in the plant's q and v of each entry of MuJoCo's."""
         model = self.model
         self._q, self._v = np.empty(model.nq, int), np.empty(model.nv, int)
-        self._turning = []  # in qpos, in qvel: of free bodies
+        # Slices of quaternion and angular velocity of free bodies.
+        self._turning = []
         for joint in self._inboard.values():
             if not (size := joint.num_velocities()):
                 continue
@@ -214,7 +215,7 @@ class MujocoModel:
         ]
 
     def set_state(self, x: np.ndarray) -> None:
-        """Gives `data` the state x: MuJoCo has angular velocities in B."""
+        """Writes the state x to `data`, with angular velocities in B."""
         nq, data = self.model.nq, self.data
         data.qpos[:], data.qvel[:] = x[self._q], x[nq + self._v]
         inverse = np.empty(4)
@@ -260,7 +261,7 @@ class MujocoModel:
     ) -> None:
         """Computes accelerations and contact forces in `data`.
 
-        Not with mj_step: that would start anew from a state that diverges.
+        It does not call mj_step, which resets a state that diverges.
         """
         model, data = self.model, self.data
         self.set_state(x)
@@ -283,7 +284,7 @@ class MujocoModel:
         mujoco.mj_forwardSkip(model, data, skipped, 1)
 
     def _contacts(self) -> list[PointPairContactInfo]:
-        """What touches now, as Drake tells it; speeds are left out."""
+        """The present contacts as Drake's type, with zero speeds."""
         found, wrench = [], np.zeros(6)
         contacts = self.data.contact
         for i in range(self.data.ncon):
@@ -312,7 +313,7 @@ def _empty_spec(plant: MultibodyPlant) -> mujoco.MjSpec:
     option.gravity = plant.gravity_field().gravity_vector()
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = _FRICTION_IMPEDANCE
-    # A step depends on nothing but the state.
+    # Without a warm start, a step depends on state and inputs only.
     option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
     return spec
 

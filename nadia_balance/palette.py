@@ -1,4 +1,4 @@
-"""The colours of everything that is drawn, in Meshcat and in plots alike."""
+"""The colours of all drawings, in Meshcat and in plots."""
 
 from pydrake.geometry import Rgba
 
@@ -14,12 +14,12 @@ ECMP = "#d29a00"  # gold
 SUPPORT = "#3d4552"  # slate
 PUSH = "#d11f35"  # red
 CAPTURE_REGIONS = ("#4a0f8f", "#7d3cc9", "#a673e3")  # C_1 to C_3: violets
-OPACITIES = (0.4, 0.25, 0.18)  # of them, filled, on top of each other
+OPACITIES = (0.4, 0.25, 0.18)  # of the filled regions, which overlap
 REACH = "#8a5a2b"  # brown
-NOMINAL = "#626b78"  # of a foothold that was adjusted: grey
+NOMINAL = "#626b78"  # nominal foothold of an adjusted step: grey
 FLOOR = "#c9d0da"  # grey
 GRID = "#aab4c2"  # darker grey
-GROUND = "#8d9aab"  # of regions to step on: still darker
+GROUND = "#8d9aab"  # regions to step on: still darker
 SKY_TOP = "#f4f7fb"
 SKY_BOTTOM = "#c3cedb"
 

@@ -1,4 +1,4 @@
-"""How far a robot can step: found by whole-body inverse kinematics."""
+"""Reachable footholds of a robot by whole-body inverse kinematics."""
 
 import math
 from dataclasses import replace
@@ -20,19 +20,19 @@ from nadia_balance.core.reachability import (
 from nadia_balance.core.walking import FootPose, Side
 from nadia_balance.robot import RobotModel
 
-_TILT = math.radians(35.0)  # of the pelvis, in a recovery
-_LEVEL = 0.01  # the CoM is as high as planned, to within this [m]
-_BESIDE = 0.05  # the CoM may be beside the line between the feet [m]
-_LESS = 0.95  # of the lengths, in each turn of the search
-_NARROWER = 0.04  # a step across, in each turn, of the leg's length
-_TURNS = 24
+_TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
+_LEVEL = 0.01  # tolerance of the planned CoM height [m]
+_BESIDE = 0.05  # the CoM is in the feet's bounding box, grown by this [m]
+_LESS = 0.95  # factor on the lengths in each iteration
+_NARROWER = 0.04  # reduction of widths in each iteration [leg length]
+_TURNS = 24  # largest number of iterations
 
 
 def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
     """True if the left foot can be at `foothold` (2,) [m], the right one at 0.
 
-    With both soles flat, the CoM between them and as high as the height plan
-    has it there, the pelvis nearly upright, and all joints within their limits.
+    Both soles are flat, the CoM is between them at the height of the height
+    plan, the pelvis nearly upright, and all joints are within their limits.
     """
     model, params = robot.point_mass, ComHeightParams()
     other = FootPose(np.append(foothold, 0.0))
@@ -76,12 +76,14 @@ def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
 
 
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
-    """Returns the robot's reach, cut down to what its legs reach.
+    """Returns a reach that inverse kinematics confirms, and failed regions.
 
-    And the names of the regions of which that was not enough, none if all went
-    well.  Until all corners of its regions, and the middles between them, are
-    reached: shorter and less wide, or, if that is not what they need, less far
-    across.  Next to the stance leg nothing counts: it is no step.
+    The regions are reduced until all their corners and midpoints of edges are
+    reached, except points beside the stance leg, which are no steps.  If the
+    base region is too large, or no cross-over width can shrink, an iteration
+    reduces lengths and the largest width; otherwise it reduces the cross-over
+    widths.  The names are those of the regions with points out of reach after
+    the last iteration.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
     missed: list[tuple[str, np.ndarray]] = []
@@ -109,7 +111,7 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
 
 
 def _around(polygon: np.ndarray) -> np.ndarray:
-    """Corners and middles (2 n, 2) of the edges: not all between is reached."""
+    """Corners and midpoints (2 n, 2) of the edges: the reach is not convex."""
     return np.vstack([polygon, 0.5 * (polygon + np.roll(polygon, 1, axis=0))])
 
 

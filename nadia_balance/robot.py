@@ -50,8 +50,8 @@ from nadia_balance.robot_checks import (
 from nadia_balance.robot_params import RobotParams, idealised
 from nadia_balance.typed_yaml import load_tree, load_typed
 
-# Beside the package in a checkout as well as in an installation.  Not found
-# by `import models`: a user may have a folder of that name.
+# The folder `models` of a checkout or an installation.  `import models` would
+# also find a user's folder of that name.
 MODELS = next(
     folder
     for path in nadia_balance.__path__
@@ -59,27 +59,28 @@ MODELS = next(
 )
 
 
-_ROUGH = CoulombFriction(0.8, 0.8)  # as flat.urdf
-_DEPTH = 0.5  # of the ground below its lowest point [m]
+_ROUGH = CoulombFriction(0.8, 0.8)  # as in flat.urdf
+_DEPTH = 0.5  # depth of the ground below its lowest point [m]
 
-# As it could be built, or with drives that give any torque at any speed, feet
-# of any speed, and arms that pass through the legs.
+# realistic: limits of a real robot.  ideal: any torque at any joint speed, any
+# foot speed, and no collisions between arms and legs.
 FIDELITIES = ("realistic", "ideal")
 
 
 class RobotModel:
     """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
 
-    `drives` are JointDriveParams; None if it is ideal (see `idealised`).
-    `remarks` are lines on what is allowed, but may not be meant so.
+    `drives` are JointDriveParams; None if the robot is ideal (see `idealised`).
+    `remarks` are warnings about legal but suspicious settings.
     """
 
     def __init__(self, params: RobotParams, urdf: Path):
-        """Checks that `urdf` has all that the `params` name.
+        """Checks `params` against `urdf`.
 
         Raises:
-            ValueError: it has not, or the robot cannot stand as they say; the
-                message names the field, its value and what is allowed.
+            ValueError: `urdf` lacks a part, or the robot cannot stand with
+                these parameters; names the field, its value and what is
+                allowed.
         """
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
@@ -97,7 +98,7 @@ class RobotModel:
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         with self._naming_the_urdf():
             check_urdf(urdf)
-        # With all shapes: the plant of the controller reads none.
+        # A plant with shapes; the controller's plant has none.
         _, shaped, scene_graph = self.control_diagram()
         plant = self.control_plant()
         check_plant(plant, params)
@@ -110,13 +111,13 @@ class RobotModel:
 
     @cached_property
     def mass(self) -> float:
-        """Of the whole robot [kg]."""
+        """Total mass of the robot [kg]."""
         plant = self.control_plant()
         return plant.CalcTotalMass(plant.CreateDefaultContext())
 
     @cached_property
     def max_joint_speeds(self) -> np.ndarray:
-        """Of the joints (nj,) [rad/s], in the order of their velocities."""
+        """Speed limits (nj,) [rad/s] of the joints, in the order of v."""
         speeds = self.control_plant().GetVelocityUpperLimits()[6:]
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
@@ -124,7 +125,7 @@ class RobotModel:
 
     @cached_property
     def point_mass(self) -> PointMassModel:
-        """What capture-point control knows of the robot."""
+        """The robot's model for capture-point control."""
         return PointMassModel(
             mass=self.mass,
             com_height=self.com_height,
@@ -139,8 +140,8 @@ class RobotModel:
         """Adds the robot to a `plant` that is not finalized yet.
 
         Raises:
-            ValueError: the URDF is malformed; what Drake would only warn of
-                counts as such, because it then invents figures of its own.
+            ValueError: the URDF is malformed; Drake's warnings count as
+                errors, because Drake then substitutes values of its own.
         """
         parser = Parser(plant)
         parser.SetStrictParsing()
@@ -157,7 +158,7 @@ class RobotModel:
     ) -> tuple[MultibodyPlant, SceneGraph]:
         """Adds a plant, finalized, in which the robot stands on the `ground`.
 
-        Without a `config` it is `default_plant_config()`; see `add_ground`.
+        `config` is by default `default_plant_config()`; see `add_ground`.
         """
         plant, scene_graph = AddMultibodyPlant(
             config or default_plant_config(), builder
@@ -180,9 +181,9 @@ class RobotModel:
         plant.SetDefaultPositions(self.standing_positions())
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-        """Of the robot's own links, only one leg touches the other leg.
+        """Excludes the robot's self-collisions except those between its legs.
 
-        Feet do not touch each other.
+        The feet do not collide with each other either.
         """
         joints = map(plant.get_joint, plant.GetJointIndices())
         parent = {j.child_body().name(): j.parent_body().name() for j in joints}
@@ -221,7 +222,7 @@ class RobotModel:
         return plant
 
     def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
-        """A plant of the robot alone, with its shapes, and what holds both."""
+        """A diagram of a plant of the robot alone and its SceneGraph."""
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
         self.add_to(plant)
@@ -232,20 +233,20 @@ class RobotModel:
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: ContactResults
     ) -> set[str]:
-        """As improper_contacts of robot_checks, for this robot in `plant`."""
+        """Calls improper_contacts of robot_checks for this robot in `plant`."""
         robot = plant.GetBodyByName(self.pelvis_body).model_instance()
         feet = set(self.foot_bodies.values())
         return improper_contacts(plant, contact_results, robot, feet)
 
     def standing_positions(self, step_width: float | None = None) -> np.ndarray:
-        """Returns the robot's q (nq,): stands about the origin of W.
+        """Returns q (nq,) of the robot, standing about the origin of W.
 
         Both soles are level on z = 0, `step_width` [m] apart, the pelvis is
         upright, the CoM over the origin at `com_height`, the joints as near
         to the posture as that allows.
 
         Raises:
-            ValueError: there is no such posture.
+            ValueError: no posture fulfils this.
         """
         width = self.params.step_width if step_width is None else step_width
         if not 0.0 < width < np.inf:
@@ -293,7 +294,7 @@ class RobotModel:
 
     @contextlib.contextmanager
     def _naming_the_urdf(self) -> Iterator[None]:
-        """Turns all errors within into a ValueError that names the URDF."""
+        """Turns errors of its block into a ValueError that names the URDF."""
         try:
             yield
         # SystemExit is how pydrake reports a condition of Drake's own code.
@@ -307,8 +308,8 @@ def _add_actuators(
     instance: ModelInstanceIndex,
     effort_limits: dict[str, float],
 ) -> None:
-    """Drives the joints for which the URDF has no <transmission>."""
-    # Not those of the instance: these are known once it is finalized.
+    """Adds actuators to joints for which the URDF has no <transmission>."""
+    # All actuators: those of an instance are known only once it is finalized.
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     driven = [actuator.joint().index() for actuator in actuators]
     if len(set(driven)) < len(driven):
@@ -320,7 +321,7 @@ def _add_actuators(
 
 
 def robot_names() -> list[str]:
-    """The robots that come with the package."""
+    """The names of the robots of the package."""
     return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
 
 
@@ -330,7 +331,7 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     Raises:
         ValueError: unknown name, fidelity or field, malformed YAML or URDF, a
             value out of range; one line that names it.
-        FileNotFoundError: there is no such file.
+        FileNotFoundError: the robot.yaml or its URDF does not exist.
     """
     if fidelity not in FIDELITIES:
         raise ValueError(
@@ -343,9 +344,9 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
 
 
 def load_robot_params(name: str) -> tuple[RobotParams, Path]:
-    """Returns what robot.yaml says, and its URDF.
+    """Returns the parameters of a robot.yaml, and the path of its URDF.
 
-    What it does not say is Nadia's, scaled to its `size`.
+    Parameters that it does not give are Nadia's, scaled to its `size`.
 
     Raises:
         ValueError, FileNotFoundError: as load_robot, but the URDF is not read.
@@ -373,13 +374,13 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
 
 
 def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
-    """Where in v of `plant` the joint of each actuator is (nu,)."""
+    """Index (nu,) in v of `plant` of each actuator's joint."""
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     return np.array([a.joint().velocity_start() for a in actuators])
 
 
 def default_plant_config() -> MultibodyPlantConfig:
-    """Point contact at 1 kHz: exact enough, and the fastest that is."""
+    """Point contact at 1 kHz: the fastest that is accurate enough."""
     return MultibodyPlantConfig(
         time_step=0.001,
         contact_model="point",
@@ -391,8 +392,8 @@ def default_plant_config() -> MultibodyPlantConfig:
 def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
     """Adds the ground to a `plant` that is not finalized yet.
 
-    It is flat, z = 0, unless `ground` is uneven: then each of its regions is
-    the top of a rigid prism, which is as rough, and is drawn.
+    The ground is flat, z = 0, unless `ground` is uneven: then each of its
+    regions is the visible top of a rigid prism with the same friction.
     """
     if ground is None or ground.is_level:
         Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))

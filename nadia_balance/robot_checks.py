@@ -1,4 +1,4 @@
-"""What a URDF must hold for a robot to walk, and what must not touch."""
+"""Checks of a robot's URDF and robot.yaml, and of contacts."""
 
 import itertools
 import math
@@ -22,14 +22,14 @@ from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
 
 _JOINTS = ("revolute", "continuous", "fixed")
-_PITCH = 0.75  # of the y component of a pitch axis, slanted hips' too [-]
+_PITCH = 0.75  # least |y| of a pitch axis; also of slanted hips [-]
 
 
 def check_urdf(urdf: Path) -> None:
-    """Checks the figures that Drake takes as they are, or ends Python for.
+    """Checks values that Drake accepts unchecked, or for which it aborts.
 
     Raises:
-        ValueError: one is out of range.
+        ValueError: a value is out of range.
         SyntaxError: `urdf` is no XML.
     """
     root = ElementTree.parse(urdf).getroot()
@@ -70,7 +70,7 @@ def _require(fulfilled: bool, message: str) -> None:
 
 
 def _number(text: str | None) -> float:
-    """NaN for what is no number: Drake says what it misses, and where."""
+    """The number in `text`; NaN if it is none, which Drake reports itself."""
     try:
         return float(text or "nan")
     except ValueError:
@@ -83,7 +83,7 @@ def _positive(what: str, text: str | None, unit: str) -> None:
 
 
 def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
-    """Raises ValueError if `plant` lacks what `params` and control need."""
+    """Raises ValueError if `plant` lacks parts that `params` name."""
     for part in ("pelvis", "torso", "left_foot", "right_foot"):
         name = getattr(params, f"{part}_body")
         _require(
@@ -107,7 +107,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
         f"left_foot_body = {params.left_foot_body!r}: must be left of "
         f"right_foot_body = {params.right_foot_body!r}",
     )
-    # The joints that move, by name; the floating base is none of them.
+    # Joints of one degree of freedom by name, without the floating base.
     joints = map(plant.get_joint, plant.GetJointIndices())
     joints = {j.name(): j for j in joints if j.num_positions() == 1}
     _check_drives(plant, params, joints)
@@ -152,7 +152,7 @@ def _check_drives(
 
 
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
-    """What of a plant, which has shapes, may not be meant so; one line each.
+    """Warnings about legal but suspicious settings of a plant with shapes.
 
     Raises:
         ValueError: a foot has no collision shape.
@@ -191,7 +191,8 @@ def check_standing(
 ) -> None:
     """Raises ValueError if a joint is too weak for the robot to stand.
 
-    In `plant` at `q` (nq,), either sole carrying half the weight at its centre.
+    The robot of `plant` stands at `q` (nq,), with half of its weight at the
+    centre of either sole.
     """
     context, world = plant.CreateDefaultContext(), plant.world_frame()
     plant.SetPositions(context, q)
@@ -218,8 +219,7 @@ def check_standing(
         )
 
 
-# How far robot.yaml may be off the URDF: soles [m]; legs and CoM, in lengths of
-# the leg.
+# Tolerances between robot.yaml and URDF: soles [m]; legs and CoM [leg length].
 _SOLE_OFF, _LEG_OFF, _COM_OFF = 0.01, 0.03, 0.05
 
 
@@ -228,11 +228,11 @@ def check_sizes(
     inspector: SceneGraphInspector,
     params: RobotParams,
 ) -> None:
-    """Raises ValueError if sizes in `params` are not those of the URDF.
+    """Raises ValueError if sizes in `params` differ from the URDF.
 
-    Soles are compared with the collision shapes of either foot; legs with
-    their pitch axes, if there are three.  `plant` holds the robot alone, with
-    the shapes that `inspector` knows.
+    Soles are compared with the collision shapes of either foot, legs with
+    their pitch axes if they have three.  `plant` contains only the robot, with
+    the shapes in `inspector`.
     """
     context = plant.CreateDefaultContext()
     legs = {
@@ -270,7 +270,7 @@ def check_sizes(
         plant.GetJointByName(joint).set_angle(context, angle)
     posed = [_leg(plant, context, foot) for foot in legs]
     hips = [leg[0] for leg in posed if len(leg) == 3]
-    if not hips:  # a hip whose axis is oblique, as of some robots
+    if not hips:  # oblique hip axes, as some robots have
         return
     com = plant.CalcCenterOfMassPositionInWorld(context)[2]
     _require_near(
@@ -290,14 +290,14 @@ def _require_near(field: str, value: float, urdf: float, off: float) -> None:
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two pitch axes, in the sagittal plane [m]."""
+    """Distance [m] of two pitch axes in the sagittal plane."""
     return math.hypot(a[0] - b[0], a[2] - b[2])
 
 
 def _leg(
     plant: MultibodyPlant, context: Context, foot: str
 ) -> list[np.ndarray]:
-    """Where in W the joints about y are, from the hip to `foot`."""
+    """Positions (3,) [m] in W of the joints about y, from hip to `foot`."""
     joints = map(plant.get_joint, plant.GetJointIndices())
     above = {joint.child_body().name(): joint for joint in joints}
     found, link = [], foot
@@ -361,8 +361,8 @@ def improper_contacts(
 ) -> set[str]:
     """Returns the pairs of bodies in contact that are not foot and ground.
 
-    By name, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK -
-    ground".  A foot may touch all that is not the `robot` itself.
+    Pairs are named, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK
+    - ground".  A foot may touch all bodies that are not of the `robot`.
     """
     improper = set()
     for pair in set(_touching(plant, results)):

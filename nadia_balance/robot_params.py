@@ -1,4 +1,4 @@
-"""The fields of robot.yaml: what the controller needs to know of a robot."""
+"""The fields of robot.yaml: the parameters of a robot."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ class SoleParams:
 
 @dataclass(kw_only=True)
 class RobotParams:
-    """All that a URDF cannot say; bodies and joints by their URDF names."""
+    """Parameters that a URDF lacks; bodies and joints have their URDF names."""
 
     name: str = ""
     urdf: str = ""  # relative to robot.yaml
@@ -40,25 +40,25 @@ class RobotParams:
     left_foot_body: str = ""
     right_foot_body: str = ""
     sole: SoleParams = field(default_factory=SoleParams)
-    # Of the CoM above the soles, standing [m].
+    # Height of the CoM above the soles, standing [m].
     com_height: float = bounded(0.0, above=0.0, unit="m")
-    # Between the sole centres, standing [m].
+    # Distance between the sole centres, standing [m].
     step_width: float = bounded(0.0, above=0.0, unit="m")
     posture: dict[str, float] = field(default_factory=dict)  # [rad]
     legs: LegGeometry = field(default_factory=LegGeometry)
     reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
     swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
-    # Of joints that have no velocity limit in the URDF.
+    # Velocity limit of joints that have none in the URDF.
     max_joint_speed: float = bounded(
         math.inf, above=0.0, finite=False, unit="rad/s"
     )
-    # Null: drives that can do anything at once.
+    # Null: ideal drives, with any torque at any speed, without lag.
     drives: JointDriveParams | None = field(default_factory=JointDriveParams)
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     @property
     def size(self) -> Size:
-        """By which all that is not given here is scaled from Nadia."""
+        """The size that scales Nadia's values to parameters not given here."""
         sole = self.sole
         return Size(
             leg=self.legs.length + self.legs.ankle_height,
@@ -74,7 +74,7 @@ class RobotParams:
 
 
 def idealised(params: RobotParams) -> RobotParams:
-    """The same robot with drives, feet and a ground that bear anything."""
+    """The same robot with ideal drives and no limits on feet and loading."""
     inf = math.inf
     return replace(
         params,

@@ -1,4 +1,4 @@
-"""YAML into dataclasses, with errors that a user can read."""
+"""Reader of YAML into dataclasses, with readable error messages."""
 
 import dataclasses
 import itertools
@@ -11,7 +11,7 @@ from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 T = typing.TypeVar("T")
 
-_MOST_NODES = 100_000  # in a file, each as often as it is referred to
+_MOST_NODES = 100_000  # in a file, with each alias expanded
 _NAMES = {
     bool: "true or false",
     float: "a number",
@@ -31,8 +31,8 @@ def load_typed(
 ) -> T:
     """Returns a `schema` from the YAML in `filename`, or that in `data`.
 
-    Only the child `child_name` is read, if there is one.  Fields that are not
-    named are those of `defaults`; these are not changed.
+    Only the child `child_name` is read, if given.  Fields that the YAML lacks
+    are copied from `defaults`.
 
     Raises:
         ValueError: malformed YAML, an unknown field, or a value of the wrong
@@ -54,14 +54,14 @@ def load_typed(
         )
     except OSError:
         raise
-    except Exception as error:  # Drake's, of tags, are of any class
+    except Exception as error:  # Drake's errors about tags have any class
         raise ValueError(f"{what}: {' '.join(str(error).split())}") from error
 
 
 def load_tree(text: str, child_name: str | None = None) -> dict:
-    """Returns what the YAML `text`, or its child, says, as mappings and lists.
+    """Returns the YAML `text`, or its child, as mappings and lists.
 
-    Of YAML that `load_typed` has taken.
+    The text is one that `load_typed` has accepted.
     """
     tree = _parse(text)
     tree = _child(tree, child_name) if child_name is not None else tree
@@ -73,8 +73,8 @@ def _parse(text: str) -> object:
     try:
         tree = yaml_load_data(text)
     except Exception as error:
-        # Any: PyYAML has errors of its own, and passes on those of Python,
-        # for a date that does not exist as for a structure nested too deep.
+        # Any class: PyYAML raises its own errors and Python's, e.g. for an
+        # invalid date or a structure nested too deeply.
         reason, mark = error, getattr(error, "problem_mark", None)
         if mark is not None:
             place = f"line {mark.line + 1}, column {mark.column + 1}"
@@ -85,11 +85,11 @@ def _parse(text: str) -> object:
 
 
 def _check_nodes(text: str) -> None:
-    """Refuses what YAML allows, but nobody means.
+    """Refuses valid but misleading YAML.
 
     Raises:
         ValueError: a key twice in one mapping, of which the last would count;
-            1:30, which would be 90; or aliases that grow beyond all bounds.
+            1:30, which would be 90; or aliases that expand to too many nodes.
     """
     root, sizes = yaml.compose(text, Loader=yaml.CSafeLoader), {}
 
@@ -130,7 +130,7 @@ def _child(tree: object, name: str) -> object:
 
 
 def _check(schema: type, value: object, name: str) -> None:
-    """Raises ValueError naming the field of `value` that is no `schema`."""
+    """Raises ValueError that names a field of `value` not of its type."""
     base, args = typing.get_origin(schema), typing.get_args(schema)
     if schema in _NAMES:
         _require(_is_scalar(schema, value), name, value, _NAMES[schema])
@@ -157,7 +157,7 @@ def _check(schema: type, value: object, name: str) -> None:
 
 
 def _fields(schema: type) -> dict[str, type]:
-    """Name and type of every field of a dataclass, or a struct of Drake's."""
+    """Name and type of every field of a dataclass, or of a Drake struct."""
     fields = getattr(schema, "__fields__", None) or dataclasses.fields(schema)
     return {field.name: field.type for field in fields}
 
@@ -167,7 +167,7 @@ def _is_scalar(schema: type, value: object) -> bool:
     if schema in (bool, str) or isinstance(value, bool):
         return type(value) is schema
     try:
-        number = float(value)  # of text, too: 1e3 is that in YAML 1.1
+        number = float(value)  # also of text: 1e3 is text in YAML 1.1
     except (TypeError, ValueError):
         return False
     return schema is float or number.is_integer()
@@ -175,7 +175,7 @@ def _is_scalar(schema: type, value: object) -> bool:
 
 def _require(fits: bool, name: str, value: object, allowed: str) -> None:
     if not fits:
-        # Only what the user wrote on one line: a mapping would be a page.
+        # Shortened to one line: a mapping may be long.
         shown = repr(value)
         if len(shown) > 60:
             shown = f"{shown[:57]}..."

@@ -1,4 +1,4 @@
-"""Terms of the equations of motion, by Drake's cheapest calls."""
+"""Terms of the equations of motion, computed by few Drake calls."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -21,14 +21,14 @@ _V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
 
 
 class WholeBodyKinematics:
-    """Reads what the whole-body QP needs from a plant's context.
+    """Computes the terms of the whole-body QP from a plant's context.
 
-    Needs a plant with one robot: the pelvis as floating base, then joints of
-    one degree of freedom, each with one actuator.
+    The plant must contain one robot: the pelvis as floating base, then joints
+    of one degree of freedom, each with one actuator.
     """
 
     def __init__(self, robot: RobotModel, plant: MultibodyPlant):
-        """Raises ValueError if `plant` is built in another way."""
+        """Raises ValueError if `plant` has another structure."""
         self.plant = plant
         num_joints = plant.num_velocities() - 6
         pelvis = plant.GetBodyByName(robot.pelvis_body)
@@ -56,7 +56,7 @@ class WholeBodyKinematics:
         self._X_BodyFrame = np.tile(np.eye(4), (4, 1, 1))
         for i, side in enumerate(SIDES):
             self._X_BodyFrame[i] = robot.X_FootSole[side].GetAsMatrix4()
-        # Rows of J, the frame of the body, and where its point is in it.
+        # Rows of J, frame of the foot, and position of the sole in it.
         self._points = [
             (rows, foot.body_frame(), robot.X_FootSole[side].translation())
             for rows, foot, side in zip(SOLES, feet, SIDES, strict=True)
@@ -64,7 +64,7 @@ class WholeBodyKinematics:
         self._torso, self._world = torso.body_frame(), plant.world_frame()
         self._gravity = plant.gravity_field().gravity_vector()
         self._mass = robot.mass
-        # What does not change: the base's velocity is that of the pelvis.
+        # Constant rows: the base's angular velocity is that of the pelvis.
         self._rows = np.zeros((24 + num_joints, 7 + num_joints))
         self._rows[PELVIS, :3] = np.eye(3)
 
@@ -94,16 +94,16 @@ class WholeBodyKinematics:
         )
 
     def _fill_forces(self, context, v, forces):
-        """[M, bias] (nv, nv + 1) per mass, with gravity and damping."""
+        """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""
         M = self.plant.CalcMassMatrix(context)
         bias = self.plant.CalcBiasTerm(context) + self._damping * v
-        # Gravity for free: the base's velocity is expressed in W.
+        # Gravity from M: the base's linear velocity is expressed in W.
         bias -= M[:, 3:6] @ self._gravity
         forces[:, :-1], forces[:, -1] = M, bias
         forces /= self._mass
 
     def _fill_motions(self, context, rows):
-        """[J, Jdot v] of soles and torso."""
+        """Writes [J, Jdot v] of soles and torso."""
         plant, world = self.plant, self._world
         for sole, frame, p_BP in self._points:
             rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
@@ -121,10 +121,10 @@ class WholeBodyKinematics:
 
 
 def _com_state(p_WB, rows, velocities) -> np.ndarray:
-    """The centre of mass for free: M has its arm and its velocity per mass.
+    """State (6,) of the centre of mass, from the base rows of M per mass.
 
-    The base's linear velocity, expressed in W, gives it the angular momentum
-    p_BC x v about the base's origin B.
+    A linear velocity v of the base, expressed in W, gives the angular momentum
+    p_BC x v per mass about the base's origin B, from which p_BC follows.
     """
     (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
     return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
@@ -139,7 +139,7 @@ def whole_body_model(
     """Returns the constants of `robot`, joints in the order of velocities.
 
     Raises:
-        ValueError: a joint that is named does not exist.
+        ValueError: a named joint does not exist.
     """
     n = plant.num_velocities() - 6
     lower = plant.GetPositionLowerLimits()[7:].copy()

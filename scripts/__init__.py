@@ -1,7 +1,7 @@
 """The programs of this package: `push`, `simulate`, `envelope` and others.
 
-Whoever imports this first ends at once at Ctrl-C while it imports all the
-rest: Drake would take the exception for a fault of its own.
+A program imports this module first, so that Ctrl-C ends it at once during the
+other imports; Drake would report the exception as an error of its own.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ def _end(*_: object) -> None:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Makes Ctrl-C a KeyboardInterrupt, as ever, in this block."""
+    """Makes Ctrl-C raise KeyboardInterrupt, as usual, in this block."""
     is_program = signal.getsignal(signal.SIGINT) is _end
     if is_program:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -36,7 +36,7 @@ def interruptible() -> Iterator[None]:
 
 
 def _is_program() -> bool:
-    """Whether one of them is run, by its file, its command or `-m`."""
+    """True if one of _PROGRAMS runs, by its file, its command or `-m`."""
     name = Path(sys.argv[0]).stem.removeprefix("nadia-").replace("-", "_")
     usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     return usual and name in _PROGRAMS

@@ -1,13 +1,12 @@
 """Measures the speed of the closed loop, and of each block of the controller.
 
-Everything is measured in one run, in turns, by the processor time of this
-thread: so the ratios hold on any machine, however busy.
+All measurements alternate in one run and use the processor time of this thread,
+so the ratios do not depend on the machine or on its load.
 
-The plant is measured twice.  *Alone* it does nothing but its own steps, and
-finds its code and data in the processor's caches.  *In the loop* the very same
-simulation does its steps one tick at a time, each after a tick of the closed
-loop, which leaves the caches to it as the controller would: no controller,
-however fast, makes the loop faster than that.
+The plant is measured twice.  *Alone* it runs only its own steps, with its code
+and data in the processor's caches.  *In the loop* the same simulation runs one
+tick at a time, each after a tick of the closed loop, with the caches as the
+controller leaves them: this is an upper bound of the closed loop's speed.
 
 Examples:
     python scripts/benchmark.py
@@ -53,17 +52,17 @@ from nadia_balance.scripts.command_line import (
     say,
 )
 
-STIFFNESS, DAMPING = 3000.0, 100.0  # of the joints of the plant alone
+STIFFNESS, DAMPING = 3000.0, 100.0  # joint gains of the plant alone
 LONGEST = 3600  # [s]
-START = 1.0  # when the measurement begins: the robot steps [s]
-ROUNDS, TICKS = 10, 500  # of alone and loop in turns; one after the other
-SMALL = 10  # variables of a QP that is not that of the whole body
+START = 1.0  # start of the measurement, while the robot steps [s]
+ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks of blocks
+SMALL = 10  # QPs with more variables are those of the whole body
 RECORD = Path("docs/results/speed.csv")
 
 
 @program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0; bad input ends it."""
+    """Runs the command line `argv` and returns 0; bad input exits."""
     parser = CommandLine(
         prog="benchmark.py",
         description=__doc__.partition("\n")[0],
@@ -113,7 +112,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def measure(scenario: Scenario, seconds: float) -> dict:
-    """Returns all figures; see as_text for what they mean."""
+    """Returns all measured speeds and times; as_text names them."""
     plant, loop = plant_alone(scenario), start(HumanoidDiagram(scenario))
     for simulator in (plant, loop):
         simulator.AdvanceTo(START)
@@ -152,7 +151,7 @@ def measure(scenario: Scenario, seconds: float) -> dict:
 def timed(
     owner: type, name: str, counts=lambda *_: True
 ) -> Iterator[list[float]]:
-    """Yields the times [us] of all calls of a method that count."""
+    """Yields the times [us] of the method's calls that `counts` selects."""
     times, method = [], getattr(owner, name)
 
     def stopped(*args):
@@ -170,13 +169,13 @@ def timed(
 
 
 def spread(times: list[float]) -> dict[str, float]:
-    """Median and 99th percentile; NaN of no times."""
+    """Median and 99th percentile of `times`; NaN if it is empty."""
     median, p99 = np.percentile(times or [np.nan], [50.0, 99.0])
     return {"median_us": float(median), "p99_us": float(p99)}
 
 
 def plant_alone(scenario: Scenario) -> Simulator:
-    """The same robot, ground and contact, held by Drake's joint control."""
+    """The same robot and plant, on flat ground, with Drake's joint control."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(scenario.plant_config, builder)
     robot = load_robot(scenario.robot, scenario.fidelity)
@@ -213,22 +212,22 @@ def tick_times(
     """Measures the next `ticks` of the `loop`, one by one.
 
     Returns the real-time factor of the `plant` in the loop, and the times of
-    the controller and of its blocks.  Each block has a context of its own,
-    which in every tick of the running loop gets anew the state and the inputs
-    from there, so that nothing is cached.
+    the controller and of its blocks.  Each block has a context of its own, to
+    which state and inputs of the loop are copied in every tick, so that no
+    result is cached.
     """
     diagram, root = loop.get_system(), loop.get_mutable_context()
     controller = diagram.controller
     period = diagram.scenario.controller.control_period
-    # The outputs of the whole would be computed twice, before its update and
-    # after: the update asks for all that takes time.
+    # Without outputs: the controller's update evaluates all expensive ones,
+    # which would otherwise be computed before and after the update.
     meters = {controller.get_name(): Meter(controller, num_outputs=0)}
     for block in leaves(controller):
         meters[block.get_name()] = Meter(block, block.num_output_ports())
     rates, times = [], {name: [] for name in meters}
     first = round(root.get_time() / period)
     for tick in range(first + 1, first + 1 + ticks):
-        loop.AdvanceTo(tick * period)  # as Drake counts: its update is due
+        loop.AdvanceTo(tick * period)  # the update at this time is pending
         rates.append(real_time_factor(plant, tick * period))
         for name, meter in meters.items():
             times[name].append(1e6 * meter.measure(root))
@@ -238,15 +237,15 @@ def tick_times(
 
 
 class Meter:
-    """Runs one tick of a block, alone."""
+    """Runs single ticks of one block."""
 
     def __init__(self, block: System, num_outputs: int):
-        """Measures `block`: its first outputs, then what it has to update."""
+        """Measures the first `num_outputs` outputs and updates of `block`."""
         self._block, self._simulator = block, Simulator(block)
         self._ports = [block.get_output_port(i) for i in range(num_outputs)]
 
     def measure(self, root: Context) -> float:
-        """Returns how long the tick takes [s] that is due in `root`."""
+        """Returns the processor time [s] of the tick that is due in `root`."""
         context = self._simulator.get_mutable_context()
         copy_inputs(
             self._block, self._block.GetMyContextFromRoot(root), context
@@ -260,7 +259,7 @@ class Meter:
 
 
 def leaves(diagram) -> list[System]:
-    """The LeafSystems inside of `diagram`, however deep."""
+    """The LeafSystems of `diagram` and its inner diagrams."""
     found = []
     for system in diagram.GetSystems():
         inner = hasattr(system, "GetSystems")
@@ -269,7 +268,7 @@ def leaves(diagram) -> list[System]:
 
 
 def copy_inputs(block: System, source: Context, target: Context) -> None:
-    """Gives `target` the state and inputs that `block` has in `source`."""
+    """Copies state and inputs of `block` from `source` to `target`."""
     target.SetTimeStateAndParametersFrom(source)
     for i in range(block.num_input_ports()):
         port = block.get_input_port(i)
@@ -278,7 +277,7 @@ def copy_inputs(block: System, source: Context, target: Context) -> None:
 
 
 def as_text(figures: dict) -> str:
-    """The figures as a table."""
+    """The measured speeds and times as a table."""
     lines = [
         f"{key.replace('_', ' '):13} "
         f"{figures[key]['real_time_factor']:6.2f} x real time"
@@ -301,10 +300,10 @@ def as_text(figures: dict) -> str:
 
 
 def record(path: Path, scenario: Scenario, figures: dict) -> None:
-    """Adds the ratios, and what they are of, as a row to the CSV `path`.
+    """Adds a row with the ratios, the versions and the machine to CSV `path`.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     found = versions()
     row = {
@@ -342,7 +341,7 @@ def record(path: Path, scenario: Scenario, figures: dict) -> None:
 
 
 def _commit() -> str:
-    """That of the checkout, with a + if it has been changed since."""
+    """The commit of the checkout, with a + if files have been changed."""
     command = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
     here = Path(__file__).parent
     try:
@@ -355,7 +354,7 @@ def _commit() -> str:
 
 
 def _processor() -> str:
-    """Its name, as Linux tells it; else what Python knows."""
+    """The processor's name from /proc/cpuinfo, or from Python."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

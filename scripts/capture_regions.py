@@ -1,10 +1,10 @@
 """Draws what the papers' algorithms are made of; simulates nothing.
 
-Figures of the Nadia paper, each made by the functions that the controller uses:
-3 the ICP feedback, 4 the capture regions, 6 how they grow, 8 where a foot can
-be put, 9 the rules that choose among it; and of the Atlas paper: atlas_2 the
-plan with its CMPs in heel and toe, atlas_3 what fast steps make of it, atlas_4
-how far it is advanced, atlas_5 which errors this is good for.
+Figures of the Nadia paper, computed by the functions of the controller: 3 ICP
+feedback, 4 capture regions, 6 their growth, 8 reachable footholds, 9 rules that
+choose a region; and of the Atlas paper: atlas_2 the plan with CMPs in heel and
+toe, atlas_3 the plan of faster steps, atlas_4 projection of the ICP on the
+plan, atlas_5 errors that a swing speed-up reduces.
 
 Examples:
     python scripts/capture_regions.py
@@ -45,7 +45,7 @@ FIGURES = {
 
 @program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0; bad input ends it."""
+    """Runs the command line `argv` and returns 0; bad input exits."""
     parser = CommandLine(
         prog="capture_regions.py",
         description=__doc__,

@@ -1,4 +1,4 @@
-"""The flags that the scripts share, and what they do."""
+"""Flags shared by the scripts, and their implementation."""
 
 import argparse
 import contextlib
@@ -42,21 +42,21 @@ from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import INTERRUPTED, interruptible
 
 DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
-FASTEST = 1000  # of the rates that make sense [-]
-SHOWN_STEPS = 3  # more than those that decide on a recovery, for the replay
+FASTEST = 1000  # largest real-time rate [-]
+SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
-# Of main_job, for --help.
+# Exit codes of main_job, for --help.
 EXIT_CODES = (
     "1 did not (summary.json says why), 2 bad input, 3 undecided (the run was "
     "too short, or nobody was pushed), 130 Ctrl-C."
 )
 
-# Help of --mechanisms, for a sweep and for a single run.
+# Help of --mechanisms for a sweep, and for a single run.
 SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
 ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
 
 
-# What would have no effect with --live.
+# Flags that have no effect with --live.
 _NOT_LIVE = (
     *("no_meshcat", "out", "hold", "duration"),
     *("direction", "delta_v", "at", "shape", "random"),
@@ -66,11 +66,11 @@ Main = Callable[[list[str] | None], int]
 
 
 def program(main: Main) -> Main:
-    """Makes `main` end without a traceback, whatever the terminal does.
+    """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
-    Ctrl-C at any time is the exit code 130.  What fails to be written is told
-    in one line, with exit code 1: what is still to be read from this program,
-    on the other hand, may go unread.
+    Ctrl-C gives the exit code 130.  An OSError, such as a failed write, is
+    reported in one line, with exit code 1.  A closed pipe of the output is
+    ignored.
     """
 
     @functools.wraps(main)
@@ -91,7 +91,7 @@ def program(main: Main) -> Main:
 
 
 def say(*lines: str) -> None:
-    """Prints the lines; goes on without if nobody can read them."""
+    """Prints the lines; ignores a closed pipe."""
     _print(sys.stdout, lines)
 
 
@@ -107,13 +107,13 @@ def _print(stream: TextIO | None, lines: Sequence[str]) -> None:
         if stream is not None:
             stream.flush()
     except OSError:  # a closed pipe, a full disk
-        # Or else Python tries again at its end, and complains.
+        # Without this, Python flushes again at its exit and prints an error.
         with open(os.devnull, "w") as nowhere:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def finite(text: str) -> float:
-    """A finite number, for argparse."""
+    """Parses a finite number, for argparse."""
     with contextlib.suppress(ValueError):
         if math.isfinite(value := float(text)):
             return value
@@ -121,17 +121,17 @@ def finite(text: str) -> float:
 
 
 def place(text: str) -> Path:
-    """A path that is not empty, which would be the present folder."""
+    """Parses a path; refuses an empty one, which is the present folder."""
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a path")
     return Path(text)
 
 
 class CommandLine(argparse.ArgumentParser):
-    """Says on one line what is wrong with the command line."""
+    """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Refuses --flag=-- too, of which argparse makes an empty list."""
+        """Also refuses --flag=--, which argparse parses as an empty list."""
         found = super().parse_args(args, namespace)
         for name, value in vars(found).items():
             if value == []:
@@ -139,13 +139,13 @@ class CommandLine(argparse.ArgumentParser):
         return found
 
     def error(self, message: str) -> NoReturn:
-        """Ends the program."""
+        """Prints the error and exits."""
         complain(self.prog, ValueError(message))
         self.exit(BAD_INPUT)
 
     @contextlib.contextmanager
     def refusing(self) -> Iterator[None]:
-        """Takes errors of the input in this block for its end."""
+        """Reports a ValueError or OSError of its block as bad input; exits."""
         try:
             yield
         except (ValueError, OSError) as error:
@@ -159,7 +159,7 @@ def scenario_flags(
 ) -> None:
     """Adds the flags that choose and change the scenario.
 
-    `name` is the default scenario; None: one must be named.  `mechanisms` is
+    `name` is the default scenario; None: the flag is required.  `mechanisms` is
     the help of that flag.
     """
     group = parser.add_argument_group("scenario")
@@ -201,7 +201,7 @@ def scenario_flags(
 
 
 def output_flags(parser: argparse.ArgumentParser) -> None:
-    """Adds the flags that choose what is shown and written."""
+    """Adds the flags of Meshcat and of the output files."""
     group = parser.add_argument_group("output")
     group.add_argument(
         "--out",
@@ -235,7 +235,7 @@ def output_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
-    """Returns the scenario that the flags ask for, checked."""
+    """Returns the checked scenario of the flags."""
     scenario = load_scenario(
         args.scenario_name,
         args.scenario_file,
@@ -258,9 +258,9 @@ def main_job(
     argv: list[str] | None,
     make_scenario: Callable[[argparse.Namespace], Scenario],
 ) -> int:
-    """Parses, checks, simulates, tells and writes.
+    """Parses, checks, simulates, prints and writes.
 
-    Returns the exit code; bad input ends the program.
+    Returns the exit code; bad input exits.
     """
     args = parser.parse_args(argv)
     with parser.refusing():
@@ -304,10 +304,12 @@ def main_job(
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
-    """Whether there is Meshcat: it is wanted, and there is a robot to see.
+    """True if Meshcat is shown: unless --no-meshcat, or --plant lipm.
+
+    With --live it is always shown.
 
     Raises:
-        ValueError: an output flag can have no effect.
+        ValueError: an output flag has no effect.
     """
     if not 0.0 <= args.realtime_rate <= FASTEST:
         raise ValueError(
@@ -338,7 +340,7 @@ def _write_graph(diagram: Diagram, path: Path) -> None:
 
 
 def _meshcat(port: int | None) -> Meshcat:
-    """Meshcat with its scene; says where it is."""
+    """Starts Meshcat with its scene and prints its address."""
     meshcat, message = start_meshcat(port)
     say(*filter(None, [message]), f"Meshcat: {meshcat.web_url()}")
     set_scene(meshcat)

@@ -1,10 +1,10 @@
 """Finds the largest pushes that the robot recovers from, all around it.
 
-Each gait, moment, direction and set of mechanisms is searched for its limit,
-as for the Nadia paper's Fig. 10, or the Atlas paper's Fig. 6.  A trial that is
-done stays done: after Ctrl-C, or a power cut, the same flags and --out with
-the folder go on.  More directions, mechanisms and moments can be added to a
-folder in that way, too.
+The limit of each gait, moment, direction and set of mechanisms is searched, as
+in the Nadia paper's Fig. 10, or the Atlas paper's Fig. 6.  Finished trials are
+kept: after Ctrl-C or a power cut, the same flags and --out with the folder
+continue the sweep.  Directions, mechanisms and moments can be added to a
+folder in the same way.
 
 Examples:
     python scripts/envelope.py --quick
@@ -176,10 +176,10 @@ def _cores() -> int:
 def _prepare(
     args: argparse.Namespace, stack: contextlib.ExitStack
 ) -> tuple[Sweep, TrialsFile, Workers]:
-    """Opens all that a run needs; nothing is written before all is checked.
+    """Checks the flags, then opens the workers and the files of a run.
 
     Raises:
-        ValueError: a flag has no meaning, or a trials.csv does not fit.
+        ValueError: a flag is invalid, or a trials.csv is of another sweep.
         OSError: a file is missing, or cannot be written.
     """
     sweep = sweep_from(args)
@@ -189,7 +189,7 @@ def _prepare(
             cell: limit.recovered for cell, limit in envelope.limits.items()
         }
     identity = sweep.identity()
-    # The robot and the diagram, too, have something to check.
+    # Building a diagram checks the robot and the blocks, too.
     firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
     for cell in firsts.values():
         DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
@@ -212,7 +212,7 @@ def _prepare(
 
 
 def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
-    """Runs the sweep, and writes what comes of it, however it ends."""
+    """Runs the sweep and writes the report, also after an error or Ctrl-C."""
     folder, code = trials_file.path.parent, DONE
     progress = agenda_of(sweep, trials_file).progress()
     lines = _plan_lines(sweep, progress, workers.slots, folder)
@@ -240,7 +240,7 @@ def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
 def _plan_lines(
     sweep: Sweep, progress: Progress, slots: int, folder: Path
 ) -> list[str]:
-    """What is going to be done."""
+    """Lines with the numbers of limits and trials, and the folder."""
     limits = "limit" if progress.cells == 1 else "limits"
     numbers = (
         f"{name} {len(values)}"
@@ -274,7 +274,7 @@ def _trials_in(flag: str, folder: Path) -> Path:
 
 
 def _limit(sweep: Sweep) -> int:
-    """Prints the limits of a point mass with the robot's own figures."""
+    """Prints the limits of a point mass with the robot's parameters."""
     most, directions = sweep.mechanisms[-1], sweep.directions
     for cell in sweep.cells():
         if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):

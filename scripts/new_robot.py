@@ -31,7 +31,7 @@ from nadia_balance.scripts.command_line import (
     say,
 )
 
-# Twenty seconds of steps, after standing still and before that again.
+# Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 
 
@@ -39,7 +39,7 @@ WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`.
 
-    Returns 0 it walks, or was only to be made, 1 it does not, 2 bad input.
+    Returns 0 if the robot walks or with --no-walk, 1 if not, 2 for bad input.
     """
     parser = _parser()
     args = parser.parse_args(argv)
@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
-    """Writes how far the legs reach into `folder`; returns what it found."""
+    """Writes the reach of the legs into `folder`; returns a line about it."""
     from nadia_balance.new_robot.write import write_reach
 
     before = robot.point_mass.reach
@@ -84,7 +84,7 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
 
 def _maker() -> Callable:
-    """Returns make_robot; what it needs is an extra."""
+    """Returns make_robot, whose dependencies are the extra `robots`."""
     try:
         from nadia_balance.new_robot.make import make_robot
     except ImportError as error:
@@ -138,9 +138,9 @@ def _parser() -> CommandLine:
 
 
 def _walk(robot: str, fidelity: str) -> int:
-    """Walks in place, and says how that went.
+    """Simulates walking in place and prints the result; returns the exit code.
 
-    A robot may be too small for the parameters of the scenario.
+    The robot may be too small for the parameters of the scenario.
     """
     scenario = load_scenario(
         "walk_in_place", text=WALK, robot=robot, fidelity=fidelity

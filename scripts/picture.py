@@ -1,7 +1,7 @@
 """Takes pictures of a run's replay and puts them side by side.
 
-By default the push, and each of the next two steps just before it lands; with
---gif, a small moving picture of the push and the 2.5 s after it.
+The default pictures show the end of the push, and each of the next two steps
+just before it lands; --gif writes an animation of the push and the next 2.5 s.
 
 Examples:
     python scripts/picture.py --run runs/my_run
@@ -46,21 +46,21 @@ from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
 try:
     from playwright import sync_api
-except ImportError:  # it is optional, and missed in write_strip
+except ImportError:  # optional; write_strip reports that it is missing
     sync_api = None
 
 _MISSING = "playwright is missing: pip install playwright"
 _FLAGS = (
-    "--no-sandbox",  # there is none for root
+    "--no-sandbox",  # root has no sandbox
     "--enable-unsafe-swiftshader",  # WebGL without a GPU
 )
 _SHARPNESS = 2  # pixels of a picture for each pixel of the strip
-_NUM_STEPS = 2  # after the push
-_BEFORE = 0.03  # a step lands [s]
-_GIF = 0.4, 2.5  # before the push begins, and after [s]
-_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # of its frames [s]
+_NUM_STEPS = 2  # pictures of steps after the push
+_BEFORE = 0.03  # time from a picture to its landing [s]
+_GIF = 0.4, 2.5  # time before the push begins, and after its end [s]
+_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # frame period [s]
 
-# Looks at the robot's middle; hides all that is not the scene.
+# Points the camera at the robot; hides everything except the scene.
 _LOOK = """
 ({time, path, azimuth_deg, elevation_deg, distance, height}) => {
   for (const node of document.querySelectorAll("#legend, #status, .dg")) {
@@ -107,7 +107,7 @@ _STRIP = """
 
 @program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns 0; bad input ends it."""
+    """Runs the command line `argv` and returns 0; bad input exits."""
     parser = CommandLine(
         prog="picture.py",
         description=__doc__,
@@ -178,18 +178,18 @@ def _write(args: argparse.Namespace) -> Path:
 
 
 def moments(run: Path) -> list[float]:
-    """The end of the last push, and when the next steps are about to land.
+    """Times [s] of the end of the last push, and just before the next landings.
 
     Raises:
-        ValueError: there is no push in the `run`, or its log is not whole.
-        OSError: there is no log.
+        ValueError: the `run` has no push, or its log is not complete.
+        OSError: the log does not exist.
     """
     _, end, landings = _pushed_and_landed(run)
     return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
 
 
 def gif_times(run: Path) -> list[float]:
-    """Of the frames around the last push [s]; raises as `moments`."""
+    """Times [s] of the frames around the last push; raises as `moments`."""
     start, end, _ = _pushed_and_landed(run)
     first = max(start - _GIF[0], 0.0)
     # The replay's last frame may be before the log's last row.
@@ -199,7 +199,7 @@ def gif_times(run: Path) -> list[float]:
 
 
 def _pushed_and_landed(run: Path) -> tuple[float, float, list[float]]:
-    """When the last push began and ended, and the landings after it [s]."""
+    """Start and end of the last push, and the landings after it [s]."""
     try:
         log, _ = read_run(run)
         pushed, landed = pushes(log), steps(log)
@@ -217,12 +217,12 @@ def _pushed_and_landed(run: Path) -> tuple[float, float, list[float]]:
 
 @dataclass(kw_only=True)
 class View:
-    """From where the robot is seen, and how large a picture is."""
+    """The camera's direction and distance, and the size of a picture."""
 
     azimuth_deg: float = 14.0  # 0 from in front, 90 from its left [deg]
     elevation_deg: float = bounded(14.0, least=0.0, most=89.0)  # [deg]
     distance: float = bounded(3.7, least=0.5, most=50.0)  # of the camera [m]
-    height: float = bounded(0.74, least=0.0, most=3.0)  # it looks at [m]
+    height: float = bounded(0.74, least=0.0, most=3.0)  # of the target [m]
     width_px: int = bounded(440, least=50, most=4000)
     height_px: int = bounded(620, least=50, most=4000)
 
@@ -231,7 +231,7 @@ def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
     """Returns a headless Chromium: the system's, else playwright's own.
 
     Raises:
-        ValueError: there is none, or it does not start.
+        ValueError: Chromium is missing or does not start.
     """
     found = shutil.which("chromium") or shutil.which("google-chrome")
     try:
@@ -246,11 +246,11 @@ def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
 def write_strip(
     replay: Path, times: list[float], captions: list[str], view: View, out: Path
 ) -> None:
-    """Writes to `out` (PNG) what `replay` shows at `times` [s], side by side.
+    """Writes pictures of `replay` at `times` [s], side by side, to `out` (PNG).
 
     Raises:
-        ValueError: `replay` is cut off, or no replay at all; a time is not
-            within it; or there is no playwright, or no Chromium.
+        ValueError: `replay` is incomplete, or no replay; a time is not within
+            it; or playwright or Chromium is missing.
     """
     if sync_api is None:
         raise ValueError(_MISSING)
@@ -270,12 +270,12 @@ def write_strip(
 
 
 def write_gif(replay: Path, times: list[float], view: View, out: Path) -> None:
-    """Writes to `out` what `replay` shows at `times` [s], one after the other.
+    """Writes `replay` at `times` [s] as an animation to `out`.
 
     It loops, in real time if the times are as far apart as `gif_times`.
 
     Raises:
-        ValueError: as of `write_strip`.
+        ValueError: as `write_strip`.
     """
     if sync_api is None:
         raise ValueError(_MISSING)
@@ -321,8 +321,8 @@ def _pictures(
             )
     pictures = []
     for time in times:
-        # At the nearest time at which all was drawn: in between, a replay
-        # would draw polygons half-way from one shape to another.
+        # The nearest time at which all objects were drawn: in between, a replay
+        # interpolates between two shapes of a polygon.
         frame = round(time / REGIONS_PERIOD) * REGIONS_PERIOD
         page.evaluate(_LOOK, {"time": frame, "path": MIDDLE, **asdict(view)})
         pictures.append(page.screenshot())
@@ -330,7 +330,7 @@ def _pictures(
 
 
 def _open(page: sync_api.Page, replay: Path) -> float:
-    """Loads `replay` into the `page`; returns how long it lasts [s]."""
+    """Loads `replay` into the `page`; returns its duration [s]."""
     try:
         page.goto(replay.resolve().as_uri())
         page.wait_for_function("viewer.animator.duration > 0")
@@ -343,7 +343,7 @@ def _open(page: sync_api.Page, replay: Path) -> float:
 
 
 def _strip(pictures: list[bytes], captions: list[str], view: View) -> str:
-    """The page with all pictures and what their colours mean."""
+    """The page with all pictures and the legend of colours."""
     figures = "".join(
         '<figure><img src="data:image/png;base64,'
         f'{base64.b64encode(picture).decode()}">'

@@ -31,9 +31,9 @@ from nadia_balance.scripts.command_line import (
     scenario_from,
 )
 
-MOST_RANDOM = 100  # pushes
+MOST_RANDOM = 100  # largest number of random pushes
 STANDING = "standing"
-# Relative to a left stance foot, that is, to a right swing.
+# Directions [deg] relative to a left stance foot (a right swing).
 WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 
 
@@ -89,12 +89,12 @@ def _push_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
-    """The scenario, its first push changed as the flags say.
+    """The scenario with its first push changed by the flags.
 
-    With --live nobody pushes but the user.
+    With --live the scenario is unchanged: only the user pushes.
 
     Raises:
-        ValueError: a flag has no meaning, or the scenario has no push.
+        ValueError: a flag is invalid, or the scenario has no push.
     """
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()
@@ -125,9 +125,10 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
 
 def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
-    """Puts --random pushes in place of those of the scenario.
+    """Replaces the scenario's pushes by --random ones.
 
-    The gait and the run are as much longer, unless --duration is given.
+    Without --duration, the run is extended by the time of the last push; the
+    gait has steps for the whole run.
     """
     for name in ("at", "direction", "shape"):
         if (value := getattr(args, name)) is not None:

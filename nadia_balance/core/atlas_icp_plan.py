@@ -1,9 +1,9 @@
 """The ICP plan of the Atlas paper: the CMP rests in heel and toe (Sec. II-A).
 
-Between these rests it is shifted within splines of the ICP.  All comes
-backward from the point where the robot comes to rest, so that the plan is a
-linear function of the footholds (Eq. 18): points and their shares in the
-footholds go through the same recursion, as columns of one matrix.
+Between these rests it moves during splines of the ICP.  The recursion runs
+backward from the final rest position, so that the plan is a linear function of
+the footholds (Eq. 18): points and their derivatives with respect to the
+footholds are columns of the same matrix.
 """
 
 from dataclasses import dataclass, field, replace
@@ -27,37 +27,38 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
-_SHORTEST = 1e-9  # what lasts no longer is left out [s]
+_SHORTEST = 1e-9  # shorter segments are omitted [s]
 
 
 @dataclass(kw_only=True)
 class AtlasIcpPlanParams:
-    """Where in the soles the CMP rests, and how long."""
+    """Positions and durations of the CMP in the soles."""
 
-    # From the sole's centroid: forward, and toward the other foot [m].
+    # CMPs from the sole's centroid: forward, and toward the other foot [m].
     heel_forward: float = bounded(-0.02, unit="m", of="sole_length")
     heel_inside: float = bounded(0.0, unit="m", of="sole_width")
     toe_forward: float = bounded(0.03, unit="m", of="sole_length")
     toe_inside: float = bounded(0.02, unit="m", of="sole_width")
-    # Of both, from the edge of the sole.
+    # Margin of both CMPs to the edge of the sole.
     margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
-    # Of a step, on the toe: alpha_TH.  The shift to it falls into the swing.
+    # Share of a step with the CMP on the toe: alpha_TH.  The shift from heel to
+    # toe is within the swing.
     toe_share: float = bounded(0.5, above=0.0, below=1.0)
-    # Of a transfer, until the shift to the heel: alpha_iniDS.
+    # Share of a transfer before the shift to the heel: alpha_iniDS.
     transfer_split: float = bounded(0.5, above=0.0, below=1.0)
-    # Of a swing, in which the CMP goes from heel to toe.
+    # Share of a swing in which the CMP moves from heel to toe.
     swing_shift: float = bounded(0.5, above=0.0, most=1.0)
     smooth: bool = True  # Fig. 2(b); else the CMP jumps, as in Fig. 2(a)
-    # A transfer starts with the ICP of schedule.start, not on the line from
-    # the last toe (Eq. 5), which is elsewhere if the foot came early or late.
+    # If True, a transfer starts with the ICP of schedule.start, not on the line
+    # from the last toe (Eq. 5), which differs after an early or late touchdown.
     continuous: bool = True
     num_previewed_steps: int = bounded(3, least=1)
 
 
 class Switch(NamedTuple):
-    """The CMP goes to its next point: at `corner` [s], if it jumps.
+    """The times at which the CMP changes to its next point.
 
-    If not, from `begin` to `end` [s].
+    It jumps at `corner` [s], or moves smoothly from `begin` to `end` [s].
     """
 
     begin: float
@@ -67,10 +68,10 @@ class Switch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AtlasIcpPlan(IcpPlan):
-    """An IcpPlan that knows how it moves with the footsteps it previews.
+    """An IcpPlan with its derivatives with respect to previewed footholds.
 
-    `moves` (N, 6, n), like `coefficients`: per footstep, the change of either
-    axis with the foothold's.  The `cop_waypoints` are the CMPs, in order.
+    `moves` (N, 6, n) are the derivatives of `coefficients` with respect to each
+    foothold, equal for x and y.  The `cop_waypoints` are the CMPs, in order.
     """
 
     moves: Array = field(kw_only=True)
@@ -83,13 +84,13 @@ class AtlasIcpPlan(IcpPlan):
         icp: Array,
         model: PointMassModel,
     ) -> ContactSchedule:
-        """Returns the `schedule` with other `steps`: they move the plan."""
+        """Returns the `schedule` with other `steps`, which shift the plan."""
         return replace(schedule, footsteps=steps)
 
     def moves_of(self, state: WalkingState) -> Array:
         """Returns Gamma (2, n) of ICP and eCMP (Eq. 18).
 
-        That is, of what `reference_of(self, state)` returns.
+        These are the derivatives of the result of `reference_of(self, state)`.
         """
         i, rows = self.rows(min(state.time_in_phase, self.duration))
         gammas = np.asarray(rows[1:] @ self.moves[i])
@@ -100,9 +101,9 @@ class AtlasIcpPlan(IcpPlan):
 def plan_atlas_icp(
     schedule: ContactSchedule, params: AtlasIcpPlanParams, model: PointMassModel
 ) -> AtlasIcpPlan:
-    """Returns the plan of the present phase and of the footsteps after it.
+    """Returns the plan (Eqs. 4 to 6, 15) of the present phase and footsteps.
 
-    It ends at rest between the feet; the CoM is that of schedule.start.
+    It ends at rest between the feet; the CoM starts at that of schedule.start.
 
     Raises:
         ValueError: a swing without a footstep, or a sole within the margin.
@@ -137,11 +138,11 @@ def switches(
     steps: tuple[Footstep, ...],
     params: AtlasIcpPlanParams,
 ) -> list[Switch]:
-    """Returns when the CMP goes on, in the present phase and in `steps`.
+    """Returns the CMP switches in the present phase and in `steps`.
 
     A step lasts from the corner point of its transfer to that of the next one,
-    and is for `toe_share` of it on the toe; the shift there stays within the
-    swing, though.
+    with the CMP on the toe for `toe_share` of it; the shift from heel to toe is
+    clipped to the swing.
     """
     last = schedule.final_transfer_duration
     if len(schedule.footsteps) > len(steps) > 0:
@@ -179,10 +180,11 @@ def cmps(
     params: AtlasIcpPlanParams,
     model: PointMassModel,
 ) -> Array:
-    """Returns the CMPs in order, and their shares in the footholds.
+    """Returns the CMPs in order, with their derivatives by the footholds.
 
-    Rows [x, y, share of each of `steps`]; on two feet from schedule.start on,
-    then heel and toe of each stance foot (Eq. 15), and the middle of the soles.
+    Rows are [x, y, derivative by each of `steps`]: in double support the CoP of
+    schedule.start, then heel and toe of each stance foot (Eq. 15), and the
+    middle of the soles.
     """
     inner = shrink(model.sole, params.margin, "margin")
     centre = centroid(model.sole)
@@ -212,9 +214,9 @@ def corner_points(
 ) -> list[Array]:
     """Returns the ICP (k,) at each of the times `corners` (n,) [s].
 
-    There the CMP goes from one of the `points` (n + 1, k) to the next, and at
-    the last corner the ICP is on the last of them: the recursion of Eq. 4
-    that Algorithm 1 writes out as multipliers.
+    There the CMP jumps from one of the `points` (n + 1, k) to the next, and at
+    the last corner the ICP equals the last point: the recursion of Eq. 4, which
+    Algorithm 1 writes as multipliers.
     """
     found = [points[-1]]
     for (t, t_next), cmp in zip(
@@ -227,10 +229,10 @@ def corner_points(
 def _pieces(
     shifts: list[Switch], points: Array, start: Array | None, omega: float
 ) -> tuple[list[float], Array]:
-    """Returns durations [s] and coefficients (N, 6, k), those of the CoM 0.
+    """Returns durations [s] and coefficients (N, 6, k), with c1 = 0.
 
-    `start` (k,) is the ICP at which the first shift begins, if not on the way
-    that leads to its corner point.
+    `start` (k,) is the ICP at the begin of the first shift; None: on the
+    trajectory to its corner point.
     """
     icps = corner_points([shift.corner for shift in shifts], points, omega)
     found: list[tuple[float, Array]] = []
@@ -257,7 +259,7 @@ def _pieces(
 
 
 def _rest(cmp: Array, icp_end: Array) -> Array:
-    """Coefficients (6, k) of a constant CMP with which the ICP gets there."""
+    """Coefficients (6, k) of a constant CMP with the ICP at `icp_end` last."""
     zero = np.zeros_like(cmp)
     return np.array([0.5 * (icp_end - cmp), zero, zero, zero, zero, cmp])
 
@@ -267,14 +269,14 @@ def _spline(
 ) -> Array:
     """Coefficients (6, k) of the cubic ICP from `first` to `last` (Eq. 6).
 
-    In `T` [s], with the CMP `before` at its start and `after` at its end.
+    It lasts `T` [s], with the CMP `before` at its start and `after` at its end.
     """
     if T <= _SHORTEST:
         return np.zeros((6, len(first)))
     v0, v1 = w * (first - before), w * (last - after)
     way = (last - first) / T
     a2, a3 = (3.0 * way - 2.0 * v0 - v1) / T, (v0 + v1 - 2.0 * way) / T**2
-    # x + xdot / w of the CoM's cubic is this cubic.
+    # The CoM's cubic x satisfies x + xdot / w = ICP.
     c3 = a2 - 3.0 * a3 / w
     c4 = v0 - 2.0 * c3 / w
     zero = np.zeros_like(first)
@@ -284,7 +286,7 @@ def _spline(
 def _add_com(
     pieces: Array, durations: list[float], com: Array, omega: float
 ) -> None:
-    """Makes the CoM go on from `com` (2,) [m], where the ICP draws it."""
+    """Sets c1 such that the CoM is continuous and starts at `com` (2,) [m]."""
     for piece, duration in zip(pieces, durations, strict=True):
         begins, _, _ = rows_at(0.0, duration, omega) @ piece
         piece[1, :2] = com - begins[:2]

@@ -11,16 +11,16 @@ import dataclasses
 import math
 from typing import Any, NamedTuple
 
-# So large a number may be, whatever it is: by its unit, or without one.
+# Largest magnitude of a parameter without a bound, by unit, and for all others.
 LARGEST = {"s": 10.0, "m": 10.0}
 LARGEST_OF_ALL = 1e6
 
 
 class Bounds(NamedTuple):
-    """What is allowed: >= `least`, > `above`, <= `most`, < `below`, `one_of`.
+    """Allowed values: >= `least`, > `above`, <= `most`, < `below`, `one_of`.
 
-    As far as these are given; a side that is not ends at +-LARGEST of its
-    `unit`, where infinity may be allowed, too, if not `finite`.
+    A side without a bound ends at +-LARGEST of the `unit`; if not `finite`,
+    infinity is allowed, too.
     """
 
     least: float | None = None
@@ -30,7 +30,7 @@ class Bounds(NamedTuple):
     one_of: tuple[str, ...] = ()
     finite: bool = True
     unit: str = ""
-    of: str = "leg"  # what it scales with (core/size.py); empty: with nothing
+    of: str = "leg"  # length that it scales with (core/size.py); empty: none
 
     def allow(self, value: float) -> bool:
         """True if the number is within these bounds."""
@@ -47,7 +47,7 @@ class Bounds(NamedTuple):
         return LARGEST.get(self.unit, LARGEST_OF_ALL)
 
     def _is_sane(self, value: float) -> bool:
-        """False for NaN, and beyond LARGEST where no bound is given."""
+        """False for NaN, and beyond LARGEST on a side without a bound."""
         if math.isinf(value):
             return not self.finite
         above = value > 0.0
@@ -55,7 +55,7 @@ class Bounds(NamedTuple):
         return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:
-        """What is allowed in place of the number `value`."""
+        """Returns the rule that the number `value` breaks, as text."""
         low, high = self.least, self.most
         unit = f" {self.unit}" if self.unit else ""
         if math.isfinite(value) and not self._is_sane(value):
@@ -83,7 +83,7 @@ UNBOUNDED = Bounds()
 
 
 def bounded(default: Any, **bounds: Any) -> Any:
-    """Returns a dataclass field with this default, and `Bounds` for `check`.
+    """Returns a dataclass field with this default and `Bounds` for `check`.
 
     None is always allowed.
     """
@@ -96,12 +96,12 @@ def check(params: object, name: str = "") -> None:
 
     Numbers without bounds must be finite, and no larger than LARGEST_OF_ALL.
     Descends into dataclasses, lists and mappings, then calls
-    `params.validate_more()`, if there is one, for conditions between fields.
+    `params.validate_more()`, if defined, for conditions between fields.
     `name` is that of `params` itself.
 
     Raises:
         ValueError: names the first field out of its bounds, its value and
-            what is allowed, such as `steps[1].length = nan: must be finite`.
+            the rule, such as `steps[1].length = nan: must be finite`.
     """
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
         bounds = field.metadata.get("bounds", UNBOUNDED)

@@ -1,20 +1,20 @@
-"""Distances of capsules and spheres, of many pairs at once."""
+"""Distances of many pairs of capsules and spheres at once."""
 
 import numpy as np
 
 from nadia_balance.core.walking import Array
 
-_TINY = 1e-12  # keeps products of lengths from zero: spheres, parallels
+_TINY = 1e-12  # lower bound of divisors, for spheres and parallel segments
 
 
 class SegmentPairs:
-    """Pairs of segments whose lengths do not change, such as of capsules.
+    """Pairs of segments of constant lengths, such as the axes of capsules.
 
-    One without length is the centre of a sphere.
+    A segment of length 0 is the centre of a sphere.
     """
 
     def __init__(self, lengths: Array) -> None:
-        """`lengths` (2, k) [m] are those of the first and the second ones."""
+        """Stores `lengths` (2, k) [m] of the first and second segments."""
         self._aa, self._bb = np.maximum(lengths**2, _TINY)
         self._aabb, self._least = (
             self._aa * self._bb,
@@ -22,7 +22,7 @@ class SegmentPairs:
         )
 
     def closest_points(self, begin: Array, way: Array) -> Array:
-        """Returns the points (3, 2, k) on each pair that are nearest.
+        """Returns the closest points (3, 2, k) [m] of each pair.
 
         Segments begin at `begin` (3, 2, k) [m] and end at begin + way.
         Ericson, Real-time collision detection (2005), Sec. 5.1.9.
@@ -33,7 +33,7 @@ class SegmentPairs:
         det = np.maximum(self._aabb - ab * ab, self._least)
         shares = np.empty(way.shape[1:])
         s, t = shares
-        # Of the lines; then what is next to that on b, and to this on a.
+        # Closest point on line a, then on segment b, then on segment a.
         np.divide(ab * br - self._bb * ar, det, out=s)
         np.minimum(np.maximum(s, 0.0, out=s), 1.0, out=s)
         np.divide(ab * s + br, self._bb, out=t)
@@ -44,7 +44,7 @@ class SegmentPairs:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The products a x b (3, ...), of vectors along the first axis."""
-    # numpy's own takes four times as long.
+    """Returns the products a x b (3, ...) of vectors along the first axis."""
+    # numpy.cross takes four times as long.
     (ax, ay, az), (bx, by, bz) = a, b
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))

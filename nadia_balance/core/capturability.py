@@ -1,8 +1,8 @@
-"""In how few further steps a robot can be captured, by its capture regions.
+"""N-step capturability: the least number of steps that captures the ICP.
 
-The question behind the regions of the Nadia paper, Sec. IV, asked at one
-instant of a walk: is there a foothold within reach that is in C_n, and can the
-foot be there in time?  Of the linear inverted pendulum, and without the hips.
+Based on the capture regions of the Nadia paper, Sec. IV, at one instant of
+walking: n steps suffice if a reachable foothold is in C_n, and the foot can be
+there in time.  The model is the linear inverted pendulum without hip torques.
 """
 
 import itertools
@@ -42,8 +42,8 @@ from nadia_balance.core.walking import (
 
 LOST = -1  # no number of steps captures the robot
 
-_TICK = 0.01  # between the landings that are tried [s]
-_ROUNDING = 1e-9  # [s]
+_TICK = 0.01  # spacing of the tried landing times [s]
+_ROUNDING = 1e-9  # tolerance of a time [s]
 
 
 def least_steps(
@@ -57,11 +57,10 @@ def least_steps(
 ) -> int:
     """Returns the least n such that n further steps capture the ICP, or LOST.
 
-    `icp` (2,) [m] in W.  The CoP can be in the usable part of the feet that
-    stand: n = 0 if it can hold the ICP there.  Else the foot has to land in
-    C_n, as soon as it can be lifted and be there.  `swing` (12,) is the
-    reference of the swing foot (see FootMotion); on the ground, that foot is at
-    rest where it stands.
+    `icp` (2,) [m] in W.  n = 0 if the ICP is in the CoP polygon of the feet in
+    contact.  Otherwise the swing foot has to land in C_n, at the earliest when
+    it can lift off and reach the foothold.  `swing` (12,) is the reference of
+    the swing foot (see FootMotion), used during a swing only.
     """
     schedule = state.schedule
     support = usable_support(schedule, adjuster, model.sole)
@@ -104,10 +103,10 @@ def usable_support(
     adjuster: CaptureRegionStepAdjusterParams,
     sole: Array,
 ) -> Array:
-    """Returns the hull (n, 2) [m] in W of the usable parts of what stands.
+    """Returns the hull (n, 2) [m] in W of the usable soles in contact.
 
-    Of the stance foot in a swing, else of both feet; `sole` (k, 2) [m] in the
-    sole frame.
+    These are the stance foot in a swing, else both feet; `sole` (k, 2) [m] is
+    in the sole frame.
     """
     foot = adjuster.usable_foot(sole)
     parts = [
@@ -123,12 +122,11 @@ def planned_offsets(
     params: CaptureRegionStepAdjusterParams,
     model: PointMassModel,
 ) -> tuple[Array, ...]:
-    """Returns D_1, ..., D_N [m], if every step goes where it is planned.
+    """Returns D_1, ..., D_N [m] for steps to the planned footholds.
 
-    As those of `swing_geometry`, but with the one foothold of the plan in
-    place of each region: D_n is a single point (1, 2), or with
-    `params.finite_foot` a polygon.  These do not nest, because a planned step
-    is not left out.
+    The planned foothold replaces each region of `swing_geometry`: D_n is a
+    single point (1, 2), or with `params.finite_foot` a polygon.  They do not
+    nest, because a planned step is not skipped.
     """
     contractions = step_contractions(steps, params, model.omega)
     holds = [step.pose.p_WF[None, :2] for step in steps[: params.num_steps]]
@@ -140,7 +138,7 @@ def planned_offsets(
 def lift_off_time(
     state: WalkingState, timing: TimingAdapterParams, on: Mechanisms
 ) -> float:
-    """Returns how soon [s] the swing can begin; 0 if it has begun."""
+    """Returns the least time [s] until lift-off; 0 in a swing."""
     phase, left = state.schedule.phase, state.remaining_time
     if phase is Phase.SWING:
         return 0.0
@@ -158,9 +156,9 @@ def swing_times(
     timing: TimingAdapterParams,
     on: Mechanisms,
 ) -> tuple[float, float]:
-    """Returns the least and the longest rest [s] of the swing, or of the next.
+    """Returns the least and largest rest [s] of the present or next swing.
 
-    The foot may take its load later than planned, by `waiting_time`.
+    The largest includes the delay of the load by `waiting_time`.
     """
     duration = state.schedule.footsteps[0].swing_duration
     elapsed, planned = 0.0, duration
@@ -180,7 +178,7 @@ def footholds(
     adjuster: CaptureRegionStepAdjusterParams,
     on: Mechanisms,
 ) -> list[Array]:
-    """Returns where the foot may land: polygons, and a point (1, 2), in W."""
+    """Returns the allowed footholds [m] in W: polygons and a point (1, 2)."""
     step = state.schedule.footsteps[0]
     swings = state.schedule.phase is Phase.SWING
     if not on.step or (swings and state.remaining_time < adjuster.freeze_time):
@@ -194,9 +192,9 @@ def footholds(
 def _icps_after(
     icp: Array, support: Array, time: float, model: PointMassModel
 ) -> Array:
-    """Returns where the ICP can be after `time` [s], (n, 2) [m].
+    """Returns the set (n, 2) [m] of possible ICPs after `time` [s].
 
-    For any course of the CoP within the polygon `support` (k, 2) [m].
+    The CoP may follow any trajectory in the polygon `support` (k, 2) [m].
     """
     if time == 0.0:
         return icp[None]
@@ -213,8 +211,8 @@ def _capture_region(
 ) -> Array:
     """Returns C_n (k, 2) [m] of all ICPs in the polygon `icps` (m, 2) [m].
 
-    C_1 is the hull of those of the corners, as where the ICP will be is linear
-    in where it is.
+    C_1 is the hull of the regions of the corners, as the ICP dynamics are
+    linear.
     """
     corners = [geometry.one_step_region(p, touchdown) for p in icps]
     one_step = convex_hull(np.concatenate(corners))
@@ -224,9 +222,9 @@ def _capture_region(
 def _goals(
     holds: list[Array], region: Array, starts: list[Array]
 ) -> list[Array]:
-    """The points (2,) [m] of the footholds in `region` nearest to `starts`.
+    """Returns the footholds (2,) [m] in `region` closest to each of `starts`.
 
-    On the shortest way to one of them, the last straight part starts there.
+    The last straight part of the shortest path begins at one of `starts`.
     """
     A, b = halfspaces(region)
     goals = []

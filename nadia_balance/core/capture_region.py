@@ -1,7 +1,7 @@
-"""Capture regions: where to step so as to recover in N steps or fewer.
+"""N-step capture regions: footholds from which N or fewer steps recover.
 
-Nadia paper, Sec. IV.  The functions take all their arguments in one frame;
-SwingGeometry has the polygons of one swing in W.
+Nadia paper, Sec. IV.  All arguments of a function are in the same frame;
+SwingGeometry holds the polygons of one swing in W.
 """
 
 import itertools
@@ -50,58 +50,59 @@ _AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 @dataclass(kw_only=True)
 class CaptureRegionStepAdjusterParams:
-    """How the capture region is made, and when it moves a foothold."""
+    """Parameters of the capture region and of the foothold adjustment."""
 
-    # N, or as many steps as are queued.
+    # N of C_N; fewer if fewer steps are queued.
     num_steps: int = bounded(3, least=1, most=10)
-    # Of them so many find only what the regions of the ground offer.  1 leaves
-    # the ground out of C_N: only the foot in the air has to be on a region.
+    # Number of these steps that are restricted to the regions of the ground.
+    # With 1, C_N ignores the ground: only the swing foot must land on a region.
     ground_steps: int = bounded(2, least=1, most=3)
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
-    # Margins at the sole's front, back, inner and outer edge that the capture
-    # regions leave to the CoP.
+    # Margins between the sole's front, back, inner and outer edge and the CoPs
+    # that the capture regions assume.
     foot_front: float = bounded(0.02, least=0.0, unit="m", of="sole_length")
     foot_back: float = bounded(0.05, least=0.0, unit="m", of="sole_length")
     foot_inside: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
     foot_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
-    # The foot may take its load so much later than planned: the ICP may be
-    # short of the foothold when the foot lands, and catch up in transfer.
+    # Longest delay of the load on the new foot: the ICP may be short of the
+    # foothold at touchdown and reach it during transfer.
     waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
-    # The weight arrives on the foot at the end of the transfer, not at once.
-    # Off, as in Eq. 9: a transfer in a hurry is over soon.  On, 6 of 18 pushes
-    # near the limits (12 of a point mass, 6 of the robot) end in a fall, off 1.
+    # If True, the CoP reaches the new foot at the end of the transfer, not at
+    # touchdown (Eq. 9).  False, as fast transfers are short: of 18 pushes near
+    # the limits (12 of a point mass, 6 of the robot), 1 ends in a fall, not 6.
     transfer_aware: bool = False
-    # The CoP may leave the centre of the feet that are still to land.
+    # If True, the CoP of later footholds may leave the centre of the sole.
     finite_foot: bool = False
-    # Upper bounds of how long the steps to come will last, as when their
-    # timing is adapted; infinite: as long as they are queued.  The shorter
-    # they are, the more of the recovery is left to them.
+    # Upper bounds on the durations of later transfers and swings, as their
+    # timing may be adapted; infinite: as queued.  The shorter later steps
+    # are, the more they can contribute to the recovery.
     shortest_transfer: float = bounded(
         math.inf, above=0.0, finite=False, unit="s"
     )
     shortest_swing: float = bounded(math.inf, above=0.0, finite=False, unit="s")
-    # Where no foothold captures, regions are compared at the times at which
-    # the foot can be there: no sooner than this, wherever it is; as
-    # `min_remaining_swing` of the TimingAdapterParams.
+    # If no foothold captures, reachability regions are compared at the times
+    # when the foot can reach them, with this lower bound; same meaning as
+    # `min_remaining_swing` of TimingAdapterParams.
     least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
-    # No foothold moves for a wish that is less far away.
+    # Foothold changes smaller than this are ignored.
     dead_band: float = bounded(0.01, least=0.0, unit="m")
-    # How deep inside the capture region to step, if possible.
+    # Desired distance of the foothold from the edge of the capture region.
     margin: float = bounded(0.03, least=0.0, unit="m")
     sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # No change so shortly before touchdown, nor so early in a swing.
+    # Times before touchdown and after lift-off without foothold changes.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
-    # Back to the nominal foothold when the region has covered it for so long.
+    # Time for which the capture region must cover the nominal foothold before
+    # the step returns to it.
     return_time: float = bounded(0.05, least=0.0, unit="s")
 
     def usable_foot(self, sole: Array) -> Array:
         """Returns the part (n, 2) [m] of the `sole` (k, 2) used for the CoP.
 
-        Both in the sole frame with y toward the swing side.
+        Both polygons are in the sole frame with y toward the swing side.
 
         Raises:
-            ValueError: nothing is left.
+            ValueError: the margins leave no area.
         """
         upper = sole.max(axis=0) - [self.foot_front, self.foot_inside]
         lower = sole.min(axis=0) + [self.foot_back, self.foot_outside]
@@ -116,22 +117,21 @@ class CaptureRegionStepAdjusterParams:
         return part
 
     def transfer_duration(self, step: Footstep) -> float:
-        """How long [s] the transfer before the swing of `step` will last."""
+        """Returns the duration [s] of the transfer before `step`'s swing."""
         return min(step.transfer_duration, self.shortest_transfer)
 
     def duration(self, step: Footstep) -> float:
-        """How long [s] `step` will last: transfer and swing."""
+        """Returns the duration [s] of `step`: transfer and swing."""
         swing = min(step.swing_duration, self.shortest_swing)
         return self.transfer_duration(step) + swing
 
 
 def transfer_factor(omega: float, duration: float) -> float:
-    """Returns f >= 1: how much farther to step for a transfer that takes time.
+    """Returns f = wT / (1 - e^-wT) >= 1, the step length factor of a transfer.
 
-    If the CoP moves from r_0 to r in a straight line within `duration` [s]
-    after touchdown, then the ICP is at r in the end if
-    r = r_0 + f (icp_touchdown - r_0), f = wT / (1 - e^-wT).
-    Erratum: the Nadia paper, Eq. 9, puts all weight on r at once, f = 1.
+    If the CoP moves from r_0 to r at constant speed within `duration` T [s]
+    after touchdown, the ICP ends at r if r = r_0 + f (icp_touchdown - r_0).
+    Erratum: the Nadia paper, Eq. 9, moves the CoP to r instantly, f = 1.
     """
     x = omega * duration
     return x / -math.expm1(-x) if x > 0.0 else 1.0
@@ -144,12 +144,12 @@ def one_step_region(
     touchdown: tuple[float, float],
     factor: float = 1.0,
 ) -> Array:
-    """Returns C_1 (n, 2) [m]: where the ICP may be when the foot lands.
+    """Returns C_1 (n, 2) [m], the one-step capture region.
 
-    For any course of the CoP within the stance polygon `foot` (k, 2) [m], and
-    a landing at any time in the interval `touchdown` [s] from now; `factor`
-    is that of `transfer_factor`.  The hull of icp + l (icp - q), of all
-    vertices q and the two l = factor e^wt - 1.
+    C_1 is the hull of icp + l (icp - q) over all vertices q of the stance
+    polygon `foot` (k, 2) [m] and both l = factor e^wt - 1 at the ends t of the
+    interval `touchdown` [s] from now.  With `factor` = 1 (`transfer_factor`),
+    it contains the ICP at touchdown for any CoP trajectory within `foot`.
     Erratum: the Nadia paper, Fig. 2, lets t go to infinity and cuts with a
     circle, so that the region jumps when the ICP leaves the foot.
 
@@ -172,27 +172,26 @@ def later_steps(
     feet: Sequence[Array] = (),
     planned: bool = False,
 ) -> list[Array]:
-    """Returns [D_1, ..., D_N], (n, 2) [m]: what later steps can make up for.
+    """Returns [D_1, ..., D_N], (n, 2) [m]: ICP offsets captured by later steps.
 
-    D_n is the set of all offsets of the ICP from the foot that lands next,
-    from which n - 1 further steps, or fewer, capture it.  It is made from the
-    back, as the robot may stop after any step, but cannot leave one out:
-    D = {0} for the last foot, then, from the last step to the first,
-    D <- conv({0} u E_k (R_k + D)), with Minkowski sums.  `reaches` are
-    R_2, ..., R_N [m], each about its own stance foot, so on alternating sides;
-    `contractions` the E_k = e^-wT of the whole step from one touchdown to the
-    next.  With `feet`, the CoP polygons G_1, ..., G_N [m] about the holds, the
-    CoP may go anywhere in them instead of staying at the foot's centre: D =
-    G_N for the last foot, then D <- conv(G_k-1 u ((1 - E_k) G_k-1 +
-    E_k (R_k + D))).  So D_1 is {0} or G_1.
+    D_n is the set of offsets of the ICP from the next foothold that n - 1 or
+    fewer further steps capture.  The recursion runs from the last step to the
+    first: D = {0} at the last foothold, then D <- conv({0} u E_k (R_k + D)),
+    with Minkowski sums, as the robot may stop after any step, but cannot skip
+    one.  `reaches` are R_2, ..., R_N [m], each about its own stance foot, so on
+    alternating sides; `contractions` are E_k = e^-wT for the time T between
+    touchdowns.  With `feet`, the CoP polygons G_1, ..., G_N [m] about the
+    footholds, the CoP may be anywhere in them instead of at the foot's centre:
+    D = G_N at the last foothold, then
+    D <- conv(G_k-1 u ((1 - E_k) G_k-1 + E_k (R_k + D))).  D_1 is {0} or G_1.
 
     The hull is exact for convex R_k, as a step may last longer than planned:
-    it is the union of (1 - E) G + E (R + D) for 0 <= E <= E_k, and E = 0 is to
-    stop.  With `planned` times and numbers of steps it is left out, and D_n is
-    of n - 1 steps exactly.
-    Erratum: the Nadia paper, Eq. 14, adds E^(n-1) R_n to C_n-1.  These do not
-    nest where a foot cannot be put beneath the hip, and with 0 in each R_n, a
-    step of no length takes the turn of the other foot.
+    it is the union of (1 - E) G + E (R + D) for 0 <= E <= E_k, and E = 0 means
+    stopping.  With `planned`, durations and numbers of steps are fixed: no
+    hull is taken, and D_n is for exactly n - 1 steps.
+    Erratum: the Nadia paper, Eq. 14, adds E^(n-1) R_n to C_n-1.  These regions
+    do not nest where a foot cannot be put beneath the hip, and with 0 in each
+    R_n, a step of zero length replaces a step of the other foot.
     """
     rests = list(feet) or [_ORIGIN] * (len(reaches) + 1)
     regions = []
@@ -214,17 +213,17 @@ def capture_region(one_step: Array, offsets: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SwingGeometry(Immutable):
-    """All polygons of one swing, (n, 2) [m] in W; the same in all its ticks."""
+    """All polygons of one swing, (n, 2) [m] in W; constant during the swing."""
 
     stance: FootPose
     swing: Side
     omega: float  # [rad/s]
-    foot: Array  # where the CoP of the stance foot can be
-    regions: Mapping[str, Array]  # where the swing foot can be put, by name
-    reach: ReachabilityParams  # of which they are made
-    detour: SwingDetourParams  # how the swing foot gets there
+    foot: Array  # CoP polygon of the stance foot
+    regions: Mapping[str, Array]  # reachability regions, by name
+    reach: ReachabilityParams  # source of `regions`
+    detour: SwingDetourParams  # path and timing of the swing foot
     offsets: tuple[Array, ...]  # D_1, ..., D_N of `later_steps`
-    factor: float  # `transfer_factor` of the transfer to come [-]
+    factor: float  # `transfer_factor` of the next transfer [-]
     # A foothold p with A p < b is on, beside or across the stance foot.
     stance_A: Array
     stance_b: Array
@@ -234,7 +233,7 @@ class SwingGeometry(Immutable):
         return bool((self.stance_A @ foothold < self.stance_b).all())
 
     def free_parts(self, polygon: Array) -> list[Array]:
-        """What of `polygon` (n, 2) [m] is in front, behind, to the side."""
+        """Returns the parts of `polygon` (n, 2) [m] that are not `blocked`."""
         parts = [
             clip_all(polygon, -normal[None], -offset[None])
             for normal, offset in zip(self.stance_A, self.stance_b, strict=True)
@@ -250,7 +249,7 @@ class SwingGeometry(Immutable):
         )
 
     def capture_region(self, one_step: Array, n: int = -1) -> Array:
-        """Returns C_N (k, 2) [m] for `one_step` = C_1; or C_n+1."""
+        """Returns C_N (k, 2) [m] for `one_step` = C_1; with n given, C_n+1."""
         return merge(edges(one_step), self._summands[n])
 
     @cached_property
@@ -267,11 +266,11 @@ def swing_geometry(
 ) -> SwingGeometry:
     """Returns the geometry of the swing of `schedule`, or of the next one.
 
-    With cross-over, later steps count the hull of base and cross-over regions,
-    as if the stance foot were not in the way.  For steps of 1.0, 0.5, 0.38 s
-    and Nadia's height and reach, D_2 is so 1.4, 7.3, 10.8 mm too large at one
-    place, D_3 2.4, 30.6, 44.3 mm; C_3 in mid-swing less, 2.4, 19, 27 mm, which
-    is 0.01, 0.2, 0.3 % of its area.
+    With cross-over, later steps use the hull of base and cross-over regions
+    and ignore the stance foot as an obstacle.  This approximation enlarges D_2
+    by at most 1.4, 7.3, 10.8 mm for steps of 1.0, 0.5, 0.38 s and Nadia's
+    height and reach, D_3 by 2.4, 30.6, 44.3 mm, and C_3 in mid-swing by 2.4,
+    19, 27 mm, which is 0.01, 0.2, 0.3 % of its area.
     """
     stance = schedule.feet[schedule.support_side]
     steps = schedule.footsteps
@@ -299,10 +298,10 @@ def swing_geometry(
 def geometry_key(
     schedule: ContactSchedule, on: Mechanisms
 ) -> tuple[object, ...]:
-    """Returns what of `schedule` and mechanisms the geometry depends on.
+    """Returns a key of the `swing_geometry` of `schedule` and mechanisms.
 
-    While the key is equal, the geometry is the same.  It does not depend on
-    where the step in the air goes, so that this can be adjusted.
+    Equal keys mean equal geometry.  The key does not contain the foothold of
+    the step in the air, which may be adjusted.
     """
     step, *later = schedule.footsteps
     stance = schedule.feet[schedule.support_side]
@@ -316,7 +315,7 @@ def step_contractions(
 ) -> list[float]:
     """Returns E_2, ..., E_N [-] of `later_steps`, transfers included.
 
-    N counts no more steps than are queued; omega [rad/s].
+    N is at most the number of queued steps; omega [rad/s].
     """
     contractions = []
     for n, step in enumerate(steps[1 : params.num_steps]):
@@ -331,7 +330,7 @@ def later_feet(
     params: CaptureRegionStepAdjusterParams,
     sole: Array,
 ) -> list[Array]:
-    """Returns G_1, ..., G_N (n, 2) [m] of `later_steps`; none if not wanted.
+    """Returns G_1, ..., G_N (n, 2) [m] of `later_steps`; or [], if not used.
 
     `sole` (k, 2) [m]: the corners of either sole in its own frame.
     """
@@ -350,18 +349,18 @@ def _factor(
     params: CaptureRegionStepAdjusterParams,
     omega: float,
 ) -> float:
-    """The factor of the transfer after the landing of steps[n]."""
+    """Returns `transfer_factor` for the transfer after steps[n] lands."""
     if not params.transfer_aware or n + 1 >= len(steps):
-        return 1.0  # after the last step there is time: no foot is lifted
+        return 1.0  # the last transfer is not followed by a lift-off
     return transfer_factor(omega, params.transfer_duration(steps[n + 1]))
 
 
 def later_reaches(
     steps: tuple[Footstep, ...], model: PointMassModel, on: Mechanisms
 ) -> list[Array]:
-    """Returns R_2, ..., R_N (n, 2) [m] of `later_steps` in W, of N `steps`."""
+    """Returns R_2, ..., R_N (n, 2) [m] of `later_steps` in W for N `steps`."""
     total = total_region(model.reach, on.cross_over)
-    return [  # about a foothold, the next swing foot is the other one
+    return [  # each foothold is the stance foot of the following step
         in_world(total, FootPose(yaw=step.pose.yaw), following.side)
         for step, following in itertools.pairwise(steps)
     ]
@@ -373,7 +372,7 @@ def _offsets(
     model: PointMassModel,
     on: Mechanisms,
 ) -> tuple[Array, ...]:
-    """Returns D_1, ..., D_N in W; N counts no more steps than are queued."""
+    """Returns D_1, ..., D_N in W; N is at most the number of queued steps."""
     reaches = later_reaches(steps[: params.num_steps], model, on)
     contractions = step_contractions(steps, params, model.omega)
     feet = later_feet(steps, params, model.sole)
@@ -385,8 +384,9 @@ def _stance_foot(
 ) -> tuple[Array, Array]:
     """Returns A (k, 2), b (k,): the foothold p is blocked if A p < b.
 
-    The sides of the sum of the stance sole and the reflected swing sole, but
-    for the outer one: the far side of the stance leg is out of reach.
+    A and b are the sides of the Minkowski sum of the stance sole and the
+    reflected swing sole, without the outer side: the swing foot cannot reach
+    the far side of the stance leg.
     """
     swing = FootPose(yaw=step.pose.yaw)
     A, b = halfspaces(

@@ -1,4 +1,4 @@
-"""The height of the CoM: as high as the legs allow without locking a knee."""
+"""CoM height: the nominal one, limited by the reach of bent legs."""
 
 import math
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from nadia_balance.core.walking import ContactSchedule, FootPose, Phase
 
 @dataclass(kw_only=True)
 class ComHeightParams:
-    """Gains of the vertical motion, and how far the legs may stretch."""
+    """Gains of the vertical motion, and limits of the leg length."""
 
     position_gain: float = bounded(50.0, above=0.0, unit="1/s^2")  # k_p
     damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
-    # Half of gravity: the feet keep pushing on the ground.
+    # Half of gravity, so that the feet keep their load.
     max_acceleration: float = bounded(
         4.9, above=0.0, below=GRAVITY, unit="m/s^2"
     )
-    # At which the desired height is approached.
+    # Bound on the commanded vertical velocity.
     max_velocity: float = bounded(1.0, above=0.0, unit="m/s")
-    # Hip to ankle, as a share of the straight leg.
+    # Largest distance from hip to ankle, as a share of the straight leg.
     max_stretch: float = bounded(0.97, above=0.0, most=1.0)
     # Largest horizontal distance from hip to ankle while both feet carry, as a
     # share of the distance of the feet: 0.5 if the hips are half-way.
@@ -36,11 +36,11 @@ def height_limit(
     params: ComHeightParams,
     legs: LegGeometry,
 ) -> float:
-    """Returns the CoM height [m] above the soles at which both legs reach.
+    """Returns the largest CoM height [m] above the soles that the legs allow.
 
-    Pythagoras on the leg from hip to ankle, stretched to `max_stretch`, over
-    `reach_ratio` of the distance of the feet; sideways the hips are already
-    `hip_width` apart.  Zero if there is no such height.
+    It follows from Pythagoras for a leg of `max_stretch` times its length and
+    a horizontal distance of `reach_ratio` times that of the feet, less
+    `hip_width` sideways.  0 if there is no such height.
     """
     x, y = stance.to_sole(other.p_WF[None, :2])[0]
     reach = params.reach_ratio * math.hypot(
@@ -63,7 +63,7 @@ class ComHeightPlan:
     def at(self, t: float) -> tuple[float, float]:
         """Returns the height [m] and its rate [m/s] at the time `t` [s].
 
-        A cubic from start to end that is at rest at both, and beyond.
+        The height is a cubic from start to end, at rest at both and beyond.
         """
         rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
         return (
@@ -77,10 +77,10 @@ def plan_com_height(
 ) -> ComHeightPlan:
     """Returns the desired CoM height during the present phase.
 
-    It is the model's above the support sole, on uneven ground above the lower
-    one, or less if the feet are far apart.
-    It changes during a swing only, from what the place of lift-off allows to
-    what the next foothold allows.
+    It is the model's height above the support sole (on uneven ground above the
+    lower sole), reduced to `height_limit` down to `min_height_ratio`.  It
+    changes only during a swing, from the limit at lift-off to that at the next
+    foothold.
     """
     side = schedule.support_side
     stance, nominal = schedule.feet[side], model.com_height
@@ -108,7 +108,7 @@ def vertical_acceleration(
 ) -> float:
     """Returns the desired vertical acceleration of the CoM [m/s^2].
 
-    A PD law whose velocity command is limited to `max_velocity`, and its
+    It is a PD law with the velocity command limited to `max_velocity` and the
     result to `max_acceleration` (heights [m], velocities [m/s], all in W).
     """
     k_p = params.position_gain

@@ -1,4 +1,4 @@
-"""The piecewise linear CoP reference through the coming footsteps."""
+"""The piecewise linear CoP reference through the next footsteps."""
 
 import math
 from dataclasses import dataclass, field
@@ -22,10 +22,10 @@ REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 @dataclass(kw_only=True)
 class CopPointParams:
-    """One CoP point, from the sole's centroid: x forward, y to the left.
+    """One CoP point relative to the sole's centroid: x forward, y to the left.
 
     x = clamp(offset_x + step_length_factor * step length, min_x, max_x), and
-    y is offset_inside towards the other foot.
+    y is offset_inside toward the other foot.
     """
 
     offset_x: float = bounded(0.0, unit="m", of="sole_length")
@@ -44,7 +44,7 @@ class CopPointParams:
 
 @dataclass(kw_only=True)
 class CopWaypointParams:
-    """Where the CoP goes in each phase, and when."""
+    """Positions and times of the CoP waypoints in each phase."""
 
     entry: CopPointParams = field(
         default_factory=lambda: CopPointParams(
@@ -64,12 +64,12 @@ class CopWaypointParams:
             offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
         )
     )
-    # Of the points, from the edge of the sole.
+    # Margin of the points to the edge of the sole.
     margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
-    # Of the leading foot, in mid-transfer.
+    # Weight of the leading foot's entry in the mid-transfer point.
     mid_weight: float = bounded(0.5, above=0.0, below=1.0)
-    # Share of a transfer until its middle, of the swing's shift until the
-    # ball, and of a swing until the exit.
+    # Shares: of a transfer before its mid-point, of the swing's CoP shift
+    # before the ball, and of a swing before the exit.
     transfer_split: float = bounded(0.5, above=0.0, below=1.0)
     swing_split: float = bounded(0.5, above=0.0, below=1.0)
     swing_shift_fraction: float = bounded(0.85, above=0.0, below=1.0)
@@ -90,16 +90,16 @@ class Sole:
 
     @classmethod
     def with_margin(cls, corners: Array, margin: float) -> "Sole":
-        """Keeps the CoP `margin` [m] away from the edge of the sole.
+        """Returns a sole with the CoP kept `margin` [m] from its edge.
 
         Raises:
-            ValueError: the margin leaves nothing of the sole.
+            ValueError: the margin leaves no area of the sole.
         """
         inner = shrink(corners, margin, "cop.margin")
         return cls(corners, inner, centroid(corners))
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
-        """Returns how far [m] `other` is in front of `foot`, toe to toe."""
+        """Returns the distance [m] from toe to toe by which `other` leads."""
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
         x, y, _ = other.p_WF - foot.p_WF
         turn = other.yaw - foot.yaw
@@ -122,8 +122,8 @@ class CopWaypoints:
 
     They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
     `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
-    in W, within the margin, in which points[1], points[2], ... must be, as far
-    as the end of the next phase; not those at rest, though.
+    in W, within the margin, that bound points[1], points[2], ... up to the end
+    of the next phase, without the points at rest.
     """
 
     points: Array
@@ -134,7 +134,7 @@ class CopWaypoints:
 
     @property
     def knots(self) -> Array:
-        """When (N + 1,) [s] the CoP is at the points, since the phase began."""
+        """Times (N + 1,) [s] of the points since the phase began."""
         times = np.append(0.0, self.durations)
         return np.asarray(self.start_time + np.cumsum(times))
 
@@ -144,9 +144,10 @@ def cop_waypoints(
 ) -> CopWaypoints:
     """Returns the CoP from schedule.start through the footsteps, and to rest.
 
-    A transfer goes over mid-transfer to the entry of the new stance foot; a
-    swing goes over the ball to the exit, and waits there; the end is at rest
-    midway between the soles.  `sole` (k, 2) [m] are the corners of either sole.
+    In a transfer the CoP moves via mid-transfer to the entry of the new stance
+    foot; in a swing via the ball to the exit, where it stays; at the end it
+    rests midway between the soles.  `sole` (k, 2) [m] are the corners of
+    either sole.
 
     Raises:
         ValueError: a swing without a footstep, or no sole within the margin.
@@ -169,7 +170,7 @@ def cop_waypoints(
 
 
 class _Path:
-    """Collects the segments, phase after phase, from schedule.start on."""
+    """Builder of the segments, phase by phase, from schedule.start on."""
 
     def __init__(
         self, schedule: ContactSchedule, params: CopWaypointParams, sole: Array
@@ -217,7 +218,7 @@ class _Path:
         self._points.append(mid)
 
     def waypoints(self) -> CopWaypoints:
-        """Returns what has been collected."""
+        """Returns the waypoints of the appended phases."""
         durations = [d for phase in self._phases for d in phase]
         lasts = np.maximum([*durations, REST_DURATION], _MIN_DURATION)
         ends, present = np.cumsum(lasts), len(self._phases[0])
@@ -243,14 +244,14 @@ class _Path:
         """Appends a phase; `times` are the shares of its `duration` [s]."""
         if len(self._phases) < 2:
             self._supports += supports
-        # The schedule knows the present phase better than the footstep does.
+        # The schedule's duration of the present phase overrides the footstep's.
         if not self._phases and math.isfinite(self._present_duration):
             duration = self._present_duration
         self._points += points
         self._phases.append([share * duration for share in times])
 
     def _support(self, *sides: Side) -> Array:
-        """Where (n, 2) [m] in W the CoP may be with the feet of `sides`."""
+        """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
         soles = [self._feet[side].to_world(self._sole.inner) for side in sides]
         return convex_hull(np.concatenate(soles))
 

@@ -1,8 +1,8 @@
-"""The courses that come with the package: lists of regions.
+"""The courses of the package: lists of regions.
 
-After the tests of IHMC's open controller (stepping stones, gap, blocks), and
-the pile of the Nadia paper's Fig. 11, which gives no sizes: blocks of 0.4 m
-and 0.15 m, as wide and high as two cinder blocks side by side.
+Stepping stones, gap and blocks follow the tests of IHMC's open controller, the
+pile follows the Nadia paper's Fig. 11, which gives no sizes: blocks are 0.4 m
+wide and 0.15 m high, like two cinder blocks side by side.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from nadia_balance.core.ground import Region
 
-_BLOCK, _GAP = 0.4, 0.01  # a block's side, from one to the next [m]
+_BLOCK, _GAP = 0.4, 0.01  # side of a block, gap between blocks [m]
 _LAYER = 0.15  # a block's height [m]
 _TILT = math.radians(15.0)
 _SLOPE = math.radians(10.0)
@@ -25,7 +25,7 @@ def _rectangle(
     height: float = 0.0,
     slope: tuple[float, float] = (0.0, 0.0),
 ) -> Region:
-    """From x[0] to x[1], y[0] to y[1]; `slope` is the rise forward, left."""
+    """Region from x[0] to x[1], y[0] to y[1]; `slope` is (forward, left)."""
     (x0, x1), (y0, y1) = x, y
     return Region(
         name=name,
@@ -36,9 +36,9 @@ def _rectangle(
 
 
 def stepping_stones(seed: int) -> Iterator[Region]:
-    """Tops of 0.5 m x 0.5 m, each 0.5 m ahead of the last, on the other side.
+    """Stones of 0.5 m x 0.5 m, 0.5 m apart along x, on alternating sides.
 
-    Left and right of a start on which both feet stand.
+    They extend in front of and behind a start for both feet.
     """
     yield _rectangle("start", (-0.25, 0.25), (-0.45, 0.45))
     for i in (*range(1, 9), *range(-1, -9, -1)):
@@ -49,19 +49,19 @@ def stepping_stones(seed: int) -> Iterator[Region]:
 
 
 def gap(seed: int) -> Iterator[Region]:
-    """Two platforms with 0.1 m between them, and a strip at their side."""
+    """Two platforms with a gap of 0.1 m, and a strip beside them."""
     yield _rectangle("near platform", (-0.2, 0.5), (-0.35, 0.35))
     yield _rectangle("far platform", (0.6, 1.6), (-0.35, 0.35))
     yield _rectangle("strip", (-0.2, 1.6), (-0.57, -0.39))
 
 
 def cinder_blocks(seed: int) -> Iterator[Region]:
-    """Up a pile of flat blocks and down again (Nadia paper, Fig. 11)."""
+    """A pile of flat blocks, up and down (Nadia paper, Fig. 11)."""
     yield from _pile(np.zeros((0, 2)))
 
 
 def tilted_blocks(seed: int) -> Iterator[Region]:
-    """The same pile, its blocks tilted by 15 degrees, each another way."""
+    """The same pile, its blocks tilted by 15 degrees in four directions."""
     turns = math.tan(_TILT) * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
     yield from _pile(turns)
 
@@ -89,7 +89,7 @@ def _pile(slopes: np.ndarray) -> Iterator[Region]:
 
 
 def stairs(seed: int) -> Iterator[Region]:
-    """Five steps of 0.18 m up, a landing, and down again."""
+    """Five steps of 0.18 m up, a landing, and the same steps down."""
     yield _rectangle("near floor", (-1.0, 0.3), (-0.6, 0.6))
     treads = [*range(1, 6), *range(4, 0, -1)]
     x = 0.3
@@ -101,7 +101,7 @@ def stairs(seed: int) -> Iterator[Region]:
 
 
 def slopes(seed: int) -> Iterator[Region]:
-    """10 degrees up, down, and then across."""
+    """Slopes of 10 degrees: up, down, and lateral."""
     rise = math.tan(_SLOPE)
     wide = (-0.8, 0.8)
     yield _rectangle("near floor", (-1.0, 0.4), wide)
@@ -113,7 +113,7 @@ def slopes(seed: int) -> Iterator[Region]:
 
 
 def tiles(seed: int) -> Iterator[Region]:
-    """Tiles of 0.5 m, their heights +-3 cm and tilts +-3 deg at random."""
+    """Tiles of 0.5 m with random heights of +-3 cm and tilts of +-3 deg."""
     yield _rectangle("start", (-0.5, 0.5), (-0.5, 0.5))
     rng = np.random.default_rng(seed)
     slope = math.tan(math.radians(3.0))

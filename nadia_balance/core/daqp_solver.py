@@ -1,4 +1,4 @@
-"""DAQP as a solver of Drake's, for small dense convex QPs."""
+"""DAQP as a Drake solver, for small dense convex QPs."""
 
 import math
 from typing import Any, NamedTuple
@@ -19,11 +19,12 @@ from pydrake.solvers import (
 
 from nadia_balance.core.walking import Array
 
-# Of rows that DAQP has brought to length 1.  With its default, 1e-6, rows of
-# very different lengths are violated by centimetres.
+# Primal tolerance of rows that DAQP has normalised.  With its default, 1e-6,
+# rows of very different lengths are violated by centimetres.
 _PRIMAL_TOLERANCE = 1e-10
-# Where rows depend on each other and H is ill-conditioned, rounding may look
-# like a contradiction; never, in thousands of such programs, with these.
+# Settings of the second attempt: with dependent rows and an ill-conditioned H,
+# rounding may look like infeasibility.  With these settings, it never did in
+# thousands of such programs.
 _WITH_CARE = {
     "primal_tol": 1e-8,
     "eps_prox": 0.01,
@@ -31,8 +32,8 @@ _WITH_CARE = {
     "eq_reduction": 1,
 }
 _INFEASIBLE = -1
-_DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # cycles, contradicting equalities
-# Of the cost: DAQP takes for zero what is below 1e-11.
+_DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # also cycles, contradicting equalities
+# Range of the cost's norm without scaling: DAQP treats values below 1e-11 as 0.
 _LEAST_SIZE, _MOST_SIZE = 1.0, 1e6
 _RESULTS = {
     1: SolutionResult.kSolutionFound,
@@ -54,15 +55,15 @@ _ATTRIBUTES = {
 }
 
 
-# E (k, n) of each binding, see _pick().
+# Selection matrices E (k, n) of each binding, see _pick().
 _Picks = dict[Any, Array | None]
 _UNKNOWN = np.empty(0)
 
 
 class DaqpSolution(NamedTuple):
-    """What DAQP finds: `x` (n,), NaN unless `result` is kSolutionFound.
+    """DAQP's solution `x` (n,), NaN unless `result` is kSolutionFound.
 
-    `iterations` counts the working sets that were tried.
+    `iterations` counts the tried working sets.
     """
 
     x: Array
@@ -75,36 +76,36 @@ class DaqpSolver(SolverInterface):
 
         min 1/2 x'Hx + g'x  s.t.  lower <= A x <= upper
 
-    Made for dense programs of up to some hundred variables and rows, solved
-    one after the other in a loop: `solve` costs about 20 us more than DAQP
-    itself, once it knows a program.  No result depends on an earlier one.
+    It is for dense programs of up to some hundred variables and rows, solved
+    repeatedly in a loop: `solve` takes about 20 us more than DAQP itself after
+    the first solve of a program.  No result depends on an earlier one.
     Arnstroem, Bemporad and Axehill, A dual active-set solver for embedded
     quadratic programming using recursive LDL' updates, IEEE Transactions on
     Automatic Control 67 (2022).
 
     Initial guess and solver options are not used.  A result has no dual
-    solution, and its `get_solver_id` is another one's: Drake lets no solver
-    in Python set them.
+    solution, and its `get_solver_id` names another solver: Drake does not let
+    Python solvers set them.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        # The variables of a program, and how those of a binding are picked from
-        # them: it takes Drake as long to tell as DAQP to solve.
+        # Cache of the variables of each program and the selection matrices of
+        # its bindings: Drake's lookup takes as long as DAQP's solve.
         self._picks: WeakKeyDictionary[Any, tuple[Any, _Picks]] = (
             WeakKeyDictionary()
         )
 
     def available(self) -> bool:
-        """It is a dependency of this package."""
+        """True: DAQP is a dependency of this package."""
         return True
 
     def enabled(self) -> bool:
-        """It needs no licence."""
+        """True: DAQP needs no licence."""
         return True
 
     def solver_id(self) -> SolverId:
-        """DAQP."""
+        """Returns the id "DAQP"."""
         return SolverId("DAQP")
 
     def AreProgramAttributesSatisfied(self, prog: MathematicalProgram) -> bool:
@@ -114,7 +115,7 @@ class DaqpSolver(SolverInterface):
     def ExplainUnsatisfiedProgramAttributes(
         self, prog: MathematicalProgram
     ) -> str:
-        """Returns what of `prog` it cannot solve; empty if it can."""
+        """Returns the unsupported attributes of `prog`; empty if none."""
         more = set(prog.required_capabilities()) - _ATTRIBUTES
         names = sorted(attribute.name for attribute in more)
         costs: Any = prog.quadratic_costs()
@@ -131,12 +132,12 @@ class DaqpSolver(SolverInterface):
         solver_options: Any = None,
         result: MathematicalProgramResult | None = None,
     ) -> MathematicalProgramResult | None:
-        """Solves `prog` as any solver of Drake's does.
+        """Solves `prog` like any Drake solver.
 
-        Returns a result, or writes into `result` if one is given.
+        Returns a result, or writes into `result` if given.
 
         Raises:
-            ValueError: it is no convex QP, or a coefficient is not finite.
+            ValueError: `prog` is no convex QP, or a coefficient is not finite.
         """
         if why := self.ExplainUnsatisfiedProgramAttributes(prog):
             raise ValueError(why)
@@ -149,8 +150,8 @@ class DaqpSolver(SolverInterface):
         """Solves the convex QP `prog`, without a MathematicalProgramResult.
 
         Raises:
-            ValueError: a cost is not convex, a coefficient not finite, or a
-                bound is NaN, or an infinity that nothing can meet.
+            ValueError: a cost is not convex, a coefficient not finite, a bound
+                is NaN, a lower bound is inf or an upper bound is -inf.
         """
         n, variables = prog.num_vars(), prog.decision_variable_index()
         known, picks = self._picks.get(prog, (None, {}))
@@ -170,7 +171,7 @@ class DaqpSolver(SolverInterface):
 def _pick(
     binding: Any, prog: MathematicalProgram, picks: _Picks
 ) -> Array | None:
-    """E (k, n) of a binding, whose variables are E x; None: they are x."""
+    """Returns E (k, n) of a binding with the variables E x; None for E = I."""
     E = picks.get(binding, _UNKNOWN)
     if E is _UNKNOWN:
         n = prog.num_vars()
@@ -181,11 +182,11 @@ def _pick(
 
 
 def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
-    """H (n, n) and g (n,) of the sum of all costs."""
+    """Returns H (n, n) and g (n,) of the sum of all costs."""
     squares, slopes = [], []
     for binding in prog.quadratic_costs():
         E, cost = _pick(binding, prog, picks), binding.evaluator()
-        if not cost.is_convex():  # DAQP does not notice if it is by little
+        if not cost.is_convex():  # DAQP may not detect slight non-convexity
             raise ValueError("quadratic cost of the QP: must be convex")
         squares.append(cost.Q() if E is None else E.T @ cost.Q() @ E)
         slopes.append(cost.b() if E is None else cost.b() @ E)
@@ -198,7 +199,7 @@ def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
 
 
 def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
-    """A (m, n), lower (m,) and upper (m,) of all constraints."""
+    """Returns A (m, n), lower (m,) and upper (m,) of all constraints."""
     rows, lower, upper = [], [], []
     for bindings in (
         prog.linear_equality_constraints(),
@@ -218,12 +219,12 @@ def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
 
 
 def _size(H: Array, g: Array) -> float:
-    """The Frobenius norm of H; the length of g if that is zero; or 1.
+    """Returns the Frobenius norm of H; if it is 0, that of g; if both, 1.
 
-    Raises ValueError if these are not finite: DAQP would return NaN, and say
-    that it is solved.
+    Raises ValueError if H or g is not finite: DAQP would return NaN and report
+    a solution.
     """
-    # A sum of squares is finite only if all are; H.T is as it is in memory.
+    # A sum of squares is finite only if all are; H.T is contiguous.
     square, more = np.vdot(H.T, H.T), g @ g
     if not math.isfinite(square + more):
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
@@ -233,8 +234,8 @@ def _size(H: Array, g: Array) -> float:
 
 
 def _check(lower: Array, upper: Array) -> None:
-    """Raises ValueError; Drake lets no coefficients be NaN or infinite."""
-    # argmax() and argmin() find a NaN.
+    """Raises ValueError for bounds that are NaN or infeasible infinities."""
+    # argmax() and argmin() return the index of a NaN.
     if lower.size and not lower[lower.argmax()] < math.inf:
         raise ValueError("lower bound of the QP: must be < inf, not NaN")
     if upper.size and not upper[upper.argmin()] > -math.inf:
@@ -244,9 +245,9 @@ def _check(lower: Array, upper: Array) -> None:
 def _solved(
     H: Array, g: Array, A: Array, lower: Array, upper: Array
 ) -> tuple[Array, int, int]:
-    """DAQP's x (n,), its flag, and its iterations.
+    """Returns DAQP's x (n,), its flag, and its iterations.
 
-    With what it takes to rely on them: see the comments.
+    The comments explain the precautions for a reliable result.
     """
     size = _size(H, g)
     if not _LEAST_SIZE <= size <= _MOST_SIZE:
@@ -256,7 +257,7 @@ def _solved(
         # DAQP ignores a row, whatever its bounds, if a' inv(H) a < 1e-11.
         if squares[squares.argmin()] < 1e-10 * size:
             A, lower, upper = _of_length_1(A, lower, upper)
-        # It may meet one of two bounds that exclude each other, as if equal.
+        # DAQP may treat lower > upper as an equality.
         gaps = lower - upper
         if gaps[gaps.argmax()] > _PRIMAL_TOLERANCE:
             return g, _INFEASIBLE, 0
@@ -275,7 +276,7 @@ def _solved(
 def _of_length_1(
     A: Array, lower: Array, upper: Array
 ) -> tuple[Array, Array, Array]:
-    """The same rows and bounds, of length 1 unless it is zero."""
+    """Returns rows and bounds with non-zero rows scaled to length 1."""
     lengths = np.linalg.norm(A, axis=1)
     scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
     return A * scale[:, None], scale * lower, scale * upper
@@ -284,8 +285,8 @@ def _of_length_1(
 def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
     """Writes `solution` of `prog` into `result`.
 
-    Only a solver of Drake's own can tell a result its variables and cost.  So
-    one is asked for x, as the solution of x = solution.x with that cost.
+    Only Drake's own solvers can set the variables and the cost of a result.
+    One of them solves x = solution.x with that cost.
     """
     x = np.nan_to_num(solution.x)
     cost = _NO_COSTS.get(solution.result, math.nan)

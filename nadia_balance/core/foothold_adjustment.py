@@ -1,7 +1,6 @@
-"""Where the foot in the air is to land, so that the robot recovers.
+"""Foothold adjustment by capture regions (Nadia paper, Sec. IV and V).
 
-The Nadia paper, Sec. IV and V; the paper does not give the dead bands and
-waiting times.
+The dead bands and waiting times are not from the paper.
 """
 
 from __future__ import annotations
@@ -37,13 +36,13 @@ from nadia_balance.core.walking import (
     number_of_ticks,
 )
 
-ROUNDING = 1e-6  # a foothold so far out is on the edge [m]
+ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureRegions(Immutable):
-    """What there is to draw: polygons (n, 2) [m] in W, and two footholds."""
+    """Polygons (n, 2) [m] in W and footholds, for display."""
 
     regions: tuple[Array, ...] = ()  # C_1, ..., C_N
     reach: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -56,7 +55,7 @@ class CaptureRegions(Immutable):
 
 
 def unadjusted(schedule: ContactSchedule) -> Adjustment:
-    """The next foothold as planned; where the foot stands, if there is none."""
+    """Returns the planned next foothold; without steps, the present one."""
     if schedule.footsteps:
         step = schedule.footsteps[0]
     else:
@@ -75,11 +74,11 @@ def touchdown_interval(
     time_gain: float,
     params: CaptureRegionStepAdjusterParams,
 ) -> tuple[float, float]:
-    """Returns between which times [s] from now the new foot takes the load.
+    """Returns the earliest and latest load [s] from now on the new foot.
 
-    `time_gain` [s] will in all be added to the clock, negative while the clock
-    is held: with the clock as it is, the legs cross for a touchdown that is
-    too late, and then comes sooner.
+    `time_gain` [s] is the total expected change of the clock, negative while
+    the clock is held.  Without it, the predicted touchdown is too late, and the
+    legs may cross for an ICP that is not reached.
     """
     earliest = max(state.remaining_time - time_gain, 0.0)
     return earliest, earliest + params.waiting_time
@@ -87,11 +86,11 @@ def touchdown_interval(
 
 @dataclass(frozen=True, eq=False)
 class Landing(Immutable):
-    """Where and when the foot in the air may land, as seen in one tick.
+    """Possible touchdowns of the swing foot, as predicted in one tick.
 
-    `icp` (2,) [m] in W; `touchdown` [s] from now.  `foot` (2,) [m] in W is
-    where the foot is, None if nothing makes it land sooner than that.  The
-    capture regions (n, 2) [m] are computed when they are asked for.
+    `icp` (2,) [m] in W; `touchdown` [s] from now.  `foot` (2,) [m] in W is the
+    position of the swing foot; None if the touchdown times do not depend on
+    the foothold.  Capture regions (n, 2) [m] are computed on first use.
     """
 
     geometry: SwingGeometry
@@ -110,12 +109,12 @@ class Landing(Immutable):
 
     @cached_property
     def one_step(self) -> Array:
-        """C_1, of a foot that is a point."""
+        """C_1, for a foot without extent."""
         return self.geometry.one_step_region(self.icp, self.touchdown)
 
     @cached_property
     def capture_region(self) -> Array:
-        """C_N."""
+        """C_N (n, 2) [m] in W."""
         return self.geometry.capture_region(self.one_step)
 
     def capture_regions(self) -> tuple[Array, ...]:
@@ -129,11 +128,11 @@ class Landing(Immutable):
     def on_arrival(
         self, region: Array, least: float, under_way: bool = False
     ) -> Array:
-        """Returns C_N of the time at which the foot is in `region` (n, 2) [m].
+        """Returns C_N for a touchdown as early as possible in `region` (n, 2).
 
-        At its point that is closest to the C_N of now, as soon as the foot can
-        be there, by its way round the stance foot, but no sooner than in the
-        `least` [s]; `under_way` to it already.
+        The foothold is the point of `region` [m] closest to the present C_N.
+        The touchdown time is that of the path round the stance foot, at least
+        `least` [s]; it is shorter if the foot is already `under_way` there.
         """
         if self.foot is None:
             return self.capture_region
@@ -148,7 +147,7 @@ class Landing(Immutable):
         return g.capture_region(g.one_step_region(self.icp, times))
 
     def _time_to(self, goal: Array) -> float:
-        """From rest to a landing at `goal` (2,) [m] in W; 0 without `foot`."""
+        """Time [s] from rest to landing at `goal` (2,) [m]; 0 without foot."""
         if self.foot is None:
             return 0.0
         g = self.geometry
@@ -180,12 +179,12 @@ class Landing(Immutable):
     def in_time(
         self, current: Adjustment, wanted: Adjustment, time: float
     ) -> Adjustment:
-        """Returns `wanted`, or as much of it as the foot can do in `time` [s].
+        """Returns `wanted`, limited to what the foot can reach in `time` [s].
 
-        A foothold moves on from that of `current` only as far as the foot,
-        which is under way, can be there before it lands; else it would be
-        dragged along the ground.  The nominal foothold may always be taken.
-        The papers do not ask for this.
+        The foothold moves from that of `current` toward the wanted one only as
+        far as the swing foot can reach before touchdown; otherwise it would
+        be dragged along the ground.  The nominal foothold is always allowed.
+        This limit is not in the papers.
         """
         p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
         nominal = wanted.nominal.pose
@@ -208,7 +207,7 @@ class Landing(Immutable):
         return UNDER_WAY * self._time_to(foothold) <= time
 
     def _foothold(self, point: Array, nominal: FootPose) -> FootPose | None:
-        """The foot at `point` (2,) [m] in W; None if it cannot stand there."""
+        """Returns the foot at `point` (2,) [m] in W; None if not allowed."""
         within = any(
             contains(point, region, ROUNDING)
             for region in self.geometry.regions.values()
@@ -226,8 +225,9 @@ def propose_adjustment(
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick of `period`.
 
-    The foothold stays as it is too early and too late in a swing; early,
-    because the ICP jumps when the contacts change.
+    The foothold does not change in the first `settling_time` of a swing, as
+    the measured ICP jumps when the contacts change, nor in the last
+    `freeze_time`.
     """
     current = current_adjustment(state)
     if (
@@ -242,11 +242,11 @@ def propose_adjustment(
 
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
-    """Returns what led to the `adjustment` that was proposed."""
+    """Returns the regions and footholds behind the proposed `adjustment`."""
     regions = landing.geometry.regions
     return CaptureRegions(
         landing.capture_regions(),
-        # Chosen before cross-over was switched off, a region exists no more.
+        # A region chosen before cross-over was switched off is missing.
         regions.get(adjustment.region, regions[BASE]),
         adjustment.nominal.pose,
         adjustment.pose,
@@ -263,11 +263,11 @@ def adjust_foothold(
 ) -> Adjustment:
     """Returns the adjustment that puts the foot into `capture_region` (n, 2).
 
-    The nominal foothold, not the last one, is projected on what the capture
-    region shares with the region that the rules choose, so that the foothold
-    comes back with the ICP; a tick lasts `period` [s].  `on_arrival` is that of
-    `choose_region`.  The result keeps the pose object of `current`, or that of
-    the nominal foothold, unless the foothold moves.
+    The nominal foothold, not the last one, is projected onto the intersection
+    of the capture region and the chosen reachability region, so that the
+    foothold returns when the ICP does; a tick lasts `period` [s].
+    `on_arrival` is that of `choose_region`.  The result keeps the pose object
+    of `current`, or that of the nominal foothold, unless the foothold moves.
     """
     nominal = current.nominal.pose
     if _covered(nominal.p_WF[:2], capture_region, geometry, params):
@@ -295,7 +295,7 @@ def adjust_foothold(
 
 
 def _chosen(current: Adjustment) -> str | None:
-    """Returns the region that was chosen last, None if none was."""
+    """Returns the region chosen last; None if the foothold is nominal."""
     adjusted = current.pose is not current.nominal.pose
     return current.region if adjusted else None
 
@@ -306,7 +306,7 @@ def _covered(
     geometry: SwingGeometry,
     params: CaptureRegionStepAdjusterParams,
 ) -> bool:
-    """True if the foot can be put down as planned, and then recovers."""
+    """True if the nominal foothold is reachable and in the capture region."""
     if not contains(nominal, capture_region, -params.margin):
         return False
     x, y = geometry.stance.to_sole(nominal).tolist()
@@ -319,7 +319,10 @@ def return_to_nominal(
     params: CaptureRegionStepAdjusterParams,
     period: float,
 ) -> Adjustment:
-    """Waits for `return_time`, if the present foothold `holds` as well."""
+    """Returns the nominal foothold, after `return_time` if the present `holds`.
+
+    `holds` means that the present foothold is in the capture region as well.
+    """
     nominal = current.nominal
     ticks = current.covered_ticks + 1
     if (
@@ -336,13 +339,14 @@ def _target(
 ) -> Array | None:
     """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
 
-    If that is on the stance foot: in front of it, behind it, or to its side.
+    If this point is on the stance foot, the closest point in front of, behind
+    or beside that foot is returned.
     """
     target = project(nominal, choice.goal)
     if not geometry.blocked(target):
         return target
     free = geometry.free_parts(choice.goal)
-    if len(choice.goal) == 1:  # as near as possible to the capture region
+    if len(choice.goal) == 1:  # the region point closest to the capture region
         nominal = target
         free = geometry.free_parts(geometry.regions[choice.region])
     candidates = [project(nominal, part) for part in free]

@@ -1,4 +1,4 @@
-"""How much friction to count on, once a sole has slipped."""
+"""The friction coefficient assumed by the controller after a slip."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,26 +8,26 @@ import numpy as np
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.walking import Array
 
-_LOADED = 0.2  # of the weight: with less, a sole may slide without harm
-_LESS = 0.9  # than what did not hold
+_LOADED = 0.2  # share of the weight below which slips are ignored [-]
+_LESS = 0.9  # new estimate over the friction used in a slip [-]
 
 
 @dataclass(kw_only=True)
 class SlipParams:
-    """What a slip is, and what is made of it."""
+    """Slip detection and the reaction to it."""
 
-    # More than what noise and the edge of a foot that tilts come to.
+    # Sole speed of a slip, above noise and the motion of a tilting foot.
     speed: float = bounded(0.2, above=0.0, unit="m/s")
-    # A sole that has landed slides until it rests.
+    # Time after touchdown in which sliding is no slip.
     settling_time: float = bounded(0.03, least=0.0, unit="s")
-    # At less than this, nothing is learnt.
+    # Lower bound of the estimate; slips at less friction are ignored.
     least_friction: float = bounded(0.3, above=0.0)
-    # The next ground may be better: what comes back.
+    # Rate at which the estimate returns, as the next ground may be better.
     recovery: float = bounded(0.05, least=0.0, unit="1/s")
 
 
 class FrictionEstimate(NamedTuple):
-    """The `friction` to count on, and how long [s] each sole has carried."""
+    """The assumed `friction`, and the time [s] under load of each sole."""
 
     friction: float
     left_loaded: float
@@ -44,11 +44,11 @@ def friction_after(
 ) -> FrictionEstimate:
     """Returns the estimate a tick later.
 
-    `forces` (2, 3), in parts of the weight, are those that the (left, right)
-    sole was to bear in the tick of `period` [s], and `velocities` (2, 3) [m/s]
-    its own, in the frame of the sole.  A sole that slips has used up the
-    friction: less is counted on than what it was told to bring.  After that
-    the friction comes back to the `usual` one.
+    `forces` (2, 3), as shares of the weight, are the desired forces on the
+    (left, right) sole in the tick of `period` [s], `velocities` (2, 3) [m/s]
+    its velocities, both in the sole frame.  A slip lowers the estimate to _LESS
+    times the friction that the desired force needed; then it returns to the
+    `usual` one.
     """
     least = min(params.least_friction, usual)
     friction = min(last.friction + params.recovery * period, usual)
@@ -57,7 +57,7 @@ def friction_after(
         forces.tolist(), velocities, last[1:], strict=True
     ):
         loaded.append(time + period if z > _LOADED else 0.0)
-        used = max(abs(x), abs(y)) / max(z, _LOADED)  # as of the pyramid
+        used = max(abs(x), abs(y)) / max(z, _LOADED)  # of the pyramid
         if (
             loaded[-1] > params.settling_time
             and used > least

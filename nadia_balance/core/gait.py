@@ -1,4 +1,4 @@
-"""Footsteps from what a user commands: step vectors, or a list of footholds."""
+"""Footsteps from user commands: step vectors, or a list of footholds."""
 
 import itertools
 import math
@@ -35,14 +35,14 @@ from nadia_balance.core.walking import (
 )
 
 _SIDES = ("left", "right")
-_DISPLACED = 0.2  # of w_nom: unless pushed, feet land nearer to footholds
-_INSTANT = 1e-5  # keeps rates finite; a phase lasts for a tick at least [s]
-_ROUNDING = 1e-9  # of a rise [m]
+_DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
+_INSTANT = 1e-5  # keeps rates finite; a phase lasts at least one tick [s]
+_ROUNDING = 1e-9  # tolerance of a rise [m]
 
 
 @dataclass(kw_only=True)
 class StepVector:
-    """Where the next step goes, in the frame between the feet."""
+    """The displacement of the next step, in the frame between the feet."""
 
     length: float = bounded(0.0, unit="m")  # forward
     sideways: float = bounded(0.0, unit="m")  # to the left
@@ -63,20 +63,20 @@ class Foothold:
 class Gait:
     """A walking command.
 
-    Either `num_steps` times the same `step`, or the list `steps`, or the list
-    `footholds`, in which the feet take turns; only one of the three.
+    At most one of: `num_steps` times the same `step`, the list `steps`, or the
+    list `footholds` with alternating sides.
     """
 
-    num_steps: int = bounded(0, least=0, most=1000)  # times `step`
+    num_steps: int = bounded(0, least=0, most=1000)  # repetitions of `step`
     step: StepVector = field(default_factory=StepVector)
     steps: list[StepVector] = field(default_factory=list)
     footholds: list[Foothold] = field(default_factory=list)
-    # Between the sole centres; None: as the robot stands.
+    # Distance of the sole centres; None: that of the standing robot.
     step_width: float | None = bounded(None, above=0.0, below=1.0, unit="m")
     first_swing: str = bounded("right", one_of=_SIDES)
     swing_duration: float = bounded(0.7, least=0.02, most=10.0, unit="s")
     transfer_duration: float = bounded(0.3, least=0.02, most=10.0, unit="s")
-    # Of the transfer before the first step, and of that after the last.
+    # Durations of the transfers before the first and after the last step.
     initial_transfer_duration: float = bounded(
         0.8, least=0.02, most=10.0, unit="s"
     )
@@ -107,7 +107,7 @@ def make_footsteps(
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
-    On a `ground`, step vectors end at the nearest foothold.
+    With a `ground`, step vectors end at the nearest foothold.
 
     Raises:
         ValueError: a field of `gait` is out of range, or a footstep is not
@@ -132,14 +132,15 @@ def make_footsteps(
 def walking_start(
     gait: Gait, model: PointMassModel, standing_duration: float = 0.5
 ) -> WalkingState:
-    """Returns the walking state of a robot that stands, and then walks.
+    """Returns the initial walking state of a standing robot.
 
-    Its feet are side by side about the origin of W, the gait's or else the
+    The feet are side by side about the origin of W, the gait's or else the
     robot's `step_width` apart; the first transfer begins after
-    `standing_duration` [s], or a tick later.  Without steps it stands for ever.
+    `standing_duration` [s], or a tick later.  Without steps, standing does not
+    end.
 
     Raises:
-        ValueError: as of `make_footsteps`.
+        ValueError: see `make_footsteps`.
     """
     width = model.step_width if gait.step_width is None else gait.step_width
     feet = FootPoses(
@@ -164,7 +165,7 @@ def walking_start(
 
 
 def middle(feet: FootPoses) -> FootPose:
-    """The frame half-way between the soles."""
+    """Returns the frame half-way between the soles."""
     left, right = feet.left, feet.right
     turn = math.remainder(right.yaw - left.yaw, math.tau)
     return FootPose(0.5 * (left.p_WF + right.p_WF), left.yaw + 0.5 * turn)
@@ -229,14 +230,14 @@ def within_reach(
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps, the first `num_steps` of them within reach.
 
-    After a step has been adjusted, the next commanded foothold may be out of
-    reach, or on the wrong side of the stance foot: it is moved to the nearest
-    foothold with uncrossed legs.  Each step is seen from the one before it, so
-    that the feet return to the commanded footholds in a few steps, none of
-    which uses more than `return_share` of the reach.  `landed` is the command
-    of the step before, if there was one: if it was kept, the next step may use
-    all of the reach.  On a `ground` it goes to the nearest foothold there, if
-    there is one.  A step that needs no change is the very same object.
+    After an adjusted step, the next commanded foothold may be out of reach, or
+    on the wrong side of the stance foot: it is moved to the nearest foothold
+    with uncrossed legs.  Each step is relative to the previous one, so that the
+    feet return to the commanded footholds in a few steps, each within
+    `return_share` of the reach.  `landed` is the command of the previous step,
+    or None: if the foot landed there, the next step may use the full reach.
+    With a `ground`, the step is moved to the nearest foothold, if any.  An
+    unchanged step is the same object.
     """
     share = 1.0
     if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
@@ -270,16 +271,16 @@ def _is_at(
 
 
 def _share_of_region(reach: ReachabilityParams, share: float) -> Array:
-    """The part (n, 2) [m] of the base region that is left, or else all."""
+    """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
     region = base_region(reach)
     part = intersection(convex_hull(_scaled(region, reach, share)), region)
     return part if len(part) else region
 
 
 def _scaled(points: Array, reach: ReachabilityParams, share: float) -> Array:
-    """Footholds (..., 2), shorter by `share`, and narrower where they are wide.
+    """Returns footholds (..., 2), scaled by `share` in x and in y beyond w_nom.
 
-    Those nearer to the stance foot than (0, w_nom) do not come nearer.
+    Footholds with y below w_nom keep their y.
     """
     x, y = points[..., 0], points[..., 1]
     wider = np.maximum(y - reach.width_nominal, 0.0)

@@ -1,4 +1,4 @@
-"""Ground of convex planar regions, and where on them a sole can be put."""
+"""Ground of convex planar regions, and the footholds on them."""
 
 import itertools
 import math
@@ -19,17 +19,17 @@ from nadia_balance.core.polygon import (
 )
 from nadia_balance.core.walking import Array, FootPose, Immutable
 
-_OVERLAP = 1e-6  # regions that share less than this meet at an edge [m^2]
-_ROUNDING = 1e-6  # a sole so far out is on the edge [m]
-_TURN = math.pi / 12.0  # between the yaws at which a sole is tried [rad]
+_OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
+_ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
+_TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
 
 
 @dataclass(kw_only=True)
 class Region:
-    """A convex piece of a plane; `vertices` are its corners from above.
+    """A convex part of a plane; `vertices` are its corners from above.
 
-    The plane is at `height` in the middle of the vertices, and across `normal`.
-    No foot is ever put on an obstacle.
+    The plane has the `height` at the mean of the vertices, and the `normal`.
+    Obstacles have no footholds.
     """
 
     name: str = ""
@@ -39,7 +39,7 @@ class Region:
     obstacle: bool = False
 
     def validate_more(self) -> None:
-        """Raises ValueError if this is no region; the message has its name."""
+        """Raises ValueError, with the name, if the region is not valid."""
         corners, of = self.vertices, f"(region {self.name!r})"
         if any(len(corner) != 2 for corner in corners):
             raise ValueError(f"vertices = {corners} {of}: must be [x, y] each")
@@ -61,12 +61,12 @@ class Region:
 
     @cached_property
     def unit_normal(self) -> Array:
-        """(3,), of length 1."""
+        """The unit normal (3,)."""
         return np.array(self.normal) / math.hypot(*self.normal)
 
     @property
     def slope(self) -> float:
-        """Its rise by length, the tangent of its tilt [-]."""
+        """The slope: tangent of the tilt [-]."""
         x, y, z = self.normal
         return math.hypot(x, y) / z
 
@@ -82,11 +82,11 @@ class Region:
         return np.asarray(self.height - offsets @ [x / z, y / z])
 
     def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
-        """Returns where the centre of a sole may be, (n, 2) [m] from above.
+        """Returns the polygon (n, 2) [m] of sole centres, seen from above.
 
-        That is, the region minus the sole (Minkowski difference), which has the
-        tilt of the plane and is turned by `yaw` [rad], minus a `margin` [m];
-        `sole` (k, 2) [m] in its own frame.  (0, 2) if it fits nowhere.
+        It is the Minkowski difference of the region and the sole, which has the
+        tilt of the plane and the `yaw` [rad], shrunk by `margin` [m]; `sole`
+        (k, 2) [m] in its own frame.  (0, 2) if the sole does not fit.
         """
         foot = FootPose(yaw=yaw, normal=self.unit_normal)
         corners = foot.outline(sole)
@@ -97,7 +97,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Ground(Immutable):
-    """All regions, for soles (n, 2) [m] that keep a margin from their edges."""
+    """All regions, with the sole (n, 2) [m] and its margin to their edges."""
 
     regions: tuple[Region, ...]
     sole: Array
@@ -105,7 +105,7 @@ class Ground(Immutable):
 
     @cached_property
     def is_level(self) -> bool:
-        """True if all that can be stepped on is level, at z = 0."""
+        """True if all regions but obstacles are level, at z = 0."""
         return all(
             region.height == 0.0 and region.is_level
             for region in self.regions
@@ -117,9 +117,9 @@ class Ground(Immutable):
         return {}
 
     def footholds(self, yaw: float) -> tuple[Array, ...]:
-        """Returns for each region where a sole of this `yaw` [rad] may be.
+        """Returns the foothold polygon of each region for this `yaw` [rad].
 
-        Polygons (n, 2) [m] in W; (0, 2) where it fits nowhere.
+        Polygons (n, 2) [m] in W; (0, 2) where the sole does not fit.
         """
         if yaw not in self._known:
             self._known[yaw] = tuple(
@@ -131,7 +131,7 @@ class Ground(Immutable):
         return self._known[yaw]
 
     def allows(self, foot: FootPose) -> bool:
-        """True if the sole is on one region, and keeps the margin."""
+        """True if the sole is on a single region, with the margin."""
         return any(
             contains(foot.p_WF[:2], part, _ROUNDING)
             for part in self.footholds(foot.yaw)
@@ -141,9 +141,9 @@ class Ground(Immutable):
     def nearest(
         self, point: Array, yaw: float, within: Array | None = None
     ) -> Array | None:
-        """Returns the foothold (2,) [m] closest to `point` (2,); None: none.
+        """Returns the foothold (2,) [m] closest to `point` (2,), or None.
 
-        Of those in the polygon `within` (n, 2) [m], if there is one.
+        If `within` (n, 2) [m] is given, the foothold is in that polygon.
         """
         parts = [part for part in self.footholds(yaw) if len(part)]
         if within is not None:
@@ -152,7 +152,7 @@ class Ground(Immutable):
         return min(points, key=lambda p: math.dist(p, point), default=None)
 
     def region_under(self, foot: FootPose) -> Region | None:
-        """Returns the region that the whole sole is on; None: on none."""
+        """Returns the region that contains the whole sole, or None."""
         corners = foot.outline(self.sole)
         for region in self.regions:
             if not region.obstacle and all(
@@ -164,7 +164,7 @@ class Ground(Immutable):
     def pose(self, point: Array, yaw: float, height: float) -> FootPose:
         """Returns the sole at `point` (2,) [m], on the plane of its region.
 
-        At `height` [m] and level if there is none.
+        Without a region, the sole is level at `height` [m].
         """
         foot = FootPose(np.append(point, height), yaw)
         if (region := self.region_under(foot)) is None:
@@ -176,10 +176,10 @@ class Ground(Immutable):
 
 
 def check_ground(ground: Ground) -> None:
-    """Checks the regions with each other, and that soles fit on them.
+    """Checks that regions do not overlap, and that soles fit on them.
 
     Raises:
-        ValueError: names the region, and says what it must be.
+        ValueError: names the region and the condition.
     """
     names = [region.name for region in ground.regions]
     for name in names:
@@ -208,7 +208,7 @@ def check_ground(ground: Ground) -> None:
 
 
 def check_friction(ground: Ground, friction: float) -> None:
-    """Checks that a force up through a sole is within the cone of `friction`.
+    """Checks that a vertical force is in every region's cone of `friction`.
 
     Raises:
         ValueError: names the region that is too steep.
@@ -225,7 +225,7 @@ def check_friction(ground: Ground, friction: float) -> None:
 
 @dataclass(kw_only=True)
 class GroundError:
-    """How wrong the controller is about each region, at most, at random."""
+    """Bounds of the random errors in the controller's knowledge of regions."""
 
     height: float = bounded(0.0, least=0.0, most=0.2, unit="m")
     tilt_deg: float = bounded(0.0, least=0.0, most=20.0, unit="deg")
@@ -235,9 +235,9 @@ class GroundError:
 def believed(
     regions: tuple[Region, ...], error: GroundError, seed: int
 ) -> tuple[Region, ...]:
-    """Returns the regions as the controller knows them; the same for a seed.
+    """Returns the regions with random errors, determined by `seed`.
 
-    It knows the one about the origin of W, where the robot stands at first.
+    The region at the origin of W, where the robot starts, has no error.
     """
     if error == GroundError():
         return regions

@@ -1,4 +1,4 @@
-"""Where the foot in the air is to land, if there is not ground everywhere."""
+"""Foothold adjustment on limited ground."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.reachability import BASE, closest_point
 from nadia_balance.core.walking import Adjustment, Array, FootPose
 
-_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the margin that are tried [-]
+_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)  # tried shares of the margin [-]
 
 
 @dataclass(frozen=True, eq=False)
 class GroundLanding(Landing):
-    """A landing on the regions that are in reach."""
+    """A landing on the reachable ground regions."""
 
     footing: Footing = field(kw_only=True)
 
@@ -31,8 +31,8 @@ class GroundLanding(Landing):
     ) -> Adjustment:
         """Returns the adjustment that puts the foot on a region.
 
-        As `adjust_foothold`; what counts is how deep inside the capture
-        region a region lets the foot step, not how much area they share.
+        The method is that of `adjust_foothold`, but compares the depth of the
+        foothold inside the capture region instead of the shared areas.
         """
         nominal = current.nominal.pose
         if self._captures(nominal.p_WF[:2], params.margin):
@@ -60,7 +60,7 @@ class GroundLanding(Landing):
         return self.footing.ground.pose(point, nominal.yaw, nominal.p_WF[2])
 
     def _captures(self, foothold: Array, margin: float) -> bool:
-        """True if the foot can be put there, and then recovers."""
+        """True if the foothold is reachable and captures the ICP."""
         return any(
             contains(foothold, part, ROUNDING)
             for place in self.footing.places
@@ -71,12 +71,13 @@ class GroundLanding(Landing):
     def _choose(
         self, current: Adjustment, params: CaptureRegionStepAdjusterParams
     ) -> tuple[Place | None, Array]:
-        """The place to step to, and where in it.
+        """Returns the place of least cost, and the foothold (2,) [m] in it.
 
-        Of those that let the foot step as deep as any, the one nearest to the
-        nominal foothold; a step across counts as farther, by the root of
-        `area_margin`, the place chosen last as `distance_hysteresis` nearer,
-        and half as deep is deep enough for it.
+        cost = factor * distance to the nominal foothold - hysteresis, where
+        factor = sqrt(area_margin) for cross-over, else 1, and hysteresis =
+        distance_hysteresis for the previous place, else 0.  Candidates allow
+        the largest feasible share of the margin, or the next smaller share
+        (about half) for the previous place.
         """
         nominal, rules = current.nominal.pose.p_WF[:2], params.rules
         found: list[tuple[Place, Array]] = []
@@ -106,7 +107,7 @@ class GroundLanding(Landing):
     def _options(
         self, nominal: Array, margin: float
     ) -> list[tuple[Place, Array]]:
-        """The nearest good foothold of each place that has any."""
+        """Returns the closest capturing foothold of each place that has one."""
         found = []
         for place in self.footing.places:
             parts = self.footing.parts(place, self.one_step, margin)
@@ -126,7 +127,7 @@ class GroundLanding(Landing):
     def _closest(
         self, current: Adjustment, params: CaptureRegionStepAdjusterParams
     ) -> tuple[Place | None, Array]:
-        """The foothold closest to the capture region, if none is in it."""
+        """Returns the place and foothold closest to the capture region."""
         last = current.pose.p_WF[:2]
         if not self.footing.places:
             return None, last

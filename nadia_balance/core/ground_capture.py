@@ -1,15 +1,16 @@
 """Capture regions over sequences of ground regions.
 
 The first `ground_steps` footholds p_1, ..., p_n are each in a region of the
-ground and within reach of the one before; steps take as long as planned, and
-the robot may stop after any of them.  Later steps, up to N, find ground
-everywhere.  With E_k as in `later_steps` the ICP at touchdown is then
+ground and within reach of the previous one; steps last as planned, and the
+robot may stop after any of them.  Later steps, up to N, ignore the ground.
+With E_k as in `later_steps`, the ICP at touchdown is then
 
     sum of a_k p_k + rest,  a_k = E_2 ... E_k (1 - E_k+1),  a_n = E_2 ... E_n,
 
-and the foothold captures if that can be in C_1.  For one sequence of regions
-this is linear: p_2, ..., p_n are eliminated, and p_1 is left in a convex
-polygon.  The set of all good footholds is the union of these polygons.
+and the foothold captures if this ICP can be in C_1.  For one sequence of
+regions the conditions are linear: eliminating p_2, ..., p_n leaves a convex
+polygon of p_1.  The set of all capturing footholds is the union of these
+polygons.
 """
 
 import functools
@@ -43,17 +44,17 @@ from nadia_balance.core.walking import Array, ContactSchedule, Immutable
 
 Rows = tuple[Array, Array]  # A (m, 2 n), b (m,): A (p_1, ..., p_n) <= b
 
-_PARALLEL = 1e-14  # the sine of an angle that is 0 but for rounding [-]
-_LINE = 1e-6  # three normals whose sines add up to less are on a line [-]
+_PARALLEL = 1e-14  # sine of an angle that counts as 0 [-]
+_LINE = 1e-6  # sum of sines below which three normals are collinear [-]
 _ORIGIN = np.zeros((1, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Sequence(Immutable):
-    """Regions of the steps after the first.
+    """A sequence of regions, one for each foothold.
 
-    `polygons` are where the feet 1, ..., n can be; `rows[k]` are what the
-    steps k = 2, ... have to respect, of p_1, ..., p_k.
+    `polygons` bound the footholds 1, ..., n; `rows` are the constraints of the
+    steps k = 2, ..., n on p_1, ..., p_k.
     """
 
     polygons: tuple[Array, ...]
@@ -62,10 +63,10 @@ class Sequence(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Place(Immutable):
-    """Where the next foot can be put: a convex part of one region.
+    """A convex part of one region for the next foothold.
 
-    `polygon` (n, 2) [m] in W is within the reach named `reach`, and nowhere on
-    the stance foot; `region` is its number in the ground.
+    `polygon` (n, 2) [m] in W is within the reachability region `reach`, and
+    clear of the stance foot; `region` is the index of the ground region.
     """
 
     reach: str
@@ -76,10 +77,10 @@ class Place(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Footing(Immutable):
-    """What the ground offers in one swing; the same in all its ticks.
+    """The places of the ground for one swing; constant during the swing.
 
-    `weights[n - 1]` are a_1, a_1, ..., a_n, a_n [-], of x and y;
-    `rests[n - 1]` is the rest of n regions, a polygon (k, 2) [m].
+    `weights[n - 1]` are a_1, a_1, ..., a_n, a_n [-], for x and y;
+    `rests[n - 1]` is the rest for n regions, a polygon (k, 2) [m].
     """
 
     ground: Ground
@@ -92,8 +93,8 @@ class Footing(Immutable):
     ) -> Iterator[Array]:
         """Yields the convex parts (n, 2) [m] of `place` that capture the ICP.
 
-        `one_step` (k, 2) [m] is C_1.  The ICP at touchdown is `margin` [m] or
-        more inside of what captures it.
+        `one_step` (k, 2) [m] is C_1.  The ICP at touchdown is at least `margin`
+        [m] inside the captured set.
         """
         couplings: dict[int, Rows] = {}
         for sequence in (Sequence((place.polygon,), ()), *place.sequences):
@@ -109,9 +110,9 @@ class Footing(Immutable):
 
 
 def first_foothold(sequence: Sequence, coupling: Rows) -> Rows:
-    """Returns what p_1 has to respect: rows A (m, 2), b (m,) [m].
+    """Returns the constraints on p_1: rows A (m, 2), b (m,) [m].
 
-    `coupling` are rows that all footholds have to respect together.
+    `coupling` are rows on all footholds together.
     """
     derived = coupling
     for k in range(len(sequence.rows), 0, -1):
@@ -122,12 +123,12 @@ def first_foothold(sequence: Sequence, coupling: Rows) -> Rows:
 
 
 def without_last(A: Array, b: Array) -> Rows:
-    """Returns the rows for which there is a last foothold p_n.
+    """Returns the rows A (m, 2 n), b (m,) [m] with p_n eliminated.
 
-    All rows A (m, 2 n), b (m,) [m] are half-planes of p_n, which share a point
-    if any three of them do (Helly's theorem); and three do unless 0 is a
-    positive combination of their normals, and of the rest of their rows more
-    than b.  So these combinations take the place of the rows.
+    The rows are half-planes of p_n, which share a point if any three of them do
+    (Helly's theorem).  Three half-planes are disjoint only if a positive
+    combination of their normals is 0 while the same combination of their other
+    terms exceeds that of b: these combinations replace the rows.
     """
     normals = A[:, -2:]
     size = np.hypot(normals[:, 0], normals[:, 1])
@@ -155,14 +156,14 @@ def without_last(A: Array, b: Array) -> Rows:
 
 @functools.cache
 def _triples(count: int) -> NDArray[np.intp]:
-    """All i < j < k < count, (3, m)."""
+    """Returns all indices i < j < k < count, (3, m)."""
     return np.array(
         list(itertools.combinations(range(count), 3)), dtype=np.intp
     ).T.reshape(3, -1)
 
 
 def _needed(A: Array, b: Array, polygons: tuple[Array, ...]) -> Rows:
-    """The rows that are not true everywhere in these polygons."""
+    """Returns the rows that are not redundant in these polygons."""
     most = sum(
         (A[:, 2 * k : 2 * k + 2] @ polygon.T).max(axis=1)
         for k, polygon in enumerate(polygons)
@@ -178,9 +179,9 @@ def footing(
     on: Mechanisms,
     geometry: SwingGeometry,
 ) -> Footing | None:
-    """Returns what the ground offers to the swing of `geometry`.
+    """Returns the footing of the swing of `geometry`.
 
-    None if there is ground wherever these steps can go.
+    None if one region covers all reachable footholds.
     """
     ground = model.ground
     if ground is None:
@@ -239,20 +240,20 @@ def _is_everywhere(
 
 
 def _plane(region: Region) -> Array:
-    """(3,): its height at p is [p, 1] times this [m]."""
+    """Returns c (3,) such that the height at p is [p, 1] . c [m]."""
     z = region.heights(np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]))
     return np.asarray(z - [z[2], z[2], 0.0])
 
 
 def _rise_rows(last: Array, plane: Array, rise: float) -> Rows:
-    """What keeps the step up or down from `last` to `plane` below `rise`."""
+    """Returns rows that limit the step up or down between planes to `rise`."""
     row = np.concatenate([-last[:2], plane[:2]])
     up = plane[2] - last[2]
     return np.array([row, -row]), np.array([rise - up, rise + up])
 
 
 def _clipped(polygon: Array, A: Array, b: Array) -> Array:
-    """The polygon by those of these rows that are not true all over it."""
+    """Returns the polygon, clipped by the rows that are not redundant."""
     if not len(polygon):
         return polygon
     binds = (A @ polygon.T).max(axis=1) > b
@@ -262,7 +263,7 @@ def _clipped(polygon: Array, A: Array, b: Array) -> Array:
 
 
 def _clear_of_stance(part: Array, geometry: SwingGeometry) -> list[Array]:
-    """What of the polygon is not on, beside or across the stance foot."""
+    """Returns the convex parts that are not `blocked` by the stance foot."""
     if not len(part):
         return []
     if not len(clip_all(part, geometry.stance_A, geometry.stance_b)):
@@ -279,7 +280,7 @@ def _sequences(
     planes: list[Array],
     rise: float,
 ) -> Iterator[Sequence]:
-    """Yields all sequences that go on from `polygons`, the last in `region`."""
+    """Yields all sequences that extend `polygons`, the last in `region`."""
     if not holds:
         return
     last, reach = polygons[-1], reaches[0]
@@ -301,9 +302,9 @@ def _sequences(
 def _step_rows(
     last: Array, hold: Array, reach: Array, climb: Rows, n: int
 ) -> Rows | None:
-    """What step n has to respect: p_n in `hold`, p_n - p_n-1 in `reach`.
+    """Returns the rows of step n: p_n in `hold`, p_n - p_n-1 in `reach`.
 
-    And the rise `climb` of both; None if that never holds.
+    The rows `climb` limit the rise; None if they are infeasible.
     """
     A, b = halfspaces(hold)
     R, r = halfspaces(reach)

@@ -20,10 +20,10 @@ from nadia_balance.core.walking import (
 
 
 def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
-    """Returns the feet, as high as the regions that they are on.
+    """Returns the feet with the heights and normals of their regions.
 
     Raises:
-        ValueError: a foot is not on one region.
+        ValueError: a foot is not on a single region.
     """
     for side in Side:
         foot = feet[side]
@@ -37,10 +37,10 @@ def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
 
 
 def given_on(ground: Ground, steps: Iterable[Footstep]) -> tuple[Footstep, ...]:
-    """Returns the steps, as high as the regions that they are on.
+    """Returns the steps with the heights and normals of their regions.
 
     Raises:
-        ValueError: a step is not on one region.
+        ValueError: a step is not on a single region.
     """
     found = []
     for number, step in enumerate(steps, start=1):
@@ -60,9 +60,9 @@ def snapped_to(
     feet: FootPoses,
     reach: ReachabilityParams,
 ) -> tuple[Footstep, ...]:
-    """Returns the steps, each at the nearest foothold that the sole fits in.
+    """Returns the steps, each moved to the nearest foothold on the ground.
 
-    Within `reach` of the foot that stands then, at first at `feet`.
+    Each foothold is within `reach` of its stance foot, the first at `feet`.
 
     Raises:
         ValueError: there is no such foothold.
@@ -86,9 +86,9 @@ def snapped_to(
 def moved_to(
     ground: Ground, step: Footstep, within: Iterable[Array]
 ) -> Footstep | None:
-    """Returns the step at the nearest foothold in one of these polygons.
+    """Returns the step at the nearest foothold in the first feasible polygon.
 
-    (n, 2) [m] in W, in this order; None if they have no foothold.
+    Polygons (n, 2) [m] in W, in order; None if none contains a foothold.
     """
     p, yaw = step.pose.p_WF, step.pose.yaw
     for polygon in within:
@@ -99,7 +99,7 @@ def moved_to(
 
 
 def _beside(ground: Ground, foot: FootPose) -> str:
-    """Where the foot is, and what the regions near it offer."""
+    """Returns the foot's position and the nearest foothold, as a message."""
     x, y, _ = foot.p_WF.tolist()
     point = ground.nearest(foot.p_WF[:2], foot.yaw)
     where = f"the sole at x = {x:.3f}, y = {y:.3f} m must be on one region"

@@ -1,4 +1,4 @@
-"""The ICP plan: what the ICP, CoM and CoP do until the robot is at rest."""
+"""The ICP plan: ICP, CoM and CoP trajectories until the robot is at rest."""
 
 import math
 from bisect import bisect_right
@@ -25,15 +25,18 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
-_SWEEPS = 10  # over the waypoints that are bent
-_LATER = 0.1  # of a bend, what a waypoint takes beside the one before it [-]
-_LITTLE = 1e-4  # of the ICP: all waypoints take it, beyond an edge or not [m]
-_TINY = 1e-12  # [m^2]
-_SAMPLES = 65  # of the ICP in a phase
+_SWEEPS = 10  # projection sweeps over the shifted waypoints
+_LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]
+_LITTLE = 1e-4  # ICP residual that is applied without projection [m]
+_TINY = 1e-12  # least squared length of a divisor [m^2]
+_SAMPLES = 65  # samples of the ICP in a phase
 
 
 def rows_at(t: float, duration: float, omega: float) -> Array:
-    """Returns what turns c0..c5 into CoM, ICP and eCMP at `t` [s]: (3, 6)."""
+    """Returns the rows (3, 6) that map c0..c5 to CoM, ICP and eCMP at `t` [s].
+
+    Nadia paper, Eq. 4.
+    """
     u = 1.0 / omega
     grow, decay = math.exp(omega * (t - duration)), math.exp(-omega * t)
     t2, t3 = t * t, t * t * t
@@ -59,18 +62,18 @@ def solve_segments(
     They meet the 6N conditions below Eq. 4 of the Nadia paper: the eCMP and
     its velocity at both ends of each segment, the CoM and its velocity
     continuous between segments, the CoM at the start, and the ICP at the end.
-    The paper's 6N x 6N system need not be solved, though: c2 to c5 are the
+    Two recursions replace the paper's 6N x 6N system: c2 to c5 are the
     eCMP's cubic, the ICP gives c0 from the last segment to the first, and then
     the CoM gives c1 from the first to the last.
 
     Args:
         durations: (N,) [s], positive.
-        ecmp: (N + 1, k) [m], where the segments meet.
+        ecmp: (N + 1, k) [m], at the ends of the segments.
         com_start: (k,) [m].
         omega: natural frequency [rad/s].
         ecmp_velocity: (2, N, k) [m/s] at the start and at the end of each
             segment; None: straight lines, with c2 and c3 zero.
-        icp_end: (k,) [m]; None: on the eCMP.
+        icp_end: (k,) [m]; None: the last eCMP.
     """
     start, T, u = ecmp[:-1], durations[:, None], 1.0 / omega
     decay, mean = np.exp(-omega * T), (ecmp[1:] - ecmp[:-1]) / T
@@ -96,7 +99,7 @@ def solve_segments(
 def _chain(first: Array, offsets: Array, factors: Array) -> Array:
     """Returns y (n + 1, k) with y_0 = first, y_i+1 = offset_i + factor_i y_i.
 
-    In plain floats, since numpy takes longer for so few columns.
+    Plain floats are faster than numpy for few columns.
     """
     rates = factors[:, 0].tolist()
     columns = []
@@ -112,22 +115,20 @@ def _chain(first: Array, offsets: Array, factors: Array) -> Array:
 def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
     """Returns the multipliers (N + 1,) of the eCMP waypoints at the `knots`.
 
-    The eCMP goes from one to the next in straight lines, and stays at the last
-    one.  The ICP that ends there was, at time t [s], their sum with these
-    multipliers, which are not negative and add up to 1: the Atlas paper's
-    Eq. 14 and Algorithm 1, for which the CMP jumps between heel and toe.
-    With `knots` (N + 1,) [s] increasing, and `omega` [rad/s].
-
-    Those of waypoints that have been passed are 0.
+    ICP(t) = sum of multiplier_i eCMP_i, for an eCMP that is piecewise linear
+    between the waypoints and rests at the last one, where the ICP ends: Atlas
+    paper, Eq. 14 and Algorithm 1, in which the CMP jumps between heel and toe
+    instead.  The multipliers are >= 0 and add up to 1; those of passed
+    waypoints are 0.  `knots` (N + 1,) [s] increase; t [s], `omega` [rad/s].
     """
     begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
     passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
-    # Of a segment from e0 to e1 that lasts T, with d = e^(-w T):
+    # A segment from e0 to e1 that lasts T, with d = e^(-w T), has
     # icp(0) = d icp(T) + (1 - d - b) e0 + b e1.
-    x = omega * (end - begin)  # 0 of what has been passed
+    x = omega * (end - begin)  # 0 for passed segments
     d = np.exp(-x)
     b = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0) - d
-    after = np.exp(-omega * (begin - t))  # of the plan before the segment
+    after = np.exp(-omega * (begin - t))  # decay from `t` to the segment
     first = after * (1.0 - d - b)
     multipliers = np.zeros(len(knots))
     multipliers[:-1] += (1.0 - passed) * first
@@ -159,7 +160,7 @@ class IcpReference:
     ecmp: Array
 
     def point(self) -> ReferencePoint:
-        """Returns where a plan that takes over from here has to start."""
+        """Returns the start point of a plan that continues from here."""
         return ReferencePoint(self.com, self.com_velocity, self.cop)
 
 
@@ -168,11 +169,11 @@ class IcpPlan(Immutable):
     """The reference motion from the start of the present phase on, in W.
 
     `duration` [s] is that of the present phase (infinite when standing).  N
-    segments meet at the times `knots` (N + 1,) [s] since it began;
-    `cop_waypoints` (N + 1, 2) [m] is the CoP wanted there, and `coefficients`
-    (N, 6, 2) are those of Eq. 4, straight lines of the eCMP; `cop` says how
-    the CoP was placed.  `offset` (2,) [m] is by how much the ICP starts beside
-    what any eCMP within the support leads to the end: it fades by e^-wt.
+    segments with linear eCMPs meet at the times `knots` (N + 1,) [s] since the
+    phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired CoPs there,
+    `coefficients` (N, 6, 2) those of Eq. 4, and `cop` the parameters of the
+    CoPs.  `offset` (2,) [m] is the part of the initial ICP that no eCMP within
+    the support brings to the end of the plan: it fades by e^-wt.
     """
 
     omega: float
@@ -189,11 +190,11 @@ class IcpPlan(Immutable):
 
     @cached_property
     def _knots(self) -> list[float]:
-        return list(self.knots.tolist())  # to go through them faster
+        return list(self.knots.tolist())  # faster to search than an array
 
     @cached_property
     def path(self) -> tuple[Array, Array]:
-        """Times (n,) [s] and ICPs (n, 2) [m] up to the end of the phase."""
+        """Sampled times (n,) [s] and ICPs (n, 2) [m] of the present phase."""
         knots, w = self.knots, self.omega
         end = min(self.duration, self._knots[-1])
         times = np.linspace(knots[0], max(end, knots[0]), _SAMPLES)
@@ -207,10 +208,10 @@ class IcpPlan(Immutable):
         return times, icp
 
     def time_to(self, icp: Array, t: float) -> float:
-        """Returns in how long [s] after `t` the plan is nearest to `icp` (2,).
+        """Returns the time [s] from `t` until the plan is closest to `icp`.
 
-        By the end of the present phase: the Nadia paper's Eq. 15, on chords of
-        1/64 of the phase.
+        Nadia paper, Eq. 15, within the present phase, on chords of 1/64 of it;
+        `icp` (2,) [m] in W.
         """
         times, path = self.path
         after = int(np.searchsorted(times, t, side="right"))
@@ -258,14 +259,13 @@ class IcpPlan(Immutable):
     ) -> ContactSchedule:
         """Returns the `schedule` of this plan with other `steps`, from `t` on.
 
-        When a foothold moves, so does the ICP from which the CoP reaches it, by
-        the Gamma dr of the Atlas paper (Eq. 18): this takes up the error of the
-        measured `icp` (2,) [m] in W.  The reference goes that way as far as it
-        comes nearer to `icp`, and the plan is bent for the rest, from `t` [s]
-        on: neither eCMP nor CoM jumps.  (Bent from the start of the phase, the
-        ICP would move by what lies in the past: in 100 pushes, 71 of 810 moves
-        made the error grow by 5 to 28 mm, and the eCMP left the soles by up to
-        0.3 m.  As it is: by 2 mm at the most, and not at all.)
+        The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18), its
+        shift for a foothold shift dr: as far as it comes closer to the measured
+        `icp` (2,) [m] in W.  From `t` [s] on, the eCMP waypoints are shifted
+        for the rest, so that neither eCMP nor CoM jumps.  (With waypoints
+        shifted from the start of the phase on, in 100 pushes 71 of 810 moves
+        increased the error by 5 to 28 mm, and the eCMP left the soles by up to
+        0.3 m.  With this method: 2 mm at most, and never.)
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
         before, after = (
@@ -284,8 +284,9 @@ def plan_icp(
 ) -> IcpPlan:
     """Returns the plan of the present phase and of the footsteps after it.
 
-    It starts with the CoM and CoP of schedule.start and, if
-    params.continuous, with its ICP.  It ends at rest between the feet.
+    The plan solves Eq. 4 of the Nadia paper for linear CoP segments.  It starts
+    with the CoM and CoP of schedule.start and, if params.continuous, with its
+    ICP.  It ends at rest between the feet.
 
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
@@ -314,20 +315,19 @@ def plan_icp(
 def _bent(
     path: CopWaypoints, icp_start: Array, omega: float
 ) -> tuple[Array, Array]:
-    """Returns the eCMP waypoints (N + 1, 2) by which the ICP starts there.
+    """Returns eCMP waypoints (N + 1, 2) whose ICP starts at `icp_start`.
 
-    All those with a support share the bend, the least in sum of squares, but
-    the later ones less.  What would leave its support stops at the
-    edge, and the others do more.  One waypoint alone would go 10 cm off the
-    soles if a foot landed 0.2 s early.  Second, by how much (2,) [m] all that
-    is not enough.
+    The waypoints with a support polygon are shifted, with the least weighted
+    sum of squares, later ones less, and projected onto their supports.  (A
+    single shifted waypoint would leave the soles by 10 cm if a foot landed
+    0.2 s early.)  The second result is the remaining ICP offset (2,) [m].
     """
     ecmp = path.points.copy()
     shares = recursive_multipliers(path.knots, path.start_time, omega)
     left = icp_start - shares @ ecmp
     bent = slice(1, len(path.supports) + 1)
     pulls = _LATER ** np.arange(len(path.supports)) * shares[bent]
-    # Of the waypoints from each on.
+    # Sums over each waypoint and all later ones.
     squares = np.cumsum((pulls * shares[bent])[::-1])[::-1]
     for _ in range(_SWEEPS):
         for i, support in enumerate(path.supports):
@@ -355,13 +355,13 @@ def _unbent_icp(
 def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
     """Returns the reference at the walking state's time in the phase.
 
-    Neither a new phase nor the clock makes the ICP jump: the one goes on from
-    where it is, the other moves it along the plan.  A moved foothold does
+    A new phase continues from the present reference, and the clock moves the
+    reference along the plan; only a moved foothold makes the ICP jump
     (`IcpPlan.moved`).
 
-    While the state is waiting, the ICP is held: in a swing with the eCMP of
-    the plan's end, on two feet with the eCMP under it, at rest.  The CoM stays
-    what it was, so that a plan that takes over from here has the same ICP.
+    While the state is waiting, the ICP is held at zero velocity: in a swing
+    with the eCMP at the end of the plan, on two feet with the eCMP at the ICP.
+    The CoM state is kept, so that the next plan starts with the same ICP.
     """
     reference = plan.at(min(state.time_in_phase, plan.duration))
     if not state.waiting:

@@ -1,7 +1,7 @@
-"""A tick of the Atlas paper's controller: feedback and footholds by one plan.
+"""A tick of the Atlas paper's controller: feedback and footholds from one plan.
 
-What is optimised is executed: the reference is that of the plan with the very
-footholds that are taken, whether the QP or a dead band has chosen them.
+The reference is always that of the plan with the executed footholds, those of
+the QP or those kept by a dead band.
 """
 
 import math
@@ -45,11 +45,11 @@ _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
 @dataclass(frozen=True, eq=False)
 class StepPhase(Immutable):
-    """What stays the same as long as the contact schedule does.
+    """The data that depend only on the contact schedule.
 
-    `steps` are those in force, `offsets` (n, 2) [m] in W their shifts from the
-    nominal footholds; `adjustment` are the steps as one; `reach` (n, 2) [m] in
-    W is that of the next one.
+    `steps` are the adjustments in force, `offsets` (n, 2) [m] in W their shifts
+    from the nominal footholds; `adjustment` holds all of them; `reach` (n, 2)
+    [m] in W is the region of the next foothold.
     """
 
     steps: tuple[Adjustment, ...]
@@ -62,10 +62,10 @@ class StepPhase(Immutable):
 
 
 class StepFeedback(NamedTuple):
-    """What a tick comes to.
+    """The feedback of one tick.
 
-    `adjustment` is None while no step may be moved; `reference` is that of the
-    plan with its footholds; `ecmp` (2,) [m] in W is r_cmp,d.
+    `adjustment` is None if step adjustment is off; `reference` is that of the
+    plan with the adjusted footholds; `ecmp` (2,) [m] in W is r_cmp,d.
     """
 
     adjustment: Adjustment | None
@@ -75,13 +75,14 @@ class StepFeedback(NamedTuple):
 
 
 def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
-    """Returns where the foot can be put, in the sole frame of the stance foot.
+    """Returns the region (n, 2) [m] of uncrossed footholds in the sole frame.
 
-    The base region (n, 2) [m], y toward the swing side, as far as the soles, if
-    parallel, are their clearance apart: this paper knows no crossed legs.
+    It is the part of the base region, y toward the swing side, in which
+    parallel soles are their clearance apart: the Atlas paper has no crossed
+    legs.
 
     Raises:
-        ValueError: there is no such place.
+        ValueError: the region is empty.
     """
     apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
     aside = np.array([[0.0, -1.0]]), np.array([-apart])
@@ -99,8 +100,8 @@ def reach_room(
 ) -> tuple[Array, Array]:
     """Returns half-spaces A s <= b of the shifts s (2 n,) of `steps` (Eq. 22).
 
-    Each foothold is in the convex `reach` (k, 2) [m] of the one before it, the
-    first one in that of `stance`.
+    Each foothold is in the convex `reach` (k, 2) [m] of the previous foothold,
+    the first one in that of `stance`.
     """
     n, k = len(steps), len(reach)
     rows, bounds = np.zeros((n, k, n, 2)), np.zeros((n, k))
@@ -122,9 +123,9 @@ def step_phase(
     params: IcpStepQpParams,
     model: PointMassModel,
 ) -> StepPhase:
-    """Returns what the schedule of `state` leaves to feedback and footholds.
+    """Returns the StepPhase of the schedule of `state`.
 
-    `reach` (n, 2) [m] is that of `uncrossed_reach`.
+    `reach` (n, 2) [m] is the result of `uncrossed_reach`.
     """
     schedule = state.schedule
     stance = schedule.feet[schedule.support_side]
@@ -147,7 +148,7 @@ def step_phase(
 
 
 def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
-    """The adjustments of the next steps, moved or not; none while standing."""
+    """Returns the adjustments of the next steps; none while standing."""
     if state.schedule.phase is Phase.STANDING:
         return ()
     steps, made = state.schedule.footsteps[:num_steps], state.adjustment
@@ -157,7 +158,7 @@ def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
 
 
 def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
-    """True with steps to come; in a swing not too early and not too late."""
+    """True if footholds may change: steps remain, no phase change is near."""
     schedule = state.schedule
     if schedule.phase is Phase.STANDING or not schedule.footsteps:
         return False
@@ -177,9 +178,9 @@ def step_feedback(
 ) -> StepFeedback:
     """Returns feedback and footholds for the measured `icp` (2,) [m] in W.
 
-    `state` is at t+, its clock advanced already; `phase` and `plan` are those
-    of its schedule.  No foothold moves unless the steps are `on`, nor if the QP
-    is not solved: then the feedback does what it can alone.
+    `state` is at t+, with its clock already advanced; `phase` and `plan` are
+    those of its schedule.  If step adjustment is not `on`, or the QP is not
+    solved, footholds are kept and only the CMP feedback acts.
     """
     reference = reference_of(plan, state)
     steps, result = phase.steps, _NO_QP
@@ -202,7 +203,7 @@ def step_feedback(
     if on:
         kept = steps is phase.steps
         adjustment = phase.adjustment if kept else _chain(steps)
-    # The QP's own delta, if the footholds are the QP's.
+    # Equal to the QP's delta if the footholds are the QP's.
     delta = phase.ankles.delta(icp - reference.icp, reference.ecmp)
     return StepFeedback(adjustment, reference, reference.ecmp + delta, result)
 
@@ -210,9 +211,9 @@ def step_feedback(
 def _moved(
     phase: StepPhase, shifts: Array, dead_band: float
 ) -> tuple[Adjustment, ...]:
-    """The steps, `shifts` (n, 2) [m] away from the nominal footholds.
+    """Returns the steps, `shifts` (n, 2) [m] from the nominal footholds.
 
-    Those of `phase` if no pose changes.
+    The steps of `phase` are returned if no pose changes.
     """
     if _longest(shifts) < dead_band:
         if not phase.offsets.any():
@@ -232,13 +233,13 @@ def _longest(vectors: Array) -> float:
 
 
 def _shifts(steps: tuple[Adjustment, ...]) -> Array:
-    """From the nominal footholds (n, 2) [m], in W."""
+    """Returns the shifts (n, 2) [m] from the nominal footholds, in W."""
     shifts = [(a.pose.p_WF - a.nominal.pose.p_WF)[:2] for a in steps]
     return np.reshape(shifts, (-1, 2))
 
 
 def _chain(steps: tuple[Adjustment, ...]) -> Adjustment | None:
-    """The adjustment of the next step, with those `later`."""
+    """Returns the adjustment of the next step with the `later` ones."""
     if not steps:
         return None
     return replace(steps[0], later=steps[1:])
@@ -247,7 +248,7 @@ def _chain(steps: tuple[Adjustment, ...]) -> Adjustment | None:
 def _shifted(
     reference: IcpReference, icp: Array, cmp: Array, omega: float, held: bool
 ) -> IcpReference:
-    """The `reference`, its ICP and CMP moved by so much (2,) [m] in W."""
+    """Returns the `reference`, its ICP and CMP shifted by (2,) [m] in W."""
     ecmp = reference.ecmp + cmp
     velocity = 0.0 if held else omega * (icp - cmp)
     return replace(

@@ -1,4 +1,4 @@
-"""One QP for the ankles and the next footholds (Atlas paper, Sec. IV)."""
+"""QP for CMP feedback and the next footholds (Atlas paper, Sec. IV)."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -21,22 +21,22 @@ class IcpStepQpParams:
     """Gain, weights and limits of the Atlas paper's Eqs. 20 to 22."""
 
     feedback_gain: float = bounded(3.0, above=1.0)  # k_xi, CMP per ICP error
-    num_steps: int = bounded(1, least=1, most=4)  # N, of those previewed
-    # Q_f, R and Q_eta, forward and left of the stance foot: on the shifts of
-    # the footholds, on delta, and on the ICP error that is left over.  Q_f is
-    # the larger: the CoP is used up before a foothold moves.
+    num_steps: int = bounded(1, least=1, most=4)  # N adjustable footholds
+    # Q_f, R and Q_eta, forward and left of the stance foot: weights of the
+    # foothold shifts, of delta, and of the slack in the ICP error.  Q_f is
+    # larger than R: the CoP reaches its limit before a foothold moves.
     step_weight: list[list[float]] = _diagonal(10.0)
     feedback_weight: list[list[float]] = _diagonal(1.0)
     slack_weight: list[list[float]] = _diagonal(1e5)
-    # How far inside the support polygon the CMP stays.
+    # Margin of the CMP to the edge of the support polygon.
     cop_safe_distance: float = bounded(
         0.005, least=0.0, unit="m", of="sole_width"
     )
-    # Between the soles, sideways.
+    # Lateral clearance between the soles.
     sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # The footholds move by so much, or not at all.
+    # Foothold changes smaller than this are ignored.
     dead_band: float = bounded(0.02, least=0.0, unit="m")
-    # No change so shortly before touchdown, nor so early in a phase.
+    # Times before touchdown and after a phase change without foothold changes.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
@@ -64,7 +64,7 @@ class StepWeights(NamedTuple):
 
     @classmethod
     def of(cls, params: IcpStepQpParams, stance: FootPose) -> "StepWeights":
-        """Those of `params`, which are forward and left of `stance`."""
+        """Returns the weights of `params`, rotated from the `stance` frame."""
         R, names = stance.rotation, ("step", "feedback", "slack")
         weights = (
             np.array(getattr(params, f"{name}_weight")) for name in names
@@ -74,11 +74,11 @@ class StepWeights(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StepLimits(Immutable):
-    """What stays the same in the QP as long as contacts and steps do.
+    """The part of the QP that is constant for given contacts and steps.
 
-    A_cmp p <= b_cmp of the CMP in W (Eq. 21), with A_cmp (k, 2).  The first k
-    rows of C x <= upper are left to it, then come those of the footholds.  `H`
-    is the cost without delta's, whose weight is `R` (2, 2).
+    A_cmp p <= b_cmp limits the CMP in W (Eq. 21), with A_cmp (k, 2).  The first
+    k rows of C x <= upper are reserved for it; the rows of the footholds
+    follow.  `H` is the cost without that of delta, whose weight is `R` (2, 2).
     """
 
     A_cmp: Array
@@ -90,11 +90,11 @@ class StepLimits(Immutable):
 
 
 class StepSolution(NamedTuple):
-    """What the QP decides, in W [m]; NaN if the `result` is not solved.
+    """The optimum of the QP, in W [m]; NaN if the `result` is not solved.
 
     `steps` (n, 2) are the shifts of the footholds from the planned ones,
-    `delta` (2,) the feedback on the CMP, `slack` = eta (2,) the ICP error left
-    to neither.
+    `delta` (2,) the feedback on the CMP, `slack` = eta (2,) the remaining ICP
+    error.
     """
 
     steps: Array
@@ -108,11 +108,11 @@ class IcpStepQp:
 
         min   sum |step_i|^2_Qf + |delta|^2_R + |eta|^2_Qeta
         s.t.  delta = k_xi (e - sum Gamma_i step_i - eta),
-              the CMP + delta where the soles are (Eq. 21),
+              the CMP + delta in the support polygon (Eq. 21),
               the footholds within reach of each other (Eq. 22).
 
-    Half-spaces stand for the paper's multipliers of the corners.  The CMP also
-    moves with the footholds where a spline shifts it.  Delta is eliminated.
+    Half-spaces replace the paper's multipliers of the corners.  The CMP also
+    moves with the footholds while a spline shifts it.  Delta is eliminated.
     """
 
     def __init__(self, params: IcpStepQpParams) -> None:
@@ -126,9 +126,9 @@ class IcpStepQp:
         cmp_room: tuple[Array, Array],
         step_room: tuple[Array, Array],
     ) -> StepLimits:
-        """Returns what `solve` needs, from the half-spaces A p <= b in W.
+        """Returns the limits for `solve` from half-spaces A p <= b in W.
 
-        With A (k, 2) of the CMP, and A (m, 2 n) of the shifts of n footholds.
+        A is (k, 2) for the CMP, and (m, 2 n) for the shifts of n footholds.
         """
         (A_cmp, b_cmp), (A, b) = cmp_room, step_room
         H = np.zeros((self._size, self._size))
@@ -142,7 +142,7 @@ class IcpStepQp:
     def solve(
         self, error: Array, cmp: Array, moves: Array, limits: StepLimits
     ) -> StepSolution:
-        """Returns steps and feedback for the planned footholds' ICP error.
+        """Returns steps and feedback for the ICP error of the nominal plan.
 
         `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m], both
         in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N footholds.
@@ -176,15 +176,14 @@ class IcpStepQp:
 
 
 class AnkleFeedback:
-    """The optimum of Eq. 20 if no foothold moves, in closed form.
+    """Closed form of Eq. 20 for fixed footholds: a projection in the norm of M.
 
-    Without eta, one quadratic cost |delta - K error|^2_M is left: with the CMP
-    in the polygon `room` (n, 2) [m], the optimum is a projection by M's
-    measure.
+    Eliminating eta leaves the cost |delta - K error|^2_M, with the CMP in the
+    polygon `room` (n, 2) [m].
     """
 
     def __init__(self, room: Array, weights: StepWeights, gain: float) -> None:
-        """For the gain k_xi > 0."""
+        """Computes K and M for the gain k_xi > 0."""
         M = weights.feedback + weights.slack / gain**2
         self._K = np.linalg.inv(M) @ weights.slack / gain
         self._L = np.linalg.cholesky(M).T

@@ -1,4 +1,4 @@
-"""What the drives of the joints can do: torque at speed, lag, torque rate."""
+"""Limits of the joint drives: torque-speed line, lag, torque rate."""
 
 import math
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from nadia_balance.core.walking import Array
 
 @dataclass(kw_only=True)
 class JointDriveParams:
-    """Figures that all drives of a robot share; limits are in the URDF."""
+    """Parameters common to all drives; torque and speed limits: see URDF."""
 
-    # Of the torque, a first-order lag.
+    # Bandwidth of the torque, a first-order lag.
     bandwidth: float = bounded(40.0, above=0.0, unit="Hz")
-    # Up to this share of the speed limit the full torque is there; from then
-    # on it falls, to nothing at the limit.
+    # Share of the speed limit up to which the full torque is available; above
+    # it the torque limit decreases linearly to 0 at the speed limit.
     corner_speed: float = bounded(0.5, above=0.0, below=1.0)
-    # How fast the controller changes a torque, in shares of its limit.
+    # Largest rate of a commanded torque, in shares of its limit.
     max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
 
     @property
     def lag(self) -> float:
-        """By how much [s] a slowly changing torque is late."""
+        """Lag [s] of a slowly changing torque."""
         return 1.0 / (2.0 * math.pi * self.bandwidth)
 
 
@@ -32,11 +32,10 @@ def torque_limits(
 ) -> Array:
     """Returns the least and the largest torque (2, n) [N m] of n drives.
 
-    At `speed` (n,), with limits `max_torque` (n,) [N m] and `max_speed` (n,)
-    [rad/s]: the torque-speed line bounds what drives a joint, never what
-    brakes it.
+    `speed` (n,) [rad/s], with limits `max_torque` (n,) [N m] and `max_speed`
+    (n,) [rad/s]: the torque-speed line bounds driving, not braking torques.
     """
-    # In place, as it is asked for in every step of the plant.
+    # In place for speed: called in every step of the plant.
     limits = np.empty((2, speed.size))
     np.add(max_speed, speed, out=limits[0])
     np.subtract(max_speed, speed, out=limits[1])
@@ -48,8 +47,8 @@ def torque_limits(
 
 
 def lag_share(bandwidth: float, period: float) -> float:
-    """Which share of a step in torque is there after `period` [s].
+    """Returns the step response [-] of the torque after `period` [s].
 
-    Of a first-order lag that is 3 dB down at `bandwidth` [Hz].
+    The drive is a first-order lag with the 3 dB `bandwidth` [Hz].
     """
     return -math.expm1(-2.0 * math.pi * bandwidth * period)

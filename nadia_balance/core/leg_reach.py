@@ -1,4 +1,4 @@
-"""How far apart the feet can be, from the legs: flat soles, the hips low."""
+"""Extents of the base region from leg lengths, for flat soles and low hips."""
 
 import math
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from nadia_balance.core.model import LegGeometry
 
 
 class LegReach(NamedTuple):
-    """Of the base region (ReachabilityParams) [m]."""
+    """Extents [m] of the base region (ReachabilityParams)."""
 
     length: float  # forward, and backward
     width_max: float
@@ -20,15 +20,15 @@ def leg_reach(
     lean: float,
     params: ComHeightParams | None = None,
 ) -> LegReach:
-    """Returns how far apart the feet can be, the hips half-way between them.
+    """Returns the largest step length and width, with the hips half-way.
 
-    The CoM, `com_height` [m] above the soles when standing, is as low as the
-    height plan lets it be; a leg is as long as there, or leans outward by
-    `lean` [rad].  It is `height_limit` solved for the step, and of Nadia what
-    the paper's Sec. VII says, to 1 %.
+    The result is `height_limit` solved for the step, at the lowest CoM of the
+    height plan, with legs of the largest length or an outward angle of `lean`
+    [rad]; `com_height` [m] is that above the soles when standing.  For Nadia
+    it agrees with the paper's Sec. VII to 1 %.
 
     Raises:
-        ValueError: the hips are not that low, or they are on the ground.
+        ValueError: legs are straight at the lowest CoM, or hips on the ground.
     """
     params = params or ComHeightParams()
     above_ankle = legs.com_above_hip + legs.ankle_height

@@ -14,10 +14,10 @@ GRAVITY = 9.81  # [m/s^2]
 def natural_frequency(com_height: float) -> float:
     """Returns omega = sqrt(g / z) [rad/s] (Nadia paper, below Eq. 1).
 
-    For the height z > 0 [m] of the CoM above the eCMP.
+    `com_height` z > 0 [m] is the height of the CoM above the eCMP.
 
     Raises:
-        ValueError: it is not positive (NaN included).
+        ValueError: z is not positive (NaN included).
     """
     if not com_height > 0.0:
         raise ValueError(f"com_height = {com_height}: must be > 0")
@@ -27,7 +27,7 @@ def natural_frequency(com_height: float) -> float:
 def icp(com: Array, com_velocity: Array, omega: float) -> Array:
     """Returns the ICP x + xdot / omega (Nadia paper, Eq. 1).
 
-    `com` [m] and `com_velocity` [m/s], any one shape, one frame.
+    `com` [m] and `com_velocity` [m/s] have the same shape and frame.
     """
     return np.asarray(com + com_velocity / omega)
 
@@ -35,7 +35,7 @@ def icp(com: Array, com_velocity: Array, omega: float) -> Array:
 def icp_after(icp: Array, ecmp: Array, omega: float, t: float) -> Array:
     """Returns the ICP after `t` [s] at a constant eCMP (Nadia paper, Eq. 3).
 
-    Points (2,) [m] in W; a negative `t` looks back.
+    Points (2,) [m] in W; `t` may be negative.
     """
     return np.asarray(ecmp + math.exp(omega * t) * (icp - ecmp))
 
@@ -45,8 +45,8 @@ def com_after(
 ) -> tuple[Array, Array]:
     """Returns CoM and its velocity after `t` [s] at a constant eCMP.
 
-    The solution of xddot = omega^2 (x - r_ecmp), which is Eq. 5 of the Nadia
-    paper without a change of height.  Points (2,) [m], [m/s] in W.
+    It solves xddot = omega^2 (x - r_ecmp), which is Eq. 5 of the Nadia paper
+    at constant height.  Points (2,) [m], [m/s] in W.
     """
     c, s = math.cosh(omega * t), math.sinh(omega * t)
     offset = com - ecmp

@@ -1,10 +1,10 @@
-"""The largest push from which a point mass can be captured at all.
+"""Upper bound on recoverable pushes of the linear inverted pendulum.
 
-Of the linear inverted pendulum with the robot's own figures, whatever the
-controller: it knows of the push at once, and chooses the CoP, when the feet
-land and where.  At rest in the end, the ICP is the mean of all eCMPs to come
-with the weights w e^-wt (the ICP's flow, Nadia paper, Eq. 3, integrated): for
-given times of the steps, the largest push is a linear program.
+The bound uses the robot's parameters and holds for any controller: one that
+knows the push at its start, and chooses CoP, footholds and touchdown times.  To
+come to rest, the ICP must be the mean of all future eCMPs with the weights
+w e^-wt (the ICP dynamics, Nadia paper, Eq. 3, integrated): for given step
+times, the largest push is a linear program.
 """
 
 import itertools
@@ -31,26 +31,26 @@ from nadia_balance.core.walking import (
 )
 
 _MOST_STEPS = 4
-# How much later than at the earliest a foot lands, in 1 / omega: the first one
-# and those after it.  With a foot speed, to land later is to step farther.
+# Tried delays of each landing after the earliest one, in 1 / omega.  With
+# limited foot speed, a later landing allows a longer step.
 _WAITS = (
     (0.0, 0.17, 0.33, 0.5, 0.83, 1.2, 1.7),
     (0.0, 0.33, 0.83, 1.8),
     (0.0, 0.33, 0.83),
     (0.0, 0.33),
 )
-_HULL = "hull"  # of all regions
-_BETTER = 1e-6  # [m/s]
+_HULL = "hull"  # name of the hull of all regions
+_BETTER = 1e-6  # least improvement of a push [m/s]
 _ZERO = np.zeros(2)
 _BOX = np.vstack([np.eye(2), -np.eye(2)])
-_DIRECTIONS = circle(1.0)  # the polygon about a disc is 0.5 % too large
+_DIRECTIONS = circle(1.0)  # normals; the outer polygon is 0.5 % too large
 
 Halfplanes = tuple[Array, Array]  # A p <= b
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A push of `delta_v` [m/s], and how it is recovered from.
+    """A push of `delta_v` [m/s] and its recovery.
 
     Swing k ends `landings[k]` [s] after the push began, at `footholds[k]` (2,)
     [m] in the sole frame of the stance foot, y to the swing side; `cop` (2,)
@@ -65,17 +65,17 @@ class Capture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
-    """The limits of one moment of a walk, in `state`, with the `icp` (2,) [m].
+    """The largest pushes at one instant, in `state`, with the `icp` (2,) [m].
 
-    The foot in the air is at `foot` (2,) [m] when the push begins; from then on
-    no foot is faster than model.detour.max_speed on the straight line to its
-    foothold, on average.  The eCMP may leave the soles by
-    `kappa` [m] along x and y, at any time and for nothing.  The feet stay
-    parallel.  Without `on.step`, `on.swing` or `on.transfer`, footholds or
-    durations are the planned ones.
+    The swing foot is at `foot` (2,) [m] when the push begins; its mean speed on
+    the straight line to its foothold is limited to model.detour.max_speed, as
+    that of later feet.  The eCMP may leave the soles by `kappa` [m] along x and
+    y, at any time and without cost.  The feet stay parallel.  Without
+    `on.step`, `on.swing` or `on.transfer`, footholds or durations are the
+    planned ones.
 
     Raises:
-        ValueError: there is no step to take, or `kappa` is negative.
+        ValueError: no steps remain, or `kappa` is negative.
     """
 
     state: WalkingState
@@ -95,7 +95,7 @@ class LipmLimit:
 
     @cached_property
     def assumptions(self) -> str:
-        """What the limit assumes, with its figures."""
+        """The assumptions of the limit, with numbers, as text."""
         m, (length, width) = self.model, np.ptp(self.model.sole, axis=0)
         swing, transfer = (min(times) for times in self._durations)
         speed = f"mean foot speed up to {m.detour.max_speed:g} m/s"
@@ -112,9 +112,9 @@ class LipmLimit:
     def largest_push(self, direction_deg: float) -> Capture:
         """Returns the largest push in a direction, 0 forward, 90 left [deg].
 
-        Of all numbers of steps and times that are tried, and of all regions of
-        the steps, by one linear program each; where crossed legs are a choice,
-        only if the hull of the regions promises more than the best so far.
+        It is the maximum over step counts, timings and regions, with one linear
+        program each.  Regions are branched on only if the LP with their hull
+        exceeds the best push found (branch and bound).
         """
         angle = math.radians(direction_deg)
         way = np.array([math.cos(angle), self._side * math.sin(angle)])
@@ -147,7 +147,7 @@ class LipmLimit:
 
     @cached_property
     def _foot(self) -> Array:
-        """Where the foot that swings first is."""
+        """Position (2,) [m] of the first swing foot, see `_local`."""
         schedule = self.state.schedule
         if schedule.phase is Phase.SWING:
             return self._local(self.foot)
@@ -161,14 +161,14 @@ class LipmLimit:
 
     @cached_property
     def _regions(self) -> dict[str, Array]:
-        """Where a foot can be put, and the hull."""
+        """The reachability regions by name, and their hull."""
         regions = step_regions(self.model.reach, self.on.cross_over)
         hull = total_region(self.model.reach, self.on.cross_over)
         return {**regions, _HULL: hull}
 
     @cached_property
     def _reach(self) -> list[dict[str, Halfplanes]]:
-        """Of each step, the regions by name, y to the first swing side."""
+        """Regions of each step by name, y to the first swing side."""
         if self.on.step:
             sides = [[1.0, (-1.0) ** k] for k in range(len(self._steps))]
             return [
@@ -189,7 +189,7 @@ class LipmLimit:
 
     @cached_property
     def _ecmps(self) -> Halfplanes:
-        """Where the eCMP can be, about a sole's centre."""
+        """Half-planes of the eCMP about a sole's centre."""
         square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
         sole = convex_hull(self.model.sole)
         return halfspaces(minkowski_sum(sole, square) if self.kappa else sole)
@@ -209,7 +209,7 @@ class LipmLimit:
 
     @cached_property
     def _rests(self) -> tuple[list[float], list[float]]:
-        """As `_durations`, of the first ones what is left of them [s]."""
+        """Like `_durations` [s], but the first ones are the remaining times."""
         state, (swings, transfers) = self.state, self._durations
         swing, schedule = swings[0], state.schedule
         if schedule.phase is Phase.SWING:
@@ -223,9 +223,9 @@ class LipmLimit:
         return [swing, *swings[1:]], [lift_off, *transfers[1:]]
 
     def _swings(self) -> Iterator[tuple[float, ...]]:
-        """The durations [s] of the swings that are tried, fast ones first.
+        """Yields the tried durations [s] of the swings, fast ones first.
 
-        Of fewer steps, too: the robot may stop where it steps as it likes.
+        With `on.step` all smaller step counts are tried, as the robot may stop.
         """
         swings, most = self._rests[0], len(self._steps)
         for n in range(0 if self.on.step else most, most + 1):
@@ -238,7 +238,7 @@ class LipmLimit:
             yield from itertools.product(*tried)
 
     def _behind(self) -> float:
-        """The weight of the foot that is about to lift off."""
+        """Weight [-] of the eCMP of the trailing foot before lift-off."""
         schedule, state = self.state.schedule, self.state
         if schedule.phase is not Phase.TRANSFER:
             return 0.0
@@ -249,17 +249,17 @@ class LipmLimit:
     def _solve(
         self, way: Array, swings: tuple[float, ...], regions: Sequence[str]
     ) -> Capture | None:
-        """The largest push along `way` (2,); None: there is none.
+        """Returns the largest push along `way` (2,); None if infeasible.
 
-        The variables are its delta_v and the steps' vectors (n, 2), each from
-        one foot to the other.
+        The variables are delta_v and the step vectors (n, 2), each from one
+        foot to the other.
         """
         n, w, T = len(swings), self.model.omega, self.push_duration
         transfers = self._rests[1][: n + 1]
         landings = np.cumsum(swings) + np.cumsum(transfers[:n])
         after = [*transfers[1:], transfers[-1]][:n]
         weights = np.exp(-w * landings) * [_mean_decay(w * t) for t in after]
-        per_speed = -math.expm1(-w * T) / (w * w * T)  # the ICP's way [s]
+        per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
         foot = self._foot
         ecmp = self._local(self.icp) - self._behind() * foot
         of_ecmp = np.column_stack(
@@ -284,5 +284,5 @@ class LipmLimit:
 
 
 def _mean_decay(x: float) -> float:
-    """(1 - e^-x) / x: the weight of a foot that is loaded linearly."""
+    """Returns (1 - e^-x) / x, the weight of a linearly loaded foot."""
     return -math.expm1(-x) / x if x > 0.0 else 1.0

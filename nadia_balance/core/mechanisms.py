@@ -1,4 +1,4 @@
-"""What the robot may use to recover, besides its ankles and hips."""
+"""The recovery mechanisms besides ankles and hips."""
 
 from dataclasses import astuple, dataclass
 
@@ -9,12 +9,12 @@ from nadia_balance.core.walking import Array
 
 @dataclass(frozen=True)
 class Mechanisms:
-    """Which recovery mechanisms are on."""
+    """Switches of the recovery mechanisms."""
 
-    step: bool  # adjusts where the foot lands
-    swing: bool  # adjusts how long a swing lasts
-    transfer: bool  # adjusts how long a transfer lasts
-    cross_over: bool  # lets an adjusted step cross the legs
+    step: bool  # foothold adjustment
+    swing: bool  # adjustment of swing durations
+    transfer: bool  # adjustment of transfer durations
+    cross_over: bool  # cross-over steps in the foothold adjustment
 
     def as_vector(self) -> Array:
         """Returns 1 for on and 0 for off, in the order of the fields, (4,)."""
@@ -26,7 +26,7 @@ class Mechanisms:
         return cls(*(vector > 0.5).tolist())
 
 
-# The columns of the Nadia paper's Fig. 10, fewer mechanisms before more.
+# The columns of the Nadia paper's Fig. 10, in order of more mechanisms.
 MECHANISMS = {
     "icp_only": Mechanisms(False, False, False, False),
     "step": Mechanisms(True, False, False, False),
@@ -35,7 +35,7 @@ MECHANISMS = {
     "all_with_cross_over": Mechanisms(True, True, True, True),
 }
 
-# The lines of the Atlas paper's Fig. 6, of its own controller.
+# The lines of the Atlas paper's Fig. 6, for the Atlas paper's controller.
 ATLAS_MECHANISMS = {
     "feedback": Mechanisms(False, False, False, False),
     "feedback_step": Mechanisms(True, False, False, False),

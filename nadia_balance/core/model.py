@@ -1,4 +1,4 @@
-"""The point-mass model: all that capture-point control knows of a robot."""
+"""The point-mass model, the robot model of capture-point control."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,13 +13,13 @@ from nadia_balance.core.walking import Array
 
 @dataclass(kw_only=True)
 class LegGeometry:
-    """How far the legs reach."""
+    """Dimensions of the legs."""
 
-    # From the hip pitch axis to the ankle, the knee straight.
+    # Distance from the hip pitch axis to the ankle with a straight knee.
     length: float = bounded(0.0, above=0.0, unit="m")
     ankle_height: float = bounded(0.0, above=0.0, unit="m")  # above the sole
     com_above_hip: float = 0.0  # vertical, in the nominal posture [m]
-    # Lateral, between the hip pitch axes.
+    # Lateral distance of the hip pitch axes.
     hip_width: float = bounded(0.0, above=0.0, unit="m")
 
 
@@ -32,9 +32,9 @@ class PointMassModel:
     step_width: float  # between the sole centres, standing [m]
     sole: Array  # (n, 2) corners of either sole, in its own frame [m]
     legs: LegGeometry
-    reach: ReachabilityParams  # where the swing foot can be put
-    detour: SwingDetourParams  # how it gets there, past the stance leg
-    ground: Ground | None = None  # None: everywhere, level
+    reach: ReachabilityParams  # reachability regions of the swing foot
+    detour: SwingDetourParams  # path of the swing foot past the stance leg
+    ground: Ground | None = None  # None: unlimited level ground
 
     @property
     def is_uneven(self) -> bool:

@@ -18,23 +18,23 @@ from nadia_balance.core.walking import Array
 class MomentumQpParams:
     """Gain, weights and limits of the Nadia paper's Eqs. 6-8."""
 
-    # k_p, eCMP per ICP error.
-    # Erratum: the k_p of the paper is the total gain, unstable below 1.
+    # k_p: eCMP offset per ICP error [-].
+    # Erratum: the paper's k_p is the total gain, unstable below 1.
     feedback_gain: float = bounded(3.0, above=1.0)
     error_weight: float = bounded(1e3, above=0.0)  # Q_e
     perpendicular_weight: float = bounded(1e5, least=0.0)  # Q_perp
     cop_weight: float = bounded(3.0, above=0.0)  # R_delta
-    # R_kappa, larger than R_delta: the ankles come before the hips.
+    # R_kappa, larger than R_delta: ankles are preferred to hips.
     ecmp_weight: float = bounded(90.0, above=0.0)
     rate_weight: float = bounded(
         100.0, least=0.0
     )  # R_p, on the change per tick
-    # Below this ICP error its direction is noise: the cost of feedback
-    # perpendicular to it fades out.
+    # Below this ICP error its direction is noise: the cost of perpendicular
+    # feedback fades out.
     small_error: float = bounded(1e-3, above=0.0, unit="m")
-    # eCMP from CoP, along and across the foot.
+    # Bound on eCMP - CoP, along and across the foot.
     max_kappa: float = bounded(0.05, least=0.0, unit="m")
-    # How far inside the support polygon the CoP stays.
+    # Margin of the CoP to the edge of the support polygon.
     cop_safe_distance: float = bounded(
         0.005, least=0.0, unit="m", of="sole_width"
     )
@@ -50,7 +50,7 @@ class MomentumQpParams:
 
     @property
     def effective_gain(self) -> float:
-        """What the weights on delta and kappa leave of the feedback gain."""
+        """Feedback gain as reduced by the weights on delta and kappa [-]."""
         effort = 1.0 / (1.0 / self.cop_weight + 1.0 / self.ecmp_weight)
         share = self.error_weight / (self.error_weight + effort)
         return self.feedback_gain * share
@@ -58,13 +58,12 @@ class MomentumQpParams:
 
 @dataclass(frozen=True, eq=False)
 class FeedbackLimits:
-    """The constraints of the Nadia paper's Eq. 8, the same while contacts are.
+    """The constraints of the Nadia paper's Eq. 8 for constant contacts.
 
     lower <= C (cop, kappa) <= upper, with the total kappa = ecmp - cop: the
-    CoP in the `polygon` (n, 2) [m] of W, and kappa within +-max_kappa [m]
-    along the rows of `axes` (2, 2), the last two rows of C (n + 2, 4).  As
-    kappa leads from the CoP to the eCMP, this also bounds how far the eCMP
-    leaves the polygon.
+    CoP is in the `polygon` (n, 2) [m] in W, and kappa within +-max_kappa [m]
+    along the rows of `axes` (2, 2), the last two rows of C (n + 2, 4).  The
+    bound on kappa also bounds the distance of the eCMP from the polygon.
     """
 
     polygon: Array
@@ -75,9 +74,9 @@ class FeedbackLimits:
     upper: Array
 
     def clipped(self, increments: Array, reference: Array) -> Array:
-        """Returns (delta, kappa) (4,) as near as the limits allow.
+        """Returns the closest feasible increments (delta, kappa) (4,) [m].
 
-        `reference` (4,) is (cop_r, kappa_r), the increments start from it.
+        `reference` (4,) [m] is (cop_r, kappa_r), to which they are added.
         """
         total = reference + increments
         cop = project(total[:2], self.polygon)
@@ -95,7 +94,7 @@ def feedback_limits(
     bounded.
 
     Raises:
-        ValueError: nothing is left of the polygon.
+        ValueError: the margin leaves no area of the polygon.
     """
     polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
     A, b = halfspaces(polygon)
@@ -109,11 +108,11 @@ def feedback_limits(
 
 
 class IcpFeedback(NamedTuple):
-    """The feedback increments, and the points they lead to in W [m].
+    """The feedback increments, and the resulting CoP and eCMP in W [m].
 
     `increments` (4,) are delta, of the CoP, and kappa, of the eCMP with respect
     to the CoP; `cop` (2,) is r_cop,d, `ecmp` (2,) is r_ecmp,d.
-    `result.x` is not to be used if it is not solved.
+    `result.x` is valid only if the result is solved.
     """
 
     increments: Array
@@ -153,9 +152,9 @@ class IcpFeedbackQp:
         """Returns the feedback for the ICP error icp - icp_r, (2,) [m] in W.
 
         `cop_r` and `kappa_r` = ecmp_r - cop_r (2,) [m] are the reference,
-        `previous` (4,) [m] the increments of the last tick.  If there is no
-        solution, these are used again as far as the limits allow, and the
-        result says that it is not solved.
+        `previous` (4,) [m] the increments of the last tick.  If the QP has no
+        solution, they are used again, clipped to the limits, and
+        `result.solved` is False.
 
         Raises:
             ValueError: an argument is not finite.
@@ -172,7 +171,7 @@ class IcpFeedbackQp:
         return IcpFeedback(x, cop, cop + kappa_r + x[2:], result)
 
     def _cost(self, error: Array, previous: Array) -> tuple[Array, Array]:
-        """H (4, 4) and g (4,) of 1/2 x'Hx + g'x."""
+        """Returns H (4, 4) and g (4,) of the cost 1/2 x'Hx + g'x."""
         p = self._params
         ex, ey = float(error[0]), float(error[1])
         length = max(math.hypot(ex, ey), p.small_error)
@@ -200,8 +199,8 @@ def momentum_rate(
 ) -> Array:
     """Returns the linear momentum rate (3,) [N] in W (Nadia paper, Eq. 5).
 
-    m omega^2 (x - r_ecmp) horizontally (`com`, `ecmp` (2,) [m]), m zddot
-    vertically: the ground pushes with m (g + zddot).
+    The rate is m omega^2 (x - r_ecmp) horizontally (`com`, `ecmp` (2,) [m])
+    and m zddot vertically; the vertical ground force is m (g + zddot).
     Erratum: g is a vector; it cancels the vertical part at constant height.
     """
     (x, y), (ecmp_x, ecmp_y) = com.tolist(), ecmp.tolist()

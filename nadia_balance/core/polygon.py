@@ -13,10 +13,10 @@ import numpy as np
 from nadia_balance.core.walking import Array, ContactSchedule, Side
 
 Point = tuple[float, float]
-# From the vertex x, y [m] by dx, dy [m] to the next one.
+# Vertex x, y [m] and vector dx, dy [m] to the next vertex.
 Edge = tuple[float, float, float, float]
 
-# Far below what matters, far above rounding:
+# Tolerances, far below relevant sizes and far above rounding errors:
 _FLAT = 1e-12  # a triangle of half this area [m^2] is a line
 _COINCIDENT = 1e-9  # vertices closer than this [m] are one
 _PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
@@ -26,7 +26,7 @@ _NOTHING = np.empty((0, 2))
 
 def as_array(points: list[Point]) -> Array:
     """Returns `points` as an array (n, 2)."""
-    # Twice as fast as np.array, which looks at each pair as a sequence.
+    # Twice as fast as np.array, which treats each pair as a sequence.
     coordinates = itertools.chain.from_iterable(points)
     return np.fromiter(coordinates, float, 2 * len(points)).reshape(-1, 2)
 
@@ -43,7 +43,7 @@ def convex_hull(points: Array) -> Array:
 
 
 def hull(points: Iterable[Point]) -> list[Point]:
-    """As `convex_hull`, for few points.  Andrew's monotone chain."""
+    """Returns the hull of few points by Andrew's monotone chain."""
     ordered = sorted(set(points))
     if not math.isfinite(sum(itertools.chain.from_iterable(ordered))):
         raise ValueError(f"points = {ordered}: must be finite")
@@ -51,14 +51,14 @@ def hull(points: Iterable[Point]) -> list[Point]:
         return ordered
     lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
     vertices = lower[:-1] + upper[:-1]
-    if _area(vertices) <= _FLAT:  # a line, but for rounding
+    if _area(vertices) <= _FLAT:  # a line up to rounding
         pairs = itertools.combinations(vertices, 2)
         vertices = list(max(pairs, key=lambda ends: math.dist(*ends)))
     return vertices
 
 
 def _half_hull(ordered: Iterable[Point]) -> list[Point]:
-    """Returns the right-hand boundary met when going through `ordered`."""
+    """Returns the right-hand boundary along the direction of `ordered`."""
     chain: list[Point] = []
     for p in ordered:
         x, y = p
@@ -68,7 +68,7 @@ def _half_hull(ordered: Iterable[Point]) -> list[Point]:
             turn = ux * (y - ay) - uy * (x - ax)
             if turn > _FLAT:
                 break
-            # On a line that is vertical but for rounding, b may be beyond p.
+            # On a line that is vertical up to rounding, b may be beyond p.
             if turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0:
                 break
             chain.pop()
@@ -89,7 +89,7 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
     describes the polygon shrunk by d.
 
     Raises:
-        ValueError: fewer than 3 vertices: it has no inside.
+        ValueError: fewer than 3 vertices, so no interior.
     """
     if len(polygon) < 3:
         raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
@@ -103,7 +103,7 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
 
 
 def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
-    """True if `point` (2,) is in the polygon or `tolerance` [m] beside it."""
+    """True if `point` (2,) is in the polygon, within `tolerance` [m]."""
     if len(polygon) < 3:
         return bool(
             np.linalg.norm(point - project(point, polygon)) <= tolerance
@@ -120,7 +120,7 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
 def project(point: Array, polygon: Array) -> Array:
     """Returns the point (2,) of the polygon that is closest to `point` (2,).
 
-    Also for the one or two vertices of a degenerate hull.
+    A degenerate hull of one or two vertices is allowed.
     """
     if len(polygon) > 2 and contains(point, polygon):
         return point
@@ -140,7 +140,7 @@ def _project_on_segment(p: Point, a: Point, b: Point) -> Point:
 
 
 def centroid(polygon: Array) -> Array:
-    """Returns the centre of area (2,) [m]; the mean vertex if it has none."""
+    """Returns the centroid (2,) [m]; the mean vertex if the area is 0."""
     origin = polygon[0]
     area, x, y = 0.0, 0.0, 0.0
     for a, b in _edges(polygon - origin):
@@ -173,7 +173,7 @@ def _area(vertices: list[Point]) -> float:
 def _clip(
     vertices: list[Point], nx: float, ny: float, offset: float
 ) -> list[Point]:
-    """One step of Sutherland and Hodgman's clipping: n . p <= offset."""
+    """Returns the part with n . p <= offset (Sutherland-Hodgman clipping)."""
     kept: list[Point] = []
     if not vertices:
         return kept
@@ -203,7 +203,7 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
     offsets = b[cutting].tolist()
     for (nx, ny), offset in zip(A[cutting].tolist(), offsets, strict=True):
         vertices = _clip(vertices, nx, ny, offset)
-    # An edge between vertices that all but coincide would have no direction.
+    # An edge between nearly coincident vertices would have no direction.
     last = vertices[-1:] + vertices[:-1]
     part = [
         p
@@ -214,15 +214,15 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
 
 
 def intersection(first: Array, second: Array) -> Array:
-    """Returns what the polygons share, (n, 2); (0, 2) if they share no area."""
+    """Returns the intersection (n, 2); (0, 2) if it has no area."""
     return clip_all(first, *halfspaces(second))
 
 
 def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
-    """Returns the polygon of all points `distance` [m] or more inside.
+    """Returns the polygon of all points at least `distance` [m] inside.
 
     Raises:
-        ValueError: no area is left; `name` is that of the distance.
+        ValueError: no area is left; the message has the `name`.
     """
     A, b = halfspaces(polygon)
     inner = convex_hull(clip_all(polygon, A, b - distance))
@@ -241,7 +241,7 @@ def minkowski_sum(first: Array, second: Array) -> Array:
 
 
 def edges(polygon: Array) -> list[Edge]:
-    """Returns all edges, from the lowest and of these the leftmost vertex."""
+    """Returns all edges, from the lowest vertex; of several, the leftmost."""
     vertices: list[Point] = polygon.tolist()
     upright = [(y, x) for x, y in vertices]
     k = upright.index(min(upright))
@@ -265,7 +265,7 @@ def merge(first: list[Edge], second: list[Edge]) -> Array:
                 j += 1
             if turn >= -_PARALLEL:
                 break
-        else:  # once round the second
+        else:  # the second polygon is complete
             bx, by, *_ = second[0]
             total.append((ax + bx, ay + by))
     ax, ay, *_ = first[0]

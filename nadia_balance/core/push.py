@@ -1,4 +1,4 @@
-"""A push: how hard, which way, and when."""
+"""A push: its force, direction and time."""
 
 import functools
 import re
@@ -9,7 +9,7 @@ import numpy as np
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
 
-# A clock that counts ticks may miss a round number by a rounding error.
+# Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]
 _PHASE = re.compile(r"(left|right) (swing|transfer) (\d+(?:\.\d*)?) ?%")
 _TIME = re.compile(r"(\d+(?:\.\d*)?) ?s")
@@ -17,20 +17,20 @@ _TIME = re.compile(r"(\d+(?:\.\d*)?) ?s")
 
 @dataclass(frozen=True)
 class Moment:
-    """When a push begins: at a fraction of a phase, or at a time."""
+    """The begin of a push: at a fraction of a phase, or at a time."""
 
     phase: Phase | None = None  # swing or transfer
-    swing: Side = Side.RIGHT  # foot that swings, or will after the transfer
+    swing: Side = Side.RIGHT  # swing foot, in a transfer the next one
     fraction: float = 0.0  # of the phase that has passed, in [0, 1]
-    time: float = 0.0  # if there is no phase [s]
+    time: float = 0.0  # used without a phase [s]
 
     @classmethod
     @functools.cache
     def parse(cls, text: str) -> "Moment":
-        """Returns what is meant by `right swing 25 %`, or by `2.5 s`.
+        """Returns the moment for text like `right swing 25 %` or `2.5 s`.
 
         Raises:
-            ValueError: `text` is not like that, or is of more than 100 %.
+            ValueError: `text` has another form, or is beyond 100 %.
         """
         if match := _PHASE.fullmatch(text.strip()):
             fraction = float(match[3]) / 100.0
@@ -44,15 +44,15 @@ class Moment:
         )
 
     def __str__(self) -> str:
-        """The text from which `parse` makes this moment, to nine decimals."""
+        """The text that `parse` reads as this moment, to nine decimals."""
         if self.phase is None:
             return f"{_short(self.time)} s"
         percent = _short(100.0 * self.fraction)
         return f"{self.swing.value} {self.phase.value} {percent} %"
 
 
-# How the force goes, as a share of its peak, with x from 0 to 1: 1; sin(pi x);
-# x (quasi-static, if it is slow); sin(2 pi f t).
+# Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
+# (quasi-static, if it is slow); sin(2 pi f t).
 SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
     *("rectangle", "half_sine", "ramp", "sine"),
 )
@@ -62,35 +62,35 @@ SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
 class Push:
     """A horizontal force on one body.
 
-    Either `delta_v` or `force` tells how hard.  The direction is relative to
-    the heading of the support foot when the push begins.
+    Either `delta_v` or `force` is given.  The direction is relative to the
+    heading of the support foot when the push begins.
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    # Of the whole mass.
+    # Velocity change of the total mass.
     delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
     force: float | None = bounded(
         None, least=0.0, most=1e5, unit="N"
     )  # its peak
     shape: str = bounded(RECTANGLE, one_of=SHAPES)
-    # Of a sine.
+    # Frequency of a sine.
     frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")
     duration: float = bounded(0.1, above=0.0, most=60.0, unit="s", of="")
-    # 0 forward, 90 left [deg].
+    # Direction: 0 forward, 90 left [deg].
     direction_deg: float = bounded(0.0, least=-3600.0, most=3600.0)
     at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
-    # Not in a phase before so many steps are taken [-].
+    # Least number of steps taken before the phase of the push [-].
     after_steps: int = bounded(0, least=0, most=1000)
-    # Later than said above, for replicas.
+    # Delay after the time of `at`, for replicas.
     delay: float = bounded(0.0, least=0.0, unit="s")
 
     @property
     def moment(self) -> Moment:
-        """What `at` means."""
+        """The Moment of `at`."""
         return Moment.parse(self.at)
 
     def validate_more(self) -> None:
-        """Raises ValueError for fields that do not go together."""
+        """Raises ValueError for inconsistent fields."""
         if (self.delta_v is None) == (self.force is None):
             raise ValueError(
                 f"delta_v = {self.delta_v}, force = {self.force}: must give "
@@ -104,9 +104,9 @@ class Push:
         Moment.parse(self.at)
 
     def shares(self, period: float) -> Array:
-        """The force over its peak (n,) in each tick of `period` [s].
+        """Returns force / peak (n,) at the middle of each tick.
 
-        It is that in the middle of the tick.
+        Ticks last `period` [s].
         """
         n = max(round(self.duration / period), 1)
         x = (np.arange(n) + 0.5) / n
@@ -119,9 +119,9 @@ class Push:
         return np.ones(n)
 
     def newtons(self, mass: float, period: float) -> float:
-        """The peak of the force [N] on a robot of this mass [kg].
+        """Returns the peak force [N] on a robot of this mass [kg].
 
-        The force in all ticks of `period` [s] together gives m delta_v.
+        The impulse over all ticks of `period` [s] is m delta_v.
         """
         if self.force is not None:
             return self.force
@@ -130,11 +130,11 @@ class Push:
         return mass * self.delta_v / (self.duration * mean)
 
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
-        """True if the push is to begin by `time` [s], apart from `delay`.
+        """True if the push begins at or before `time` [s], without `delay`.
 
-        Whatever the fraction, it is due in the last tick of its phase: the one
-        that begins less than a `period` [s] and a half before the end, since
-        the state machine rounds durations to ticks.
+        At any fraction, the push is due at the latest in the last tick of its
+        phase, which begins less than 1.5 `period` [s] before the end, since the
+        state machine rounds durations to ticks.
         """
         moment = self.moment
         if moment.phase is None:
@@ -147,7 +147,7 @@ class Push:
         )
 
     def is_in_phase(self, state: WalkingState) -> bool:
-        """True in the phase in which the push is to begin."""
+        """True in the phase in which the push begins."""
         moment = self.moment
         return (
             state.schedule.phase is moment.phase
@@ -157,9 +157,9 @@ class Push:
 
 
 def random_pushes(number: int, seed: int, largest: float) -> list[Push]:
-    """Returns pushes in directions at random, 1 to 3 s after each other.
+    """Returns pushes in random directions at intervals of 1 to 3 s.
 
-    The first comes 2 to 4 s after the start; each is of up to `largest` [m/s].
+    The first is 2 to 4 s after the start; each is at most `largest` [m/s].
     mjlab trains policies with such pushes.
     """
     rng, time, pushes = np.random.default_rng(seed), 1.0, []

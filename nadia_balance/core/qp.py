@@ -1,4 +1,4 @@
-"""Small dense quadratic programs that are solved once a tick."""
+"""Small dense quadratic programs, solved once per tick."""
 
 import math
 from typing import Any, NamedTuple
@@ -29,18 +29,18 @@ class QpProblem(NamedTuple):
     upper: Array
 
     def violation(self, x: Array) -> float:
-        """The largest absolute violation of a constraint, NaN if x is."""
+        """Returns the largest constraint violation; NaN if x is NaN."""
         value = self.A @ x
         if not value.size:
             return 0.0 * float(x.sum())
         violations = np.maximum(self.lower - value, value - self.upper)
-        # numpy's max() takes five times as long; both hand on a NaN.
+        # numpy's max() takes five times as long; both propagate NaN.
         return max(float(violations[violations.argmax()]), 0.0)
 
     def require_finite(self) -> None:
-        """Raises ValueError naming what is not finite, of all but the bounds.
+        """Raises ValueError naming H, g or A if it is not finite.
 
-        Drake would end the process.
+        Drake would terminate the process.
         """
         H, g, A, _, _ = self
         # A sum of squares is finite only if all are.
@@ -51,10 +51,10 @@ class QpProblem(NamedTuple):
 
 
 class QpResult(NamedTuple):
-    """What was found, and how.
+    """The solution of a QP, and its status.
 
     `x` (n,) is NaN unless `solved`.  `solves` counts the programs solved,
-    `fallback` tells that Clarabel had to help, `violation` is the largest
+    `fallback` is True if Clarabel was used, `violation` is the largest
     absolute violation of a constraint, NaN unless `solved`.
     """
 
@@ -69,20 +69,19 @@ class DenseQp:
     """Minimises 1/2 x'Hx + g'x, lower <= A x <= upper.
 
     H (n, n) must be positive definite, bounds may be equal or infinite, and
-    the number of rows may change.  It is one MathematicalProgram, built once,
-    whose coefficients are overwritten by each solve: no result depends on an
-    earlier one.  DAQP solves it; should that end neither with a solution nor
-    with the proof that there is none, then Clarabel does, to its own accuracy,
-    and the result says so.
+    the number of rows may change.  Each solve overwrites the coefficients of
+    one MathematicalProgram: no result depends on an earlier one.  DAQP solves
+    it; if it finds neither a solution nor a proof of infeasibility, Clarabel
+    solves it to its own accuracy, and `fallback` is True.
     """
 
     def __init__(self, num_variables: int) -> None:
-        # Untyped, as Drake's stubs do not know NumPy's present array types.
+        # Untyped, as Drake's stubs lack NumPy's present array types.
         program: Any = MathematicalProgram()
         n = num_variables
         x = program.NewContinuousVariables(n)
         cost = program.AddQuadraticCost(np.eye(n), np.zeros(n), x, True)
-        # With a row, because Drake drops a constraint without any.
+        # With one row, because Drake drops a constraint without rows.
         row, zero = np.zeros((1, n)), np.zeros(1)
         limits = program.AddLinearConstraint(row, zero, zero, x)
         # Kept, because each access takes as long as an update.
@@ -94,15 +93,15 @@ class DenseQp:
             self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
 
     def solve(self, problem: QpProblem) -> QpResult:
-        """Solves the QP.
+        """Returns the solution of the QP.
 
         Raises:
             ValueError: NaN in the problem, or infinity outside the bounds, or
-                an infinite bound that nothing can meet.
+                a lower bound of inf or an upper one of -inf.
         """
         problem.require_finite()
         H, g, A, lower, upper = problem
-        # H.T is H in the order of memory that spares Drake a copy.
+        # H.T equals H, in the memory order for which Drake makes no copy.
         self._cost.UpdateCoefficients(H.T, g, 0.0, True)
         self._limits.UpdateCoefficients(A, lower, upper)
         x, result, _ = self._daqp.solve(self._program)
@@ -123,9 +122,9 @@ class DenseQp:
 def largest_first(A: Array, b: Array) -> Array | None:
     """Returns the x (n,) of the largest x[0] with A x <= b; None: no such x.
 
-    A linear program, by the simplex method.
+    The linear program is solved by the simplex method.
     """
-    program: Any = MathematicalProgram()  # its stubs know no Array
+    program: Any = MathematicalProgram()  # untyped: its stubs lack Array
     x = program.NewContinuousVariables(A.shape[1])
     program.AddLinearConstraint(A, np.full(len(b), -np.inf), b, x)
     program.AddLinearCost(-x[0])

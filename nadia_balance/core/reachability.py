@@ -1,4 +1,4 @@
-"""Where the swing foot can be put, and which region a step has to respect.
+"""Reachability regions of the swing foot, and the rules to choose one.
 
 Nadia paper, Sec. IV and V.  All regions are convex polygons (n, 2) [m],
 counter-clockwise, of footholds in the sole frame of the stance foot; x
@@ -25,17 +25,17 @@ from nadia_balance.core.walking import Array, FootPose, Side
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 
 _ROUNDING = 1e-9  # on the edge of the base region [-], [m]
-_HALVINGS = 4  # of the margin, where the capture region is less deep
+_HALVINGS = 4  # bisection steps for a feasible margin [-]
 _COMPLEX = np.array([1.0, 1.0j])
 
 
 @dataclass(kw_only=True)
 class ReachabilityParams:
-    """The base region and what crossing the legs adds to it.
+    """Parameters of the base region and the cross-over regions.
 
-    The base region is a quarter ellipse on each side of (0, width_nominal)
-    (Nadia paper, Fig. 5), the cross-over regions are slices of a pie with
-    their tip there (Fig. 8).  Defaults as in Sec. VII.
+    The base region consists of four quarter ellipses about (0, width_nominal)
+    (Nadia paper, Fig. 5), the cross-over regions are elliptic sectors with
+    their apex there (Fig. 8).  Defaults as in Sec. VII.
     """
 
     length_forward: float = bounded(1.0, above=0.0, unit="m")  # l_max
@@ -45,24 +45,24 @@ class ReachabilityParams:
     )  # w_min
     width_max: float = bounded(0.8, above=0.0, unit="m")  # w_max
     width_nominal: float = bounded(0.25, above=0.0, unit="m")  # w_nom
-    # Steps back to the commanded footholds use no more than this share of the
-    # base region's length, and of its width beyond w_nom: at the gait's pace,
-    # the ankle of the other foot would meet its limit.
+    # Share of the base region's length, and of its width beyond w_nom, for
+    # steps that return to the commanded footholds: at the gait's pace, the
+    # ankle of the other foot would otherwise meet its limit.
     return_share: float = bounded(0.7, above=0.0, most=1.0)
-    # How far the feet may cross: beyond the centre line of the stance foot,
-    # w_fwd in front of it and w_bwd behind it [m]; negative: not up to it.
+    # Largest crossing of the feet beyond the centre line of the stance foot,
+    # w_fwd in front of it and w_bwd behind it [m]; negative: before the line.
     width_forward: float = bounded(0.1, unit="m")
     width_backward: float = bounded(-0.05, unit="m")
-    # Angles from the y axis, at (0, w_nom), that keep clear of the stance leg.
+    # Angles from the y axis, at (0, w_nom), for clearance of the stance leg.
     theta_forward_deg: float = bounded(20.0, least=0.0, most=80.0, unit="deg")
     theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")
-    # A step goes up or down no more than this; as JSK's.
+    # Largest step up or down, as in JSK's work.
     rise_max: float = bounded(0.25, above=0.0, unit="m")
     # Vertices [x, y] [m] of a convex base region in place of the ellipse.
     base_polygon: list[list[float]] = field(default_factory=list)
 
     def validate_more(self) -> None:
-        """Raises ValueError if widths or polygon make no region."""
+        """Raises ValueError if widths or polygon define no region."""
         if not self.width_min < self.width_nominal < self.width_max:
             raise ValueError(
                 f"width_nominal = {self.width_nominal}: must be between "
@@ -90,9 +90,9 @@ class ReachabilityParams:
             )
 
     def in_base_region(self, x: float, y: float) -> bool:
-        """True if the foot can be put at x forward, y to the swing side [m].
+        """True if the foothold x forward, y to the swing side [m] is reachable.
 
-        Of the true ellipse, of which `base_region` is an inner polygon.
+        The test uses the exact ellipse; `base_region` is an inner polygon.
         """
         if self.base_polygon:
             return contains(np.array([x, y]), base_region(self), _ROUNDING)
@@ -116,12 +116,12 @@ class ReachabilityParams:
 
 
 def base_region(params: ReachabilityParams) -> Array:
-    """Returns R_b: feet side by side (Nadia paper, Fig. 5)."""
+    """Returns R_b, the region without crossing legs (Nadia paper, Fig. 5)."""
     if params.base_polygon:
         return convex_hull(np.array(params.base_polygon))
     middle = params.width_nominal
     vertices = []
-    for angle in np.linspace(0.0, 2.0 * math.pi, 9):  # the last is the first
+    for angle in np.linspace(0.0, 2.0 * math.pi, 9):  # last equals first
         c, s = math.cos(angle), math.sin(angle)
         length = params.length_forward if c > 0.0 else params.length_backward
         width = (
@@ -154,9 +154,9 @@ def cross_over_region(params: ReachabilityParams, region: str) -> Array:
 def step_regions(
     params: ReachabilityParams, cross_over: bool
 ) -> dict[str, Array]:
-    """Returns the regions that a step may end in, by name.
+    """Returns the regions of footholds by name.
 
-    BASE, and with `cross_over` FORWARD and BACKWARD.
+    They are BASE, and with `cross_over` also FORWARD and BACKWARD.
     """
     regions = {BASE: base_region(params)}
     if cross_over:
@@ -168,7 +168,7 @@ def step_regions(
 def total_region(params: ReachabilityParams, cross_over: bool) -> Array:
     """Returns the hull of all regions.
 
-    It covers the stance foot: only for capture regions, never for a step.
+    It covers the stance foot: use it for capture regions, not for footholds.
     """
     regions = step_regions(params, cross_over)
     return convex_hull(np.concatenate(list(regions.values())))
@@ -189,23 +189,23 @@ def in_world(region: Array, stance: FootPose, swing: Side) -> Array:
 
 @dataclass(kw_only=True)
 class ReachRulesParams:
-    """How much better than others a region must be to be chosen."""
+    """Preference of the base region, and hysteresis of the choice."""
 
-    # A cross-over region must share this many times the area that the base
-    # region shares with the capture region.
+    # Least ratio of the area that a cross-over region shares with the capture
+    # region to that of the base region.
     area_margin: float = bounded(5.0, least=1.0)
-    # The region chosen last is given up when another shares this many times
-    # its area, or, if none shares any, is this much closer.
+    # The previous region is kept until another region shares this many times
+    # its area or, if none shares any, is this much closer.
     hysteresis: float = bounded(1.3, least=1.0)
     distance_hysteresis: float = bounded(0.03, least=0.0, unit="m")
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The region that a step has to respect, and where in it to step.
+    """The region chosen for a step, and the goal within it.
 
-    `goal` (n, 2) [m]: what the region shares with the capture region, or if
-    they share nothing, the point (1, 2) of the region that is closest to it.
+    `goal` (n, 2) [m] is the intersection of the region and the capture region
+    or, if it is empty, the point (1, 2) of the region closest to the latter.
     """
 
     region: str
@@ -220,20 +220,20 @@ def choose_region(
     margin: float = 0.0,
     on_arrival: Callable[[Array], Array] | None = None,
 ) -> Choice:
-    """Returns the region to step into.
+    """Returns the region to step into, by the Nadia paper's rules (Sec. V).
 
-    The three rules of the Nadia paper, Sec. V: base if it meets the capture
-    region, else the cross-over region that shares most area with it, else the
-    closest.  `regions` has convex polygons (n, 2) [m] in the frame of
-    `capture_region` (m, 2), BASE among them; `previous` was chosen last.
-    `margin` [m] is how deep inside the capture region the goal should be; if
-    there is no such place, it is about as deep as possible.  `on_arrival`
-    returns, for a region, the capture region of the time at which the foot is
-    there at the soonest: rule 3 compares how close each region is then.
+    Rule 1: base if it intersects the capture region; rule 2: else the
+    cross-over region that shares most area with it; rule 3: else the closest.
+    `regions` has convex polygons (n, 2) [m] in the frame of `capture_region`
+    (m, 2), BASE among them; `previous` was chosen last.  `margin` [m] is the
+    desired depth of the goal inside the capture region; if it is infeasible,
+    the goal is about as deep as possible.  `on_arrival` returns, for a region,
+    the capture region at the earliest time the foot can be there: rule 3
+    compares the gaps at these times.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
-    Its rule 3 compares all regions at one time; but the way across is longer,
-    and the ICP does not wait.
+    Its rule 3 compares all regions at the same time, but a cross-over step
+    takes longer, while the ICP diverges.
     """
     A, b = halfspaces(capture_region)
     choice = _largest(regions, A, b - margin, previous, params)
@@ -259,7 +259,7 @@ def _largest(
     previous: str | None,
     params: ReachRulesParams,
 ) -> Choice | None:
-    """Rules 1 and 2, or None; the capture region is A p <= b."""
+    """Returns the choice of rules 1 and 2, or None; A p <= b is captured."""
     found, most = None, 0.0
     for name, region in regions.items():
         shared = clip_all(region, A, b)
@@ -293,7 +293,7 @@ def _closest(
     params: ReachRulesParams,
     on_arrival: Callable[[Array], Array],
 ) -> Choice:
-    """Rule 3."""
+    """Returns the choice of rule 3."""
 
     def gap(name: str) -> float:
         _, gap = closest_point(regions[name], on_arrival(regions[name]))
@@ -307,8 +307,8 @@ def _closest(
 def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
     """Returns the point (2,) of `polygon` closest to `other`, and the gap [m].
 
-    Of two disjoint convex polygons.  One end of the gap is a vertex, so the
-    vertices of either are projected on all edges of the other.
+    The convex polygons must be disjoint.  One end of the gap is a vertex, so
+    the vertices of each are projected onto all edges of the other.
     """
     # As complex numbers, the scalar product with the edge is one product.
     p, q = polygon @ _COMPLEX, other @ _COMPLEX

@@ -1,8 +1,8 @@
-"""The size of a robot, and what of Nadia's size is for it.
+"""The size of a robot, and the scaling of Nadia's parameters to it.
 
-Parameters are tuned on Nadia.  For another robot they are scaled by Froude's
-similarity: gravity stays, lengths go with the leg, times with its square root,
-forces with its cube; what belongs to the sole goes with the sole.
+Parameters are tuned on Nadia.  For another robot they are scaled by Froude
+similarity at constant gravity: lengths scale with the leg, times with its
+square root, forces with its cube; parameters of the sole scale with the sole.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Size(NamedTuple):
-    """Lengths [m] by which robots are compared."""
+    """Lengths [m] that determine the scaling."""
 
     leg: float  # hip pitch axis to sole, the knee straight
     sole_length: float
@@ -23,7 +23,7 @@ class Size(NamedTuple):
 
 NADIA = Size(0.782 + 0.098, 0.178 + 0.072, 2.0 * 0.06)
 
-# The power of the length with which a quantity of this unit grows; none for
+# Power of the length with which a quantity of each unit scales; none for
 # angles, shares, accelerations.
 _POWERS = {
     "m": 1.0,
@@ -43,8 +43,8 @@ def scaled(params: T, size: Size, given: object = None) -> T:
     """Returns the dataclass `params`, tuned on Nadia, for a robot of `size`.
 
     Each number with a unit (`bounded`) is multiplied; for Nadia by exactly 1.
-    What is in `given`, a tree of mappings and lists such as YAML gives, is
-    left as it is.
+    Values in `given`, a tree of mappings and lists as from YAML, are not
+    scaled.
     """
     tree = given if isinstance(given, dict) else {}
     return dataclasses.replace(  # type: ignore[type-var]

@@ -1,4 +1,4 @@
-"""The edges of uneven ground on the way of the swing foot."""
+"""The edges of uneven ground on the path of the swing foot."""
 
 import math
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ from nadia_balance.core.walking import (
     Phase,
 )
 
-_PARTS = 40  # of the way, at whose ends the ground is looked at
-_BESIDE = 0.01  # the foot may be beside its way by so much [m]
-_RISE = 0.005  # above the straight line from start to goal, it is an edge [m]
-_AHEAD = 0.06  # the foot waits so far before an edge that is too high [m]
-_DESCENT = 0.1  # so far before the goal the clearance shrinks, to none [m]
-_SHORTEST = 0.02  # a way that is shorter leads over no edge [m]
+_PARTS = 40  # intervals of the path, at whose ends the ground is evaluated
+_BESIDE = 0.01  # lateral tolerance of the foot on its path [m]
+_RISE = 0.005  # least height of an edge above the line start to goal [m]
+_AHEAD = 0.06  # distance at which the foot waits before a higher edge [m]
+_DESCENT = 0.1  # last distance in which the clearance falls to 0 [m]
+_SHORTEST = 0.02  # shorter paths have no edges [m]
 
 
 @dataclass(frozen=True, eq=False)
 class SwingEdges(Immutable):
-    """Where the way from `start` to `goal` (3,) [m] leads over edges.
+    """The edges on the straight path from `start` to `goal` (3,) [m].
 
-    `heights` (n,) [m] are those that the centre of the sole must have there,
-    at equal distances; minus infinity where there is no edge.
+    `heights` (n,) [m] are the least heights of the sole's centre at equal
+    distances on the path; minus infinity without an edge.
     """
 
     start: Array
     goal: Array
     heights: Array
-    clearance: float  # that there is in these heights [m]
+    clearance: float  # included in `heights` [m]
 
     @property
     def top(self) -> float:
@@ -45,18 +45,18 @@ class SwingEdges(Immutable):
 
     @property
     def drop(self) -> float:
-        """How far [m] the foot descends behind the last edge."""
+        """Height [m] of descent after the last edge."""
         nearby = self.heights[-1 - _PARTS // 5 :].max()
         return max(float(nearby - self.goal[2]), 0.0)
 
     def needed(self, points: Array) -> Array:
-        """Heights (k,) [m] that the sole must have at `points` (k, 2) [m]."""
+        """Returns the least heights (k,) [m] of the sole at `points` (k, 2)."""
         s = self._progress(points)
         below, above = np.floor(s).astype(int), np.ceil(s).astype(int)
         return np.asarray(np.maximum(self.heights[below], self.heights[above]))
 
     def are_in_the_way(self, p_WF: Array) -> bool:
-        """True if a sole at `p_WF` (3,) [m] must rise before it goes on."""
+        """True if a sole at `p_WF` (3,) [m] must rise before it moves on."""
         s = float(self._progress(p_WF[None, :2])[0])
         ahead = math.ceil(s + _PARTS * _AHEAD / self._length)
         highest = self.heights[math.floor(s) : ahead + 1].max()
@@ -67,7 +67,7 @@ class SwingEdges(Immutable):
         return math.dist(self.start[:2], self.goal[:2])
 
     def _progress(self, points: Array) -> Array:
-        """How many parts of the way there are behind `points` (k, 2)."""
+        """Returns the passed path intervals (k,) [-] at `points` (k, 2)."""
         way = self.goal[:2] - self.start[:2]
         share = (points - self.start[:2]) @ way / (way @ way)
         return np.asarray(_PARTS * np.minimum(np.maximum(share, 0.0), 1.0))
@@ -76,10 +76,9 @@ class SwingEdges(Immutable):
 def edges_on_way(
     schedule: ContactSchedule, model: PointMassModel, clearance: float
 ) -> SwingEdges | None:
-    """Returns what the swing of `schedule` leads over; None: over no edge.
+    """Returns the edges on the path of the swing of `schedule`, or None.
 
-    An edge is where the ground is higher than the straight line from the
-    sole that was lifted to the one that lands.
+    An edge is ground above the straight line from lift-off to the foothold.
     """
     if schedule.phase is not Phase.SWING or not model.is_uneven:
         return None
@@ -103,11 +102,11 @@ def edges_on_way(
 def touching_heights(
     ground: Ground, sole: Array, start: FootPose, goal: FootPose
 ) -> Array:
-    """Returns the heights (n,) [m] at which a sole on its way would touch.
+    """Returns the contact heights (n,) [m] of a sole along its path.
 
-    Those of the centre of the `sole` (m, 2) [m], at equal distances on the
-    straight way from `start` to `goal`, while it turns and tilts as evenly;
-    minus infinity over nothing.
+    They are those of the centre of the `sole` (m, 2) [m], at equal distances on
+    the straight path from `start` to `goal`, while it turns and tilts evenly;
+    minus infinity without ground.
     """
     turn = math.remainder(goal.yaw - start.yaw, math.tau)
     ends = [start.outline(sole), goal.outline(sole)]
@@ -130,7 +129,10 @@ def touching_heights(
 def _touching_height(
     regions: list[Region], foot: FootPose, outline: Array
 ) -> float:
-    """Of the centre of the sole: both are planes, so it touches at a corner."""
+    """Returns the contact height [m] of the centre of the sole.
+
+    Sole and region are planes, so that they touch at a corner.
+    """
     x, y, z = foot.normal.tolist()
     highest = -math.inf
     for region in regions:

@@ -14,49 +14,48 @@ from nadia_balance.core.walking import Array, FootPose, Side
 
 Point = tuple[float, float]
 
-# A foot too fast to stop on its way brakes with up to so many times the
-# acceleration.  A quintic from rest to rest peaks at 1.44 times that of full
-# thrust and braking, but has to correct speed across the way as well.
+# Ratio of the largest braking to `max_acceleration` of a foot too fast to stop
+# on its path.  A quintic from rest to rest peaks at 1.44 times bang-bang
+# acceleration, but also has to correct lateral speed.
 PEAK = 2.0
 
-# A foot in the second half of its swing, at its full speed, needs this share
-# of the time that it would need from rest.
+# Ratio of the remaining time of a foot at full speed, in the second half of its
+# swing, to the time from rest.
 UNDER_WAY = math.sqrt(0.5)
 
 _AT_REST = np.zeros(2)
-_TINY = 1e-9  # a shorter way has no direction: all speed is along it [m]
+_TINY = 1e-9  # a shorter path has no direction: all speed is along it [m]
 
 
 @dataclass(kw_only=True)
 class SwingDetourParams:
-    """How far apart the soles pass each other, and how fast the foot moves."""
+    """Distances of the soles in passing, and limits of the foot's motion."""
 
-    # Of the sole centres, in front of the stance foot or behind it, and to its
-    # swing side: a sole of 0.25 m x 0.12 m, a shin of 0.11 m x 0.12 m, and
-    # 3 cm of clearance.
+    # Distances of the sole centres, in front of the stance foot or behind it,
+    # and to its swing side, for a sole of 0.25 m x 0.12 m, a shin of 0.11 m x
+    # 0.12 m, and 3 cm of clearance.
     ahead: float = bounded(
         0.28, least=0.0, most=1.0, unit="m", of="sole_length"
     )
     beside: float = bounded(
         0.15, least=0.0, most=1.0, unit="m", of="sole_width"
     )
-    # Horizontally; the rest of the robot reacts to what accelerates the leg.
+    # Horizontal; accelerating the leg has a reaction on the rest of the robot.
     max_acceleration: float = bounded(35.0, above=0.0, unit="m/s^2")
-    # The mean over a swing.
+    # Mean horizontal speed of a swing.
     max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
-    # From where it is to the ground, on average.
+    # Mean velocity of the descent to the ground.
     max_descent: float = bounded(0.6, above=0.0, finite=False, unit="m/s")
-    # From there on, down to the touchdown velocity.
+    # Deceleration of the descent to the touchdown velocity.
     max_braking: float = bounded(20.0, above=0.0, finite=False, unit="m/s^2")
-    # The foot is over its foothold so long before it lands: it comes down
-    # without sliding.
+    # Time above the foothold before touchdown, so that the foot does not slide.
     settling: float = bounded(0.03, least=0.0, most=0.2, unit="s")
 
     def time_from_rest(self, length: float) -> float:
-        """The least time [s] of a way of this `length` [m], landing included.
+        """Returns the least time [s] for a path of `length` [m] and landing.
 
-        It accelerates for one half and brakes for the other, or keeps to its
-        speed.
+        The foot accelerates for one half of the path and brakes for the other,
+        with its mean speed limited to `max_speed`.
         """
         fastest = 2.0 * math.sqrt(length / self.max_acceleration)
         return max(fastest, length / self.max_speed) + self.settling
@@ -69,11 +68,11 @@ def way_round(
     swing: Side,
     params: SwingDetourParams,
 ) -> Array:
-    """Returns the points (n, 2) [m] in W of the shortest way to the goal.
+    """Returns the points (n, 2) [m] in W of the shortest path to the goal.
 
-    From `start` (2,) past up to two corners of the stance foot to `goal` (2,),
-    in straight lines; both are in the result.  The corners are nearer to the
-    stance foot if start or goal is so: each is passed on its own side.
+    It leads in straight lines from `start` (2,) past up to two corners of the
+    stance foot to `goal` (2,); both ends are included.  The corners are closer
+    to the stance foot if start or goal is.
     """
     p, q = (_beside(stance, swing, *at.tolist()) for at in (start, goal))
     ahead = min(_length(p, params), _length(q, params))
@@ -84,7 +83,7 @@ def way_round(
     if low < ahead <= high:
         corners.append((ahead, params.beside))
     way, left = [p], corners if q[0] > p[0] else corners[::-1]
-    while left:  # a taut string: always the point seen most to the swing side
+    while left:  # shortest path: next is the point most to the swing side
         nearest = max([*left, q], key=lambda c: _slope(way[-1], c))
         if nearest is q:
             break
@@ -98,12 +97,12 @@ def way_round(
 def shortest_time(
     way: Array, params: SwingDetourParams, velocity: Array = _AT_REST
 ) -> float:
-    """Returns the least time [s] that the foot takes to the end of the `way`.
+    """Returns the least time [s] of the foot to the end of the path `way`.
 
-    Along the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to rest: it
-    accelerates for one part of the way and brakes for the other; or it brakes
-    harder, all the way; or, if it is too fast for that, comes back.  Speed
-    across the way, or away from it, does not count.
+    The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
+    rest.  The foot accelerates for one part of the path and brakes for the
+    other; or it brakes harder on the whole path; or, if it is too fast, it
+    overshoots and returns.  Lateral and backward speed are ignored.
     """
     parts = (way[1:] - way[:-1]).tolist()
     length = sum(math.hypot(*part) for part in parts)
@@ -131,7 +130,7 @@ def time_of_way(
 ) -> float:
     """Returns the least time [s] from rest at `start` to a landing at `goal`.
 
-    Points (2,) [m] in W; past the `stance` foot.
+    Points (2,) [m] in W; the path passes the `stance` foot.
     """
     way = way_round(start, goal, stance, swing, params)
     return shortest_time(way, params) + params.settling
@@ -145,7 +144,7 @@ def _beside(stance: FootPose, swing: Side, x: float, y: float) -> Point:
 
 
 def _length(p: Point, params: SwingDetourParams) -> float:
-    """Returns `ahead`, or less if `p` is in front or behind and nearer."""
+    """Returns `ahead`, or less if `p` is closer in front or behind."""
     length, too_deep = abs(p[0]), params.beside - p[1]
     return length if 0.0 < params.ahead - length < too_deep else params.ahead
 

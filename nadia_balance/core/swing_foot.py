@@ -1,10 +1,10 @@
-"""The swing foot's reference, continuous whatever goal and clock do.
+"""The swing foot's reference, continuous for any change of goal and clock.
 
-Each tick continues from the previous reference with the one quintic that
-meets the goal at the time that is left.  While goal and clock do not change,
-this is the same polynomial as before; when they do, position, velocity and
-acceleration are still continuous.  The points to pass on the way, the apex and
-the corners of the stance foot, are dropped shortly before they are passed.
+Each tick continues from the previous reference with the quintic polynomial
+that reaches the goal in the remaining time.  While goal and clock do not
+change, it is the same polynomial as before; when they do, position, velocity
+and acceleration are still continuous.  Via points, the apex and the corners of
+the stance foot, are dropped shortly before they are passed.
 """
 
 import math
@@ -25,38 +25,38 @@ from nadia_balance.core.swing_detour import (
 from nadia_balance.core.walking import Array, FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
-# Where the elements of FootMotion are in its vector, and the other way round.
+# Indices of FootMotion's elements in its vector, and the inverse permutation.
 _AS_ROWS = np.array([[0, 1, 2, 9], [3, 4, 5, 10], [6, 7, 8, 11]])
 _AS_VECTOR = _AS_ROWS.argsort(axis=None)
 
-STEP = 0.01  # between the times at which a point may be passed [s]
+STEP = 0.01  # spacing of the candidate times of a via point [s]
 
-# The time that the foot needs is stretched in such steps, and so often at the
-# most, until its acceleration is no more than PEAK times the largest [-].
+# Factor by which the remaining time is stretched, and the largest number of
+# times, until the acceleration is at most PEAK times `max_acceleration` [-].
 _STRETCH, _STRETCHES = 1.1, 8
-_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # parts of the remaining time
+_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
 
-_SOON = 0.02  # what is so near in time is not aimed at any more [s]
+_SOON = 0.02  # via points closer in time than this are dropped [s]
 
 
 @dataclass(kw_only=True)
 class SwingFootParams:
     """Shape of the swing."""
 
-    # Apex above the higher of start and goal; and that of a leg that uncrosses
-    # behind or before the other one, whose shin its knee would meet.
+    # Height of the apex above the higher of start and goal.
     height: float = bounded(0.10, above=0.0, most=0.5, unit="m")
-    # Above the edges on its way over uneven ground.
+    # Clearance above edges of uneven ground.
     clearance: float = bounded(0.03, least=0.0, most=0.2, unit="m")
+    # Apex for uncrossing legs, lower so that the knee clears the other shin.
     uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
-    # With less time left, it is not lifted so high.
+    # Remaining time below which the apex is lowered.
     fall_time: float = bounded(0.175, above=0.0, unit="s")
-    # So near to its foothold, it may come down.
+    # Horizontal distance to the foothold within which the foot may descend.
     there: float = bounded(0.01, least=0.0, unit="m")
-    # Downward, at the end of the swing and after it.
+    # Downward velocity at the end of the swing and after it.
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
-    # When the clock is advanced, the foot goes on its way sigma times as fast
-    # at once (Atlas paper, Eq. 13), not gradually and on another one.
+    # If True, a clock advance speeds up the foot by sigma at once on the same
+    # path (Atlas paper, Eq. 13); if False, gradually on a new polynomial.
     sigma: bool = False
 
 
@@ -68,7 +68,7 @@ class FootMotion:
 
     @classmethod
     def at_rest(cls, pose: FootPose) -> "FootMotion":
-        """The foot stands at `pose`."""
+        """Returns the motion of a foot at rest at `pose`."""
         pva = np.zeros((3, 4))
         pva[0] = *pose.p_WF, pose.yaw
         return cls(pva)
@@ -94,14 +94,13 @@ def swing_foot_motion(
 ) -> tuple[FootMotion, FootMotion]:
     """Returns the motion of the swing foot one `period` [s] later.
 
-    And where it would be a `lead` [s] after that, if nothing changes: what is
-    asked of drives that are late by it.  `previous` is the motion of the last
-    tick, `state` the walking state of this one.  Outside of a swing, the foot
-    that will swing next rests where it stands.  A foot that cannot be in place
-    in time lands later.  When it is there, and the swing's clock has run out,
-    it moves downward with the touchdown velocity until the ground stops it; if
-    it sinks faster than that, it brakes first.  It rises before, passes over,
-    and descends behind the `edges` on its way, if there are any.
+    The second result is the motion another `lead` [s] later, the reference for
+    drives with that lag.  `previous` is the motion of the last tick, `state`
+    the walking state of this one.  Outside of a swing, the next swing foot is
+    at rest.  A foot that cannot reach its foothold in time lands later.  At the
+    foothold, after the end of the swing's clock, it moves downward with the
+    touchdown velocity until contact; if it is faster, it brakes first.  It
+    passes above any `edges` on its path.
     """
     schedule = state.schedule
     side = schedule.support_side.other
@@ -121,7 +120,7 @@ def swing_foot_motion(
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
     left = state.remaining_time + (_SOON if state.waiting else period)
-    # Over the foothold first, and then down on it.
+    # The horizontal motion ends before the vertical one.
     settling, height = model.detour.settling, float(start[0, 2] - end[0, 2])
     if edges is not None:
         settling = max(settling, edges.drop / model.detour.max_descent)
@@ -131,7 +130,7 @@ def swing_foot_motion(
     left = max(left, over if there else over + settling)
     left = max(left, height / model.detour.max_descent)
     braking = _time_to_brake(height, -float(start[1, 2]), params, model.detour)
-    if braking:  # as hard all the way
+    if braking:  # with constant deceleration
         left = braking
         end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
     ground = float(end[0, 2]) if edges is None else edges.top
@@ -144,7 +143,7 @@ def swing_foot_motion(
     elif edges is not None:
         end[:, Z] = _over_edges(start, end, landing, over, left, edges)
     horizon = np.array([over, over, left, over])
-    # The clock may run out high above a foothold that is down a step.
+    # Above a foothold down a step, the clock may run out before the descent.
     low = there and (edges is None or height < params.there)
     motions = []
     for t in (period, period + lead):
@@ -162,11 +161,10 @@ def _time_to_brake(
     params: SwingFootParams,
     detour: SwingDetourParams,
 ) -> float:
-    """Returns in which time [s] a foot lands that has to brake from now on.
+    """Returns the time [s] to touchdown of a foot that has to brake now.
 
-    It sinks with `descent` [m/s] from a `height` [m], to land with the
-    touchdown velocity, after a constant deceleration.  Zero, if it need not
-    brake yet.
+    The foot descends at `descent` [m/s] from a `height` [m] with a constant
+    deceleration to the touchdown velocity.  0 if it need not brake yet.
     """
     slow = params.touchdown_velocity
     if height <= 0.0 or descent <= slow:
@@ -179,10 +177,10 @@ def _time_to_brake(
 def _within_limits(
     start: Array, way: Array, left: float, detour: SwingDetourParams
 ) -> tuple[Array, float]:
-    """Returns the end (3, 2) to aim at, and in which time >= `left` [s].
+    """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
-    Along `way` (n, 2), past its first corner, and if possible with no more
-    than PEAK times the acceleration.
+    The quintic follows `way` (n, 2) past its first corner, if possible with at
+    most PEAK times `max_acceleration`.
     """
     end = np.zeros((3, 2))
     end[0] = way[-1]
@@ -204,7 +202,7 @@ def _within_limits(
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
-    """Returns the end (3, n) to aim at so as to pass `via` (n,), or `end`."""
+    """Returns the end (3, n) of the quintic through `via` (n,), or `end`."""
     if left < 2.0 * _SOON:
         return end
     t = time_to_pass(start, end, left, via)
@@ -220,7 +218,7 @@ def _apex(
     state: WalkingState,
     params: SwingFootParams,
 ) -> Array | None:
-    """Returns the apex (1,), while the height `start` (p, v) goes up to it."""
+    """Returns the apex (1,) [m]; None if `start` (p, v) is above or sinks."""
     schedule = state.schedule
     lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
     height = params.height
@@ -239,10 +237,10 @@ def _over_edges(
     left: float,
     edges: SwingEdges,
 ) -> Array:
-    """Returns the end (3, 1) of z to aim at so as to pass over the `edges`.
+    """Returns the end (3, 1) of the quintic in z that passes over the `edges`.
 
-    As in `end` (3, 4), unless the sole would meet one: then it passes over
-    that which it would meet the deepest, on its way to `landing` (3, 1).
+    It is that of `end` (3, 4) unless the sole would collide with an edge: then
+    the quintic to `landing` (3, 1) clears the point of deepest penetration.
     """
     times = _CHECKED[:-1] * over
     xy = quintic(start[:, XY], end[:, XY], np.full(2, over), times)[0]
@@ -257,7 +255,7 @@ def _over_edges(
 
 
 def _nearest_turn(yaw: float, reference: float) -> float:
-    """Returns `yaw` plus the full turns that bring it nearest."""
+    """Returns `yaw` plus full turns, closest to `reference` [rad]."""
     turns = round((reference - yaw) / (2.0 * math.pi))
     return yaw + 2.0 * math.pi * turns
 
@@ -265,19 +263,19 @@ def _nearest_turn(yaw: float, reference: float) -> float:
 def quintic(
     start: Array, end: Array, horizon: Array, t: float | Array
 ) -> Array:
-    """Follows the quintic from `start` to `end` for the time `t`.
+    """Returns the quintic from `start` to `end` at the time `t` [s].
 
     `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
-    the time from start to end, >= t > 0, one for each column.  The result is
+    the time from start to end of each column, >= t > 0.  The result is
     (3, k, n) for k times of shape (k, 1).
     """
     return np.array(_follow(start, end, horizon, t))
 
 
 def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """Returns quintic(...), six times as fast for few columns and one time.
+    """Returns `quintic` at one time, six times as fast for few columns.
 
-    Where `t` is beyond the horizon, the end.
+    Columns whose horizon is before `t` are at their end.
     """
     columns = zip(
         start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
@@ -286,7 +284,7 @@ def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
 
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
-    """Returns p, v, a of arguments that are numbers or arrays."""
+    """Returns p, v, a of the quintic, for numbers or arrays."""
     p, v, a, c3, c4, c5 = _coefficients(start, end, h)
     s = t / h
     return (
@@ -297,7 +295,7 @@ def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
 
 
 def _coefficients(start: Any, end: Any, h: Any) -> tuple[Any, ...]:
-    """Returns those of the powers 0 to 5 of t / h."""
+    """Returns the coefficients of the powers 0 to 5 of t / h."""
     (p0, v0, a0), (p1, v1, a1) = start, end
     v0, a0, v1, a1 = v0 * h, a0 * h * h, v1 * h, a1 * h * h
     gap = p1 - p0 - v0 - 0.5 * a0
@@ -315,9 +313,9 @@ def end_beyond(
 ) -> Array:
     """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
 
-    That quintic is, until `t` in (0, horizon) [s], the motion of least jerk
-    from `start` through via to `end`, both (3, n).  At `t` its fifth
-    derivative jumps, and it goes on to end.
+    Until `t` in (0, horizon) [s], this quintic is the minimum jerk motion from
+    `start` through via to `end`, both (3, n), whose fifth derivative jumps at
+    `t`.
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
@@ -328,11 +326,12 @@ def end_beyond(
 
 
 def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
-    """Returns when to pass `via` (n,) on the way with the least jerk [s].
+    """Returns the time [s] to pass `via` (n,) with the least jerk.
 
-    Of the times a multiple of `STEP` before `horizon` [s] > STEP, which are
-    the same ones seen from anywhere on the way.  The cost of the detour at t
-    is the squared distance from the quintic to via, over (t (horizon - t))^5.
+    Candidates are multiples of `STEP` before `horizon` [s] > STEP, so that they
+    are the same in every tick.  The jerk cost of passing via at t is
+    proportional to the squared distance of the quintic from via, over
+    (t (horizon - t))^5.
     """
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end

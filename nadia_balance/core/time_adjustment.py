@@ -1,7 +1,7 @@
-"""How far to advance the walking clock, so that the plan meets the ICP.
+"""Timing adaptation: the walking clock advances until the plan meets the ICP.
 
-The Nadia paper, Sec. VI: Eq. 15 in swing and in transfer, for the plan as it
-is.  With a constant eCMP the solution is Eq. 16.
+Nadia paper, Sec. VI: Eq. 15 in swing and in transfer, solved on the planned
+ICP trajectory.  With a constant eCMP the solution is Eq. 16.
 Erratum: its logarithm is of the scalar ratio of two collinear vectors, which is
 1 + f (e^(w T) - 1) for the fraction f of the way to the end of the phase, the
 time T away (and in Eq. 10 of the Atlas paper f has the squared norm below it).
@@ -35,37 +35,36 @@ _NOTHING = 1e-9  # rounding of the clock [s]
 
 @dataclass(kw_only=True)
 class TimingAdapterParams:
-    """How much the walking clock may be advanced, and when."""
+    """Gains, thresholds and limits of the timing adaptation."""
 
-    # The clock makes up for the time by which the ICP is ahead of the plan
-    # within about this; 0: all at once.  The paper's gamma is the share of a
-    # tick T, 1 - e^(-T / time constant): in 2 ms, 0.1 of a swing and 0.4 of a
-    # transfer.  All at once, pushes at 120 and 150 deg that are recovered from
-    # are not: the clock cannot be turned back when the error turns.
+    # Time constants with which the clock catches up with an ICP ahead of the
+    # plan; 0: in one tick.  The paper's gamma is the share per tick T,
+    # 1 - e^(-T / time constant): for T = 2 ms, 0.1 in swing and 0.4 in
+    # transfer.  With 0, pushes at 120 and 150 deg that are otherwise recovered
+    # end in falls: the clock cannot go back when the error changes sign.
     swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
-    # Smaller ICP errors change no clock, and do not leave.
+    # Below this ICP error the clock is not adjusted, and the ICP does not count
+    # as leaving.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
     min_swing_duration: float = bounded(0.35, above=0.0, unit="s")
     min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
-    # What the swing foot always needs: so much time, and a rest of the swing
-    # that is sped up no more than by sigma.
+    # Lower bound on the remaining swing time, see `least_rest_of_swing`.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
-    # So near its foothold, a foot lands where it is: what the leg does not
-    # follow its reference by, as beside the other leg, would else hold the
-    # clock, the foot in the air.
+    # Within this distance of the foothold the clock is not held: a tracking
+    # error of the swing foot must not keep the foot in the air.
     near_foothold: float = bounded(0.08, least=0.0, unit="m")
-    # A foot that comes so late needs no time back.
+    # Lateness of the swing foot for which the clock is not held.
     tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
     max_speed_up: float = bounded(3.0, least=1.0)
-    # eCMPs nearer the edge are not feasible.
+    # Distance from the edge of the support within which eCMPs are infeasible.
     support_margin: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
 
     def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
         """Least rest [s] of a swing of `duration` [s] after `elapsed` [s].
 
-        The rest of the foot's motion is sped up by no more than sigma (Atlas
-        paper, Eq. 13).
+        The rest of the foot's motion is sped up by at most sigma (Atlas paper,
+        Eq. 13).
         Erratum: as printed, sigma has no upper bound.
         """
         return max(
@@ -75,18 +74,18 @@ class TimingAdapterParams:
         )
 
 
-# The plan's way to the end of the phase has no direction below this [m]: in
-# transfer it comes to a standstill, and Eq. 16 would amplify noise, which does
-# not grow with the robot.
+# Least distance [m] along the plan to the end of the phase in Eq. 16: at the
+# end of a transfer it vanishes, and noise, which does not scale with the
+# robot, would be amplified.
 _SHORT_WAY = 0.01
 
 
 def gamma(time_constant: float, period: float) -> float:
-    """Returns the Nadia paper's gamma: the share that is taken in each tick.
+    """Returns gamma = 1 - e^(-period / time_constant) of the Nadia paper.
 
-    1 - e^(-period / time_constant): whatever the `period` [s] is, the same
-    is left after the same time, 1/e of it after the `time_constant` [s].  If
-    that is 0, all is taken at once.
+    With gamma as the share per tick, 1/e of the error is left after the
+    `time_constant` [s] for any `period` [s]; gamma is 1 for a time constant
+    of 0.
     """
     if time_constant == 0.0:
         return 1.0
@@ -94,9 +93,9 @@ def gamma(time_constant: float, period: float) -> float:
 
 
 def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
-    """Returns how far along icp_r -> icp_end the ICP is, in [0, 1].
+    """Returns the share in [0, 1] of icp_r -> icp_end that the ICP has passed.
 
-    Points (2,) [m] in W.  Goes to 0 where the way vanishes.
+    Points (2,) [m] in W.  The share goes to 0 as icp_end approaches icp_r.
     Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
     """
     way = icp_end - icp_r
@@ -105,10 +104,10 @@ def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
 
 
 def time_ahead(fraction: float, remaining: float, omega: float) -> float:
-    """Returns how far ahead [s] of the plan the ICP is, in [0, remaining].
+    """Returns the time [s] by which the ICP leads, in [0, remaining] (Eq. 16).
 
-    `fraction` in [0, 1] of the plan's way to the end of the phase, which is
-    `remaining` [s] away; omega [rad/s].
+    `fraction` in [0, 1] is the result of `fraction_done` for the plan's ICP at
+    the end of the phase, which is `remaining` [s] away; omega [rad/s].
     Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
     of two collinear vectors.  With the constant eCMP that leads from icp_r to
     icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
@@ -119,13 +118,13 @@ def time_ahead(fraction: float, remaining: float, omega: float) -> float:
 def is_leaving(
     icp: Array, reference: IcpReference, support: Array, margin: float
 ) -> bool:
-    """True if the ICP runs away from its reference and no eCMP can stop it.
+    """True if no feasible eCMP stops the ICP from diverging from its reference.
 
-    That is, if the ICP is out of the polygon `support` (n, 2), its error
-    points outward there, and the eCMP that would keep the error from growing
-    (K = 1 in the Nadia paper, Eq. 6) is not `margin` [m] within the support.
-    An ICP that merely lags behind on its way to the next foot does not leave.
-    `icp` (2,) [m] in W.
+    This holds if the ICP is outside the polygon `support` (n, 2), its error
+    points outward, and the eCMP that would keep the error constant (K = 1 in
+    the Nadia paper, Eq. 6) is not `margin` [m] inside the support.  An ICP that
+    only lags behind on its way to the next foot does not leave.  `icp` (2,)
+    [m] in W.
     """
     error = icp - reference.icp
     if contains(reference.ecmp + error, support, -margin):
@@ -141,12 +140,13 @@ def least_remaining_time(
     params: TimingAdapterParams,
     model: PointMassModel,
 ) -> float:
-    """Returns the time [s] that must be left in the swing, by the clock.
+    """Returns the lower bound [s] on the remaining swing time by the clock.
 
-    What any swing needs, and what the foot, now at its measured pose `foot`,
-    needs to its foothold, and to where the ICP `error` (2,) [m] will have moved
-    it: within the time t, the error grows by e^wt.  If the foot can at no time
-    catch up with it, only the former counts.
+    The bound is the maximum of `least_rest_of_swing` and of the time that the
+    foot, now at its measured pose `foot`, needs to its foothold; beyond it, the
+    least time t in which the foot reaches the foothold moved by the ICP `error`
+    (2,) [m], which grows by e^wt.  If the foot cannot reach that within the
+    remaining time, the first bound is returned.
     """
     step = state.schedule.footsteps[0]
     least = max(
@@ -168,9 +168,10 @@ def least_remaining_time(
 def _time_to_foothold(
     state: WalkingState, foot: FootPose, detour: SwingDetourParams
 ) -> float:
-    """Returns how long [s] the swing foot takes from rest at `foot`.
+    """Returns the time [s] of the swing foot from rest at `foot` to landing.
 
-    If that is lower than where it was lifted, it descends after the way.
+    The descent below the lower of `foot` and the lift-off height follows the
+    horizontal motion.
     """
     schedule, side = state.schedule, state.schedule.support_side
     goal = schedule.footsteps[0].pose.p_WF
@@ -186,10 +187,10 @@ def time_to_return(
     detour: SwingDetourParams,
     params: TimingAdapterParams,
 ) -> float:
-    """Returns by how much [s] the swing was shortened too much, >= 0.
+    """Returns the time [s] >= 0 for which the clock must be held.
 
     The foothold may have moved away from the foot, now at its measured pose
-    `foot`, since the clock was advanced.  No more than has been gained.
+    `foot`, since the clock was advanced.  The result is at most `gained_time`.
     """
     goal = state.schedule.footsteps[0].pose.p_WF
     if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
@@ -200,10 +201,10 @@ def time_to_return(
 
 
 class TimeAdjustment(NamedTuple):
-    """By how much [s] to advance the clock; negative: to hold it."""
+    """Time [s] by which the clock is advanced; negative: held."""
 
     now: float  # in this tick
-    in_all: float  # in this tick and the next ones, as things are
+    in_all: float  # in total, predicted for this tick and the next ones
 
 
 NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
@@ -219,13 +220,14 @@ def time_adjustment(
     period: float,
     on: Mechanisms,
 ) -> TimeAdjustment:
-    """Returns by how much [s] to advance the clock; negative: to hold it.
+    """Returns the time [s] by which to advance the clock; negative: hold it.
 
-    The discounted time by which the measured `icp` (2,) [m] is ahead of the
-    plan (Nadia paper, Eq. 15) or, if what no time can explain makes the ICP
-    leave the support, all the time left: the next step must come at once.
-    Limited by what the phase, and in a swing the foot, need.  `feet` are the
-    measured soles; a tick lasts `period` [s].
+    The advance is gamma times the time by which the measured `icp` (2,) [m] is
+    ahead of the plan (Nadia paper, Eq. 15).  If the remaining ICP error makes
+    the ICP leave the support (`is_leaving`), it is all the time left, so that
+    the next step starts at once.  The lower bounds on the remaining time of
+    the phase and of the swing foot limit it.  `feet` are the measured soles; a
+    tick lasts `period` [s].
     """
     phase = state.schedule.phase
     if phase is Phase.SWING and on.swing:

@@ -1,9 +1,8 @@
-"""The vocabulary of walking: sides, phases, footsteps, the walking state.
+"""Data types of walking: sides, phases, footsteps, the walking state.
 
-All values are frozen and their arrays read-only, because Drake hands the very
-same object to every reader of an abstract port, and because clones of a
-Context may then share them.  Those that hold arrays are equal to themselves
-only: arrays have no one answer to whether they are equal.
+All values are frozen and their arrays read-only, because Drake passes the same
+object to every reader of an abstract port, and clones of a Context share it.
+Types that hold arrays compare by identity.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ class Side(enum.Enum):
 
 
 class Phase(enum.Enum):
-    """What the legs do."""
+    """Contact phases of the gait."""
 
-    STANDING = "standing"  # both feet carry, nothing is going to happen
+    STANDING = "standing"  # both feet carry, no step has started
     TRANSFER = "transfer"  # both feet carry, weight moves to support_side
     SWING = "swing"  # support_side carries, the other foot is in the air
 
@@ -53,7 +52,7 @@ def read_only(values: object, size: int) -> Array:
 
 
 def tilt(normal: Array) -> Array:
-    """Returns the shortest turn (3, 3) of the vertical to `normal` (3,)."""
+    """Returns the shortest rotation (3, 3) from vertical to `normal` (3,)."""
     x, y, z = normal.tolist()
     c = 1.0 / (1.0 + z)
     return np.array(
@@ -69,7 +68,7 @@ UPRIGHT = read_only([0.0, 0.0, 1.0], 3)
 
 
 class Immutable:
-    """A frozen value, which clones of a Context share."""
+    """A frozen value, shared by the clones of a Context."""
 
     def __deepcopy__(self, memo: object) -> Self:
         return self
@@ -79,9 +78,9 @@ class Immutable:
 class FootPose(Immutable):
     """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
 
-    The sole frame F is z-up with x along the foot and y to the left.  Of a
-    tilted sole, F is that of the level one: R_WF = tilt(normal) Rz(yaw) is
-    where its unit `normal` (3,) points.
+    The sole frame F is z-up with x along the foot and y to the left.  The
+    rotation of a tilted sole with the unit `normal` (3,) is
+    R = tilt(normal) Rz(yaw); F itself stays level.
     """
 
     p_WF: Array = field(default_factory=lambda: np.zeros(3))
@@ -132,9 +131,9 @@ class FootPoses(Immutable):
 
 @dataclass(frozen=True)
 class Footstep(Immutable):
-    """One foothold, and how long it takes to get there.
+    """One foothold, and the durations of the step to it.
 
-    `side` is the foot that moves; `transfer_duration` [s] is the weight shift
+    `side` is the swing foot; `transfer_duration` [s] is the weight shift
     before the swing, `swing_duration` [s] the swing itself.
     """
 
@@ -159,15 +158,14 @@ class ReferencePoint(Immutable):
 
 @dataclass(frozen=True)
 class ContactSchedule(Immutable):
-    """All that the ICP plan depends on; replaced only when it is re-planned.
+    """The input of the ICP plan; replaced only when it is re-planned.
 
-    The present phase began at time 0.  `support_side` is the
-    stance foot of a swing, and the foot that receives the weight of a
-    transfer.  `footsteps` are those still to land: in a swing, footsteps[0]
-    is the one in the air.  A transfer without footsteps is the last one: it
-    ends between the feet.  The plan goes on from `start`, the reference motion
-    at `start_time`: where the phase before it ended or, from there on, where
-    the reference was put when the foothold was moved.
+    The present phase began at time 0.  `support_side` is the stance foot of a
+    swing, and in a transfer the foot that receives the weight.  `footsteps`
+    have not landed yet: in a swing, footsteps[0] is in the air.  A transfer
+    without footsteps is the last one and ends between the feet.  The plan
+    continues from `start`, the reference at `start_time`: the end of the
+    previous phase or, after a foothold change, the moved reference.
     """
 
     phase: Phase
@@ -180,12 +178,12 @@ class ContactSchedule(Immutable):
     start_time: float = 0.0  # since the phase began [s]
 
     def in_contact(self, side: Side) -> bool:
-        """True if the foot of `side` is meant to carry weight."""
+        """True if the foot of `side` carries weight in this phase."""
         return self.phase is not Phase.SWING or side is self.support_side
 
     @cached_property
     def legs_crossed(self) -> bool:
-        """True if the other foot stands, or stood, across the support foot."""
+        """True if the other foot is (in swing: was) across the support foot."""
         side = self.support_side.other
         stance, p_WF = self.feet[self.support_side], self.feet[side].p_WF
         return bool(side.sign * stance.to_sole(p_WF[None, :2])[0, 1] < 0.0)
@@ -193,11 +191,11 @@ class ContactSchedule(Immutable):
 
 @dataclass(frozen=True)
 class Adjustment(Immutable):
-    """Where the next step goes instead of where it was to go.
+    """The adjusted pose of the next foothold, with its nominal step.
 
     `region` names the reachability region that was chosen: base, forward or
-    backward; `covered_ticks` counts for how long the capture region has
-    covered the nominal foothold again.  `later` are the steps after it.
+    backward; `covered_ticks` counts the ticks for which the capture region has
+    covered the nominal foothold again; `later` adjusts the steps after it.
     """
 
     nominal: Footstep
@@ -209,19 +207,19 @@ class Adjustment(Immutable):
 
 @dataclass(frozen=True)
 class WalkingState(Immutable):
-    """The only walking clock: the schedule, and where we are in it.
+    """The walking clock: the schedule and the present time in it.
 
     `commanded` are the user's footsteps that have not landed yet;
-    schedule.footsteps are the same steps as they will be taken.
+    schedule.footsteps are the same steps with the adjusted footholds.
     """
 
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
-    elapsed: float = 0.0  # really, since the phase began [s]
+    elapsed: float = 0.0  # real time since the phase began [s]
     speed_up: float = 1.0  # sigma of the clock's last advance [-]
     waiting: bool = False  # the clock has run out, the phase has not ended
-    waited: float = 0.0  # for the ICP, at the end of a transfer [s]
-    contact_impulse: float = 0.0  # on the swing foot, per weight [s]
+    waited: float = 0.0  # waiting time for the ICP at a transfer's end [s]
+    contact_impulse: float = 0.0  # of the swing foot, per weight [s]
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()
     adjustment: Adjustment | None = None  # of the next step
@@ -233,19 +231,16 @@ class WalkingState(Immutable):
 
     @property
     def gained_time(self) -> float:
-        """By how much [s] the clock is ahead; so much it can give back."""
+        """Time [s] by which the clock leads real time; most to be returned."""
         return max(self.time_in_phase - self.elapsed, 0.0)
 
 
 def rectangle(length: float, width: float) -> Array:
-    """Corners (4, 2) [m] of a rectangle about 0, counter-clockwise."""
+    """Corners (4, 2) [m] of a centred rectangle, counter-clockwise."""
     x, y = 0.5 * length, 0.5 * width
     return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
 
 def number_of_ticks(duration: float, period: float) -> int:
-    """Returns how many ticks of `period` [s] last for `duration` [s].
-
-    To the nearest, and at least one: nothing happens faster than that.
-    """
+    """Returns `duration` [s] in ticks of `period` [s], rounded, at least 1."""
     return max(round(duration / period), 1)

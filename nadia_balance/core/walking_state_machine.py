@@ -1,7 +1,7 @@
-"""How the walking state advances by one control period.
+"""The walking state machine, advanced once per control period.
 
-Standing -> transfer -> swing -> transfer -> ... -> standing (the state machine
-that the papers leave to the reader; see also the Atlas paper, Sec. II).
+Standing -> transfer -> swing -> transfer -> ... -> standing.  The papers do not
+specify it; see also the Atlas paper, Sec. II.
 """
 
 import math
@@ -25,15 +25,15 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
-_HUGE = 700.0  # of which e to the power is still finite [-]
+_HUGE = 700.0  # largest exponent: e^700 is finite [-]
 
 
 @dataclass(kw_only=True)
 class LiftOffParams:
-    """How near the ICP must be to lift a foot, and how long to wait for it."""
+    """ICP error for which a foot is lifted, and the longest wait for it."""
 
-    # The foot is lifted when the ICP error is within this ellipse of the sole
-    # frame: forward, toward the other foot, and away from it.
+    # The foot is lifted when the ICP error is within this ellipse in the sole
+    # frame: semi-axes forward, toward the other foot, and away from it.
     icp_error_forward: float = bounded(
         0.035, above=0.0, unit="m", of="sole_length"
     )
@@ -43,14 +43,14 @@ class LiftOffParams:
     icp_error_outward: float = bounded(
         0.012, above=0.0, unit="m", of="sole_width"
     )
-    # How far outside the support the eCMP can be.
+    # Largest distance of the eCMP from the support.
     ecmp_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
     # The longest wait, if the footholds can be adjusted; infinite otherwise.
     max_wait: float = bounded(0.2, least=0.0, finite=False, unit="s")
-    # The wait is longer while the eCMP can be held so far beyond the ICP within
-    # the support: the ICP will come.  Not if the feet are farther apart than
-    # this: on the way to one foot, the ankle of the other meets its limit, and
-    # the pelvis tilts.
+    # The wait is extended to `max_held_wait` while the support extends
+    # `held_room` beyond the ICP, so that the ICP error can be reduced.  Not for
+    # feet farther apart than `held_stance`: the ankle of the trailing foot
+    # would meet its limit, and the pelvis would tilt.
     max_held_wait: float = bounded(1.0, least=0.0, finite=False, unit="s")
     held_room: float = bounded(0.08, least=0.0, finite=False, unit="m")
     held_stance: float = bounded(0.45, least=0.0, finite=False, unit="m")
@@ -58,15 +58,15 @@ class LiftOffParams:
 
 @dataclass(kw_only=True)
 class WalkingStateMachineParams:
-    """When a phase ends."""
+    """Conditions that end a phase."""
 
-    # Before the first step.
+    # Duration of standing before the first step.
     standing_duration: float = bounded(0.5, least=0.0, unit="s")
     # Share of the swing before which no contact counts as touchdown.
     earliest_touchdown: float = bounded(0.5, least=0.0, below=1.0)
-    # The foot has landed when forces above the former, as a share of the
-    # robot's weight, have without a break accumulated the latter, per weight:
-    # it is pressed down for a few ms, or has hit hard, and may bounce.
+    # Touchdown: forces above `contact_force`, as a share of the robot's weight,
+    # have without interruption accumulated `contact_impulse`, per weight: a few
+    # ms of load, or one hard impact that may bounce.
     contact_force: float = bounded(0.034, least=0.0, below=1.0)
     contact_impulse: float = bounded(3.4e-4, least=0.0, unit="s")
     lift_off: LiftOffParams = field(default_factory=LiftOffParams)
@@ -74,24 +74,24 @@ class WalkingStateMachineParams:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What is measured of the robot: sole poses, forces, ICP, in W."""
+    """Measured sole poses, normal forces and ICP, in W."""
 
     feet: FootPoses
     forces: Array  # (2,) normal, left and right, as a share of the weight [-]
     icp: Array  # (2,) [m]
 
     def force(self, side: Side) -> float:
-        """Normal force on the foot of `side`, as a share of the weight."""
+        """Normal force on the foot of `side`, as a share of the weight [-]."""
         return float(self.forces[0 if side is Side.LEFT else 1])
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """What the adapters propose for this tick."""
+    """Timing and foothold adjustment proposed for this tick."""
 
-    # To advance the clock by, on top of the tick; negative: to hold it [s].
+    # Advance of the clock on top of the tick; negative: the clock is held [s].
     time_gain: float = 0.0
-    adjustment: Adjustment | None = None  # None: no foothold can be adjusted
+    adjustment: Adjustment | None = None  # None: footholds are not adjustable
 
 
 KEEP = Proposal()
@@ -108,8 +108,8 @@ def advance(
 ) -> WalkingState:
     """Returns the walking state one `period` [s] later.
 
-    `plan` is the ICP plan of `state.schedule`: it tells where the reference
-    is when a phase ends, so that the next plan continues from there.
+    `plan` is the ICP plan of `state.schedule`: its reference at the end of a
+    phase is the start of the next plan.
     """
     state = _adjusted(state, plan, measured.icp, proposal.adjustment, model)
     state = _tick(state, measured, params, period, proposal.time_gain)
@@ -118,7 +118,7 @@ def advance(
             return _start_transfer(state, plan, measured, model)
         case Phase.TRANSFER if state.waiting:
             lift_off = params.lift_off
-            if proposal.adjustment is None:  # then only waiting helps
+            if proposal.adjustment is None:  # only waiting reduces the error
                 lift_off = replace(lift_off, max_wait=math.inf)
             if may_lift(state, plan, measured.icp, lift_off, model):
                 return _end_transfer(state, plan, measured)
@@ -140,13 +140,13 @@ def may_lift(
     params: LiftOffParams,
     model: PointMassModel,
 ) -> bool:
-    """True if the ICP is near its reference, or if no waiting brings it there.
+    """True if the ICP is near its reference, or waiting cannot bring it there.
 
-    `icp` (2,) [m] in W, measured past the end of the transfer of `state`.
-    With both feet down, the eCMP can be held beyond the ICP, on the far side
-    of the support.  If not even that returns the ICP within what is left of
-    the wait, the foot is lifted at once.  Crossed legs are always uncrossed at
-    once: while the CoM moves on, the thigh behind nears the other shin.
+    `icp` (2,) [m] in W is measured after the transfer of `state`.  In double
+    support, the eCMP can be held beyond the ICP, on the far side of the
+    support.  If this cannot return the ICP in the remaining wait, the foot is
+    lifted at once.  Crossed legs are always uncrossed at once, as the rear
+    thigh approaches the other shin while the CoM moves on.
     """
     schedule, waited = state.schedule, state.waited
     if schedule.legs_crossed or not schedule.footsteps:
@@ -170,7 +170,7 @@ def may_lift(
 def _is_held(
     schedule: ContactSchedule, room: float, waited: float, params: LiftOffParams
 ) -> bool:
-    """True if the ICP, with `room` [m] beyond it, can wait for longer."""
+    """True if the wait goes on, with `room` [m] of support beyond the ICP."""
     left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
     return (
         room >= params.held_room
@@ -182,7 +182,7 @@ def _is_held(
 def _size(
     error: Array, schedule: ContactSchedule, params: LiftOffParams
 ) -> float:
-    """The ICP `error`, where 1 is the edge of the ellipse."""
+    """Returns the norm [-] of the ICP `error`: 1 on the lift-off ellipse."""
     side = schedule.support_side
     x, y = schedule.feet[side].rotation.T @ error
     inward = -side.sign * y > 0.0
@@ -197,7 +197,7 @@ def _tick(
     period: float,
     time_gain: float,
 ) -> WalkingState:
-    """The same phase one `period` [s] later."""
+    """Returns the state one `period` [s] later in the same phase."""
     schedule = state.schedule
     time = state.time_in_phase + max(period + time_gain, 0.0)
     done = time >= schedule.duration - 0.5 * period
@@ -221,9 +221,9 @@ def _tick(
 
 
 def _sigma(remaining: float, gain: float) -> float:
-    """Returns how much faster the rest of a phase passes (Atlas, Eq. 13).
+    """Returns sigma, the speed-up of the rest of a phase (Atlas, Eq. 13).
 
-    Erratum: undefined as printed if nothing is left.
+    Erratum: undefined as printed if no time is left.
     """
     left = remaining - gain
     return remaining / left if gain > 0.0 and left > 0.0 else 1.0
@@ -236,7 +236,7 @@ def _adjusted(
     adjustment: Adjustment | None,
     model: PointMassModel,
 ) -> WalkingState:
-    """Moves the footholds of the next steps."""
+    """Returns the state with the footholds of `adjustment`."""
     schedule = state.schedule
     steps = list(schedule.footsteps)
     if adjustment is None or not steps or schedule.phase is Phase.STANDING:
@@ -258,9 +258,9 @@ def _contact_force(
     measured: Measurement,
     params: WalkingStateMachineParams,
 ) -> float:
-    """Force of the ground on the foot in the air; 0 if it may not land."""
-    # Of the real time of the swing: a clock that was advanced has passed half
-    # of the plan before the foot has left the ground.
+    """Returns the contact force [-] on the swing foot; 0 before it may land."""
+    # The share is of real time: an advanced clock may pass half of the plan
+    # before the foot has left the ground.
     earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)
     force = measured.force(schedule.support_side.other)
     landing = elapsed >= earliest and force > params.contact_force
@@ -312,12 +312,12 @@ def _end_transfer(
         start=plan.at(state.time_in_phase).point(),
         start_time=0.0,
     )
-    # The steps that were moved before are to be the same.
+    # Footholds that were adjusted in the transfer are kept.
     return replace(_begin(state, schedule), adjustment=state.adjustment)
 
 
 def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
-    """The `feet`, as tilted as the `wanted` ones: what a sole is brought to."""
+    """Returns the measured `feet` with the normals of the `wanted` ones."""
     for side in Side:
         normal = wanted[side].normal
         if feet[side].normal is not normal:
@@ -326,7 +326,7 @@ def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
 
 
 def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:
-    """The first tick of the phase that `schedule` begins."""
+    """Returns the state at the start of the phase of `schedule`."""
     return WalkingState(
         schedule, steps_taken=state.steps_taken, commanded=state.commanded
     )

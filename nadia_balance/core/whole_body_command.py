@@ -1,4 +1,4 @@
-"""From the walking state to the command of the whole-body QP."""
+"""The command of the whole-body QP for a walking state."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,29 +13,29 @@ from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
 
-# Rows of WholeBodyTerms: those of the joints come in between.
+# Rows of WholeBodyTerms; the joints' rows follow BASE.
 LEFT_SOLE = slice(0, 6)
 RIGHT_SOLE = slice(6, 12)
 BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
-MAX_PAIRS = 8  # of links that are kept apart at the same time
+MAX_PAIRS = 8  # largest number of link pairs with a distance limit
 _NO_ROWS = np.empty((0, 0))
-# A sole rolls so many of its margins inside its edge: within its cone, and not
-# on the rim of it.
+# Distance of the rolling axis from the sole's edge, in sole margins: inside the
+# wrench cone, not on its boundary.
 _ROLLING_MARGINS = 2.0
 
 
 @dataclass(kw_only=True)
 class CrossingTurnParams:
-    """How far the pelvis turns when the feet come close, and cross."""
+    """Pelvis yaw when the feet come close, and cross."""
 
-    # It turns while the soles are closer than this, sideways.
+    # Lateral distance of the soles below which the pelvis turns.
     width: float = bounded(0.25, least=0.0, unit="m")
     # Turn per squared closeness and step length.
     gain: float = bounded(20.0, least=0.0, unit="rad/m^3")
-    # Approached, never reached.
+    # Asymptotic bound of the turn.
     max_turn_deg: float = bounded(30.0, above=0.0, most=60.0, unit="deg")
 
 
@@ -43,10 +43,10 @@ class CrossingTurnParams:
 class WholeBodyQpParams:
     """Parameters of the whole-body QP.
 
-    Weights multiply squared accelerations, of the CoM [m/s^2], of bodies
+    Weights multiply squared accelerations of the CoM [m/s^2], of bodies
     [rad/s^2], [m/s^2] and of joints [rad/s^2].  Forces and moments are per
     unit of the robot's mass, [m/s^2] and [m^2/s^2], so that the same weights
-    serve robots of any size.  Gains are kp [1/s^2].
+    suit robots of any mass.  Gains are kp [1/s^2].
     """
 
     # Soft tasks: direction of the force, vertical momentum / mass, angular
@@ -62,63 +62,63 @@ class WholeBodyQpParams:
     swing_position_gain: float = bounded(300.0, least=0.0, unit="1/s^2")
     swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
     swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")
-    # Of arms and spine: free enough to help, and to come back.
+    # Posture of arms and spine: low, so that they assist balance, yet return.
     posture_weight: float = bounded(0.1, above=0.0, unit="m^2")
-    # Pelvis and feet determine the legs: this one only breaks ties.
+    # Posture of the legs, which resolves redundancy only: pelvis and feet
+    # determine the leg joints.
     leg_posture_weight: float = bounded(1e-4, above=0.0, unit="m^2")
     posture_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
-    # Of all these tasks: kd = 2 ratio sqrt(kp).
+    # Damping ratio of the above tasks: kd = 2 ratio sqrt(kp).
     damping_ratio: float = bounded(1.0, least=0.0)
     # Regularisation of sole moments, horizontal and normal forces / mass: it
-    # shares the load so that sole moments are small.  The normal one biases
-    # the height.
+    # distributes the load with small sole moments.  The normal force weight
+    # biases the height.
     moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
     tangential_weight: float = bounded(1e-3, above=0.0)
     normal_weight: float = bounded(1e-6, above=0.0)
     acceleration_weight: float = bounded(
         1e-4, above=0.0, unit="m^2"
     )  # of all vdot
-    # Soles on the ground: damping of the sole's velocity, and a gain that
-    # brings it level.
+    # Soles in contact: damping of the sole's velocity, and gain of its tilt.
     stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
     stance_tilt_gain: float = bounded(100.0, least=0.0, unit="1/s^2")
-    # The trailing foot of a longer step may roll over its toes, or its heel.
+    # Step length above which the trailing foot may roll over toes or heel.
     rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
     friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
     slip: SlipParams = field(default_factory=SlipParams)
-    # How far inside the sole's edge the CoP stays.
+    # Margin of the CoP to the sole's edge.
     sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # Of a foot in contact.
+    # Lower bound on the normal force of a foot in contact.
     min_normal_force: float = bounded(2.0, least=0.0, unit="N")
-    # Last share of a transfer in which the trailing foot unloads, and the
-    # force that is allowed at its end.
+    # Last share of a transfer in which the trailing foot is unloaded, and the
+    # force bound at its end.
     unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
     unloaded_force: float = bounded(50.0, least=0.0, unit="N")
-    # A foot that has landed takes the weight within this: it may bounce, and
-    # a leg that pushes meanwhile slams it down.
+    # Time in which the force bound of a landed foot rises to the weight: full
+    # load while it bounces causes impacts.
     loading_time: float = bounded(0.02, least=0.0, unit="s")
-    # By joint [rad]; tighter than those of the URDF.
+    # Joint limits [rad] by name, tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     joint_upper_limits: dict[str, float] = field(default_factory=dict)
-    # How far ahead position and speed limits of joints are kept, and with
-    # which acceleration.
+    # Horizon of the joint position limits; `speed_limit_horizon` and
+    # `max_joint_acceleration` below complete them.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
-    # Links that are nearer than `link_attention` are kept `link_clearance`
-    # apart: a distance d gets no smaller than one with the dynamics of
+    # Links closer than `link_attention` are kept `link_clearance` apart, as a
+    # hard limit: their distance d decreases no faster than with the dynamics
     # (d/dt + link_rate)^2 (d - link_clearance) = 0.
     link_attention: float = bounded(0.08, above=0.0, unit="m")
-    # Links of the upper body that are so near brake early, by a soft task:
-    # seen late, they take more torque than an arm has, and the legs kick.
+    # Upper body links closer than this brake early, by a soft task: late
+    # braking saturates the arm torques and disturbs the legs.
     arm_attention: float = bounded(0.4, above=0.0, unit="m")
     arm_weight: float = bounded(3.0, least=0.0)
     link_clearance: float = bounded(0.02, least=0.0, unit="m")
     link_rate: float = bounded(25.0, above=0.0, unit="1/s")
     speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
-    # Of the joints, while the QP has no solution.
+    # Damping of the joints while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Of the actuators' limits; what the robot does otherwise than expected
-    # drives its joints faster.
+    # Shares of the actuators' limits; the speed reserve is for deviations of
+    # the robot from the model.
     max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
     max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = field(
@@ -126,16 +126,16 @@ class WholeBodyQpParams:
     )
 
     def link_braking(self, distances: Array, rates: Array) -> Array:
-        """Returns the least accelerations (k,) [m/s^2] of these distances.
+        """Returns the least accelerations (k,) [m/s^2] of link distances.
 
-        Those of (d/dt + link_rate)^2 (d - link_clearance) = 0, for the
-        `distances` d (k,) [m] of links, and their `rates` (k,) [m/s].
+        They solve (d/dt + link_rate)^2 (d - link_clearance) = 0 for the
+        `distances` d (k,) [m] of links and their `rates` (k,) [m/s].
         """
         room = self.link_rate * (distances - self.link_clearance)
         return -self.link_rate * (2.0 * rates + room)
 
     def validate_more(self) -> None:
-        """Raises ValueError if a foot would carry more when unloaded."""
+        """Raises ValueError if the unloaded force is below the minimum."""
         if not self.unloaded_force > self.min_normal_force:
             raise ValueError(
                 f"unloaded_force = {self.unloaded_force}: must be > "
@@ -149,7 +149,7 @@ class WholeBodyModel:
 
     `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
     `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
-    sole size [m].  Without `drives` torques are there at any speed, at once.
+    sole size [m].  Without `drives`, torques have no speed or rate limits.
     """
 
     mass: float
@@ -170,11 +170,11 @@ class WholeBodyModel:
 
 
 class WholeBodyTerms(NamedTuple):
-    """The robot's motion; nv = 6 + nj, v = [w_WB, v_WB, joints].
+    """Kinematics and dynamics; nv = 6 + nj, v = [w_WB, v_WB, joints].
 
     The floating base B is the pelvis, its velocity expressed in W.
 
-    `rows` (24 + nj, nv + 1) are [A, a] of all that is A vdot + a: the
+    `rows` (24 + nj, nv + 1) are [A, a] of the quantities A vdot + a: the
     accelerations of the left and of the right sole ([w, v] at its centre), the
     generalised forces on base and joints, and the angular accelerations of
     torso and pelvis, all in W.  `velocities` (24 + nj,) are A v.  The forces,
@@ -182,8 +182,8 @@ class WholeBodyTerms(NamedTuple):
 
     `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
     `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad]; `com_state` (6,)
-    = [p_WC, v_WC] [m, m/s] of the centre of mass.  `distances` (k,) [m] of
-    links that are to brake, or near: `distance_rows` (k, nv) v are their rates.
+    = [p_WC, v_WC] [m, m/s] of the centre of mass.  `distances` (k,) [m] are
+    those of braking or near links, with the rates `distance_rows` (k, nv) v.
     """
 
     rows: Array
@@ -203,16 +203,16 @@ class WholeBodyTerms(NamedTuple):
 
 
 class WholeBodyCommand(NamedTuple):
-    """What the whole-body QP is to bring about.
+    """Desired values of the whole-body QP.
 
     `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
-    yawdot, yawddot) of the torso, and `turn` that of the pelvis on top of it;
-    `contacts`: whether the (left, right) sole carries, at least one does;
+    yawdot, yawddot) of the torso, and `turn` that of the pelvis relative to it;
+    `contacts`: True for each (left, right) sole in contact, at least one is;
     `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
-    a, yaw, yawdot, yawddot] of the sole that does not carry.  `normals` (2, 3)
-    in W are across the (left, right) sole, as it is to be; `friction` is what
-    both may count on.  `edges` [m] are where, along it, the (left, right) sole
-    may roll; 0: it stays flat.
+    a, yaw, yawdot, yawddot] of the swing sole.  `normals` (2, 3) in W are the
+    desired normals of the (left, right) sole; `friction` is the coefficient
+    assumed for both.  `edges` [m] are the positions x of the axes about which
+    the (left, right) sole may roll; 0: it stays flat.
     """
 
     momentum_rate: Array
@@ -237,7 +237,7 @@ def whole_body_command(
     """Returns contacts, heading and force bounds of a walking state.
 
     `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
-    `friction` to count on.
+    `friction` coefficient to assume.
     """
     schedule = state.schedule
     left, right = (schedule.in_contact(s) for s in (Side.LEFT, Side.RIGHT))
@@ -261,9 +261,9 @@ def whole_body_command(
 
 
 def velocity_now(swing: Array, lead: float) -> Array:
-    """Returns the reference (12,), a `lead` [s] ahead, with the velocity now.
+    """Returns the reference (12,), `lead` [s] ahead, with present velocities.
 
-    Of the robot, only the positions are taken ahead (see CentroidalEstimator).
+    Only positions of the robot are predicted (see CentroidalEstimator).
     """
     late = swing.copy()
     late[3:6] -= lead * swing[6:9]
@@ -272,9 +272,10 @@ def velocity_now(swing: Array, lead: float) -> Array:
 
 
 def sole_normals(state: WalkingState) -> Array:
-    """Returns across what the (left, right) sole is, (2, 3) in W.
+    """Returns the desired normals (2, 3) of the (left, right) sole in W.
 
-    That of a swing turns from one ground to the other, by a cubic in time.
+    The normal of a swing foot turns from the ground at lift-off to that at the
+    foothold, by a cubic in time.
     """
     schedule = state.schedule
     normals = [schedule.feet[side].normal for side in Side]
@@ -297,9 +298,9 @@ def rolling_edge(
 ) -> float:
     """Returns x [m] of the edge about which the sole may roll; 0 if none.
 
-    In the transfer of a long step, the trailing foot's: its leg comes to its
-    end, and with the sole flat the knee would straighten at once.  The toes if
-    the step is forward, the heel if it is backward.
+    The trailing foot rolls in the transfer of a long step, over the toes if the
+    step is forward, over the heel if it is backward: its leg reaches its full
+    length, and with a flat sole the knee would straighten at once.
     """
     schedule = state.schedule
     if (
@@ -322,10 +323,10 @@ def crossing_turn(
 ) -> tuple[float, float, float]:
     """Returns the pelvis' yaw, yawdot, yawddot relative to the feet's [rad].
 
-    With the other sole x in front of the support sole and c closer to it
-    than `width`, sideways: gain c^2 x, bounded softly; positive to the left.
-    `swing` (12,) is the reference of the swing sole (see SwingFootPlanner),
-    which makes the turn as smooth as the swing.
+    turn = +-max tanh(gain c^2 x / max), + for the left support foot, where x
+    is the distance of the other sole in front of the support sole, and their
+    lateral distance is c less than `width`.  `swing` (12,) is the reference of
+    the swing sole (see SwingFootPlanner): the turn is as smooth as the swing.
     """
     schedule = state.schedule
     side = schedule.support_side
@@ -359,7 +360,7 @@ def crossing_turn(
 
 
 def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
-    """Mean yaw, yawdot, yawddot of the feet; moves with a swing."""
+    """Mean yaw, yawdot, yawddot of both feet [rad]; turns during a swing."""
     schedule = state.schedule
     stance = schedule.feet[schedule.support_side].yaw
     if schedule.phase is Phase.SWING:
@@ -377,11 +378,11 @@ def max_normal_force(
     params: WholeBodyQpParams,
     model: WholeBodyModel,
 ) -> float:
-    """Upper bound [N] of a sole's force: weight goes from foot to foot.
+    """Upper bound [N] of a sole's normal force, linear in time in a transfer.
 
-    The bound of a foot that has landed rises linearly to the weight.  That of
-    the trailing foot falls linearly from the weight in the last part of a
-    transfer to a step.  A transfer that waits for the ICP needs both feet.
+    The bound of a landed foot rises to the weight within `loading_time`.  That
+    of the trailing foot falls from the weight in the last part of a transfer
+    before a step.  A transfer that waits for the ICP has no bound on it.
     """
     schedule, weight = state.schedule, model.mass * GRAVITY
     if (

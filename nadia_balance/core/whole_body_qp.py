@@ -1,4 +1,4 @@
-"""Whole-body inverse dynamics as one quadratic program."""
+"""Whole-body inverse dynamics as a single quadratic program."""
 
 import itertools
 import math
@@ -62,26 +62,26 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
-_HASTE = (2.0, 4.0, math.inf)  # with which torques may change if they must
+_HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
 _SIGNS = np.array([[-1.0], [1.0]])
 
 
 class WholeBodyLimits:
-    """Rows lower <= C [vdot, wrenches] <= upper.
+    """Inequality rows lower <= C [vdot, wrenches] <= upper of the QP.
 
-    Wrenches [tau, f] and torques are per unit of the robot's mass; there are
-    wrenches of those soles only that carry.  In this order: torques, joint
-    accelerations, the cone and the normal force of the left and of the right
-    sole, distances of near links.
+    Wrenches [tau, f] and torques are per unit of the robot's mass; only soles
+    in contact have wrenches.  Order of the rows: torques, joint accelerations,
+    the cone and the normal force of the left and of the right sole, distances
+    of near links.
     """
 
     def __init__(
         self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
     ):
-        """The limits of `model`, as tightened by `params`, every `period` [s].
+        """Builds the limits of `model` and `params` for ticks of `period` [s].
 
         Raises:
-            ValueError: the margin leaves nothing of the sole.
+            ValueError: the margin leaves no area of the sole.
         """
         self._params, self._mass = params, model.mass
         n = model.num_joints
@@ -96,7 +96,7 @@ class WholeBodyLimits:
             )
         self._sides = sides
         self._usual_cone = self._cone(params.friction)
-        # The first axis of all bounds is lower, upper.
+        # The first axis of all bounds is (lower, upper).
         self._least_force = params.min_normal_force / model.mass
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
@@ -112,14 +112,11 @@ class WholeBodyLimits:
             self._torque_steps = ticks * self._torques
 
     def num_rows(self, num_soles: int) -> int:
-        """Returns how many rows there are if so many soles carry.
-
-        Those of near links come on top.
-        """
+        """Returns the number of rows, without near links, for `num_soles`."""
         return self._joint_rows.stop + num_soles * _FOOT_ROWS
 
     def near(self, terms: WholeBodyTerms) -> NDArray[np.bool_]:
-        """Marks the distances (k,) of links that are kept apart."""
+        """Returns a mask (k,) of the link distances that have hard limits."""
         return terms.distances < self._params.link_attention
 
     def fill(
@@ -132,8 +129,7 @@ class WholeBodyLimits:
     ) -> None:
         """Writes lower and upper `bounds` (2, m), and completes `C` (m, n).
 
-        The rows of the torques, M vdot - sum J' w, are there already; all
-        others are zero.
+        On entry, `C` holds the torque rows, M vdot - sum J' w, and zeros.
         """
         torques = self.torque_bounds(terms.v[6:], last_torques)
         bounds[:, self.torque_rows] = torques - terms.forces[6:, -1]
@@ -166,8 +162,9 @@ class WholeBodyLimits:
     ) -> Array:
         """Least and largest torques (2, nj), per unit of the robot's mass.
 
-        At the joints' `speed` (nj,) [rad/s], and a tick away at most from the
-        `last` torques (nj,) [N m], if there are any; or `haste` ticks.
+        The bounds hold for the joints' `speed` (nj,) [rad/s] and limit the
+        change from the `last` torques (nj,) [N m], if given, to the torque rate
+        limit times `haste` ticks.
         """
         if self._drives is None:
             return self._torques
@@ -176,7 +173,7 @@ class WholeBodyLimits:
         )
         if last is None or math.isinf(haste):
             return bounds
-        # What the speed takes away goes at once.
+        # The speed-dependent limit overrides the rate limit.
         near = np.minimum(np.maximum(last / self._mass, lower), upper)
         near = near + haste * self._torque_steps
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
@@ -188,10 +185,10 @@ class WholeBodyLimits:
         lower: Array,
         upper: Array,
     ) -> Iterator[None]:
-        """Widens `lower` and `upper` (m,) in place, once more at each turn.
+        """Relaxes `lower` and `upper` (m,) in place, one step per iteration.
 
-        No joint brakes early; torques change faster and faster; links are not
-        kept apart.
+        Order: joint limits, torque rate limits by the factors _HASTE, link
+        distances.
         """
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
@@ -206,9 +203,10 @@ class WholeBodyLimits:
             yield
 
     def _cone(self, friction: float) -> Array:
-        """The cone and the normal force of a sole, in its frame.
+        """Returns the rows of the wrench cone and normal force of a sole.
 
-        (2 * _FOOT_ROWS, 3), for tau and f in turn, to rotate both.
+        Shape (2 * _FOOT_ROWS, 3) in the sole frame: rows for tau and f
+        alternate, so that one product rotates both.
         """
         cone = np.zeros((_FOOT_ROWS, 6))
         cone[:NUM_CONE_ROWS] = contact_wrench_cone(*self._sides, friction)
@@ -216,11 +214,11 @@ class WholeBodyLimits:
         return cone.reshape(-1, 3)
 
     def _braking(self, terms: WholeBodyTerms) -> Array:
-        """Bounds (2, nj) of joint accelerations that keep the joints' limits.
+        """Bounds (2, nj) [rad/s^2] on vdot from position and speed limits.
 
-        Each q + T v + T^2/2 vdot stays within the limits for a horizon T, and
-        each v + T vdot for a shorter one, unless that takes more than the
-        acceleration allowed for it.
+        q + T v + T^2/2 vdot stays within the position limits for a horizon T,
+        v + T vdot within the speed limits for a shorter one; the bounds are
+        clipped to `max_joint_acceleration`.
         """
         horizon, most = (
             self._params.joint_limit_horizon,
@@ -236,7 +234,7 @@ class WholeBodyLimits:
         return np.asarray(np.minimum(np.maximum(bounds, -most), most))
 
 
-# Rows of J of the soles that carry.
+# Rows of J of the soles in contact, by (left, right).
 _CARRYING = {
     (True, True): slice(0, 12),
     (True, False): LEFT_SOLE,
@@ -245,11 +243,11 @@ _CARRYING = {
 
 
 class WholeBodySolution(NamedTuple):
-    """Accelerations, contact wrenches and torques that belong together.
+    """Consistent accelerations, contact wrenches and torques.
 
     `vdot` (nv,); `wrenches` (12,) = [tau, f] of the left and the right sole
-    at its centre, in W [N m], [N], zero if it does not carry; `torques` (nj,)
-    [N m].  All others are NaN unless `qp.solved`.
+    at its centre, in W [N m], [N], zero without contact; `torques` (nj,)
+    [N m].  All other entries are NaN unless `qp.solved`.
     """
 
     vdot: Array
@@ -259,41 +257,37 @@ class WholeBodySolution(NamedTuple):
 
 
 class WholeBodyQp:
-    """Finds joint torques for soft tasks under hard physical limits.
+    """Whole-body QP: joint torques for soft tasks under hard physical limits.
 
-    Variables [vdot (nv), w_left (6), w_right (6)], but no wrench of a sole
-    that does not carry; inside, all forces, torques and M are per unit of the
-    robot's mass.  Minimises the weighted squares of the errors of the tasks
-    and of the posture, and of the sole wrenches, subject to
-
-    * J vdot + Jdot v = a of a sole that carries; or of its edge, if it rolls,
-    * M vdot + bias = sum J' w in the six rows of the floating base,
-    * the limits of contact wrenches, torques, joints and the distances of
-      near links; if there is no solution, those of the joints, of torque rates
-      and of the links are given up in turn.
-
-    Nadia paper, Sec. III; in the form of Herzog et al., Momentum control with
+    Nadia paper, Sec. III, in the form of Herzog et al., Momentum control with
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
-    Robots 40 (2016), with weights for the hierarchy.
+    Robots 40 (2016), with weights instead of the hierarchy.  Minimises the
+    weighted squares of task errors, posture error and sole wrenches over
+    [vdot (nv), w_left (6), w_right (6)], without the wrench of a sole in the
+    air, subject to
+
+    * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
+    * M vdot + bias = sum J' w in the six rows of the floating base,
+    * limits on contact wrenches, torques, joints and the distances of near
+      links; if the QP is infeasible, joint limits, torque rate limits and link
+      distances are dropped in this order.
+
+    Internally, forces, torques and M are per unit of the robot's mass.
     """
 
     def __init__(
         self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
     ):
-        """Builds the program for robots that are this `model`.
-
-        It is solved every `period` [s].
-        """
+        """Builds the QP for `model`, to be solved every `period` [s]."""
         self._params, self._model = params, model
         self._tasks = WholeBodyTasks(params, model)
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         self._qps = {
             n: DenseQp(nv + 6 * n)
-            for n in (1, 2)  # soles that carry
+            for n in (1, 2)  # soles in contact
         }
-        # The posture's PD law, and the costs that are always the same: those
-        # of vdot, and those of the wrenches.
+        # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
             model.is_leg_joint, params.leg_posture_weight, params.posture_weight
         )
@@ -313,9 +307,10 @@ class WholeBodyQp:
         command: WholeBodyCommand,
         last_torques: Array | None = None,
     ) -> WholeBodySolution:
-        """Solves the QP.
+        """Returns the solution of the QP, relaxed if it is infeasible.
 
-        Torques stay near the `last_torques` (nj,) [N m], if there are any.
+        `last_torques` (nj,) [N m], if given, are the start of the torque rate
+        limit.
 
         Raises:
             ValueError: NaN or infinity in `terms` or `command`.
@@ -324,9 +319,9 @@ class WholeBodyQp:
         problem = self.problem(terms, command, last_torques)
         solver = self._qps[sum(contacts)]
         qp = solver.solve(problem)
-        # At the touchdown of a long step, soles, torques and friction may leave
-        # no room for braking, nor for torques that change slowly: neither is a
-        # law of physics.
+        # At the touchdown of a long step, contact, torque and friction limits
+        # may make joint braking and torque rate limits infeasible.  These are
+        # not physical and may be relaxed.
         limits = slice(6 * sum(contacts) + 6, None)
         freed = self._limits.freed(
             terms, last_torques, problem.lower[limits], problem.upper[limits]
@@ -347,11 +342,11 @@ class WholeBodyQp:
     def damping_torques(
         self, terms: WholeBodyTerms, last: Array | None = None
     ) -> Array:
-        """Torques (nj,) [N m] that bring the joints to rest, within limits.
+        """Returns the damping torques -d M v (nj,) [N m], within limits.
 
-        -d M v with the joints' part of M: no faster than drives with a lag can
-        follow.  They begin at the `last` ones, so that a tick without a
-        solution does not let go of the weight.
+        M is the joints' block of the mass matrix; d is low enough for drives
+        with a lag.  The torque rate limit starts at the `last` torques, so that
+        a single tick without a solution does not drop the load.
         """
         M, v = terms.forces[6:, 6:-1], terms.v[6:]
         lower, upper = self._limits.torque_bounds(v, last)
@@ -365,7 +360,7 @@ class WholeBodyQp:
         command: WholeBodyCommand,
         last_torques: Array | None = None,
     ) -> QpProblem:
-        """Returns the QP as plain matrices."""
+        """Returns the matrices and bounds of the QP."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
         J, n = terms.rows[soles, :nv], sum(command.contacts)
         near = int(np.count_nonzero(self._limits.near(terms)))
@@ -374,7 +369,7 @@ class WholeBodyQp:
         bounds = np.empty((2, len(rows)))
         A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
         A[: 6 * n, :nv] = J
-        # The equations of motion: the base's, and the torques' next to them.
+        # Equations of motion: rows of the base, followed by the torque rows.
         motion = rows[6 * n : 6 * n + nv]
         motion[:, :nv] = terms.forces[:, :nv]
         motion[:, nv:] = -J.T
@@ -401,11 +396,12 @@ class WholeBodyQp:
         H: Array,
         g: Array,
     ) -> None:
-        """Lets a sole roll about its edge: changes its rows of A x = b.
+        """Changes the rows of A x = b of a sole to rolling about its edge.
 
-        What is at `edge` [m] in front of its centre comes to rest, the sole
-        does not turn about other axes, and no moment acts about this one: to
-        stay flat is a soft task in H and g, that of a sole in the air.
+        The line at x = `edge` [m] in the sole frame is kept at rest, the sole
+        does not rotate about its x and z axes, and the moment about the edge
+        is zero.  Keeping the sole flat is a soft task in H and g instead, with
+        the weight of a swing foot.
         """
         sole, nv = SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
@@ -431,7 +427,7 @@ class WholeBodyQp:
         A[sole], b[sole] = rows, values
 
     def _rest(self, terms: WholeBodyTerms, normals: Array) -> Array:
-        """Accelerations (12,) that bring soles to rest, across `normals`."""
+        """Accelerations (12,) that damp and align soles to `normals`."""
         params = self._params
         rest = -params.stance_damping * terms.velocities[:12]
         x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
@@ -444,7 +440,7 @@ class WholeBodyQp:
     def _cost(
         self, terms: WholeBodyTerms, command: WholeBodyCommand
     ) -> tuple[Array, Array]:
-        """Returns H and g of all that is soft."""
+        """Returns H and g of the cost of all soft tasks."""
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)
         tasks = self._tasks.rows(terms, command)

@@ -18,7 +18,7 @@ from nadia_balance.core.whole_body_command import (
     WholeBodyTerms,
 )
 
-# Rows of the tasks.
+# Row indices of the tasks.
 _LINEAR = slice(0, 3)
 _HORIZONTAL = slice(0, 2)
 _ANGULAR = slice(3, 6)
@@ -36,15 +36,15 @@ _NOTHING = (0.0,) * 6  # the momentum has no error, and no desired velocity
 class WholeBodyTasks:
     """Rows [S, r] of the soft tasks S vdot + r = 0.
 
-    In this order: linear and angular momentum per mass (about the CoM), the
-    orientations of torso and pelvis, and the pose of the sole that swings, if
-    one does.  Each is a PD law.
+    Order of the rows: linear momentum and angular momentum about the CoM, per
+    mass, the orientations of torso and pelvis, and in a swing the pose of the
+    swing sole.  Each task is a PD law.
     """
 
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """The tasks of `model`, weighted and tuned by `params`."""
+        """Builds the tasks of `model` with weights and gains of `params`."""
         self._params, self._mass = params, model.mass
-        # What picks the tasks from the rows of WholeBodyTerms.
+        # Selection of the tasks from the rows of WholeBodyTerms.
         trunk = np.zeros((_NUM_ROWS, 24 + model.num_joints))
         weights, kp = np.zeros(_NUM_ROWS), np.zeros(_NUM_ROWS)
         p = params
@@ -64,28 +64,28 @@ class WholeBodyTasks:
         self._weights, self._kp = np.sqrt(weights)[:, None], kp
         self._kd = 2.0 * p.damping_ratio * np.sqrt(kp)
         self._kd[_ANGULAR] = p.angular_momentum_damping
-        # With no sole that swings, or with the left or the right one.
+        # Selections without a swing sole, and with the left or right one.
         self._trunk = trunk[: _SWING_TURN.start]
         self._trunk_and_sole = [trunk.copy(), trunk.copy()]
         for selection, sole in zip(self._trunk_and_sole, SOLES, strict=True):
             selection[_SWING_TURN.start :, sole] = np.eye(6)
 
     def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
-        """Returns [S, r], times the roots of the weights, (n, nv + 1).
+        """Returns [S, r] (n, nv + 1), scaled by the roots of the weights.
 
-        n is 18, or 12 if no sole swings.
+        n is 18, or 12 without a swing.
         """
         if all(command.contacts):
             selection = self._trunk.copy()
         else:
             swing = command.contacts.index(False)
             selection = self._trunk_and_sole[swing].copy()
-        # The moment about the CoM: minus the arm times the force.  The arm is
-        # in M, since the base's velocity is expressed in W.
+        # The moment about the CoM: minus the lever arm times the force.  The
+        # arm is in M, since the base's velocity is expressed in W.
         selection[_ANGULAR, _FORCE] = -terms.rows[_MOMENT, 3:6]
-        # The force is along the line from the eCMP to the CoM, however large it
-        # is.  Were its horizontal part wanted as such, a robot that sinks would
-        # tilt instead, and one that is to brake would jump.
+        # The task is the direction of the force, from the eCMP to the CoM, at
+        # any magnitude.  With a task for the horizontal force itself, a sinking
+        # robot would tilt, and a braking one would jump.
         share = command.momentum_rate[:2] / (self._mass * GRAVITY)
         selection[_HORIZONTAL, _FORCE.stop - 1] -= share
         rows = selection @ terms.rows
@@ -100,9 +100,9 @@ class WholeBodyTasks:
         return rows
 
     def braking(self, terms: WholeBodyTerms, far: NDArray[np.bool_]) -> Array:
-        """Returns [S, r], as of `rows`, of links that are to brake early.
+        """Returns [S, r], as in `rows`, of the early braking of links.
 
-        Those marked by `far` (k,), of the distances of `terms`.
+        The mask `far` (k,) selects from the distances of `terms`.
         """
         of, params = terms.distance_rows[far], self._params
         least = params.link_braking(terms.distances[far], of @ terms.v)
@@ -122,7 +122,7 @@ class WholeBodyTasks:
             *rotation_error(yaw + turn, terms.rotations[3]),
         ]
         velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate + turn_rate]
-        # The force holds the weight, too: that is no rate of momentum.
+        # The force also carries the weight, which is no rate of momentum.
         wanted = [0.0, 0.0, z + GRAVITY, 0.0, 0.0, 0.0]
         wanted += 0.0, 0.0, acceleration
         wanted += 0.0, 0.0, acceleration + turn_acceleration
@@ -142,8 +142,8 @@ class WholeBodyTasks:
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:
     """Rotation vector in W from R (3, 3) to upright at `yaw` [rad].
 
-    Its length is the sine of the angle, right to third order: half the
-    antisymmetric part of R_upright R'.
+    It is the antisymmetric part of R_upright R' as a vector, with the sine of
+    the angle as its length: accurate to third order.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, _) = R.tolist()

@@ -1,1 +1,1 @@
-"""From anybody's URDF to a robot folder of ours (extra `robots`)."""
+"""Conversion of any robot's URDF to a robot folder (extra `robots`)."""

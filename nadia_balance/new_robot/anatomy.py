@@ -1,4 +1,4 @@
-"""Which links and joints of a tree are pelvis, torso, legs and feet."""
+"""Identification of pelvis, torso, legs and feet in a tree of links."""
 
 import itertools
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from nadia_balance.new_robot.notes import Notes
 from nadia_balance.new_robot.tree import Array, Joint, Tree
 
 LEG_JOINTS = range(5, 8)
-# Of an axis that counts as lateral, or of an axis of the root as up [-].
+# Smallest cosine to the lateral axis, or of the up axis to the legs [-].
 ALONG = 0.75
 _JOINTS_OF_A_LEG = ("hip_pitch", "knee", "ankle_pitch")
 
 
 @dataclass
 class Named:
-    """What the user names, in place of what would be found; empty: is found."""
+    """Names given by the user; parts with an empty name are identified."""
 
     pelvis: str = ""
     torso: str = ""
@@ -31,7 +31,7 @@ class Named:
 
 @dataclass
 class Leg:
-    """One leg; all by name."""
+    """Names of one leg's foot and joints."""
 
     foot: str
     joints: list[str]  # from the pelvis to the foot
@@ -42,7 +42,7 @@ class Leg:
 
 @dataclass
 class Anatomy:
-    """Of a robot at its zero posture, in the axes of its root."""
+    """Names and directions of a robot at zero posture, in its root's axes."""
 
     pelvis: str
     torso: str
@@ -53,18 +53,18 @@ class Anatomy:
 
     @property
     def feet(self) -> dict[Side, str]:
-        """The links that stand on the ground."""
+        """The foot links by side."""
         return {side: leg.foot for side, leg in self.legs.items()}
 
 
 def two_legs(tree: Tree, named: Named) -> tuple[str, list[Leg]]:
-    """Returns the pelvis and the two legs, which of them is left unknown.
+    """Returns the pelvis and the two legs, in arbitrary order.
 
-    Those are the heaviest pair of chains of as many joints, from 5 to 7, that
-    start at one link and do not branch.  No joint of `tree` is fixed.
+    The legs are the heaviest pair of unbranched chains with the same number of
+    joints, 5 to 7, that start at one link.  No joint of `tree` is fixed.
 
     Raises:
-        ValueError: there are none; a link is named that does not exist.
+        ValueError: no such pair exists, or a named link does not exist.
     """
     leaves = [link for link in tree.links if not tree.children(link)]
     feet = [named.left_foot, named.right_foot]
@@ -141,7 +141,7 @@ def check_leg_joints(tree: Tree, legs: Sequence[Leg]) -> None:
 
 
 def find_torso(tree: Tree, pelvis: str, legs: Sequence[Leg]) -> str:
-    """Returns the link from which arms and head branch off; maybe `pelvis`."""
+    """Returns the link of which arms and head are children, or `pelvis`."""
     link = pelvis
     of_legs = {joint for leg in legs for joint in leg.joints}
     while True:
@@ -156,7 +156,7 @@ def find_torso(tree: Tree, pelvis: str, legs: Sequence[Leg]) -> str:
 
 
 def vertical(tree: Tree, legs: Sequence[Leg]) -> Array:
-    """Returns up (3,): the axis of the root that is nearest to the legs."""
+    """Returns up (3,): the root's axis nearest to the legs' direction."""
     poses = tree.poses()
     feet = [poses[leg.foot].translation() for leg in legs]
     hips = [
@@ -184,11 +184,11 @@ def find_anatomy(
     named: Named,
     notes: Notes,
 ) -> Anatomy:
-    """Returns what is what; the root of `tree` is the pelvis.
+    """Returns the anatomy; the root of `tree` is the pelvis.
 
-    Forward is where the knees bend, which take the feet back; or else where
-    the `toes` are: the arms (2, 3) in the root's axes from either ankle to the
-    middle of its sole.
+    Forward is opposite to the motion of the feet when the knees bend, or, if
+    that is not known, the direction of the `toes` (2, 3): the vectors from each
+    foot's origin to the centre of its sole, in the root's axes.
     """
     up = vertical(tree, legs)
     poses = tree.poses()
@@ -224,7 +224,7 @@ def find_anatomy(
 
 
 def _by_leg(named: Named, legs: Sequence[Leg]) -> list[dict[str, str]]:
-    """The named pitch joints of each leg; they may come in any order."""
+    """The user's pitch joints of each leg; names may be in any order."""
     found: list[dict[str, str]] = [{}, {}]
     for what in _JOINTS_OF_A_LEG:
         for name in filter(None, getattr(named, what).split(",")):
@@ -265,7 +265,7 @@ def _find_pitch(
 
 
 def _first_is_left(tree: Tree, legs: Sequence[Leg], named: Named) -> float:
-    """1 or -1 as the user has named the feet; 0 if that is not known."""
+    """1 if legs[0] is the left one by the user's names, -1 if right, else 0."""
     for name, sign in (named.left_foot, 1.0), (named.right_foot, -1.0):
         if name:
             return sign if tree.holder(name) == legs[0].foot else -sign
@@ -273,13 +273,13 @@ def _first_is_left(tree: Tree, legs: Sequence[Leg], named: Named) -> float:
 
 
 def _sign(lengths: Sequence[float]) -> float:
-    """Of lengths [m] that agree; else 0."""
+    """The common sign of lengths [m]; 0 if they differ or are near 0."""
     low, high = min(lengths), max(lengths)
     return float(low > 0.01) - float(high < -0.01)
 
 
 def _goes_back(tree: Tree, leg: Leg, forward: Array) -> float:
-    """How much more its knee can bring the foot back than forward [m]."""
+    """Difference [m] of the foot's ranges backward and forward by the knee."""
     knee = tree.joints[leg.knee]
     at = [
         tree.poses({leg.knee: angle})[leg.foot].translation()

@@ -1,4 +1,4 @@
-"""Capsules for links, which do not overlap where the robot just stands."""
+"""Collision capsules of links that do not overlap in the standing posture."""
 
 import itertools
 from collections.abc import Mapping
@@ -13,25 +13,26 @@ from nadia_balance.new_robot.figures import Figures
 from nadia_balance.new_robot.notes import Notes
 from nadia_balance.new_robot.tree import Array, Link, Tree
 
-# Links that are smaller have none, of the length of a leg [-].
+# Smallest size of a link with a capsule [leg length].
 _SMALLEST = 0.25
-_THICKNESS = 0.9  # of the mean of a link's other extents
-_BONE = 0.15  # radius of a thigh or shin of which nothing is known [-]
-# What is nearer, where it stands, is made thinner, at the most so much.
+_THICKNESS = 0.9  # diameter over the mean of a link's shorter extents [-]
+_BONE = 0.15  # radius over length of a thigh or shin without shapes [-]
+# Capsules that are nearer [m] in the standing posture are made thinner, to no
+# less than this share of their radius [-].
 _CLEARANCE, _THINNEST = 0.03, 0.5
 SHOE_ABOVE_SOLE = 0.004  # [m]
 
 
 @dataclass
 class Capsule:
-    """In the frame of its link; its axis is z of its own."""
+    """A capsule along z of its frame G, which has the pose X_LG in the link."""
 
     X_LG: RigidTransform
     radius: float  # [m]
     length: float  # between the centres of its ends [m]
 
     def ends(self) -> Array:
-        """The two centres (2, 3)."""
+        """The centres (2, 3) [m] of its ends, in the link's frame."""
         half = 0.5 * self.length
         return np.stack([self.X_LG @ [0.0, 0.0, z] for z in (-half, half)])
 
@@ -43,11 +44,11 @@ Pairs = set[frozenset[str]]
 def fit_capsules(
     tree: Tree, anatomy: Anatomy, figures: Figures, notes: Notes
 ) -> tuple[Capsules, Pairs]:
-    """Returns the capsules by link, and the pairs that may not touch.
+    """Returns the capsules by link, and the pairs whose collision is ignored.
 
-    Of a leg only thigh, shin and foot have any.  The pairs are neighbours, with
-    no other link that has capsules in between, and what overlaps where the
-    robot stands although it was made thinner.
+    In a leg only thigh, shin and foot have capsules.  The pairs are neighbours
+    (without another link with capsules between them), and links that would
+    overlap in the standing posture even if made thinner.
     """
     feet = anatomy.feet.values()
     capsules = {foot: _shoe(figures) for foot in feet}
@@ -85,7 +86,7 @@ def fit_capsules(
 
 
 def _fitted(link: Link, leg: float) -> Capsule | None:
-    """A capsule as long as the link, of about its thickness."""
+    """A capsule with the length and about the thickness of the link."""
     shapes = link.collisions or link.visuals
     if not shapes:
         return None
@@ -108,7 +109,7 @@ def _fitted(link: Link, leg: float) -> Capsule | None:
 
 
 def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
-    """From one joint to the next, in the frame of `link`."""
+    """A capsule from joint `upper` to joint `lower`, in the frame of `link`."""
     poses = tree.poses()
     ends = [
         poses[link].inverse() @ poses[tree.joints[name].child].translation()
@@ -122,7 +123,7 @@ def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
 
 
 def _shoe(figures: Figures) -> list[Capsule]:
-    """Two, side by side, within the sole's rectangle and just above it."""
+    """Two parallel capsules within the sole's rectangle, just above it."""
     length = figures.toe - figures.heel
     radius = min(2.0 / 3.0 * figures.half_width, 0.25 * length)
     centre = 0.5 * (figures.heel + figures.toe)
@@ -140,7 +141,7 @@ def _shoe(figures: Figures) -> list[Capsule]:
 
 
 def _neighbours(tree: Tree, shaped: set[str]) -> Pairs:
-    """Pairs of `shaped` links with none of them between."""
+    """Pairs of `shaped` links without another one between them."""
 
     def above(link: str) -> str | None:
         while link != tree.root:
@@ -160,9 +161,9 @@ def _thinned(
     poses: Mapping[str, RigidTransform],
     feet: set[str],
 ) -> bool:
-    """Makes the two thinner until they are apart; False if that fails.
+    """Reduces the radii of a pair until it is apart; False if that fails.
 
-    Shoes stay as they are.
+    The capsules of feet are not changed.
     """
     links = sorted(pair)
     gaps = []
@@ -191,7 +192,7 @@ def _thinned(
 
 
 def _distance(first: Array, second: Array) -> float:
-    """Between two segments (2, 3), over points 1/40 apart."""
+    """Distance [m] of two segments (2, 3), sampled at 41 points each."""
     shares = np.linspace(0.0, 1.0, 41)[:, None]
     points, others = (
         ends[0] + shares * (ends[1] - ends[0]) for ends in (first, second)

@@ -1,4 +1,4 @@
-"""The lengths of a robot that robot.yaml has, and the posture it stands in."""
+"""Measurement of the lengths and the standing posture for robot.yaml."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,22 +15,22 @@ from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
 from nadia_balance.new_robot.tree import Array, Tree
 
-# How far knees bend, from straight, as far as ankles let them [rad].
+# Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
-# Joints of the legs that are not straight, and those of the arms, keep off
-# their limits [rad].
+# Distances of the legs' pitch joints, and of all joints outside of the legs,
+# from their limits [rad].
 _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
-_LEVEL = 0.01  # m, or rad
-# Soles that stand stay so far apart, of the length of a leg [-].
+_LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
+# Smallest gap between the standing soles [leg length].
 _GAP = 0.05
-_SAME_LENGTH = 0.01  # of both legs [-]
-_NEVER_STRAIGHT = 0.1  # bend of a knee, at least [rad]
-_MOST_LEAN = 1.0  # of a leg, outward [rad]
+_SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
+_NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
+_MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
 
 @dataclass
 class Figures:
-    """As in RobotParams; lengths in m, angles in rad."""
+    """The measured fields of RobotParams; lengths in m, angles in rad."""
 
     heel: float  # x_min of the sole
     toe: float
@@ -41,12 +41,12 @@ class Figures:
     com_height: float
     step_width: float
     posture: dict[str, float]
-    # Lower and upper ones that keep knees from being straight.
+    # Lower and upper joint limits that keep the knees bent.
     knee_limits: dict[str, tuple[float, float]]
 
     @property
     def size(self) -> Size:
-        """By which all that is not measured is scaled from Nadia."""
+        """The size that scales Nadia's values to parameters not measured."""
         leg = self.legs.length + self.legs.ankle_height
         return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
 
@@ -54,10 +54,10 @@ class Figures:
 def set_frames(
     tree: Tree, anatomy: Anatomy, soles: Mapping[Side, SolePlane]
 ) -> dict[Side, Array]:
-    """Turns the frames of pelvis, torso and feet: x forward, z up.
+    """Rotates the frames of pelvis, torso and feet: x forward, z up.
 
-    Those of the feet are parallel to the soles; the origins stay.  Returns the
-    points (k, 2) of the soles in the frames of the feet.
+    The frames of the feet are parallel to the soles; origins do not move.
+    Returns the points (k, 2) [m] of the soles in the frames of the feet.
     """
     upright = np.stack([anatomy.forward, anatomy.left, anatomy.up], axis=1)
     poses = tree.poses()
@@ -84,12 +84,12 @@ def set_frames(
 def measure(
     tree: Tree, anatomy: Anatomy, soles: Mapping[Side, Array], depth: float
 ) -> Figures:
-    """Returns the figures of `tree`, whose frames are set.
+    """Returns the measured lengths and the posture of `tree`, after set_frames.
 
-    `soles` are points (k, 2) in the frames of the feet, `depth` under them.
+    `soles` are points (k, 2) [m] in the frames of the feet, at z = -`depth`.
 
     Raises:
-        ValueError: it cannot stand with bent knees on level soles.
+        ValueError: the robot cannot stand with bent knees on level soles.
     """
     heel, toe, half_width = largest_rectangle(list(soles.values()))
     knees = {leg.knee: _knee(tree, leg) for leg in anatomy.legs.values()}
@@ -100,7 +100,7 @@ def measure(
     com = tree.com(poses)
 
     def height(what: str) -> float:
-        """Of both legs' joints of that name, on average [m]."""
+        """Mean height [m] of both legs' joints of this name."""
         names = [getattr(leg, what) for leg in anatomy.legs.values()]
         links = [tree.joints[name].child for name in names]
         return float(np.mean([poses[link].translation()[2] for link in links]))
@@ -130,9 +130,10 @@ def measure(
 
 
 def _lean(tree: Tree, anatomy: Anatomy) -> float:
-    """How far the legs lean outward, the soles level, from all at 0 [rad].
+    """Largest outward angle [rad] of both legs by the ranges of roll joints.
 
-    An ankle that does not roll does not count: its sole tilts.
+    The sole stays level if the ankle has a roll joint; without one the ankle
+    does not limit the angle, and the sole tilts.
     """
     poses, most = tree.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
@@ -142,7 +143,7 @@ def _lean(tree: Tree, anatomy: Anatomy) -> float:
             axis = poses[joint.child].rotation() @ joint.axis
             along = float(axis @ anatomy.forward)
             if abs(along) > ALONG:
-                # Hips turn the leg outward, ankles the foot back inward.
+                # Hips rotate the leg outward, ankles the foot back inward.
                 outward = side.sign * np.sign(along) * (1 if i < knee else -1)
                 most = min(most, joint.upper if outward > 0 else -joint.lower)
     return max(most, 0.0)
@@ -150,27 +151,27 @@ def _lean(tree: Tree, anatomy: Anatomy) -> float:
 
 @dataclass
 class _Knee:
-    """Seen from the left, in the plane of x and z; bent as knees are: > 0."""
+    """A knee in the x-z plane; its bend is > 0 if the foot moves back."""
 
     thigh: float  # [m]
     shin: float
-    at_zero: float  # its bend where its angle is 0 [rad]
-    sense: float  # +-1, of the bend over the angle
-    least: float  # bend [rad]
-    most: float
+    at_zero: float  # bend at joint angle 0 [rad]
+    sense: float  # +-1, sign of d bend / d angle
+    least: float  # smallest bend [rad]
+    most: float  # largest bend [rad]
 
     def angle(self, bend: float) -> float:
-        """The angle of the joint."""
+        """The joint angle [rad] of a `bend` [rad]."""
         return self.sense * (bend - self.at_zero)
 
     def longest(self) -> float:
-        """From hip to ankle, at most [m]: the law of cosines."""
+        """Largest distance [m] from hip to ankle, by the law of cosines."""
         bend = min(max(0.0, self.least), self.most)
         product = self.thigh * self.shin * np.cos(bend)
         return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
 
     def limits(self) -> tuple[float, float]:
-        """Angles between which it is bent; infinite where there is no need."""
+        """Limits [rad] of the joint angle that keep it bent, +-inf if none."""
         if self.least >= _NEVER_STRAIGHT:
             return -np.inf, np.inf
         angle = self.angle(_NEVER_STRAIGHT)
@@ -178,7 +179,7 @@ class _Knee:
 
 
 def _length(anatomy: Anatomy, knees: Iterable[_Knee]) -> float:
-    """Of a leg; ValueError if one is longer than the other."""
+    """Mean length of the legs [m]; raises ValueError if they differ."""
     left, right = (knee.longest() for knee in knees)
     length = 0.5 * (left + right)
     if abs(left - right) > _SAME_LENGTH * length:
@@ -209,10 +210,10 @@ def _knee(tree: Tree, leg: Leg) -> _Knee:
 
 
 def _posture(tree: Tree, anatomy: Anatomy, p_FS: Array) -> dict[str, float]:
-    """Angles of all joints: knees bent, soles level under the CoM.
+    """Angles [rad] of all joints with bent knees and level soles under the CoM.
 
     Raises:
-        ValueError: the legs' joints have not the range for it.
+        ValueError: the ranges of the legs' joints are too small.
     """
     legs = [leg for leg in anatomy.legs.values()]
     of_legs = {name for leg in legs for name in leg.joints}

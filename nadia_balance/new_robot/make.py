@@ -1,4 +1,4 @@
-"""Makes a robot folder of a URDF."""
+"""Creation of a robot folder from a URDF, MJCF or SDF."""
 
 import re
 from collections.abc import Sequence
@@ -27,13 +27,13 @@ from nadia_balance.new_robot.soles import SolePlane, find_sole
 from nadia_balance.new_robot.tree import Tree
 from nadia_balance.new_robot.write import write_urdf, write_yaml
 
-# A rotor's inertia goes with mass and the square of the leg's length; Nadia's
-# and Atlas' are assumed to be 0.1 kg m^2, with 90.9 kg.
+# Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
+# for Nadia and Atlas at 90.9 kg.
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
-_SPEED = 12.0  # of joints without a limit [rad/s]
-_PLAUSIBLE = 25.0
-_SAME_DEPTH = 0.004  # of both soles, under their ankles [m]
-_LEAST_MASS = 0.02  # of a link that moves [kg]
+_SPEED = 12.0  # speed limit of joints without one [rad/s]
+_PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
+_SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
+_LEAST_MASS = 0.02  # mass of links without one [kg]
 
 
 def make_robot(
@@ -49,8 +49,8 @@ def make_robot(
     Joints that a regular expression of `fix` matches in full are welded.
 
     Raises:
-        ValueError: it is no biped whose legs can be driven; the message names
-            the link or joint.
+        ValueError: the robot is no biped with driven legs; names the link or
+            joint.
         OSError: a file cannot be read or written.
     """
     notes, named = Notes(), named or Named()
@@ -68,7 +68,7 @@ def make_robot(
 
 
 def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
-    """The robot in a URDF, or in an MJCF or SDF, which Drake reads."""
+    """Reads the robot of a URDF, or, by Drake's parser, of an MJCF or SDF."""
     with file.open("rb") as start:
         text = start.read(10000)
     if b"<mujoco" in text or b"<sdf" in text:
@@ -79,7 +79,7 @@ def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
 def clean(
     tree: Tree, fix: Sequence[str], named: Named, notes: Notes
 ) -> list[Leg]:
-    """Leaves driven joints only, all links with a mass; returns the legs."""
+    """Welds joints that are not driven, adds masses; returns the legs."""
     for expression in fix:
         try:
             found = [n for n in tree.joints if re.fullmatch(expression, n)]
@@ -116,7 +116,7 @@ def _weld(tree: Tree, names: Sequence[str]) -> None:
 
 
 def _drop_world(tree: Tree) -> None:
-    """Takes away a root to which the robot is tied by a floating joint."""
+    """Removes a massless root that holds the robot by a floating joint."""
     joints = tree.children(tree.root)
     if len(joints) == 1 and joints[0].type == "floating":
         if tree.links[tree.root].mass:
@@ -157,7 +157,7 @@ def _give_mass(tree: Tree, notes: Notes) -> None:
 def study(
     tree: Tree, legs: list[Leg], named: Named, notes: Notes
 ) -> tuple[Anatomy, Figures]:
-    """Returns what is what in `tree` and how large; sets its frames."""
+    """Returns anatomy and measured lengths of `tree`; sets its frames."""
     poses, up = tree.poses(), vertical(tree, legs)
     planes = [
         find_sole(
@@ -188,7 +188,7 @@ def study(
 def say_figures(
     f: Figures, sole: SolePlane, points: np.ndarray, notes: Notes
 ) -> None:
-    """Notes what was measured, and how much of the sole is not counted on."""
+    """Notes the measured lengths, and the used part of the sole."""
     length, width = f.toe - f.heel, 2.0 * f.half_width
     whole = np.ptp(points, axis=0)
     notes.guessed += [
@@ -204,7 +204,7 @@ def say_figures(
 
 
 def guess_drives(tree: Tree, figures: Figures, notes: Notes) -> None:
-    """Gives all joints a rotor inertia; says what drives are not known."""
+    """Adds missing rotor inertias; notes unknown parameters of the drives."""
     mass, leg = tree.mass(tree.root), figures.size.leg
     inertia = _ROTOR_SHARE * mass * leg**2
     joints = list(tree.joints.values())

@@ -1,17 +1,17 @@
-"""What a user has to be told of a robot that was made."""
+"""Notes to the user about a converted robot."""
 
 from dataclasses import dataclass, field
 
 
 @dataclass
 class Notes:
-    """Lines, each of which says what and where."""
+    """Lines on guessed, changed and unknown properties."""
 
     guessed: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """All of them, each after the word that tells which."""
+        """All lines, each with its kind as prefix."""
         words = ("guessed", "changed", "unknown")
         return [f"{w}: {line}" for w in words for line in getattr(self, w)]

@@ -1,4 +1,4 @@
-"""Triangles for the primitives of a URDF."""
+"""Triangle meshes of the primitive shapes of a URDF."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ import trimesh
 def primitive_mesh(
     kind: str, size: Mapping[str, str], where: str
 ) -> trimesh.Trimesh | None:
-    """Returns the primitive in its own frame; None of an unknown `kind`.
+    """Returns the primitive in its own frame; None for an unknown `kind`.
 
     Raises:
         ValueError: a length is not > 0 m.

@@ -1,4 +1,4 @@
-"""MJCF and SDF, as far as Drake's parser takes them, read into a Tree."""
+"""Reader of MJCF and SDF by Drake's parser into a Tree."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,9 +41,9 @@ def read_with_drake(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
     """Returns the robot of a file that Drake can parse.
 
     Raises:
-        ValueError: Drake cannot, or there is not one floating base, or a
-            closed loop.
-        OSError: there is no such file.
+        ValueError: Drake cannot parse it, or it has a closed loop, or not
+            exactly one floating base.
+        OSError: the file does not exist.
     """
     if not file.is_file():
         raise FileNotFoundError(f"{file}: no such file")
@@ -77,7 +77,7 @@ def read_with_drake(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
 def _parsed(
     file: Path, roots: Sequence[Path]
 ) -> tuple[MultibodyPlant, SceneGraph, str]:
-    """The plant of `file`, finalized, its shapes, and its model's name."""
+    """Returns the finalized plant of `file`, its SceneGraph and its name."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
     parser = Parser(plant)
     for package in (p for root in roots for p in root.iterdir()):
@@ -93,10 +93,10 @@ def _parsed(
 
 
 def _refuse_several_joints(file: Path) -> None:
-    """Drake 1.51 has all but the last joint of an MJCF body in a wrong place.
+    """Raises ValueError for an MJCF body with several joints.
 
-    Seen with a hip of three joints: the first one's axis was its parent's
-    origin.
+    Drake 1.51 misplaces all of them but the last: the first axis of a hip with
+    three joints was at its parent's origin.
     """
     try:
         bodies = ElementTree.parse(file).getroot().iter("body")
@@ -134,7 +134,7 @@ def _joint(joint: DrakeJoint, drive) -> Joint:
 
 
 def _move_to_joints(plant: MultibodyPlant, tree: Tree) -> None:
-    """Makes the frame of each link that of its joint."""
+    """Moves the frame of each link to that of its joint."""
     moved = {}
     for joint in map(plant.get_joint, plant.GetJointIndices()):
         if joint.name() in tree.joints:

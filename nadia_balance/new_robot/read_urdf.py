@@ -1,4 +1,4 @@
-"""A URDF as anybody writes it, read into a Tree, or refused."""
+"""Tolerant reader of URDF files into a Tree."""
 
 import math
 from collections.abc import Sequence
@@ -25,11 +25,11 @@ _KNOWN = {"link", "joint", "material", "transmission"}
 
 
 def read_urdf(file: Path, roots: Sequence[Path], notes: Notes) -> Tree:
-    """Returns the robot of a URDF; package:// is looked for in `roots`, too.
+    """Returns the robot of a URDF; `roots` are folders of its packages.
 
     Raises:
-        ValueError: it is no tree of links, or a figure is none; the message
-            names the link or joint.
+        ValueError: the links are no tree, or a number is invalid; names the
+            link or joint.
         OSError: the file cannot be read.
     """
     try:
@@ -283,7 +283,7 @@ class _Reader:
             return None
         try:
             mesh = trimesh.load(path, force="mesh", skip_materials=True)
-        except Exception as error:  # of any of trimesh's readers
+        except Exception as error:  # trimesh's readers raise any class
             raise ValueError(f"{where}: {path}: {error}") from None
         if not len(mesh.vertices):
             raise ValueError(f"{where}: {path}: must not be empty")
@@ -291,7 +291,7 @@ class _Reader:
         return mesh
 
     def _find(self, name: str) -> Path | None:
-        """The mesh `name`; packages are also looked for above the URDF."""
+        """The path of mesh `name`; packages may also be above the URDF."""
         scheme, separator, rest = name.partition("://")
         if not separator:
             places = [self._file.parent / name]
@@ -311,9 +311,10 @@ def _six(inertia) -> tuple:
 
 
 def _possible(inertia: np.ndarray, mass: float) -> np.ndarray:
-    """The inertia (3, 3) with signs mended, and a triangle of moments.
+    """Corrects `inertia` (3, 3) [kg m^2] to a physically possible one.
 
-    A moment is also at least that of a ball of 1 cm.
+    Principal moments become positive, fulfil the triangle inequality, and are
+    at least those of a solid sphere of 1 cm radius.
     """
     moments, axes = np.linalg.eigh(inertia)
     moments = np.maximum(np.abs(moments), 0.4 * mass * 0.01**2)

@@ -1,4 +1,4 @@
-"""The flat part of a foot: its plane, and the rectangle that stands on it."""
+"""The sole of a foot: its plane, and the largest rectangle in it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from nadia_balance.new_robot.tree import Array, Link, Shape
 
-# A point of a mesh, or of a primitive, so near the plane is on it [m].
+# Tolerances for points on the plane, of meshes and of primitives [m].
 _ON_PLANE = {"mesh": 0.002}
 _ON_PLANE_EXACT = 1e-4
 _SAME_NORMAL = np.cos(np.deg2rad(3.0))
@@ -18,23 +18,23 @@ _DOWNWARD = np.cos(np.deg2rad(50.0))
 
 @dataclass
 class SolePlane:
-    """Where the ground is under a foot, in the frame of its link."""
+    """The plane of a sole in the frame of its link."""
 
     down: Array  # (3,), its unit normal, out of the foot
-    depth: float  # of the plane from the link's origin [m]
+    depth: float  # distance of the plane from the link's origin [m]
     points: Array  # (k, 3), on the plane
     area: float  # of their convex hull [m^2]
     source: str
 
 
 def find_sole(link: Link, down: Array) -> SolePlane:
-    """Returns the plane of the sole, of a foot for which `down` (3,) is about.
+    """Returns the plane of the sole; `down` (3,) is its approximate normal.
 
-    From the collision shapes; from the visual ones if these are twice as
-    large, or the only ones with a flat side.
+    The plane is that of the collision shapes, or of the visual ones if their
+    sole is more than twice as large, or the only flat one.
 
     Raises:
-        ValueError: there is no flat side.
+        ValueError: the shapes have no flat side below.
     """
     found = [
         plane
@@ -57,7 +57,7 @@ def find_sole(link: Link, down: Array) -> SolePlane:
 def _plane(
     shapes: Sequence[Shape], down: Array, source: str
 ) -> SolePlane | None:
-    """The supporting plane that most of the convex hull lies on."""
+    """The supporting plane with the largest area of the convex hull."""
     if not shapes:
         return None
     hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
@@ -89,7 +89,7 @@ def _plane(
 
 
 def _lowest(shape: Shape, normal: Array) -> tuple[Array, Array]:
-    """Points (k, 3) of a shape, and how far along `normal` they are (k,)."""
+    """Points (k, 3) of a shape, and their distances (k,) along `normal`."""
     points = shape.points()
     if shape.kind == "sphere":
         radius = float(shape.size["radius"])
@@ -103,20 +103,20 @@ def _spanned(
     first, second = np.linalg.svd(normal[None])[2][1:]
     try:
         area = ConvexHull(points @ np.stack([first, second], axis=1)).volume
-    except (QhullError, ValueError):  # in a line, or too few
+    except (QhullError, ValueError):  # collinear, or too few
         return None
     return SolePlane(normal, depth, points, area, source)
 
 
 def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
-    """Returns x_min, x_max and half-width of the largest one in all `soles`.
+    """Returns x_min, x_max and half-width [m] of the largest rectangle.
 
-    Among those that are symmetric about y = 0; each sole is points (k, 2).
-    At each width it is as long as the hulls at +-y are: a concave function,
-    so that the area has one maximum.
+    It is symmetric about y = 0 and within the hulls of all `soles`, points
+    (k, 2) [m].  Its length is a concave function of its width, so that the area
+    has one maximum.
 
     Raises:
-        ValueError: there is none.
+        ValueError: no such rectangle exists.
     """
     sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
     a_x, a_y, c = sides.T
@@ -124,7 +124,7 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
     beside = ~(ahead | behind)
 
     def ends(width: float) -> tuple[float, float]:
-        """Heel and toe at y = +-width, in any order if there is none."""
+        """Heel and toe at y = +-width; heel > toe if the hulls are narrower."""
         room = -c - np.abs(a_y) * width  # a_x x <= room
         heel = (room[behind] / a_x[behind]).max()
         toe = (room[ahead] / a_x[ahead]).min()
@@ -142,6 +142,6 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
     found = minimize_scalar(
         lost, bounds=(0.0, widest), method="bounded", options={"xatol": 1e-7}
     )
-    # A rectangle's own width is at the end of the search.
+    # The maximum may be at the bound `widest`, which the search excludes.
     width = min(float(found.x), widest, key=lost)
     return *ends(width), width

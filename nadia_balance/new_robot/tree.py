@@ -1,7 +1,7 @@
-"""Links and joints as a tree that can be rearranged and stays the same robot.
+"""A tree of links and joints, with changes that keep the robot's mechanics.
 
-Every joint is a revolute one or fixed; as in a URDF, the frame of its child
-is that of the joint.
+Poses and welds treat every joint as revolute unless it is fixed; as in a URDF,
+the frame of a link is that of the joint that holds it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Shape:
-    """A geometry: `kind` and `size` as in a URDF; a mesh also as points."""
+    """A geometry: `kind` and `size` as in a URDF, and its triangle mesh."""
 
     kind: str
     size: dict[str, str]
     X_LG: RigidTransform  # in the frame of its link
-    mesh: trimesh.Trimesh  # in G; of primitives, too
+    mesh: trimesh.Trimesh  # in G; also of primitives
     colour: str = ""  # "r g b a"
 
     def points(self) -> Array:
@@ -33,7 +33,7 @@ class Shape:
 
 @dataclass
 class Link:
-    """A rigid body; of no mass if `inertia`, about its origin, is None."""
+    """A rigid body with its `inertia` about its origin; None: massless."""
 
     name: str
     inertia: SpatialInertia | None = None
@@ -43,11 +43,11 @@ class Link:
 
     @property
     def mass(self) -> float:
-        """[kg]."""
+        """Mass [kg]."""
         return self.inertia.get_mass() if self.inertia else 0.0
 
     def move(self, X_NL: RigidTransform) -> None:
-        """Re-expresses all in a frame N, in which the old one is X_NL."""
+        """Re-expresses shapes and inertia in frame N; X_NL is the old frame."""
         for shape in self.visuals + self.collisions:
             shape.X_LG = X_NL @ shape.X_LG
         if self.inertia:
@@ -55,7 +55,7 @@ class Link:
             self.inertia = turned.Shift(-X_NL.translation())
 
     def take(self, other: "Link") -> None:
-        """Makes `other`, in the same frame, a part of this link."""
+        """Merges `other`, expressed in the same frame, into this link."""
         self.visuals += other.visuals
         self.collisions += other.collisions
         self.missing += other.missing
@@ -66,7 +66,7 @@ class Link:
 
 @dataclass
 class Joint:
-    """Turns `child` about `axis`, at 0 in the pose X_PC in `parent`."""
+    """A joint about `axis`; X_PC is the pose of `child` in `parent` at 0."""
 
     name: str
     type: str  # as in the URDF
@@ -83,21 +83,21 @@ class Joint:
     mimics: bool = False
 
     def pose(self, angle: float) -> RigidTransform:
-        """X_PC at `angle` [rad]."""
+        """Pose X_PC of the child at `angle` [rad]."""
         if self.type == "fixed":
             return self.X_PC
         turn = trimesh.transformations.rotation_matrix(angle, self.axis)
         return self.X_PC @ RigidTransform(RotationMatrix(turn[:3, :3]))
 
     def nearest(self, angle: float, margin: float = 0.0) -> float:
-        """The angle in the joint's range, less a margin, next to `angle`."""
+        """The angle [rad] nearest to `angle` in the range less a margin."""
         margin = min(margin, 0.25 * (self.upper - self.lower))
         return min(max(angle, self.lower + margin), self.upper - margin)
 
 
 @dataclass
 class Tree:
-    """A robot whose joints make a tree from the link `root`."""
+    """A robot whose links form a tree with the link `root`."""
 
     name: str
     root: str
@@ -122,13 +122,13 @@ class Tree:
         return joints
 
     def below(self, link: str) -> Iterator[str]:
-        """`link` and all that hangs on it, each after what holds it."""
+        """Yields `link` and its descendants, parents first."""
         yield link
         for joint in self.children(link):
             yield from self.below(joint.child)
 
     def mass(self, link: str) -> float:
-        """Of `link` and all that hangs on it [kg]."""
+        """Mass of `link` and its descendants [kg]."""
         return sum(self.links[name].mass for name in self.below(link))
 
     def poses(
@@ -136,7 +136,7 @@ class Tree:
     ) -> dict[str, RigidTransform]:
         """The pose of each link in the frame of the root.
 
-        Joints that have no angle [rad] are at 0, or as near as they get.
+        Joints without an angle [rad] are at the nearest angle to 0.
         """
         found = {self.root: RigidTransform()}
         for link in list(self.below(self.root))[1:]:
@@ -155,7 +155,7 @@ class Tree:
         return np.sum(moments, axis=0) / self.mass(self.root)
 
     def weld(self, joint: Joint, angle: float = 0.0) -> None:
-        """Makes the child of `joint` a part of its parent, at `angle`."""
+        """Merges the child of `joint` into its parent, at `angle` [rad]."""
         X_PC = joint.pose(joint.nearest(angle))
         child = self.links.pop(joint.child)
         child.move(X_PC)
@@ -166,13 +166,13 @@ class Tree:
         self.welded_to[joint.child] = joint.parent
 
     def holder(self, link: str) -> str:
-        """The link that `link` is, or is welded to."""
+        """The link to which `link` is welded, or `link` itself."""
         while link in self.welded_to:
             link = self.welded_to[link]
         return link
 
     def reframe(self, link: str, X_LN: RigidTransform) -> None:
-        """Gives `link` the frame N: a turned one, or, of the root, any."""
+        """Changes the frame of `link` to N, a rotated one; any for the root."""
         self.links[link].move(X_LN.inverse())
         for joint in self.children(link):
             joint.X_PC = X_LN.inverse() @ joint.X_PC
@@ -182,9 +182,9 @@ class Tree:
             joint.axis = X_LN.rotation().inverse() @ joint.axis
 
     def reroot(self, link: str) -> None:
-        """Makes `link` the root; joints on the way keep their angles."""
+        """Makes `link` the root; all joints keep their angles."""
         for joint in self.chain(link):
-            # The new child's frame must be that of the joint.
+            # The frame of the new child must be that of the joint.
             self.reframe(self.root, joint.X_PC)
             joint.parent, joint.child = joint.child, joint.parent
             joint.axis = -joint.axis

@@ -1,4 +1,4 @@
-"""A Tree and its figures as robot.urdf, meshes and robot.yaml."""
+"""Writer of a Tree and its Figures as robot.urdf, meshes and robot.yaml."""
 
 import json
 import re
@@ -21,8 +21,8 @@ from nadia_balance.new_robot.tree import Joint, Link, Shape, Tree
 
 _DRAKE = "{http://drake.mit.edu}"
 _FRICTION = "0.8"
-_SPHERE = 0.005  # radius, at the corners of the soles [m]
-# Meshes of more faces are made coarser, to a grid [m].
+_SPHERE = 0.005  # radius of the spheres at the soles' corners [m]
+# Meshes with more faces are simplified; vertices are merged on a grid [m].
 _FACES, _GRID = 2000, 0.006
 ElementTree.register_namespace("drake", _DRAKE[1:-1])
 
@@ -34,7 +34,7 @@ def write_urdf(
     shapes: tuple[Capsules, Pairs],
     folder: Path,
 ) -> None:
-    """Writes robot.urdf and, beside it, the meshes that are seen."""
+    """Writes robot.urdf and, beside it, the visual meshes."""
     capsules, ignored = shapes
     top = Element("robot", name=tree.name)
     for name in tree.below(tree.root):
@@ -113,7 +113,7 @@ def _visual(parent: Element, shape: Shape, folder: Path, name: str) -> None:
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh, or, if it is large, one whose near vertices are one."""
+    """The mesh; a large one with the vertices of each grid cell merged."""
     if len(mesh.faces) <= _FACES:
         return mesh
     _, which = np.unique(
@@ -188,7 +188,7 @@ def write_yaml(
     max_joint_speed: float | None,
     folder: Path,
 ) -> None:
-    """Writes robot.yaml, every figure in m or rad to four decimals."""
+    """Writes robot.yaml, with lengths and angles to four decimals."""
     f, (left, right) = figures, anatomy.feet.values()
     lower, upper = (
         {knee: pair[i] for knee, pair in f.knee_limits.items()} for i in (0, 1)
@@ -220,7 +220,7 @@ def write_yaml(
 
 
 def _reach(f: Figures) -> dict[str, float]:
-    """Lengths and widths [m]: Nadia's by size, or as far as the legs get."""
+    """Lengths and widths [m]: Nadia's, scaled, at most the legs' reach."""
     nadias = scaled(ReachabilityParams(), f.size)
     length = min(nadias.length_forward, f.reach.length)
     reach = replace(
@@ -234,7 +234,7 @@ def _reach(f: Figures) -> dict[str, float]:
 
 
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
-    """Puts the lengths and widths of `reach` into the robot.yaml there."""
+    """Replaces the lengths and widths of `reach` in robot.yaml of `folder`."""
     file = folder / "robot.yaml"
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
     found = _flow(**{name: getattr(reach, name) for name in _REACH})
@@ -246,7 +246,7 @@ def write_reach(folder: Path, reach: ReachabilityParams) -> None:
 
 
 def _by_joint(values: Mapping[str, float]) -> str:
-    """Quoted: a joint may have any name."""
+    """A YAML mapping by joint; names are quoted, as they may be any text."""
     return _flow(**{json.dumps(k): v for k, v in values.items()})
 
 

@@ -1,1 +1,1 @@
-"""What is left of a run: log, summary, story, plots, replay."""
+"""Results of a run: log, summary, story, plots, replay."""

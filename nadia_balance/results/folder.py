@@ -31,7 +31,7 @@ PLOTS = {
     "effort.png": effort.draw,
 }
 
-# All that a run may leave in its folder.
+# All files that a run may write.
 FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
 
 _LEGEND = (
@@ -40,7 +40,7 @@ _LEGEND = (
     "font:13px/1.45 sans-serif; color:#2f3440; "
     'pointer-events:none">%s</div>'
 )
-# A long command to the viewer; a replay has one, the animation.
+# A long command to the viewer; the only one of a replay is its animation.
 _LONG = re.compile(
     r'fetch\("data:application/octet-binary;base64,([^"]{100000,})"\)'
     r"\s*\.then\(res => "
@@ -49,8 +49,8 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
     .then(res => new Response(
         res.body.pipeThrough(new DecompressionStream("gzip"))))
     .then(res => """
-# Keeps the middle of the robot in view: when it leaves a band about its last
-# place, camera and target move along.  Turning and zooming remain the user's.
+# Moves camera and target with the robot when it leaves a band about its last
+# position.  The user can still rotate and zoom.
 FOLLOW = """
 <script>
 (() => {
@@ -79,10 +79,10 @@ FOLLOW = """
 def new_folder(
     out: str | os.PathLike | None, name: str = "run", files: Sequence = FILES
 ) -> Path:
-    """Makes the folder `out` (see prepare_folder) for `files` to come.
+    """Creates the folder `out` (see prepare_folder) for new `files`.
 
     Raises:
-        ValueError: it has one of them already, or as of prepare_folder.
+        ValueError: one of the files exists, or as prepare_folder.
     """
     for file in files if out is not None else ():
         if (Path(out) / file).exists():
@@ -93,10 +93,10 @@ def new_folder(
 
 
 def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
-    """Makes the folder `out`, by default runs/<date>_<time>_<name>.
+    """Creates the folder `out`, by default runs/<date>_<time>_<name>.
 
     Raises:
-        ValueError: it cannot be made, or nothing can be written into it.
+        ValueError: it cannot be created, or is not writable.
     """
     if out is None:
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
@@ -104,7 +104,7 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        # Permissions alone do not tell: disks fill up, and root may write.
+        # A test write also detects a full disk, unlike permissions.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"x")
             file.flush()
@@ -117,7 +117,7 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
 
 
 def start_recording(meshcat: Meshcat, live: bool = False) -> None:
-    """Records from now on; if `live`, the scene is shown meanwhile, too."""
+    """Starts the recording; if `live`, the scene is also shown meanwhile."""
     meshcat.DeleteRecording()
     meshcat.StartRecording(
         frames_per_second=FRAMES_PER_SECOND,
@@ -132,13 +132,13 @@ def write_run(
     scenario: str,
     meshcat: Meshcat | None = None,
 ) -> list[str]:
-    """Writes all of a run into `folder`; returns the names of the files.
+    """Writes the files of a run into `folder`; returns their names.
 
-    `scenario` is the YAML of what was simulated.  With a `meshcat`, its
-    recording becomes the replay.
+    `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
+    becomes the replay.
 
     Raises:
-        OSError: they cannot be written; there is none of them.
+        OSError: a file cannot be written; then none is.
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
@@ -154,10 +154,10 @@ def write_run(
 
 @contextlib.contextmanager
 def appearing(folder: Path) -> Iterator[Path]:
-    """Yields a place for files that then appear in `folder`, all and whole.
+    """Yields a temporary folder whose files then move to `folder`, complete.
 
     Raises:
-        OSError: they cannot be written; none of them appears.
+        OSError: a file cannot be written; then none appears in `folder`.
     """
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as place:
         drafts = Path(place)
@@ -169,8 +169,8 @@ def appearing(folder: Path) -> Iterator[Path]:
 def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     """Ends the recording and writes it, with a legend, to `path`.
 
-    A browser that shows the scene gets the recording, too.  `status` is HTML
-    (see replay_status).
+    The recording is also sent to browsers that show the scene.  `status` is
+    HTML (see replay_status).
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
@@ -182,15 +182,15 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
 
 
 def _compressed(command: re.Match) -> str:
-    """The same command, which the browser unpacks."""
+    """The command with compressed data, which the browser inflates."""
     packed = gzip.compress(base64.b64decode(command[1]), mtime=0)
     return _INFLATE % base64.b64encode(packed).decode()
 
 
 def legend_entries(tag: str) -> str:
-    """What the colours mean, as HTML, each entry in a `tag`.
+    """The legend of the colours as HTML, each entry in a `tag`.
 
-    A full square for what is filled, an empty one for what is outlined.
+    Full squares are filled shapes, empty squares outlines.
     """
 
     def square(color: str, outlined: bool) -> str:
@@ -221,7 +221,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
 
 def read_run(folder: Path) -> tuple[dict[str, np.ndarray], dict]:
     """Returns the log and the summary of a run."""
-    # Opened here: numpy would leave open what is no whole archive.
+    # Opened here, because numpy does not close a corrupt archive.
     with (
         open(folder / "log.npz", "rb") as file,
         np.load(file, allow_pickle=False) as data,

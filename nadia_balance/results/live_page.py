@@ -1,4 +1,4 @@
-"""Meshcat's own page, with a text in it that changes while the robot walks."""
+"""Meshcat's page with a status text that is updated while the robot walks."""
 
 import contextlib
 import json
@@ -13,8 +13,8 @@ from nadia_balance.results.folder import FOLLOW
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
 STATUS = "/status"
-# The controls come before the folders of the scene; the text has the real-time
-# factor, by the wall.
+# The controls come before the folders of the scene.  Meshcat's own statistics
+# are hidden: the status text contains the real-time factor.
 _TEXT = """
 <style>
 .dg.main > ul { display: flex; flex-direction: column; }
@@ -48,10 +48,11 @@ viewer.gui.__folders.Scene.close();
 
 
 class LivePage:
-    """Serves Meshcat's page to this computer, with lines of text in it.
+    """Serves Meshcat's page, with lines of text added, on localhost.
 
-    Meshcat has no text (Drake 1.58): its page gets one on the way, and panel
-    and camera as a user wants them.  A context manager: it serves within.
+    Meshcat cannot show text (Drake 1.58), so its page is changed: a status
+    text, an opened panel, and a camera that follows the robot.  As a context
+    manager it serves within its block.
     """
 
     def __init__(self, meshcat: Meshcat):
@@ -60,7 +61,7 @@ class LivePage:
         self._meshcat_url = meshcat.web_url()
         self._fetch = build_opener(ProxyHandler({})).open
         page = self._fetched("/").decode()
-        # The socket stays Meshcat's own.
+        # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
         page, end, rest = page.rpartition("</body>")
         text = FOLLOW % MIDDLE + _TEXT % STATUS
@@ -70,11 +71,11 @@ class LivePage:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """The URL of the page."""
         return f"http://localhost:{self._server.server_address[1]}"
 
     def show(self, lines: list[str]) -> None:
-        """Puts them into the page."""
+        """Shows `lines` in the page."""
         self._lines = lines
 
     def __enter__(self) -> Self:
@@ -113,6 +114,6 @@ class LivePage:
                     self.wfile.write(body)
 
             def log_message(self, *_: object) -> None:
-                """Says nothing: the terminal is the robot's."""
+                """Suppresses the log of requests on the terminal."""
 
         return Handler

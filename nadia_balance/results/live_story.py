@@ -1,4 +1,4 @@
-"""What happens while the robot walks, told as it happens."""
+"""Events of a live run as lines of text: pushes, steps, recovery, fall."""
 
 import math
 
@@ -9,31 +9,32 @@ from nadia_balance.results.story import told_move
 from nadia_balance.results.summary import ICP_BACK
 from nadia_balance.systems.push_source import PushSignal
 
-QUIET = 1.0  # so long the ICP error stays small, if nobody steps [s]
+QUIET = 1.0  # time of small ICP error to recover without steps [s]
 
 
 class LiveStory:
-    """Finds the pushes, what the robot does about them, and how it ends.
+    """Detects pushes, adjusted steps, recoveries and falls.
 
-    `last_push` and `result` are what is known by now, in words.
+    `last_push` and `result` describe the last push and its result in words.
     """
 
     def __init__(self, calm_steps: int):
-        """After a push it takes `calm_steps` whole steps to have recovered."""
+        """A recovery requires `calm_steps` full steps of small ICP error."""
         self._calm_steps = calm_steps
         self.last_push = self.result = ""
-        self._number = 0.0  # of the push that acted at the last look
-        self._pushed_after: int | None = None  # steps; None: all is well
-        # Since when the ICP error is small: time [s], and steps until then.
+        self._number = 0.0  # number of the push at the last call of look()
+        # Steps taken before the push; None: no push, or recovered.
+        self._pushed_after: int | None = None
+        # Start of the small ICP error: time [s] and steps taken until then.
         self._back: tuple[float, int] | None = None
         self._step: tuple[int, Side, FootPose, FootPose] | None = None
 
     def look(
         self, time: float, state: WalkingState, push: PushSignal, error: float
     ) -> list[str]:
-        """Returns what has happened since the last look.
+        """Returns lines about the events since the last call.
 
-        `error` [m] is that of the ICP, at `time` [s].
+        `error` [m] is the ICP error at `time` [s].
         """
         told = [*self._look_at_push(state, push), *self._look_at_step(state)]
         if self._pushed_after is None:
@@ -55,7 +56,7 @@ class LiveStory:
         return told
 
     def fell(self, reason: str) -> str:
-        """Returns how that is told."""
+        """Records a fall and returns the line that reports it."""
         self._pushed_after, self.result = None, f"FELL: {reason}"
         return self.result
 
@@ -75,7 +76,7 @@ class LiveStory:
         return [f"pushed {self.last_push}"]
 
     def _look_at_step(self, state: WalkingState) -> list[str]:
-        """Whether a step has landed, and where it was meant to."""
+        """Returns a line if a step has landed on an adjusted foothold."""
         told, last, self._step = [], self._step, None
         if last is not None and last[0] != state.steps_taken:
             _, side, wanted, found = last
@@ -91,7 +92,7 @@ class LiveStory:
 
 
 def phase_text(state: WalkingState) -> str:
-    """The point of the gait as push.py's --at has it."""
+    """The point of the gait in the syntax of push.py's --at."""
     schedule = state.schedule
     if schedule.phase is Phase.STANDING:
         return "standing"

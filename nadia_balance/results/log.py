@@ -1,21 +1,21 @@
 """The log of a run: named arrays, and the phases, steps and pushes in them.
 
-`t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is what
-holds at that instant; it has the name of the port that it was read from, and
-`signal` gives its parts by name.  `foot_poses` (n, 8) are MeasuredFeet,
-`trunk_tilt` (n, 2) is a TrunkTilt.
-Without a row for each tick are `sole` (4, 2) [m], `weight` () [N], of the
-actuators `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s]
-and `joint_speed_columns` of `state`, all (nu,), and `region_base`,
-`region_forward` and `region_backward` (n, 2) [m], the regions that a step can
-be put into (see nadia_balance.core.reachability), and on regions `ground`, the
-number of the region and x, y [m] of each corner, (n, 3): what else it takes to
-judge the run, and to draw all plots, from the log alone.
+`t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is its
+value at that instant; a signal has the name of its port, and `signal` returns
+its parts by name.  `foot_poses` (n, 8) are MeasuredFeet, `trunk_tilt` (n, 2) is
+a TrunkTilt.
+Arrays without a row per tick contain the other data that the evaluation and all
+plots need: `sole` (4, 2) [m]; `weight` () [N]; of the actuators, all (nu,),
+`actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s] and
+`joint_speed_columns` of `state`; `region_base`, `region_forward` and
+`region_backward` (n, 2) [m], the reachability regions (see
+nadia_balance.core.reachability); and, on a ground of regions, `ground` (n, 3),
+the number of the region and x, y [m] of each corner.
 
-`actuation` is commanded; `torques` are those that the drives give.
-`mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  A point
-mass has no joints, and neither `state`, `foot_poses`, `trunk_tilt` nor
-`foot_wrenches`; whoever reads a log copes without them.
+`actuation` are the commanded torques, `torques` those of the drives.
+`mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
+of a point mass lacks joints, `state`, `foot_poses`, `trunk_tilt` and
+`foot_wrenches`; readers of a log must handle this.
 """
 
 import itertools
@@ -60,7 +60,7 @@ class MeasuredFeet(
 # Angles of torso and pelvis against the vertical [rad].
 TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
 
-# A push is in the signal so many rows after it was decided on, and began.
+# Rows from the tick in which a push begins to its first row in the signal.
 _FELT = 1
 
 _VIEWS = {
@@ -80,14 +80,14 @@ def signal(log: Log, name: str, rows: int | slice = slice(None)) -> Any:
     """Returns the named view of a signal, at these rows of the log.
 
     Its entries are arrays (n,), its parts (size, n): the ICP reference is
-    `signal(log, "icp_reference").icp`, of which `x, y = ...` takes both axes.
+    `x, y = signal(log, "icp_reference").icp`.
     """
     return _VIEWS[name](log[name][rows].T)
 
 
 @dataclass(frozen=True)
 class PhaseSpan:
-    """One phase as it really was."""
+    """One phase of the run."""
 
     phase: Phase
     support: Side  # stance foot, or the one that receives the weight
@@ -100,16 +100,16 @@ class PhaseSpan:
 
     @property
     def duration(self) -> float:
-        """How long it lasted [s]."""
+        """Actual duration [s]."""
         return self.end - self.start
 
     @property
     def swing_side(self) -> Side:
-        """The foot in the air, or the one that will be."""
+        """The swing foot of this phase, or of the next one."""
         return self.support.other
 
     def carries(self, side: Side) -> bool:
-        """True if the foot of `side` was meant to carry weight."""
+        """True if the foot of `side` is in contact by the plan."""
         return self.phase is not Phase.SWING or side is self.support
 
 
@@ -140,7 +140,7 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
 
 
 def _changes(*signals: np.ndarray) -> list[int]:
-    """The rows in which any of the `signals` (n,) is not what it was before."""
+    """The rows in which any of the `signals` (n,) has changed."""
     differs = np.any(np.diff(np.stack(signals)) != 0.0, axis=0)
     return (np.flatnonzero(differs) + 1).tolist()
 
@@ -155,7 +155,7 @@ class Step:
     """One foothold: commanded, adjusted, achieved."""
 
     side: Side
-    commanded: FootPose  # when the step before had landed
+    commanded: FootPose  # after the landing of the previous step
     adjusted: FootPose  # just before it landed
     achieved: FootPose  # just after it landed
     swing: PhaseSpan
@@ -164,13 +164,13 @@ class Step:
 
     @property
     def error(self) -> float:
-        """Horizontal distance [m] from where it was to land."""
+        """Horizontal distance [m] between achieved and adjusted foothold."""
         offset = self.achieved.p_WF - self.adjusted.p_WF
         return float(np.linalg.norm(offset[:2]))
 
     @property
     def adjustment(self) -> np.ndarray:
-        """Move (2,) [m] of the foothold since it was commanded, in W."""
+        """Shift (2,) [m] of the adjusted from the commanded foothold, in W."""
         return (self.adjusted.p_WF - self.commanded.p_WF)[:2]
 
 
@@ -211,7 +211,7 @@ def sole_pose(log: Log, row: int, side: Side) -> FootPose:
 
 
 def target_pose(log: Log, row: int) -> FootPose:
-    """Where the next step is to land, at this row; NaN if there is none."""
+    """The foothold of the next step at this row; NaN if there is none."""
     return _pose(signal(log, "walking_signal", row).target)
 
 
@@ -233,16 +233,16 @@ class PushSpan:
     first: int  # row in the log
     start: float  # [s]
     end: float  # [s]
-    force: np.ndarray  # its peak (3,) [N], the way it began, in W
+    force: np.ndarray  # peak (3,) [N], in its initial direction, in W
     delta_v: float  # [m/s]
-    direction_deg: float  # seen from the support foot, in [0, 360) [deg]
-    rows: np.ndarray  # of the log in which it is felt
+    direction_deg: float  # relative to the support foot, in [0, 360) [deg]
+    rows: np.ndarray  # rows of the log in which it acts
 
 
 def pushes(log: Log) -> list[PushSpan]:
     """Returns the pushes of the run, in the order in which they began.
 
-    One may hide another while both act: that has the time of both.
+    If pushes overlap, the signal shows only the one that began last.
     """
     push = signal(log, "push_signal")
     numbers = dict.fromkeys(push.number[np.any(push.force != 0.0, axis=0)])
@@ -271,7 +271,7 @@ def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
 
 
 def switches(log: Log) -> list[tuple[float, list[str]]]:
-    """Returns when [s] mechanisms were switched, and what was on from then."""
+    """Returns the times [s] of switches, with the mechanisms on after them."""
     if "mechanisms" not in log:
         return []
     on, names = log["mechanisms"], [f.name for f in fields(Mechanisms)]

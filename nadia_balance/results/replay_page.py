@@ -1,4 +1,4 @@
-"""What a replay's page says beside the scene: title, clock, phase, story."""
+"""Text of a replay's page: title, clock, phase, story."""
 
 import json
 
@@ -6,8 +6,8 @@ from nadia_balance.core.walking import Phase
 from nadia_balance.results.log import Log, phase_spans
 from nadia_balance.results.story import telling
 
-# The viewer has no event for the time: it is asked for in every frame.  At
-# the end it begins again, unless it is paused.
+# The viewer has no event for the time, so it is read in every frame.  The
+# animation restarts at its end unless it is paused.
 _PAGE = """
 <div id="status" style="position:fixed; left:14px; top:12px; max-width:46%%;
 padding:8px 12px; border-radius:8px; background:#ffffffc8; color:#2f3440;
@@ -45,14 +45,14 @@ font:14px/1.5 sans-serif; pointer-events:none"></div>
 })();
 </script>
 """
-_GOOD, _BAD = "#1b7a3d", "#c01a2e"  # of the last line
+_GOOD, _BAD = "#1b7a3d", "#c01a2e"  # colours of the last line
 
 
 def replay_status(log: Log, summary: dict) -> str:
-    """Returns the HTML that tells the run while it is replayed.
+    """Returns the HTML of the status text of a replay.
 
-    Each line of the story appears when it happened; the last one, RECOVERED
-    or why not, without its figures.
+    Each line of the story appears at its time; the last one, the result of the
+    run, is shortened to its first part.
     """
     told = telling(log, summary)
     ends = _GOOD if summary["recovered"] else _BAD

@@ -15,11 +15,11 @@ from pydrake.systems.framework import DiagramBuilder
 from nadia_balance import palette
 
 FRAMES_PER_SECOND = 32.0
-ROBOT = "/drake/robot"  # where the robot is in the scene
+ROBOT = "/drake/robot"  # path of the robot in the scene
 
 _MIN_PORT, _MAX_PORT = 1024, 65535
-# Lights of the default scene: intensity, and a new position for one.  The
-# point lights fade with distance: a long walk would end in the dark.
+# Lights of the default scene: intensity and new position.  Ambient and fill
+# light are strong because the point lights fade with distance.
 _LIGHTS = {
     "AmbientLight": (1.3, None),
     "FillLight": (1.9, [4.0, 1.0, 6.0]),
@@ -31,10 +31,10 @@ _FLOOR, _CELL, _LINE = 15.0, 0.5, 0.012  # half size, grid, line width [m]
 
 
 def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
-    """Returns a Meshcat, and a message if it could not have the `port`.
+    """Returns a Meshcat, and a message if the `port` is busy.
 
-    Without a `port` it takes the first free one from 7000 on; so it does when
-    the port asked for is busy, and then says so.
+    Without a `port`, or if it is busy, Meshcat uses the first free port from
+    7000 on.
 
     Raises:
         ValueError: `port` is not in [1024, 65535].
@@ -42,7 +42,7 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
     if port is None:
         return Meshcat(MeshcatParams(host="localhost")), ""
     if not _MIN_PORT <= port <= _MAX_PORT:
-        # Below, Drake aborts the process; above, it takes port - 65536.
+        # Drake aborts for lower ports, and uses port - 65536 for higher ones.
         raise ValueError(
             f"port = {port}: must be in [{_MIN_PORT}, {_MAX_PORT}]"
         )
@@ -56,7 +56,7 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
 def add_robot_view(
     builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
 ) -> MeshcatVisualizer:
-    """Adds what draws the robot's visual shapes, and nothing more."""
+    """Adds a MeshcatVisualizer of the robot's visual shapes only."""
     return MeshcatVisualizer.AddToBuilder(
         builder,
         scene_graph,
@@ -70,7 +70,7 @@ def add_robot_view(
 
 
 def set_scene(meshcat: Meshcat) -> None:
-    """Sets floor, lights, sky, and a camera that sees the robot at an angle."""
+    """Sets floor, lights, sky and an oblique camera."""
     for light, (intensity, position) in _LIGHTS.items():
         path = f"/Lights/{light}/<object>"
         meshcat.SetProperty(path, "intensity", intensity)
@@ -82,19 +82,19 @@ def set_scene(meshcat: Meshcat) -> None:
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
     _add_floor(meshcat)
-    # A narrow view from afar: feet and head keep their proportions.
+    # A narrow field of view reduces perspective distortion.
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=40.0))
     meshcat.SetCameraPose(_CAMERA, _TARGET)
 
 
 def move_floor(meshcat: Meshcat, p_W: np.ndarray) -> None:
-    """Moves the floor below `p_W` (3,) [m], by whole cells: nobody sees it."""
+    """Moves the floor below `p_W` (3,) [m], by whole cells of its grid."""
     x, y = _CELL * np.round(p_W[:2] / _CELL)
     meshcat.SetTransform("/Floor", RigidTransform([x, y, 0.0]))
 
 
 def _add_floor(meshcat: Meshcat) -> None:
-    """A floor and its grid, just below the soles and all that is drawn."""
+    """Adds a floor and its grid, just below the soles and all drawings."""
     size, half = _FLOOR, 0.5 * _LINE
     ticks = np.arange(-size, size + half, _CELL)
     lines = [(x - half, x + half, -size, size) for x in ticks]

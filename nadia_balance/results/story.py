@@ -1,4 +1,4 @@
-"""The story of a run, a line for each thing that happened."""
+"""The story of a run: one line for each event."""
 
 import math
 
@@ -17,7 +17,7 @@ from nadia_balance.results.log import (
 )
 from nadia_balance.results.summary import recovered_at
 
-# Smaller changes of a foothold [m] and of a duration [s] are not told.
+# Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
@@ -28,9 +28,9 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
 
 
 def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
-    """Returns the pushes, what they changed, and the end, each with its time.
+    """Returns times [s] and lines of pushes, changed steps and the result.
 
-    In the order of time [s].
+    The entries are sorted by time.
     """
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
@@ -40,7 +40,7 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     told.sort(key=lambda entry: entry[0])
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:
-        end = max(end, told[-1][0])  # what is told belongs to the recovery
+        end = max(end, told[-1][0])  # the result is the last line
     return [*told, (end, _tell_end(log, summary, end))]
 
 
@@ -57,7 +57,7 @@ def _tell_push(log: Log, push: PushSpan) -> str:
 
 
 def direction(log: Log, push: PushSpan) -> str:
-    """Where a push went, in the frame of the support foot, in words."""
+    """The direction of a push in the support foot's frame, in words."""
     span, angle = span_at(log, push.first), push.direction_deg
     inward = 90.0 * span.support.sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
@@ -70,7 +70,7 @@ def direction(log: Log, push: PushSpan) -> str:
 
 
 def moment(log: Log, row: int) -> str:
-    """The point of the gait as push.py's --at has it: `right swing 25 %`."""
+    """The point of the gait in the syntax of --at: `right swing 25 %`."""
     span = span_at(log, row)
     if span.phase is Phase.STANDING:
         return "standing"
@@ -79,7 +79,7 @@ def moment(log: Log, row: int) -> str:
 
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:
-    """Steps that went elsewhere, or took longer or shorter, than planned."""
+    """Times and lines of steps whose foothold or durations were changed."""
     pushed = pushes(log)
     begin = pushed[0].start if pushed else -math.inf
     later = [step for step in steps(log) if step.swing.end > begin]
@@ -98,7 +98,7 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
 
 
 def told_move(side: Side, commanded: FootPose, move: Array) -> str:
-    """How a foothold was moved by `move` (2,) [m] in W, seen from its pose."""
+    """Describes the shift `move` (2,) [m] in W of a foothold, in its frame."""
     forward, left = commanded.rotation.T @ move
     out = left * side.sign
     parts = []
@@ -117,7 +117,7 @@ def _tell_time(name: str, span: PhaseSpan) -> str:
 
 
 def _end_time(log: Log, summary: dict) -> float:
-    """When the robot fell, had recovered, or the run was over."""
+    """The time [s] of the fall, of the recovery, or of the end of the run."""
     if summary["fell_at"] is not None:
         return float(summary["fell_at"])
     pushed = pushes(log)

@@ -1,4 +1,4 @@
-"""The figures of a run: from its log to summary.json."""
+"""Evaluation of a run: from its log to summary.json."""
 
 import math
 import platform
@@ -24,10 +24,10 @@ from nadia_balance.results.log import (
 from nadia_balance.systems.walking_state_machine import PHASES
 from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
-ICP_BACK = 0.05  # the ICP error of a robot that has recovered [m]
-SETTLED = 0.5  # for so long it is below that in the end, if nobody steps [s]
-EFFORT_MARGIN = 1e-6  # rounding allowed on top of a torque limit [-]
-SPEED_MARGIN = 0.02  # overshoot allowed on top of a joint's speed limit [-]
+ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
+SETTLED = 0.5  # time below ICP_BACK at the end of a run without steps [s]
+EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
+SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
 ROUNDING = 1e-6  # of times [s]
 STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
@@ -35,7 +35,7 @@ PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What came out of a simulation."""
+    """Results of a simulation."""
 
     logs: Log
     fell_at: float | None = None  # [s]
@@ -43,15 +43,15 @@ class Run:
     simulated_time: float = 0.0  # [s]
     cpu_time: float = math.nan  # [s]
     interrupted: bool = False  # by Ctrl-C
-    missed_pushes: int = 0  # that never came, or were cut off by the end
+    missed_pushes: int = 0  # pushes that had not begun, or not ended
     improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
-    error: str = ""  # that ended the run early, such as NaN at an input
-    until: bool = False  # it was ended from outside (see diagrams.simulation)
+    error: str = ""  # error that ended the run early, such as NaN at an input
+    until: bool = False  # `until` ended the run (see diagrams.simulation)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunInfo:
-    """What was simulated, and what is required of it.
+    """Conditions of a run, and the criteria of recovery.
 
     `direction_deg` and `delta_v` are those of the scenario's first push.
     """
@@ -65,17 +65,17 @@ class RunInfo:
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
-    calm_steps: int = 0  # whole ones after the push, to have recovered
-    is_long_enough: bool = True  # the run, for as many steps as that may take
-    max_torso_tilt_deg: float = 180.0  # of a recovery [deg]
+    calm_steps: int = 0  # complete steps with small ICP error to recover
+    is_long_enough: bool = True  # the run has time for a recovery
+    max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
 
 
 def summarize(run: Run, info: RunInfo) -> dict:
-    """Returns all figures of a run as plain values, None if there is none.
+    """Returns all results of a run as plain values, None if not available.
 
-    `outcome` is recovered (or stood, or walked as it should), failed, or
-    undecided: nothing speaks against it, but the run was too short.  `reason`
-    tells why it is not recovered.
+    `outcome` is recovered (also of a run without a push), failed, or undecided:
+    no failure was found, but the run was too short.  `reason` explains an
+    outcome other than recovered.
     """
     log = run.logs
     error, t = icp_error(log), log["t"]
@@ -133,7 +133,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
         "real_time_factor": duration / max(run.cpu_time, 1e-9),
         "versions": versions(info.engine),
     }
-    return {  # JSON knows neither NaN nor infinity
+    return {  # JSON has neither NaN nor infinity
         name: None
         if isinstance(value, float) and not math.isfinite(value)
         else value
@@ -142,7 +142,7 @@ def summarize(run: Run, info: RunInfo) -> dict:
 
 
 def _judge(run: Run, info: RunInfo, error: np.ndarray) -> tuple[str, str]:
-    """The outcome, and why it is not recovered."""
+    """The outcome, and the reason of one other than recovered."""
     if reason := _failure(run, info, error):
         return "failed", reason
     if reason := _doubt(run):
@@ -155,7 +155,7 @@ def _judge(run: Run, info: RunInfo, error: np.ndarray) -> tuple[str, str]:
 
 
 def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
-    """What must not happen at any time; empty if it did not."""
+    """The first failure that is found; empty if there is none."""
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
@@ -176,7 +176,7 @@ def _failure(run: Run, info: RunInfo, error: np.ndarray) -> str:
 
 
 def _doubt(run: Run) -> str:
-    """Why the run ended too early to judge it; empty if it did not."""
+    """The reason why the run is too short to judge; empty if it is not."""
     log = run.logs
     if run.missed_pushes:
         return "not pushed: the push did not come before the end"
@@ -187,7 +187,7 @@ def _doubt(run: Run) -> str:
 
 
 def _shortfall(log: Log, info: RunInfo, error: np.ndarray) -> str:
-    """What is missing in the end; empty if nothing is."""
+    """The criterion of recovery that is not met at the end; empty if none."""
     if info.calm_steps and calm_steps(log) >= info.calm_steps:
         return ""
     walks = signal(log, "walking_signal", -1).phase != STANDS
@@ -203,9 +203,10 @@ def _shortfall(log: Log, info: RunInfo, error: np.ndarray) -> str:
 
 
 def calm_steps(log: Log) -> int:
-    """The whole steps in the end, after the last push, of small ICP errors.
+    """Number of complete steps at the end with small ICP errors.
 
-    From one landing to the next, with an error below ICP_BACK all the time.
+    They follow the last push; from one landing to the next the error is always
+    below ICP_BACK.
     """
     last = pushes(log)[-1:]
     begin = recovered_at(log, last[0] if last else None)
@@ -214,7 +215,7 @@ def calm_steps(log: Log) -> int:
 
 
 def _push_figures(log: Log, push: PushSpan) -> dict:
-    """What one push was, and what it gave to the robot."""
+    """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
     force = signal(log, "push_signal", felt).force
@@ -233,7 +234,7 @@ def _push_figures(log: Log, push: PushSpan) -> dict:
 
 
 def recovered_at(log: Log, push: PushSpan | None) -> float:
-    """When the ICP error went below 5 cm for good, after `push` if any [s]."""
+    """Time [s] of the last ICP error above ICP_BACK, or the end of `push`."""
     begin = push.end if push else 0.0
     after = log["t"] >= begin
     large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
@@ -241,16 +242,16 @@ def recovered_at(log: Log, push: PushSpan | None) -> float:
 
 
 def recovery_time(log: Log) -> float | None:
-    """From the beginning of the last push to `recovered_at` [s], if pushed."""
+    """Time [s] from the start of the last push to `recovered_at`, if any."""
     last = pushes(log)[-1:]
     return recovered_at(log, last[0]) - last[0].start if last else None
 
 
 def body_sway(log: Log) -> np.ndarray:
-    """Tilt (n,) [deg] of the line from between the soles to the CoM.
+    """Tilt (n,) [deg] of the line from the midpoint of the soles to the CoM.
 
-    On the ground a foot is where it stands, in the air where it stood; the
-    ground is as high as the lower one.
+    A foot in the air has its last pose on the ground; the height is
+    `com_height`.
     """
     feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
     middle = 0.5 * (feet.left[:2] + feet.right[:2])
@@ -268,7 +269,7 @@ def com_height(log: Log) -> np.ndarray:
 
 
 def _posture_figures(log: Log) -> dict:
-    """How far the trunk leant, and the CoM sank since the start."""
+    """Largest tilts [deg] of torso and pelvis, and drop [m] of the CoM."""
     tilts = [np.zeros(0), np.zeros(0)]
     if "trunk_tilt" in log:
         tilts = [np.degrees(tilt) for tilt in signal(log, "trunk_tilt")]
@@ -281,7 +282,7 @@ def _posture_figures(log: Log) -> dict:
 
 
 def _overload(log: Log) -> str:
-    """Which limit of the joints was passed; empty if none was."""
+    """The joint limit that was exceeded; empty if none was."""
     ratio = _largest(torque_ratio(log))
     if ratio is not None and not ratio <= 1.0 + EFFORT_MARGIN:
         return "a torque was above its limit"
@@ -292,7 +293,7 @@ def _overload(log: Log) -> str:
 
 
 def _gave_up(log: Log) -> bool:
-    """Whether the whole-body controller had given up in the end."""
+    """True if the whole-body QP failed throughout the last GIVES_UP_AFTER."""
     if "whole_body_qp_status" not in log:
         return False
     t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
@@ -301,7 +302,7 @@ def _gave_up(log: Log) -> bool:
 
 
 def durations(log: Log, phase: Phase) -> list[float]:
-    """How long [s] each phase of this kind lasted that has ended."""
+    """Durations [s] of the completed phases of this kind."""
     return [
         round(span.duration, 6)
         for span in phase_spans(log)
@@ -310,16 +311,16 @@ def durations(log: Log, phase: Phase) -> list[float]:
 
 
 def steps_after_push(log: Log) -> int:
-    """Number of steps landed since the last push began, or in all."""
+    """Number of landings since the last push began, or since the start."""
     last = pushes(log)[-1:]
     begin = last[0].start if last else -math.inf
     return sum(step.swing.end > begin for step in steps(log))
 
 
 def stance_slip(log: Log) -> float | None:
-    """Largest way [m] of a stance foot from where its swing phase began.
+    """Largest displacement [m] of a stance foot since its swing phase began.
 
-    In a run without a swing, of either foot from where it stood at first.
+    In a run without a swing: of either foot, since its phase began.
     """
     if "foot_poses" not in log:
         return None
@@ -363,7 +364,7 @@ def joint_speed_ratio(log: Log) -> np.ndarray:
 
 
 def power(log: Log) -> np.ndarray:
-    """Net mechanical power (n,) [W]: a drive that brakes feeds the others."""
+    """Net mechanical power (n,) [W]: braking drives count as negative."""
     return np.sum(_powers(log), axis=1)
 
 
@@ -387,9 +388,9 @@ def foot_force_ratio(log: Log) -> np.ndarray:
 
 
 def _swing_figures(log: Log) -> dict:
-    """How fast the feet swing [m/s], each the largest of all swings.
+    """Largest instantaneous and largest mean speed [m/s] of swing feet.
 
-    The mean speed of a swing is the way of the sole's centre, over its time.
+    The mean speed of a swing is the mean over its ticks, of the sole's centre.
     """
     speeds = [np.zeros(0)]
     if "foot_poses" in log:
@@ -407,13 +408,14 @@ def _swing_figures(log: Log) -> dict:
 
 
 def sole_distance(log: Log) -> float | None:
-    """Least distance [m] of the soles in plan view while they pass.
+    """Least distance [m] in plan view of soles that pass each other.
 
-    0 if one is over the other, and less than PASSING above it.
+    Soles pass each other if their heights differ by less than PASSING; 0 if
+    one is above the other.
     """
     if "foot_poses" not in log:
         return None
-    poses = log["foot_poses"].reshape(-1, 2, 4)  # of each foot, p_WF and yaw
+    poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights, least = poses[:, :, 2], math.inf
     for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
         left, right = (
@@ -425,9 +427,9 @@ def sole_distance(log: Log) -> float | None:
 
 
 def edge_distances(log: Log) -> list[float] | None:
-    """How far inside of its region each landed sole is, its nearest corner [m].
+    """Distance [m] of each landed sole's nearest corner from its region's edge.
 
-    Negative: outside; None if there are no regions.
+    Negative outside of the region; None without regions.
     """
     sides = [halfspaces(region) for region in ground_regions(log)]
     if not sides:
@@ -439,7 +441,7 @@ def edge_distances(log: Log) -> list[float] | None:
 
 
 def self_contacts(run: Run) -> list[str]:
-    """The improper contacts that are between two of the robot's own links."""
+    """The improper contacts between two of the robot's own links."""
     return [
         pair
         for pair in run.improper_contacts
@@ -448,7 +450,7 @@ def self_contacts(run: Run) -> list[str]:
 
 
 def _qp_figures(log: Log) -> dict:
-    """Solves, failures, fallbacks, largest violation, of both QPs together."""
+    """Numbers of solves, failures and fallbacks, and largest violation."""
     present = [name for name in QP_STATUS if name in log and len(log["t"])]
     qps = [signal(log, name) for name in present]
     violation = np.concatenate([np.zeros(0), *(qp.violation for qp in qps)])
@@ -463,7 +465,7 @@ def _qp_figures(log: Log) -> dict:
 
 
 def versions(engine: str = "drake") -> dict[str, str]:
-    """The versions that the figures of an `engine` depend on."""
+    """The versions of Python and of the packages that determine a run."""
     found = {"python": platform.python_version()}
     packages = "nadia_balance", "drake", "daqp", "numpy", engine
     for package in dict.fromkeys(packages):

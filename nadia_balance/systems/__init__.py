@@ -1,1 +1,1 @@
-"""One Drake LeafSystem a file, one algorithm a LeafSystem."""
+"""Drake LeafSystems: one per file, one algorithm per LeafSystem."""

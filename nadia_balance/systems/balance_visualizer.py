@@ -1,4 +1,4 @@
-"""What the controller plans and measures, drawn into Meshcat."""
+"""Meshcat view of the controller's plans and measurements."""
 
 from itertools import zip_longest
 
@@ -27,10 +27,10 @@ from nadia_balance.systems.ports import ValueInput
 
 ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
-MIDDLE = f"{ROOT}/middle"  # no object: where a camera may look
-PERIOD = 1.0 / 32.0  # of the frames [s]
-REGIONS_PERIOD = 1.0 / 16.0  # they have many edges: not in every frame [s]
-STEPS_PER_SIDE = 2  # of the footsteps still to land, so many are drawn
+MIDDLE = f"{ROOT}/middle"  # no object: a target for a camera
+PERIOD = 1.0 / 32.0  # frame period [s]
+REGIONS_PERIOD = 1.0 / 16.0  # of the capture regions: many edges [s]
+STEPS_PER_SIDE = 2  # planned footsteps drawn per foot
 _DISC = Cylinder(0.028, 0.012)
 _MARKERS = {
     "com": (Sphere(0.04), palette.COM),
@@ -40,7 +40,7 @@ _MARKERS = {
     "cop": (_DISC, palette.COP),
     "ecmp": (Box(0.046, 0.046, 0.014), palette.ECMP),
 }
-# Of the markers on the ground: the port, and the point (2,) in its value.
+# Markers on the ground: their port, and the point (2,) in its value.
 _ON_GROUND = {
     "com_ground": ("com_state", lambda value: ComState(value).position[:2]),
     "icp_reference": ("icp_reference", lambda value: IcpReference(value).icp),
@@ -53,15 +53,15 @@ _ON_GROUND = {
 class BalanceVisualizer(LeafSystem):
     """Draws into Meshcat, live and in recordings; has neither state nor output.
 
-    Footprints (filled) and footsteps still to land (outlined), left and right
-    in their colours; the support polygon; the ICP and its reference (balls,
-    large and small); the CoM (ball) and its projection, the CoP (discs) and
-    the eCMP (square) on the ground; the push (arrow).  In swings the capture
-    regions (filled), the reachability region that the step respects, and the
-    nominal foothold if it is adjusted (outlined), redrawn less often: they
-    have many edges.  The regions of a `ground`, filled, darker where the next
-    step goes.  What is not connected is not drawn, except that
-    `walking_state` is needed.
+    It draws footprints (filled) and planned footsteps (outlined), left and
+    right in their colours; the support polygon; the ICP and its reference
+    (balls, large and small); the CoM (ball) and its projection, the CoP (discs)
+    and the eCMP (square) on the ground; the push (arrow).  During swings it
+    also draws, at a lower rate, the capture regions (filled), the reachability
+    region that limits the step, and the nominal foothold if it is adjusted
+    (outlined).  The regions of a `ground` are filled; the region of the next
+    step is darker.  Signals of unconnected ports are not drawn;
+    `walking_state` is required.
 
     .. pydrake_system::
 
@@ -74,7 +74,10 @@ class BalanceVisualizer(LeafSystem):
     def __init__(
         self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
     ):
-        """`sole` (n, 2) [m] are the corners of either sole in its frame."""
+        """Adds all objects; `sole` (n, 2) [m] are the corners of either sole.
+
+        The corners are in the sole's frame.
+        """
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
@@ -120,7 +123,7 @@ class BalanceVisualizer(LeafSystem):
             self.DeclareForcedPublishEvent(draw)
 
     def _forget(self, context):
-        """A new run: what the last one left behind is not its own."""
+        """Removes the drawings of the previous run."""
         self._footprints.forget()
         self._region_overlay.forget()
         self._arrow.hide(context.get_time())
@@ -162,7 +165,7 @@ class BalanceVisualizer(LeafSystem):
         return EventStatus.Succeeded()
 
     def _draw_feet(self, state: WalkingState, time: float) -> None:
-        """Each foot that carries leaves a print, numbered by its step."""
+        """Draws a print, numbered by its step, for each foot in contact."""
         schedule = state.schedule
         landed = schedule.support_side
         if schedule.footsteps:
@@ -186,4 +189,4 @@ class BalanceVisualizer(LeafSystem):
         if np.linalg.norm(force) > 1e-6:
             self._arrow.draw(com, force, time)
         else:
-            self._arrow.hide(None)  # a recording lets it linger
+            self._arrow.hide(None)  # a recording shows it longer

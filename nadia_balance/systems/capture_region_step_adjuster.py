@@ -1,4 +1,4 @@
-"""Moves the foothold of the step in the air to where it captures the robot."""
+"""Step adjustment: moves the swing foot's foothold into capture regions."""
 
 from typing import NamedTuple
 
@@ -39,9 +39,9 @@ from nadia_balance.systems.ports import (
 
 
 class Tick(NamedTuple):
-    """The inputs of one tick; `key`, of the geometry, and `landing` of a swing.
+    """Inputs of one tick; in a swing also the geometry's key and the landing.
 
-    Outside of a swing they are empty.
+    Outside of a swing, `key` and `landing` are empty.
     """
 
     state: WalkingState | None = None
@@ -54,18 +54,18 @@ class Tick(NamedTuple):
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
-    """Proposes where the swing foot should land (Nadia paper, Sec. IV, V).
+    """Computes the swing foot's foothold from capture regions.
 
-    `icp` (2,) [m] in W; `walking_state` is a WalkingState; `time_adjustment`
-    (2,) [s] is that of a TimingAdapter, 0 if not connected; `foot_poses` are
-    FootPoses, measured; if not connected, no region is reached sooner than
-    another, and no foothold too late.  `mechanisms` (4,), all if not
-    connected.  `adjustment` is an Adjustment: outside of a swing the next
-    foothold as it is, NOTHING (see ports) while `step` is off.
-    `capture_regions` are CaptureRegions, empty outside of a swing.
+    Nadia paper, Sec. IV and V.  Inputs: `icp` (2,) [m] in W; `walking_state`, a
+    WalkingState; `time_adjustment` (2,) [s] of a TimingAdapter, 0 if not
+    connected; `foot_poses`, measured FootPoses: without them the time that the
+    foot needs to a foothold is ignored; `mechanisms` (4,), all on if not
+    connected.  Outputs: `adjustment`, an Adjustment: outside of a swing the
+    unchanged next foothold, NOTHING (see ports) while `step` is off;
+    `capture_regions`, CaptureRegions, empty outside of a swing.
 
-    It has no state: what it has to remember is in the Adjustment that it reads
-    back from the walking state.
+    The block has no state: its memory is the Adjustment that it reads back
+    from the walking state.
 
     .. pydrake_system::
 
@@ -81,13 +81,13 @@ class CaptureRegionStepAdjuster(LeafSystem):
         model: PointMassModel,
         period: float,
     ):
-        """The proposal is taken once per `period` [s].
+        """The state machine reads the proposal once per `period` [s].
 
         Raises ValueError for `params` that are out of range.
         """
         super().__init__()
         check(params)
-        params.usable_foot(model.sole)  # raises if nothing is left of it
+        params.usable_foot(model.sole)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
@@ -140,7 +140,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         now = self._tick.Eval(context)
         if now.landing is None:
             return CaptureRegions()
-        # While `step` is off, the adjustment of before holds.
+        # While `step` is off, the previous adjustment holds.
         adjustment = self._adjustment.Eval(context) or current_adjustment(
             now.state
         )

@@ -1,4 +1,4 @@
-"""Centre of mass, ICP, feet, terms of motion, from the state of all joints."""
+"""Centre of mass, ICP, foot poses and dynamics terms from the joint state."""
 
 import math
 
@@ -23,16 +23,14 @@ class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
 
 
 class CentroidalEstimator(LeafSystem):
-    """Computes all that the controllers know of the robot, once a tick.
+    """Computes CoM, ICP (Nadia paper, Eq. 1), foot poses and dynamics terms.
 
-    `estimated_state` is [q, v] of the robot's `control_plant`;
-    `whole_body_terms` are WholeBodyTerms, from which all else is taken:
-    `com_state` is a ComState, `icp` (2,) [m] in W follows from it by the Nadia
-    paper's Eq. 1, `foot_poses` are FootPoses (as if level).  All are those of
-    the state ahead by `lead`, when the torques that are about to be computed
-    will be there: the positions go on at the measured velocity.  (Velocities
-    would need the accelerations, and those of the last tick make the loop
-    unstable.)
+    `estimated_state` is [q, v] of the robot's `control_plant`.
+    `whole_body_terms` are WholeBodyTerms, from which the other outputs follow:
+    `com_state`, a ComState, `icp` (2,) [m] in W, and `foot_poses`, FootPoses
+    (as if level).  Positions are predicted `lead` ahead, to the time at which
+    the torques of this tick act, at the measured velocity.  Velocities are not
+    predicted: with the accelerations of the last tick the loop is unstable.
 
     Evaluating any output raises RuntimeError if the state is not finite.
 
@@ -47,7 +45,7 @@ class CentroidalEstimator(LeafSystem):
         """Estimates with a private plant of `robot`, a `lead` [s] ahead."""
         super().__init__()
         self._lead = lead
-        # The terms are those of a private plant, the shapes' distances too.
+        # A private plant for the terms and the distances of the shapes.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
         self._kinematics = WholeBodyKinematics(robot, plant)
@@ -58,7 +56,7 @@ class CentroidalEstimator(LeafSystem):
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
         )
-        # Memory to compute in: nothing changes it but the terms' calculation.
+        # Scratch memory: only the calculation of the terms changes it.
         self._scratch = self.DeclareCacheEntry(
             "plant context",
             ValueProducer(

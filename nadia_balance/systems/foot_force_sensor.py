@@ -1,4 +1,4 @@
-"""How much weight each foot carries."""
+"""Vertical force on each foot."""
 
 import numpy as np
 from pydrake.common.containers import namedview
@@ -13,14 +13,14 @@ FootForces = namedview("FootForces", [side.value for side in Side])
 
 
 class FootForceSensor(LeafSystem):
-    """Measures the force on each foot, the mean over the last period.
+    """Computes the mean vertical contact force on each foot over a period.
 
-    `foot_forces`, a FootForces [N], is the component along z of W, which is
-    the normal force on level ground, and never negative.  Contact among the
-    robot's own bodies does not count.  A foot that hits the ground hard
-    bounces within one step of the plant, so every step is measured.  The
-    output is the first group of the discrete state, the other are the forces
-    in the steps of the period, the last one first.
+    `foot_forces`, a FootForces [N], is the component along z of W (the normal
+    force on level ground), clipped at 0 in every step.  Contacts among the
+    robot's own bodies are left out.  After a hard touchdown a foot bounces
+    within one step of the plant, so every step is measured.  The first group
+    of the discrete state is the output, the second holds the forces in the
+    steps of the period, the latest first.
 
     .. pydrake_system::
 
@@ -36,9 +36,9 @@ class FootForceSensor(LeafSystem):
         period: float,
         engine: System | None = None,
     ):
-        """Senses the feet of `robot` in `plant`, over a `period` [s].
+        """Measures the feet of `robot` in `plant`, over a `period` [s].
 
-        `engine` is what computes the contacts, unless `plant` does.
+        `engine` is the system that computes the contacts, by default `plant`.
 
         Raises:
             ValueError: the period is not a multiple of the plant's time step.
@@ -54,8 +54,8 @@ class FootForceSensor(LeafSystem):
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
         own = plant.GetBodyIndices(feet[0].model_instance())
         bodies = [BodyIndex(i) for i in range(plant.num_bodies())]
-        # Which foot is one of the bodies A and B in contact, and the sign of
-        # the force on it: what is listed acts on B.
+        # For bodies (A, B) in contact: the foot among them, and the sign of
+        # the force on it; contact results list the force on B.
         self._foot_of = {}
         for i, foot in enumerate(feet):
             for other in (int(body) for body in bodies if body not in own):
@@ -75,7 +75,7 @@ class FootForceSensor(LeafSystem):
         )
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
-        # What makes the mean of the samples.
+        # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
         self.DeclarePeriodicDiscreteUpdateEvent(
@@ -91,7 +91,7 @@ class FootForceSensor(LeafSystem):
         return EventStatus.Succeeded()
 
     def _forces(self, results: ContactResults) -> list[float]:
-        """The vertical forces on left and right foot, in this step."""
+        """The vertical forces [N] on left and right foot in this step."""
         forces, foot_of = [0.0, 0.0], self._foot_of
         info = results.point_pair_contact_info
         for i in range(results.num_point_pair_contacts()):

@@ -1,4 +1,4 @@
-"""Friction to count on, from soles that slip."""
+"""Estimate of the friction coefficient from slipping soles."""
 
 import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
@@ -14,11 +14,12 @@ from nadia_balance.systems.ports import ValueInput, VectorInput
 
 
 class FrictionEstimator(LeafSystem):
-    """Counts on less friction when a sole slips that carries.
+    """Lowers the friction coefficient when a loaded sole slips.
 
-    `whole_body_terms` are WholeBodyTerms, `foot_wrenches` (12,) [N m, N] what
-    the soles are to bear, both of this tick; `friction` (1,) is that of the
-    pyramid, one tick late.  The discrete state is a FrictionEstimate.
+    `whole_body_terms` are WholeBodyTerms, `foot_wrenches` (12,) [N m, N] the
+    commanded wrenches of the soles, both of this tick; `friction` (1,) is the
+    coefficient of the friction pyramid, one tick late.  The discrete state is
+    a FrictionEstimate.
 
     An update raises RuntimeError if `foot_wrenches` is not finite.
 
@@ -30,9 +31,9 @@ class FrictionEstimator(LeafSystem):
     """
 
     def __init__(self, params: WholeBodyQpParams, mass: float, period: float):
-        """Looks every `period` [s] at soles that bear a robot of `mass` [kg].
+        """Updates every `period` [s], for a robot of `mass` [kg].
 
-        Without a slip, the friction is that of `params`.
+        The friction of `params` is the initial and the largest estimate.
         """
         super().__init__()
         self._params, self._period = params, period
@@ -51,7 +52,7 @@ class FrictionEstimator(LeafSystem):
     def _update(self, context, new):
         last = context.get_discrete_state_vector().value()
         terms, wrenches = self._terms(context), self._wrenches(context)
-        # Of each sole: its force and its velocity, from W to its own frame.
+        # Force per weight and velocity of each sole, from W to its own frame.
         motion = np.empty((2, 2, 3))
         motion[:, 0] = wrenches.reshape(2, 6)[:, 3:]
         motion[:, 0] /= self._weight

@@ -8,7 +8,7 @@ from nadia_balance.core.ground import Ground, Region
 from nadia_balance.core.walking import FootPose
 from nadia_balance.systems.overlay import Drawing
 
-_ABOVE = 0.0005  # the floor, and below all else that is drawn [m]
+_ABOVE = 0.0005  # height above the floor, below all other drawings [m]
 
 
 class _Surface(Drawing):
@@ -33,10 +33,10 @@ class _Surface(Drawing):
 
 
 class GroundView:
-    """All regions; once more, darker, the one that the next step goes to."""
+    """Draws all regions; the region of the next step is darker."""
 
     def __init__(self, meshcat: Meshcat, path: str, ground: Ground):
-        """Adds them below `path`; obstacles are not drawn."""
+        """Adds the regions below `path`, without obstacles."""
         self._ground = ground
         self._in_use = {}
         for i, region in enumerate(ground.regions):
@@ -47,7 +47,7 @@ class GroundView:
                 )
 
     def draw(self, foothold: FootPose, time: float) -> None:
-        """Shows which region the next `foothold` is on, from `time` [s] on."""
+        """Highlights the region of the next `foothold` from `time` [s] on."""
         region = self._ground.region_under(foothold)
         for name, surface in self._in_use.items():
             surface.show(region is not None and name == region.name, time)

@@ -1,4 +1,4 @@
-"""The reference ICP of the present phase, from the coming footsteps."""
+"""Reference ICP of the present phase, planned from the next footsteps."""
 
 import numpy as np
 from pydrake.common.containers import namedview
@@ -32,7 +32,7 @@ class IcpReference(
         ],
     )
 ):
-    """The ICP plan at the present time, each xy of W [m], [m/s]."""
+    """The ICP plan at the present time, xy in W [m], [m/s]."""
 
     icp, icp_velocity = entries(0, 2), entries(2, 4)
     cop, ecmp = entries(4, 6), entries(6, 8)
@@ -41,9 +41,10 @@ class IcpReference(
 class IcpPlanner(LeafSystem):
     """Plans the ICP for each new contact schedule.
 
-    As in the Nadia paper (Eq. 4), or in the Atlas paper (Sec. II-A).
-    `walking_state` is a WalkingState, `icp_plan` the IcpPlan of its schedule;
-    `icp_reference` is an IcpReference, unless another block has it.
+    The plan is that of the Nadia paper (Eq. 4) or of the Atlas paper (Sec.
+    II-A).  `walking_state` is a WalkingState, `icp_plan` the IcpPlan of its
+    schedule (an AtlasIcpPlan with AtlasIcpPlanParams), `icp_reference` an
+    IcpReference; `has_reference` says whether that port exists.
 
     .. pydrake_system::
 
@@ -59,7 +60,7 @@ class IcpPlanner(LeafSystem):
         period: float,
         has_reference: bool = True,
     ):
-        """Plans for a robot that is this `model`, whatever the `period` [s].
+        """Plans for the point mass `model`; `period` [s] is not used.
 
         Raises ValueError for `params` that are out of range.
         """

@@ -1,4 +1,4 @@
-"""ICP control with ankles and footholds, by one QP."""
+"""ICP control by the CMP and footholds, in one QP."""
 
 from dataclasses import replace
 
@@ -41,24 +41,23 @@ from nadia_balance.systems.ports import (
 
 
 class IcpStepController(LeafSystem):
-    """Moves CMP and footholds by one plan (Atlas paper, Sec. IV).
+    """Computes CMP and footholds by one QP (Atlas paper, Sec. IV).
 
-    In place of a step adjuster and a MomentumQp.  The reference that it tells
-    is that of the plan with its own footholds, at the time to which the clock
-    is about to be advanced.
+    It replaces a step adjuster and a MomentumQp.  The ICP reference follows
+    from the plan with the adjusted footholds, at the time to which the clock is
+    about to be advanced.
 
-    `com_state` is a ComState, `icp` (2,) [m] in W; `walking_state` is a
-    WalkingState, `icp_plan` the AtlasIcpPlan of its schedule;
-    `time_adjustment` (2,) [s] is that of a TimingAdapter, 0 if not connected;
-    `mechanisms` (4,), all if not connected.
+    Inputs: `com_state`, a ComState; `icp` (2,) [m] in W; `walking_state`, a
+    WalkingState; `icp_plan`, the AtlasIcpPlan of its schedule;
+    `time_adjustment` (2,) [s] of a TimingAdapter, 0 if not connected;
+    `mechanisms` (4,), all on if not connected.
 
-    `adjustment` is an Adjustment, NOTHING (see ports) while `step` is off;
-    `capture_regions` are CaptureRegions without any, but with reach and
-    footholds of a swing.
-    `ecmp_command` is an EcmpCommand with one point, `momentum_qp_status` a
-    QpStatus, its violation in [m]; `momentum_rate` (3,) [N] is in W,
-    `icp_reference` an IcpReference.  The discrete state is what these four
-    were in the last tick.
+    Outputs: `adjustment`, an Adjustment, NOTHING (see ports) while `step` is
+    off; `capture_regions`, CaptureRegions without regions, in a swing with
+    reach and footholds; `ecmp_command`, an EcmpCommand with two equal points;
+    `momentum_qp_status`, a QpStatus, its violation in [m]; `momentum_rate` (3,)
+    [N] in W; `icp_reference`, an IcpReference.  The discrete state holds the
+    last four outputs, as of the last tick.
 
     .. pydrake_system::
 
@@ -159,7 +158,7 @@ class IcpStepController(LeafSystem):
         if self._walking_state(context).schedule.phase is not Phase.SWING:
             return CaptureRegions()
         phase = self._phase.Eval(context)[1]
-        # While `step` is off, the adjustment of before holds.
+        # While `step` is off, the previous adjustment holds.
         now = self._adjustment(context) or phase.adjustment
         return CaptureRegions((), phase.reach, now.nominal.pose, now.pose)
 

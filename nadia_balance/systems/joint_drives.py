@@ -1,4 +1,4 @@
-"""The drives between the commanded torques and the joints."""
+"""Model of the joint drives: torque lag and torque-speed limits."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -10,13 +10,12 @@ from nadia_balance.systems.ports import VectorInput
 
 
 class JointDrives(LeafSystem):
-    """Follows the commanded torques as real drives do.
+    """Filters the commanded torques: first-order lag, torque-speed limits.
 
-    With a lag, and within the torque-speed line of each joint.  `actuation`
-    (nu,) [N m] is what is commanded, `torques` (nu,) [N m] what is there, both
-    in the order of the plant's actuators; `state` is [q, v] of the plant.  The
-    discrete state is `torques`, 0 at the start; it follows in every step of
-    the plant, so that a command is felt one step late.
+    `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
+    those of the drives, both in the order of the plant's actuators; `state` is
+    [q, v] of the plant.  The discrete state is `torques`, 0 at the start; it is
+    updated in every step of the plant, so that a command acts one step late.
 
     An update raises RuntimeError if an input is not finite.
 
@@ -28,7 +27,7 @@ class JointDrives(LeafSystem):
     """
 
     def __init__(self, plant: MultibodyPlant, robot: RobotModel):
-        """The drives of `robot` in a `plant` that holds it alone.
+        """Models the drives of `robot`, the only one in `plant`.
 
         Raises:
             ValueError: the robot's fidelity is ideal: it has no drives.

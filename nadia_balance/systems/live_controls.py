@@ -9,8 +9,7 @@ PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"
 DIRECTION = "direction [deg]"
 LENGTH = "length [s]"
-# The sliders, each with its least and largest value, its steps, and how it
-# begins.
+# Sliders: minimum, maximum, step and initial value of each.
 SLIDERS = {
     SIZE: (0.0, 1.5, 0.01, 0.3),
     DIRECTION: (0.0, 355.0, 5.0, 90.0),
@@ -30,8 +29,7 @@ class LiveControls(LeafSystem):
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg], length [s]];
     0 deg is forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms;
-    each has a button that says whether it is on.  State: both outputs, which
-    depend on nothing else.
+    each has a toggle button.  The outputs are the discrete state.
 
     .. pydrake_system::
 
@@ -61,7 +59,7 @@ class LiveControls(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
 
     def keep_mechanisms(self, old: Context, new: Context) -> None:
-        """Has a run from `new` begin with those that are on in `old`."""
+        """Copies the mechanisms that are on from Context `old` to `new`."""
         on = self.GetMyContextFromRoot(old).get_discrete_state(self._on)
         mine = self.GetMyMutableContextFromRoot(new)
         mine.SetDiscreteState(self._on, on.value())
@@ -70,8 +68,8 @@ class LiveControls(LeafSystem):
         return [self._meshcat.GetSliderValue(s) for s in SLIDERS]
 
     def _show_mechanisms(self, on) -> None:
-        """Shows all toggles, none of them clicked."""
-        # All anew, lest they change places when one gets another label.
+        """Replaces all toggle buttons, which resets their clicks."""
+        # All are replaced: a single new label would change their order.
         for name in LABELS:
             for label in _label(name, False), _label(name, True):
                 self._meshcat.DeleteButton(label, strict=False)
@@ -79,8 +77,8 @@ class LiveControls(LeafSystem):
             self._meshcat.AddButton(_label(name, is_on))
 
     def _begin(self, context, state):
-        """A new run: what was clicked in the last one is not its own."""
-        self._meshcat.AddButton(PUSH, PUSH_KEY)  # again: forgets the clicks
+        """Resets the buttons, and the clicks on Push, for a new run."""
+        self._meshcat.AddButton(PUSH, PUSH_KEY)  # again: resets its clicks
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()

@@ -1,4 +1,4 @@
-"""ICP control with ankles and hips, and the CoM height."""
+"""ICP feedback by CoP and eCMP, and control of the CoM height."""
 
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ from nadia_balance.systems.ports import (
 class EcmpCommand(
     namedview("EcmpCommand", ["cop_x", "cop_y", "ecmp_x", "ecmp_y"])
 ):
-    """What the ICP feedback asks for, each xy of W [m]."""
+    """The commanded CoP and eCMP, xy in W [m]."""
 
     cop, ecmp = entries(0, 2), entries(2, 4)
 
@@ -49,19 +49,19 @@ class QpStatus(
         ["solved", "fallback", "solves", "violation", "failures"],
     )
 ):
-    """How a QP was solved in this tick, and its failures so far.
+    """Status of a QP in this tick, with the number of failures until now.
 
-    `violation` is the largest of a constraint, in the units of the QP's rows.
+    `violation` is the largest constraint violation, in units of the QP's rows.
     """
 
     def after(self, qp: QpResult) -> tuple[float, ...]:
-        """The next status, of `qp`."""
+        """The next status, after the result `qp`."""
         failures = self.failures + (not qp.solved)
         return qp.solved, qp.fallback, qp.solves, qp.violation, failures
 
 
 class PhaseData(NamedTuple):
-    """What stays the same as long as the contact schedule does."""
+    """Quantities that are constant for one contact schedule."""
 
     schedule: ContactSchedule | None = None
     limits: FeedbackLimits | None = None
@@ -69,13 +69,13 @@ class PhaseData(NamedTuple):
 
 
 class MomentumQp(LeafSystem):
-    """Turns the ICP error into a momentum rate (Nadia paper, Eqs. 5-8).
+    """Computes eCMP and momentum rate from the ICP error by a QP.
 
-    `com_state` is a ComState, `icp` (2,) [m] in W, `icp_reference` an
-    IcpReference, `walking_state` a WalkingState; `ecmp_command` is an
-    EcmpCommand, `momentum_qp_status` a QpStatus, its violation in [m];
-    `momentum_rate` (3,) [N] is in W.  The discrete state is what came of the
-    last tick: command, status, and [delta, kappa].
+    Nadia paper, Eqs. 5-8.  Inputs: `com_state`, a ComState; `icp` (2,) [m] in
+    W; `icp_reference`, an IcpReference; `walking_state`, a WalkingState.
+    Outputs: `ecmp_command`, an EcmpCommand; `momentum_qp_status`, a QpStatus,
+    its violation in [m]; `momentum_rate` (3,) [N] in W.  The discrete state
+    holds the outputs of the last tick, and its [delta, kappa].
 
     Evaluating an output raises RuntimeError if an input that it depends on is
     not finite.

@@ -1,4 +1,4 @@
-"""MuJoCo in the place of Drake's plant."""
+"""A plant that MuJoCo simulates, with the ports of Drake's MultibodyPlant."""
 
 from dataclasses import dataclass
 
@@ -25,35 +25,36 @@ from nadia_balance.systems.ports import VectorInput, declare_cache
 
 @dataclass(frozen=True)
 class PointContacts:
-    """Contacts, asked as Drake's ContactResults are, which Python cannot fill.
+    """Point contacts with the interface of Drake's ContactResults.
 
-    There are point contacts only.
+    ContactResults itself cannot be filled from Python.
     """
 
     pairs: tuple[PointPairContactInfo, ...] = ()
 
     def num_point_pair_contacts(self) -> int:
-        """How many there are."""
+        """The number of point contacts."""
         return len(self.pairs)
 
     def point_pair_contact_info(self, i: int) -> PointPairContactInfo:
-        """Number `i`: bodies, place and force."""
+        """Bodies, point and force of contact `i`."""
         return self.pairs[i]
 
     def num_hydroelastic_contacts(self) -> int:
-        """None."""
+        """Always 0: MuJoCo has point contacts only."""
         return 0
 
 
 class MujocoPlant(LeafSystem):
-    """Moves a robot and its ground as MuJoCo says, with the ports of a plant.
+    """Simulates a robot and its ground by MuJoCo, with the ports of a plant.
 
-    `actuation` (nu,) [N m] and `state`, [q, v], are in the order of the plant
-    that it stands in for.  `contact_results` are PointContacts, of the step
-    that begins.  The discrete state is `state`; MuJoCo's data is scratch.
+    `actuation` (nu,) [N m] and `state`, [q, v], are in the order of the
+    MultibodyPlant that it replaces.  `contact_results` are the PointContacts
+    of the step that begins.  The discrete state is `state`; MuJoCo's data is
+    scratch.
 
-    An update raises RuntimeError if the actuation is not finite, or if the
-    robot no longer is.
+    An update raises RuntimeError if the actuation or the new state is not
+    finite.
 
     .. pydrake_system::
 
@@ -63,9 +64,9 @@ class MujocoPlant(LeafSystem):
     """
 
     def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph):
-        """Stands in for `plant`, finalized and discrete, with its time step.
+        """Replaces `plant`, finalized and discrete, with its time step.
 
-        The shapes, and which may touch, are as in `scene_graph` now.
+        Shapes and collision filters are those of `scene_graph` at this call.
 
         Raises:
             ValueError: MuJoCo is not installed, or cannot express the plant.
@@ -105,7 +106,7 @@ class MujocoPlant(LeafSystem):
         )
 
     def SetPositions(self, context: Context, q: np.ndarray) -> None:
-        """Sets q (nq,); all else stays."""
+        """Sets the positions q (nq,) in `context`."""
         x = context.get_discrete_state(self._state).value().copy()
         x[: len(q)] = q
         context.SetDiscreteState(x)
@@ -137,10 +138,10 @@ def add_mujoco_plant(
     robot: RobotModel,
     config: MultibodyPlantConfig | None = None,
 ) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
-    """Adds a plant in which `robot` stands on flat ground, by MuJoCo.
+    """Adds a MujocoPlant in which `robot` stands on flat ground.
 
-    Of the `config` it has the time step.  The MultibodyPlant that it stands in
-    for is not part of the diagram; the SceneGraph is, and is told all poses.
+    Only the time step of `config` is used.  The MultibodyPlant that it
+    replaces is not part of the diagram; the SceneGraph is, with all poses.
 
     Raises:
         ValueError: MuJoCo is not installed, or cannot express the robot.

@@ -1,8 +1,8 @@
 """Shapes drawn over the robot in Meshcat, which also move in a recording.
 
-A recording keeps transforms and properties, and has every object from its
-start on.  So an object is set once, and from then on only moved, scaled, shown
-and hidden, always with the time of the frame.
+A recording stores transforms and properties, and contains every object from
+its start on.  An object is therefore set once, and after that only moved,
+scaled, shown and hidden, always with the time of the frame.
 """
 
 import math
@@ -20,18 +20,18 @@ from nadia_balance.core.walking import Array, FootPose, Side
 
 
 class Drawing:
-    """What is at and under one path of Meshcat; hidden until it is drawn."""
+    """The objects at and under one Meshcat path; hidden until drawn."""
 
     def __init__(self, meshcat: Meshcat, path: str):
         self._meshcat, self._path = meshcat, path
         self._show(False, None)
 
     def _show(self, visible: bool, time: float | None) -> None:
-        """From `time` [s] on; without one a recording does not get it."""
+        """Sets visibility from `time` [s] on; None: not in a recording."""
         self._meshcat.SetProperty(self._path, "visible", visible, time)
 
     def hide(self, time: float | None) -> None:
-        """Hides it from `time` [s] on; None: only in the live view."""
+        """Hides the objects from `time` [s] on; None: only in the live view."""
         self._show(False, time)
 
 
@@ -41,7 +41,7 @@ class Marker(Drawing):
     def __init__(self, meshcat: Meshcat, path: str, shape: Shape, color: str):
         """Adds `shape` of this colour at `path`."""
         super().__init__(meshcat, path)
-        # What is not quite opaque is painted after all that is.
+        # Transparent objects are painted after all opaque ones.
         meshcat.SetObject(path, shape, palette.rgba(color, 0.99))
         seen_through = f"{path}/<object>"
         meshcat.SetProperty(seen_through, "material.depthTest", False)
@@ -54,12 +54,12 @@ class Marker(Drawing):
 
 
 class PolygonOutline:
-    """The outline of a polygon that may change its shape in every frame.
+    """The outline of a polygon whose shape may change in every frame.
 
     Each edge is one unit box, scaled to the length of the edge.
     """
 
-    WIDTH = 0.012  # of the edges [m]
+    WIDTH = 0.012  # width of the edges [m]
 
     def __init__(self, meshcat: Meshcat, path: str, max_edges: int, color: str):
         """Adds `max_edges` edges under `path`, hidden."""
@@ -72,11 +72,11 @@ class PolygonOutline:
     def draw(self, vertices: Array, z: float, time: float | None) -> None:
         """Shows the polygon `vertices` (n, 2) [m] of W at height `z` [m].
 
-        An empty polygon hides the outline; without a `time` [s] a recording
-        does not get it.
+        An empty polygon hides the outline.  Without a `time` [s] the change is
+        not recorded.
 
         Raises:
-            ValueError: it has more edges than there are boxes.
+            ValueError: the polygon has more edges than the outline has boxes.
         """
         if len(vertices) > len(self._edges):
             raise ValueError(
@@ -98,15 +98,15 @@ class PolygonOutline:
 
 
 class Arrow(Drawing):
-    """An arrow that points at a place; for what lasts but an instant."""
+    """An arrow that points at a place, for events shorter than a few frames."""
 
-    LINGER = 0.5  # how much longer a recording shows it [s]
+    LINGER = 0.5  # extra time for which a recording shows it [s]
 
     def __init__(self, meshcat: Meshcat, path: str, color: str):
         """Adds the arrow at `path`; it points along its z axis."""
         super().__init__(meshcat, path)
-        shaft, head, gap = 0.41, 0.14, 0.2  # lengths, from the place back [m]
-        # A cone opens along z from its tip: turn it over.
+        shaft, head, gap = 0.41, 0.14, 0.2  # lengths [m]
+        # A cone opens along z from its tip; the arrow's tip points along z.
         over = RotationMatrix.MakeXRotation(math.pi)
         middle = [0.0, 0.0, -gap - head - 0.5 * shaft]
         for part, shape, X in (
@@ -124,8 +124,8 @@ class Arrow(Drawing):
         """Shows an arrow along `force_W` (3,) that points at p_W (3,) [m]."""
         R = RotationMatrix.MakeFromOneVector(force_W, 2)
         self._meshcat.SetTransform(self._path, RigidTransform(R, p_W), time)
-        # A push is over within three frames, too soon for the eye: the
-        # recording is told now to hide the arrow later.
+        # A push lasts about three frames, too short to be seen: the arrow is
+        # hidden later in the recording.
         self._show(False, time + self.LINGER)
         self._show(True, time)
 
@@ -147,7 +147,7 @@ class SoleOutline(Drawing):
 
 
 class Footprints:
-    """Filled soles that stay where they are: one for each step taken."""
+    """Filled soles at the stance poses: one for each step taken."""
 
     def __init__(self, meshcat: Meshcat, path: str, sole: Array, period: float):
         """Draws `sole` (n, 2) [m] under `path`, a frame each `period` [s]."""
@@ -183,14 +183,14 @@ def sole_transform(pose: FootPose, height: float = 0.0) -> RigidTransform:
 class ConvexShape:
     """A convex polygon that may change, with its border; filled or not.
 
-    A recording cannot reshape an object: each shape is one, and seen only in
-    its own frames.  The last KEPT of them stay, so that a long walk without a
-    recording does not fill the memory.
+    A recording cannot reshape an object, so each shape is a new object that is
+    visible only in its own frames.  Only the last KEPT objects are kept, which
+    bounds the memory of a long walk.
     """
 
     KEPT = 1000
-    BORDER = 0.016  # its width at corners [m]
-    STILL = 0.005  # corners that move less are not drawn anew [m]
+    BORDER = 0.016  # width of the border at corners [m]
+    STILL = 0.005  # smaller motions of the corners are not redrawn [m]
 
     def __init__(
         self,
@@ -228,7 +228,7 @@ class ConvexShape:
         self._meshcat.SetTriangleMesh(
             path, at_height(vertices, z), faces, self._color
         )
-        # What is painted later, but lies lower, is to be seen, too.
+        # Objects that are painted later, but lie lower, must stay visible.
         self._meshcat.SetProperty(
             f"{path}/<object>", "material.depthWrite", False
         )
@@ -245,9 +245,9 @@ class ConvexShape:
 def hide_before(
     meshcat: Meshcat, path: str, time: float, period: float
 ) -> None:
-    """A recording has a new object from the start: it stays hidden until now.
+    """Hides a new object in all frames of a recording before this one.
 
-    `time` [s] is of this frame, `period` [s] before is the last one.
+    `time` [s] is that of this frame, `period` [s] the time between frames.
     """
     if (before := time - period) >= 0.0:
         meshcat.SetProperty(path, "visible", False, before)
@@ -267,8 +267,8 @@ def fan(count: int) -> Array:
 def border(polygon: Array, width: float) -> tuple[Array, Array]:
     """Returns vertices (2 n, 2) [m] and triangles (3, 2 n) of a border.
 
-    First the vertices of the polygon (n, 2), then the inner ones, which are
-    `width` [m] nearer to the middle.
+    The first n vertices are those of the polygon (n, 2), the others are
+    `width` [m] nearer to its centroid.
     """
     n = len(polygon)
     inwards = polygon.mean(axis=0) - polygon
@@ -280,21 +280,21 @@ def border(polygon: Array, width: float) -> tuple[Array, Array]:
     return np.vstack([polygon, inner]), faces
 
 
-RADIUS = 1.2  # capture regions are shown so far about the stance foot [m]
-EDGES = 16  # of any region: more cost more than they show
+RADIUS = 1.2  # capture regions are clipped to it, about the stance foot [m]
+EDGES = 16  # largest number of edges drawn per region
 _CIRCLE = circle(RADIUS, 2 * EDGES)
 
 
 class RegionOverlay(Drawing):
     """C_1 to C_3, the chosen reachability region, the nominal foothold.
 
-    Of the capture regions only what is within RADIUS of the stance foot: far
-    from touchdown they go on for many metres.  The nominal foothold is shown
-    only when the foot is to land elsewhere.
+    The capture regions are clipped to RADIUS about the stance foot: long
+    before touchdown they extend for many metres.  The nominal foothold is
+    drawn only if the adjusted one differs from it.
     """
 
     def __init__(self, meshcat: Meshcat, path: str, sole: Array, period: float):
-        """Adds all that there is to draw below `path`, hidden."""
+        """Adds all objects below `path`, hidden."""
         super().__init__(meshcat, path)
         brown = palette.rgba(palette.REACH, 0.99)  # painted after the floor
         self._reach = ConvexShape(
@@ -317,7 +317,7 @@ class RegionOverlay(Drawing):
     def draw(
         self, found: CaptureRegions, centre: Array, z: float, time: float
     ) -> None:
-        """Shows `found` about the stance foot at `centre` (2,) [m], z [m]."""
+        """Draws `found` about the stance foot at `centre` (2,) [m], z [m]."""
         self._show(True, time)
         self._reach.draw(thinned(found.reach, EDGES), z + 0.005, time)
         for drawing, region in zip_longest(
@@ -342,10 +342,10 @@ class RegionOverlay(Drawing):
 
 
 def thinned(polygon: Array, max_vertices: int) -> Array:
-    """Returns the polygon without the vertices that matter least.
+    """Returns the polygon with at most `max_vertices` vertices.
 
-    Those whose triangle with their neighbours is smallest (Visvalingam and
-    Whyatt).
+    Repeatedly removes the vertex whose triangle with its neighbours is the
+    smallest (Visvalingam and Whyatt).
     """
     while len(polygon) > max_vertices:
         edge = np.roll(polygon, -1, axis=0) - polygon

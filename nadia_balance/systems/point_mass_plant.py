@@ -23,16 +23,16 @@ from nadia_balance.systems.swing_foot_planner import SwingFootReference
 
 
 class PointMassPlant(LeafSystem):
-    """Moves as the linear inverted pendulum under the commanded eCMP.
+    """Integrates the linear inverted pendulum under the commanded eCMP.
 
-    The swing foot goes exactly as it is told, with the acceleration of the last
-    tick until the next one.  A foot carries weight when it is in contact by the
-    plan, or when the swing foot has come down to the ground.
+    The swing foot follows its reference exactly, with constant acceleration
+    within a tick.  A foot carries weight if it is in contact by the plan, or if
+    it is the swing foot and has come down to the ground.
 
-    `ecmp_command` is an EcmpCommand, `swing_foot_reference` a
-    SwingFootReference, `walking_state` a WalkingState; `push_force` (3,) [N] in
-    W.  `com_state` is a ComState, `icp` (2,) [m] in W, `foot_poses` are
-    FootPoses, `foot_forces` (2,) [N], left and right.  Discrete states:
+    Inputs: `ecmp_command`, an EcmpCommand; `swing_foot_reference`, a
+    SwingFootReference; `walking_state`, a WalkingState; `push_force` (3,) [N]
+    in W.  Outputs: `com_state`, a ComState; `icp` (2,) [m] in W; `foot_poses`,
+    FootPoses; `foot_forces` (2,) [N], left and right.  Discrete states:
     [p_WC(3), v_WC(3)], exact between ticks for a constant eCMP and push, and
     [p(3), yaw] of the swing foot.
 
@@ -49,7 +49,7 @@ class PointMassPlant(LeafSystem):
     def __init__(
         self, model: PointMassModel, period: float, initial: WalkingState
     ):
-        """Moves as `model` from `initial` on, exact every `period` [s]."""
+        """Integrates `model` from `initial` on, one tick per `period` [s]."""
         super().__init__()
         self._omega, self._period = model.omega, period
         self._weight = model.mass * GRAVITY
@@ -124,7 +124,7 @@ class PointMassPlant(LeafSystem):
         return EventStatus.Succeeded()
 
     def _foot_after(self, now: SwingFootReference) -> np.ndarray:
-        """[p(3), yaw] a period later, if the accelerations stay."""
+        """[p(3), yaw] a period later, with constant accelerations."""
         t, t2 = self._period, 0.5 * self._period**2
         p = now.position + t * now.velocity + t2 * now.acceleration
         yaw = now.yaw + t * now.yaw_rate + t2 * now.yaw_acceleration

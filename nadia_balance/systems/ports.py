@@ -1,8 +1,8 @@
-"""Ports that check what they get, and wiring by the names of signals.
+"""Ports that check their values, and wiring by the names of signals.
 
-All blocks of the controllers that have state update it in periodic unrestricted
-events.  Drake computes all of those that are due from the state and the inputs
-before any of them, so that in a tick every block sees the same: x+ = f(x-, u).
+Controller blocks update their state in periodic unrestricted events.  Drake
+computes all events that are due from the state and the inputs before any of
+them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 """
 
 import abc
@@ -44,21 +44,21 @@ def size(view: type) -> int:
 
 
 class Input(abc.ABC):
-    """An input port that checks what it gets; called, it returns its value.
+    """An input port that checks its value; a call returns the value.
 
-    If it has a `default`, then that is the value while it is not connected.
+    The `default`, if given, is the value while the port is not connected.
     """
 
     def __init__(self, system: LeafSystem, port: InputPort, default: object):
         self._system, self._port, self._default = system, port, default
 
     def ticket(self) -> DependencyTicket:
-        """That of what depends on it."""
+        """The port's ticket, for whatever depends on the port."""
         return self._port.ticket()
 
     def __call__(self, context: Context) -> Any:
-        """Its value in `context`."""
-        # To ask HasValue first would evaluate the port twice.
+        """The port's value in `context`."""
+        # Calling HasValue first would evaluate the port twice.
         try:
             value = self._port.Eval(context)
         except (RuntimeError, ValueError):
@@ -69,7 +69,7 @@ class Input(abc.ABC):
 
     @abc.abstractmethod
     def _checked(self, value: Any) -> Any:
-        """The value as it is handed out; raises if it is not as it must be."""
+        """Returns the value to the caller; raises if it is invalid."""
 
     def _message(self, what: str) -> str:
         name = self._system.get_name() or type(self._system).__name__
@@ -77,7 +77,7 @@ class Input(abc.ABC):
 
 
 class _Nothing:
-    """Takes the place of None, which newer Drakes refuse as a value."""
+    """Replaces None, which newer Drake versions refuse as a value."""
 
     def __bool__(self) -> bool:
         return False
@@ -100,9 +100,9 @@ def _unpacked(value: object) -> Any:
 class ValueInput(Input):
     """An abstract input port for Python values of one `kind`.
 
-    All Python values are one C++ type, so that Drake connects any abstract
-    output to any abstract input without a word.  Called, it raises TypeError
-    for a value that is neither of this kind nor the `default`.
+    All Python values have the same C++ type, so Drake connects any abstract
+    output to any abstract input.  A call raises TypeError for a value that is
+    neither of this kind nor the `default`.
     """
 
     def __init__(
@@ -126,9 +126,9 @@ class ValueInput(Input):
 
 
 class VectorInput(Input):
-    """A vector input port; called, it raises RuntimeError unless all is finite.
+    """A vector input port; a call raises RuntimeError for non-finite values.
 
-    `shape` is its size, or the namedview that it returns.
+    `shape` is the port's size, or the namedview that a call returns.
     """
 
     def __init__(
@@ -145,8 +145,8 @@ class VectorInput(Input):
         super().__init__(system, port, default)
 
     def _checked(self, value: np.ndarray) -> Any:
-        # A sum of squares is finite only if all are, and the cheapest to ask;
-        # of all ways to sum them up this is the fastest.
+        # The sum of squares is finite only if all entries are; `dot` is the
+        # fastest way to compute it.
         if not math.isfinite(value.dot(value)):
             raise RuntimeError(self._message("is not finite"))
         return value if self._view is None else self._view(value)
@@ -171,9 +171,9 @@ def declare_cache(
     needs: set[DependencyTicket],
     first: object = None,
 ) -> CacheEntry:
-    """Declares a cache entry whose value is `calc(context, the last one)`.
+    """Declares a cache entry whose value is `calc(context, last value)`.
 
-    To return the last one may save work; it must not change the result.
+    Reuse of the last value may save work, but must not change the result.
     """
     return system.DeclareCacheEntry(
         name,
@@ -204,11 +204,11 @@ def declare_output(
 
 
 class Outcome:
-    """What one tick comes to, as one vector: outputs, and all of the state.
+    """The result of one tick as one vector: the outputs and all of the state.
 
-    `calc(context, last)` returns it; `last` are the parts of the one before,
-    by name.  The first parts are output ports, as many as `outputs` says.  If
-    it `holds`, then the outputs are those of a tick until the next one is due.
+    `calc(context, last)` returns it; `last` are the parts of the previous
+    result by name.  The first `outputs` parts are output ports.  If it `holds`,
+    the outputs keep their values of a tick until the next one is due.
     """
 
     def __init__(
@@ -221,15 +221,15 @@ class Outcome:
         period: float,
         holds: bool = False,
     ):
-        """Declares all of it; `parts` are sizes by name, 0 before the start.
+        """Declares state, cache, ports and update; `parts` are sizes by name.
 
-        It depends on `needs` and on the state, which it becomes in an update
-        every `period` [s].
+        The result depends on `needs` and on the state (0 at the start), and
+        becomes the state in an update every `period` [s].
         """
         ends = itertools.accumulate(parts.values(), initial=0)
         slices = itertools.starmap(slice, itertools.pairwise(ends))
         self._parts = dict(zip(parts, slices, strict=True))
-        # If it holds, in the end the time of the next tick [s]; 0 at the start.
+        # With `holds`, the last entry is the time of the next tick [s].
         length = sum(parts.values()) + holds
         self._state = system.DeclareDiscreteState(length)
         self._period = period
@@ -264,7 +264,7 @@ class Outcome:
         )
 
     def _held(self, context: Context) -> np.ndarray:
-        """The outcome of the tick that `context` is in."""
+        """The result of the tick of the time in `context`."""
         last = context.get_discrete_state(self._state).value()
         left = last[-1] - context.get_time()
         if _EARLY < left <= self._period + _EARLY:
@@ -276,11 +276,10 @@ class Outcome:
 
 
 def require_outputs(role: str, system: System, *names: str) -> None:
-    """Checks that the block `system` can play its `role`.
+    """Checks that `system` can be the block `role`: its output port `names`.
 
     Raises:
-        ValueError: it lacks an output port of these names, or is no System;
-            names both.
+        ValueError: `system` lacks one of these ports, or is no System.
     """
     if not isinstance(system, System):
         raise ValueError(f"{role} = {system!r}: must be a System, made already")
@@ -301,7 +300,7 @@ def connect(
 ) -> None:
     """Connects the ports of these names from `source` to `sink`.
 
-    Where the names differ: `connect(..., name_at_source="name_at_sink")`.
+    Ports of different names: `connect(..., name_at_source="name_at_sink")`.
     """
     for name, other in [*zip(names, names, strict=True), *renamed.items()]:
         builder.Connect(source.GetOutputPort(name), sink.GetInputPort(other))
@@ -310,16 +309,15 @@ def connect(
 def wire(
     builder: DiagramBuilder, blocks: Mapping[str, System], inputs: Iterable[str]
 ) -> None:
-    """Adds `blocks` and connects all ports of one name; exports the rest.
+    """Adds `blocks`, connects ports of equal names and exports the others.
 
-    One signal has one name everywhere: every input port is fed by the output
-    port of its name, or by the input of the diagram of that name, which must
+    A signal has the same name everywhere: each input port is connected to the
+    output port of its name, or to the diagram's input of that name, which must
     be one of `inputs`.  All outputs become outputs of the diagram.
 
     Raises:
-        ValueError: an input that nobody feeds, an output that two blocks
-            have, or two ports of one name that do not fit; names block and
-            port.
+        ValueError: an input without a source, an output of two blocks, or
+            ports of one name and different types; names block and port.
     """
     sources = {}
     for role, block in blocks.items():
@@ -352,7 +350,7 @@ def wire(
 
 
 def _check_fit(what: str, port: InputPort, source: OutputPort) -> None:
-    """Raises ValueError if `source` and `port` carry other kinds of value."""
+    """Raises ValueError if `source` and `port` differ in type or size."""
     found, needed = _kind(port), _kind(source)
     if found != needed:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Pushes on the robot, at a time or at a point of the gait."""
+"""Pushes on the robot, at a time or at an event of the gait."""
 
 import math
 
@@ -28,49 +28,48 @@ class PushSignal(
     namedview(
         "PushSignal",
         [
-            # Of the push that acts, from 1 on, live ones after the others; the
-            # one that began last, if there are more; 0: none.
+            # Number of the active push, from 1 on, live pushes after scripted
+            # ones; of several, the one that began last; 0: no push.
             "number",
             "delta_v",  # of that push [m/s]
             *("force_x", "force_y", "force_z"),  # of that push, in W [N]
-            "waiting",  # scripted pushes that have not begun, or not ended
+            "waiting",  # number of scripted pushes that have not ended
         ],
     )
 ):
-    """Whether and how the robot is pushed now."""
+    """The push that acts now, and the number of scripted ones to come."""
 
     @property
     def force(self) -> np.ndarray:
-        """Of that push, in W (3,) [N]."""
+        """The force of the push (3,) [N] in W."""
         return self[2:5]
 
 
-# Numbers of ticks left of a push that has not begun: its phase has not either,
-# or it has.
+# "Ticks left" of a push that has not begun: before its phase, and within it.
 _PENDING, _EXPECTED = -1.0, -2.0
 
 
 class PushSource(LeafSystem):
-    """Applies each push once, for exactly duration / period ticks.
+    """Computes push forces; each push acts once, for duration / period ticks.
 
-    A push whose phase is over before its time, because the clock was advanced
-    or the foot landed early, begins in the first tick after it.
-    The force acts at the centre of mass of the pushed body.  `push_force` is
-    the sum of the forces [N] in W, shape (3,); `push_signal` is a PushSignal.
-    Whenever the count in the optional input `live_push`, [count, delta_v [m/s],
-    direction [deg], duration [s]], has increased, one more such push begins,
-    with a number of its own; it replaces the last of its kind.
+    A push whose phase ends before the push is due, because the clock was
+    advanced or the foot landed early, begins in the first tick after the phase.
+    The force acts at the centre of mass of the pushed body.  `push_force` (3,)
+    is the sum of the forces [N] in W; `push_signal` is a PushSignal.  Whenever
+    the count in the optional input `live_push`, [count, delta_v [m/s],
+    direction [deg], duration [s]], increases, a live push begins, with a number
+    of its own; it replaces the previous live push.
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
-    copies of one Context can be pushed in different ways (see `set_push`).
+    copies of one Context can have different pushes (see `set_push`).
     State, for each push and then for the live one: [ticks left, heading [rad]
-    in W (of the support foot until the push begins, of the force from then
-    on), peak force [N]]; in the end the last count, the number of live pushes,
-    and for how many ticks the last of them acts.  The outputs depend on it
-    only.
-    A push is decided on in the update at one tick and felt by a discrete plant
-    from its next step on.  Without a plant (a point mass) there is no port
-    `spatial_forces`.
+    in W (of the support foot until the push begins, then of the force), peak
+    force [N]]; the last three entries are the last count, the number of live
+    pushes, and the duration of the last one in ticks.  The outputs depend on
+    the state only.
+    The update of a tick starts a push; a discrete plant applies its force from
+    the next step on.  Without a plant (a point mass) the port `spatial_forces`
+    does not exist.
 
     .. pydrake_system::
 
@@ -102,7 +101,7 @@ class PushSource(LeafSystem):
         for push in pushes:
             _ticks("duration", push.duration, period)
         self._shares = [push.shares(period) for push in pushes]
-        # For so long the peak force would do the same [s].
+        # Duration of the peak force with the same impulse [s].
         self._effective = [
             push.duration * float(np.mean(shares))
             for push, shares in zip(pushes, self._shares, strict=True)
@@ -143,9 +142,9 @@ class PushSource(LeafSystem):
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float, i: int = 0
     ) -> None:
-        """Makes push `i`, before it begins, one of `delta_v` [m/s], [deg].
+        """Sets `delta_v` [m/s] and direction [deg] of push `i`.
 
-        `context` is that of this system.
+        It takes effect if the push has not begun; `context` is this system's.
         """
         newtons = self._mass * delta_v / self._effective[i]
         parameter = context.get_mutable_numeric_parameter(i)
@@ -202,28 +201,28 @@ class PushSource(LeafSystem):
         return push
 
     def _await(self, context, i: int, row) -> None:
-        """Changes the `row` of push `i`, which has not begun."""
+        """Updates the state `row` of push `i`, which has not begun."""
         push, walking = self._pushes[i], self._walking_state(context)
         due = push.is_due(context.get_time(), walking, self.period)
         in_phase = push.is_in_phase(walking)
         if due or in_phase:
             row[:2] = _EXPECTED, _yaw(walking)
-        if due or row[0] == _EXPECTED and not in_phase:  # now, or too late
+        if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
             ticks = len(self._shares[i]) + self._delays[i]
             row[:] = ticks, row[1] + math.radians(direction_deg), newtons
 
     def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
-        """The pushes that act now: index, ticks passed, force (3,) [N] in W."""
+        """Index, ticks passed and force (3,) [N] in W of the active pushes."""
         active = []
         if not (self._rows(context)[:, 0] > 0.0).any():
             return active
-        # The last is the live one.
+        # The last push is the live one.
         shares = [*self._shares, np.ones(round(self._live(context)[2]))]
         for i, (left, heading, newtons) in enumerate(
             self._rows(context).tolist()
         ):
-            if 0.0 < left <= len(shares[i]):  # what is more is a delay
+            if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
                 force = newtons * shares[i][passed] * along
@@ -261,7 +260,7 @@ class PushSource(LeafSystem):
 
 
 def _yaw(state: WalkingState) -> float:
-    """That of the support foot in W [rad]."""
+    """Yaw of the support foot in W [rad]."""
     schedule = state.schedule
     return schedule.feet[schedule.support_side].yaw
 
@@ -277,7 +276,7 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     """Returns the body `name` of the `plant`.
 
     Raises:
-        ValueError: there is none.
+        ValueError: the plant has no such body.
     """
     if not plant.HasBodyNamed(name):
         raise ValueError(f"body = {name!r}: must be a body of the robot")

@@ -1,4 +1,4 @@
-"""The robot's state now, from what was measured a while ago."""
+"""Prediction of the robot's present state from a delayed measurement."""
 
 import math
 
@@ -12,15 +12,14 @@ from nadia_balance.systems.ports import VectorInput
 
 
 class StatePredictor(LeafSystem):
-    """Takes a late state to now, by what was commanded in the meantime.
+    """Predicts the present state by the accelerations commanded since then.
 
-    `delayed_state` is [q, v] of the robot's `control_plant`, a `delay` ago,
-    and `estimated_state` the same, now.  `generalized_acceleration` (nv,) is
-    what the torques of a tick are to bring about, see WholeBodyInverseDynamics;
-    it comes with the lag of the drives.  A Smith predictor: what was commanded
-    before the measurement is in it.  The discrete state is the acceleration
-    that is there by now, and its means in the periods of the delay, the last
-    one first; 0 at the start.
+    A Smith predictor.  `delayed_state` is [q, v] of the robot's
+    `control_plant` a `delay` ago, `estimated_state` the same now.
+    `generalized_acceleration` (nv,) is the acceleration that the QP expects of
+    the torques of a tick, see WholeBodyInverseDynamics; the drives' lag filters
+    it.  The discrete state is the filtered acceleration now, and its means over
+    the periods of the delay, the latest first; 0 at the start.
 
     Evaluating the output, or an update, raises RuntimeError if the input is
     not finite.
@@ -33,12 +32,12 @@ class StatePredictor(LeafSystem):
     """
 
     def __init__(self, robot: RobotModel, period: float, delay: float):
-        """Predicts the state of `robot`, a `delay` of some `period`s [s]."""
+        """Predicts over a `delay` [s], a multiple of the `period` [s]."""
         super().__init__()
         self._period = period
         self._plant = plant = robot.control_plant()
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
-        # What of a step in acceleration is there after a period; on average.
+        # Response to a step in acceleration: after one period, and its mean.
         self._share, self._mean_share = 1.0, 1.0
         if robot.drives is not None:
             self._share = lag_share(robot.drives.bandwidth, period)
@@ -48,7 +47,7 @@ class StatePredictor(LeafSystem):
         self._commanded = VectorInput(
             self, "generalized_acceleration", self._nv
         )
-        # Memory to compute in.
+        # Scratch memory.
         self._scratch = self.DeclareCacheEntry(
             "plant context",
             ValueProducer(
@@ -70,7 +69,7 @@ class StatePredictor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
 
     def _accelerations(self, context) -> np.ndarray:
-        """(1 + n, nv): now, and the means of n periods, the last one first."""
+        """Accelerations (1 + n, nv): now, and n means, the latest first."""
         values = context.get_discrete_state_vector().value()
         return values.reshape(-1, self._nv)
 

@@ -1,4 +1,4 @@
-"""What the controller is told of the robot: late, and with noise."""
+"""Model of the state measurement: delay and noise."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -8,18 +8,17 @@ from nadia_balance.core.imperfections import Imperfections
 from nadia_balance.systems.ports import VectorInput
 
 _FEET = 2
-_PELVIS = slice(4, 7)  # its position in q, behind the quaternion
+_PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
 
 
 class StateSensor(LeafSystem):
     """Delays the state of the plant and the foot forces, and adds noise.
 
-    `state` is [q, v] of the plant, and `estimated_state` the same; so are
-    `foot_forces` (2,) [N] and `measured_foot_forces`.  These, and the
-    orientation of the pelvis, are delayed only.  The discrete state is what
-    came in in the ticks of the delay, the last one first; before there is any,
-    the robot has always been as it is at the start.  The noise of a tick is of
-    the seed and of the tick's number: the same gives the same bits.
+    `state` is [q, v] of the plant, `estimated_state` the delayed and noisy
+    [q, v]; `measured_foot_forces` are the delayed `foot_forces` (2,) [N].
+    Forces and the orientation of the pelvis have no noise.  The discrete state
+    is the buffer of delayed samples, the latest first, filled with the initial
+    state.  The noise of a tick depends on the seed and the tick's number only.
 
     .. pydrake_system::
 
@@ -76,7 +75,7 @@ class StateSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._shift)
 
     def _sample(self, context) -> np.ndarray:
-        """What comes in now, (n + 2,)."""
+        """The present state and foot forces (n + 2,)."""
         return np.concatenate((self._now(context), self._forces(context)))
 
     def _fill(self, context, new):

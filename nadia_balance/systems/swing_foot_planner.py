@@ -1,4 +1,4 @@
-"""The swing foot's reference, continuous whatever is re-planned."""
+"""Swing-foot reference, continuous when the step is re-planned."""
 
 import numpy as np
 from pydrake.common.containers import namedview
@@ -33,7 +33,7 @@ class SwingFootReference(
 ):
     """The motion of a sole in W: [m], [rad] and their time derivatives [s].
 
-    The same twelve numbers as those of core's FootMotion.
+    Its twelve entries are those of core's FootMotion.
     """
 
     position, velocity, acceleration = (
@@ -44,13 +44,13 @@ class SwingFootReference(
 
 
 class SwingFootPlanner(LeafSystem):
-    """Continues the swing foot's reference from its last value.
+    """Computes the swing foot's reference, continued from its last value.
 
-    It leads over the edges of uneven ground, as the model knows it.
-    `walking_state` is a WalkingState; `swing_foot_reference` the
-    SwingFootReference of the foot that swings, or that will swing next, a
-    `lead` ahead.  The discrete state is the output of the last tick, and what
-    it would have been without the lead.
+    The reference clears the edges of uneven ground that the model contains.
+    `walking_state` is a WalkingState; `swing_foot_reference` is the
+    SwingFootReference of the foot that swings, or swings next, a `lead` ahead.
+    The discrete state is the output of the last tick, and the same without
+    the lead.
 
     .. pydrake_system::
 
@@ -82,8 +82,8 @@ class SwingFootPlanner(LeafSystem):
             {self._walking_state.ticket()},
             (None, None),
         )
-        # The last one is not used before the first swing, which begins where
-        # the foot stands.
+        # The initial state is not used: the first swing begins at the pose of
+        # the standing foot.
         Outcome(
             self,
             {

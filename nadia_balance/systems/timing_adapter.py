@@ -1,4 +1,4 @@
-"""How fast the walking clock is to run."""
+"""Adjustment of the walking clock to the ICP error."""
 
 from pydrake.systems.framework import LeafSystem
 
@@ -18,14 +18,14 @@ from nadia_balance.systems.ports import (
 
 
 class TimingAdapter(LeafSystem):
-    """Proposes by how much to advance the walking clock (Nadia, Sec. VI).
+    """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
 
     `icp` (2,) [m] in W; `walking_state` is a WalkingState, `icp_plan` the
-    IcpPlan of its schedule; `foot_poses` are FootPoses, measured;
-    `mechanisms` (4,), all if not connected.  `time_adjustment` (2,) [s] is to
-    be added to the clock in this tick, on top of the control period, and, as
-    things are, in this tick and the next ones; if negative, the clock is to be
-    held.
+    IcpPlan of its schedule; `foot_poses` are measured FootPoses; `mechanisms`
+    (4,), all on if not connected.  `time_adjustment` (2,) [s] is the time to
+    add to the clock in this tick, besides the control period, and the present
+    estimate of the total over this and the next ticks; the clock is held while
+    it is negative.
 
     .. pydrake_system::
 
@@ -37,7 +37,7 @@ class TimingAdapter(LeafSystem):
     def __init__(
         self, params: TimingAdapterParams, model: PointMassModel, period: float
     ):
-        """The clock is advanced once per `period` [s].
+        """Advances the clock once per `period` [s].
 
         Raises ValueError for `params` that are out of range.
         """

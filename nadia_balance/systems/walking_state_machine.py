@@ -1,4 +1,4 @@
-"""The owner of the walking clock, phase and contacts."""
+"""State machine of the walking clock, the phases and the contacts."""
 
 import math
 
@@ -51,8 +51,8 @@ class WalkingSignal(
 
     `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
     left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
-    are the soles that stand, or stood last, `target` is the next foothold (NaN,
-    and side 0, if there is none), each (x, y, yaw) in W [m], [rad].
+    are the present or last stance poses, `target` is the next foothold (NaN,
+    and side 0, without one), each (x, y, yaw) in W [m], [rad].
     """
 
     left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
@@ -61,12 +61,12 @@ class WalkingSignal(
 class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
-    `foot_poses` are FootPoses, measured; `foot_forces` (2,) [N] are those of
+    `foot_poses` are measured FootPoses; `foot_forces` (2,) [N] are those of
     the left and the right foot; `icp` (2,) [m] in W; `icp_plan` is the IcpPlan
     of the schedule.  `time_adjustment` (2,) [s], of a TimingAdapter, and
-    `adjustment`, an Adjustment or None, are proposals; what is not connected
-    is not used.  If nobody proposes an adjustment, the feet go where they are
-    told, and only waiting helps: then it has no limit (`max_wait`).
+    `adjustment`, an Adjustment or None, are optional proposals.  Without an
+    adjustment the footholds are those of the plan, and the wait before
+    lift-off has no limit (`max_wait` is ignored).
 
     `walking_state` is the WalkingState before the update of a tick, and
     `walking_signal` the same as a WalkingSignal.
@@ -86,7 +86,7 @@ class WalkingStateMachine(LeafSystem):
         period: float,
         start: WalkingState | None = None,
     ):
-        """Begins with `start`, by default standing; a tick takes `period` [s].
+        """Begins with `start`, by default standing, and ticks every `period`.
 
         Raises ValueError for `params` that are out of range.
         """

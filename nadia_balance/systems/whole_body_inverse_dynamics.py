@@ -1,4 +1,4 @@
-"""Joint torques that move the whole body as the capture point demands."""
+"""Whole-body inverse dynamics: joint torques from a momentum rate."""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -22,28 +22,28 @@ from nadia_balance.systems.ports import (
 from nadia_balance.systems.swing_foot_planner import SwingFootReference
 from nadia_balance.whole_body_kinematics import whole_body_model
 
-GIVES_UP_AFTER = 0.05  # without a solution, in one go [s]
+GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
 
 class WholeBodyInverseDynamics(LeafSystem):
-    """Solves the whole-body QP once a tick, and holds the torques.
+    """Computes joint torques by the whole-body QP once a tick and holds them.
 
-    `whole_body_terms` are WholeBodyTerms, see CentroidalEstimator;
-    `momentum_rate` (3,) [N] is that of the linear momentum, in W;
-    `swing_foot_reference` is a SwingFootReference, `walking_state` a
-    WalkingState; `friction` (1,) is what soles may count on, that of the
-    parameters if it is not connected.  `actuation` [N m] is in the order of
-    the plant's actuators; `foot_wrenches` (12,) are [tau, f] [N m, N] of the
-    left and the right sole, at its centre, in W; `whole_body_qp_status` is a
-    QpStatus; `generalized_acceleration` (nv,) is what is to come of it.
+    Inputs: `whole_body_terms`, WholeBodyTerms, see CentroidalEstimator;
+    `momentum_rate` (3,) [N] of the linear momentum, in W;
+    `swing_foot_reference`, a SwingFootReference; `walking_state`, a
+    WalkingState; `friction` (1,), the coefficient of the friction pyramid, by
+    default that of the parameters.  Outputs: `actuation` [N m] in the order of
+    the plant's actuators; `foot_wrenches` (12,), [tau, f] [N m, N] of the left
+    and the right sole, at its centre, in W; `whole_body_qp_status`, a QpStatus;
+    `generalized_acceleration` (nv,), the vdot of the solution.
 
-    Before the update of a tick the outputs are computed from the inputs; after
-    it, and up to the next tick, they are those of the state, whatever the
-    inputs have become.  The discrete state holds what came of the last tick:
-    the outputs, the ticks without a solution until now, and its time.  In a
-    tick in which the QP has none, the torques damp the joints, wrenches and
-    accelerations are 0, and the failure is counted.  After GIVES_UP_AFTER of
-    it in one go nothing else comes any more, and the QP is not asked.
+    Before the update of a tick the outputs are computed from the inputs; from
+    then on to the next tick they are those of the state, independent of the
+    inputs.  The discrete state holds the outputs of the last tick, the number
+    of ticks without a solution in a row, and the time of the next tick.  In a
+    tick without a solution the torques damp the joints, wrenches and
+    accelerations are 0, and the failure is counted.  After GIVES_UP_AFTER
+    without a solution this is permanent, and the QP is no longer solved.
 
     Evaluating any output raises RuntimeError if a vector input is not finite.
 
@@ -65,7 +65,7 @@ class WholeBodyInverseDynamics(LeafSystem):
     ):
         """Solves every `period` [s], for this `robot`.
 
-        Its terms are a `lead` [s] ahead, as those of CentroidalEstimator.
+        The terms are a `lead` [s] ahead, see CentroidalEstimator.
 
         Raises ValueError for `params` that are out of range.
         """
@@ -116,7 +116,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         )
         (unsolved,) = last["unsolved"]
         status, torques = QpStatus(last["whole_body_qp_status"]), None
-        if status.solved or unsolved:  # else there was no tick yet
+        if status.solved or unsolved:  # false before the first tick only
             torques = np.empty(len(self._joint_of_actuator))
             torques[self._joint_of_actuator] = last["actuation"]
         if unsolved > self._max_unsolved:

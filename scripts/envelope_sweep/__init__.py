@@ -1,1 +1,1 @@
-"""Finds the largest pushes that a robot recovers from."""
+"""Sweeps that find the largest pushes that a robot recovers from."""

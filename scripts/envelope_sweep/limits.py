@@ -1,4 +1,4 @@
-"""The envelope that the trials of a sweep trace, from their rows alone."""
+"""The push-recovery envelope, computed from the rows of a sweep's trials."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -27,23 +27,23 @@ from nadia_balance.scripts.envelope_sweep.trials_file import (
     recovered,
 )
 
-ORDER = tuple(NAMED)  # fewer before more
-# Before a figure: the search goes on; nothing larger was decided.
+ORDER = tuple(NAMED)  # fewer mechanisms before more
+# Marks of a limit: search not complete; no larger push was decided.
 UNSURE, AT_LEAST = "~", ">="
 
 Limits = dict[float, Limit]  # direction [deg] in [0, 360) -> limit
 
 
 class References(NamedTuple):
-    """Curves by the name of the mechanisms; empty where there is none."""
+    """Reference curves by the name of the mechanisms; empty if unknown."""
 
     paper: Curves
-    limit: Curves  # of any controller, without momentum
-    with_hips: Curves  # and with it
+    limit: Curves  # of any controller, without angular momentum
+    with_hips: Curves  # of any controller, with angular momentum
 
 
 def paper_curves(robot: str, situation: Situation) -> Curves:
-    """Returns the paper's curves, if its robot was pushed so."""
+    """Returns the paper's curves for this robot and situation, if any."""
     protocol = protocol_of(robot, situation)
     return protocol.curves(situation.scenario) if protocol else {}
 
@@ -64,20 +64,20 @@ class Envelope:
     robot: str
     plant: str
     search: SearchParams
-    rows: Sequence[dict]  # the trials, as read_trials gives them
+    rows: Sequence[dict]  # the trials of read_trials
     limits: dict[Cell, Limit]
     physical: Mapping[Situation, Physical] = field(default_factory=dict)
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
-        """Those that were tried, fewer before more."""
+        """The mechanisms that were tried, fewer before more."""
         return tuple(
             sorted({cell.mechanisms for cell in self.limits}, key=ORDER.index)
         )
 
     @property
     def situations(self) -> tuple[Situation, ...]:
-        """Those that were tried; those of the references come first."""
+        """The situations that were tried; those of the paper come first."""
         found = {cell.situation for cell in self.limits}
         return tuple(sorted(found, key=self._rank))
 
@@ -90,17 +90,17 @@ class Envelope:
 
     @property
     def protocol(self) -> Protocol | None:
-        """The paper's figure that the limits can be compared with, if any."""
+        """The paper's figure with reference limits, if any."""
         return protocol_of(self.robot, self.situations[0])
 
     @property
     def directions(self) -> tuple[float, ...]:
-        """Those that were tried [deg], in [0, 360)."""
+        """The directions that were tried [deg], in [0, 360)."""
         return tuple(sorted({cell.direction_deg for cell in self.limits}))
 
     @property
     def cells(self) -> list[Cell]:
-        """All that there are of those."""
+        """All cells of these mechanisms, situations and directions."""
         return [
             Cell(name, situation, direction)
             for name in self.mechanisms
@@ -110,7 +110,7 @@ class Envelope:
 
     @property
     def missing(self) -> list[Cell]:
-        """Those whose search has more to try, or has not begun."""
+        """The cells whose search is not complete, or has not begun."""
         return [
             cell
             for cell in self.cells
@@ -119,11 +119,11 @@ class Envelope:
 
     @property
     def undecided(self) -> set[Cell]:
-        """Those without a limit, as no trial was decided."""
+        """The cells without a limit, because no trial was decided."""
         return {cell_of(row) for row in self.rows}.difference(self.limits)
 
     def known(self, situation: Situation) -> References:
-        """What the limits in this situation can be compared with."""
+        """The reference curves of this situation."""
         paper = paper_curves(self.robot, situation)
         if (physical := self.physical.get(situation)) is None:
             return References(paper, {}, {})
@@ -131,26 +131,26 @@ class Envelope:
 
     @property
     def unit(self) -> str:
-        """That of the paper's figure."""
+        """The unit of the paper's figure, m/s without one."""
         return self.protocol.unit if self.protocol else "m/s"
 
     @property
     def unit_speed(self) -> float:
-        """How much it changes the velocity [m/s]."""
+        """The change of velocity [m/s] of one unit."""
         return self.protocol.unit_speed if self.protocol else 1.0
 
     def words(self, velocity: float) -> str:
-        """A velocity [m/s] with as many decimals as tell two limits apart."""
+        """A velocity [m/s] with the decimals of the search's resolution."""
         text = f"{self.search.resolution:.6f}".rstrip("0")
         decimals = max(2, len(text.partition(".")[2]))
         return f"{velocity:.{decimals}f}"
 
     def limit_words(self, limit: Limit, unit: float = 1.0) -> str:
-        """The largest recovered push [m/s / unit], and how sure it is."""
+        """The largest recovered push [m/s / unit], with its mark."""
         return f"{mark([limit])}{self.words(limit.recovered / unit)}"
 
     def curve(self, mechanisms: str, situation: Situation) -> Limits:
-        """The limits around the robot; no entry where nothing was tried."""
+        """The limits by direction; directions without trials are left out."""
         return {
             direction: self.limits[cell]
             for direction in self.directions
@@ -159,10 +159,10 @@ class Envelope:
 
 
 def mark(limits: Iterable[Limit]) -> str:
-    """What stands before a figure of these limits, such as their mean.
+    """Returns the mark of a number made of these limits, such as their mean.
 
-    That is `~` if the search for one goes on, or else `>=` if nothing larger
-    was tried of one, or else nothing.
+    `~` if the search of one is not complete, otherwise `>=` if no failed push
+    of one is known, otherwise "".
     """
     limits = list(limits)
     if not all(limit.complete for limit in limits):
@@ -171,12 +171,12 @@ def mark(limits: Iterable[Limit]) -> str:
 
 
 def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
-    """Returns the envelope of the trials of one file, as read_trials gives it.
+    """Returns the envelope of the trials of one file (see read_trials).
 
-    A cell in which nothing was decided has no limit.
+    A cell without a decided trial has no limit.
 
     Raises:
-        ValueError: there is no trial, or none that was decided.
+        ValueError: no trial, or no decided one.
     """
     if not rows:
         raise ValueError("rows = []: must have at least one trial")
@@ -206,7 +206,7 @@ def envelope_of(identity: dict, rows: Sequence[dict]) -> Envelope:
 
 
 class Scale(NamedTuple):
-    """What a push is measured by."""
+    """Mass and speed that make a push dimensionless."""
 
     mass: float  # [kg]
     speed: float  # sqrt(g z), z the height of the CoM [m/s]
@@ -215,7 +215,7 @@ class Scale(NamedTuple):
 def scale_of(robot: str) -> Scale | None:
     """Returns the scale of a robot.
 
-    None if it cannot be loaded: results outlive the files of a robot.
+    None if it cannot be loaded: the robot of old results may not exist.
     """
     try:
         model = load_robot(robot).point_mass
@@ -226,21 +226,21 @@ def scale_of(robot: str) -> Scale | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Rates:
-    """Predictions of the trials' outcome, and how many were false."""
+    """Numbers of predictions of the trials' outcome, and of false ones."""
 
-    capturable: int  # predicted: in 0 to N steps
-    false_capturable: int  # of them, of a trial that did not recover
-    lost: int  # predicted
-    false_lost: int  # of them, of a trial that recovered
+    capturable: int  # predicted capturable in 0 to N steps
+    false_capturable: int  # of these, the robot did not recover
+    lost: int  # predicted lost
+    false_lost: int  # of these, the robot recovered
 
 
 def confusion(rows: Iterable[Mapping]) -> dict[str, Rates]:
-    """Returns how often the capture regions were wrong, and when.
+    """Returns the false predictions of the capture regions, by instant.
 
     Each row is a trial: a mapping with `outcome`, `predicted_at_push` (None if
     the push did not end) and `predicted_at_touchdowns`, such as "2;1;0".
-    Trials without an answer are left out.  The touchdowns of one trial depend
-    on each other, and a trial that recovered has more of them than another.
+    Undecided trials and those without a result are left out.  The touchdowns of
+    one trial are not independent, and recovered trials have more of them.
     """
     told: dict[str, list[tuple[int, bool]]] = {
         "end of the push": [],

@@ -1,4 +1,4 @@
-"""What no controller could recover from, in the situations of a sweep."""
+"""Largest push that any controller can recover from, for a sweep."""
 
 import copy
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from nadia_balance.scripts.envelope_sweep.limits import (
 )
 from nadia_balance.scripts.envelope_sweep.search import Situation
 
-AROUND = tuple(15.0 * i for i in range(24))  # what a picture shows [deg]
+AROUND = tuple(15.0 * i for i in range(24))  # directions of a picture [deg]
 
 
 def limits_of(
@@ -26,11 +26,12 @@ def limits_of(
 ) -> tuple[LipmLimit, LipmLimit]:
     """Returns the limits without and with the hips, before the push.
 
-    The point mass walks up to there.  The figures are those of `plant`: of the
-    robot in the scenario's fidelity, or of the point mass that is simulated.
+    The state is that of the point mass at the start of the push, the model that
+    of `plant`: of the robot in the scenario's fidelity, or the simulated point
+    mass.
 
     Raises:
-        ValueError: nobody is pushed while there is a step to take.
+        ValueError: the push is not within the walk.
     """
     scenario = copy.deepcopy(scenario)
     push, controller = scenario.pushes[0], scenario.controller
@@ -59,10 +60,10 @@ def limits_of(
 
 
 def with_limits(envelope: Envelope, scenario_file: Path) -> Envelope:
-    """Returns the envelope with the limits of any controller beside its own.
+    """Returns the envelope with the limits of any controller added.
 
-    Of the scenarios of the file, or else of the package; without limits where
-    there is no such scenario or robot any more.
+    Scenarios are those of the file, or of the package without it; a situation
+    whose scenario or robot does not exist any more gets no limits.
     """
     found = {}
     file = scenario_file if scenario_file.is_file() else None
@@ -85,7 +86,7 @@ def _physical(
     situation: Situation,
     envelope: Envelope,
 ) -> Physical:
-    """The limits where there are pushes, and around the robot with the most."""
+    """Limits in tried directions; with the last mechanisms also in AROUND."""
     tried = {
         name: set(envelope.curve(name, situation))
         for name in envelope.mechanisms
@@ -115,7 +116,7 @@ def limit_lines(
     plant: str,
     directions: Iterable[float],
 ) -> list[str]:
-    """Returns a table for the terminal, and what it assumes."""
+    """Returns a table of limits for the terminal, with their assumptions."""
     limits = limits_of(scenario, situation, plant)
     values = {
         f"{direction:g}": [

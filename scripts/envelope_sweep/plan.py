@@ -1,4 +1,4 @@
-"""What a sweep tries: the cells of the envelope, and how it is pushed there."""
+"""Plan of a sweep: the cells of the envelope, and the scenario of a trial."""
 
 import argparse
 import ast
@@ -33,13 +33,13 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Trial,
 )
 
-PROTOCOL = 5  # how limits are searched, trials judged, and cells named
+PROTOCOL = 5  # version of search, judgement of trials and names of cells
 PLANTS = ("humanoid", "lipm")
-LONGEST = 1e6  # that one can wait for a process, more overflows [s]
-MOST_DIRECTIONS = 72  # that a count may ask for
-DEFAULT = "nadia_fig10"  # of PROTOCOLS
+LONGEST = 1e6  # longest timeout; more overflows [s]
+MOST_DIRECTIONS = 72  # largest count of directions
+DEFAULT = "nadia_fig10"  # key of PROTOCOLS
 AT = PROTOCOLS[DEFAULT].at
-QUICK = {  # with the most mechanisms of the protocol
+QUICK = {  # used with the last mechanisms of the protocol
     "directions": "8",
     "resolution": 0.1,
     "stride": 4,
@@ -49,20 +49,20 @@ QUICK = {  # with the most mechanisms of the protocol
 
 @dataclass(kw_only=True)
 class Sweep:
-    """Scenarios with one push each, and all the ways to give it."""
+    """Scenarios with one push each, and all variations of the push."""
 
     scenarios: dict[str, Scenario]  # by name, all of one robot
     plant: str = "humanoid"  # or lipm
     directions: tuple[float, ...] = (0.0,)  # each in [0, 360) [deg]
-    at: tuple[str, ...] = (AT,)  # in Moment's own spelling
+    at: tuple[str, ...] = (AT,)  # as Moment writes it
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
     search: SearchParams = field(default_factory=SearchParams)
-    timeout: float = 600.0  # after which a trial counts as hung, wall time [s]
-    # What is known of limits [m/s], to begin a little below them.
+    timeout: float = 600.0  # wall time after which a trial counts as hung [s]
+    # Known limits [m/s]; the search begins slightly below them.
     known_limits: dict[Cell, float] = field(default_factory=dict)
 
     def validate(self) -> None:
-        """Raises ValueError naming the field, its value, what is allowed."""
+        """Raises ValueError that names field, value and what is allowed."""
         check(self.search)
         for name, scenario in self.scenarios.items():
             check(scenario)
@@ -121,15 +121,15 @@ class Sweep:
         ]
 
     def delta_v(self, trial: Trial) -> float:
-        """The size of the push [m/s], as short as it can be written."""
+        """The size of the push [m/s], rounded to nine decimals."""
         return round(trial.level * self.search.resolution, 9)
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
-        """Returns the scenario of a trial, with a push of nothing.
+        """Returns the scenario of a trial, with a zero push.
 
-        Replica 0 is just what the flags of push.py ask for; each other one
-        starts a little elsewhere (its seed), and every second one is pushed
-        one control period later.
+        Replica 0 is the scenario of push.py with the same flags; other replicas
+        have other seeds, which shift the start slightly, and in odd ones the
+        push begins one control period later.
         """
         scenario = copy.deepcopy(self.scenarios[cell.situation.scenario])
         scenario.description, scenario.mechanisms = "", cell.mechanisms
@@ -149,7 +149,7 @@ class Sweep:
 
     @property
     def engine(self) -> str:
-        """What moves the robot, in all scenarios."""
+        """The physics engine of all scenarios."""
         return next(iter(self.scenarios.values())).engine
 
     @property
@@ -158,9 +158,9 @@ class Sweep:
         return next(iter(self.scenarios.values())).seed
 
     def identity(self) -> dict:
-        """Returns what two sweeps must share to be in one file, as plain JSON.
+        """Returns the JSON data that all sweeps of one file share.
 
-        Cells are not in it: more of them may be added to a file later.
+        Cells are left out, so that more of them can be added to a file.
         """
         return {
             "protocol": PROTOCOL,
@@ -177,13 +177,13 @@ class Sweep:
 
 
 def parameters_hash(*scenarios: Scenario) -> str:
-    """Returns 16 hex digits for all that is the same in every trial.
+    """Returns a hash (16 hex digits) of the parameters of all trials.
 
-    That is `scenarios` and their robot, without the seed, the mechanisms, and
-    how hard, which way and when the push is: a sweep sets these itself.
+    It covers `scenarios` and their robot, without the seed, the mechanisms, and
+    size, direction and time of the push, which a sweep varies.
 
     Raises:
-        ValueError: the robot is unknown or makes no sense.
+        ValueError: the robot is unknown or invalid.
         FileNotFoundError: a file of the robot is missing.
     """
     robot, texts = load_robot(scenarios[0].robot), []
@@ -198,18 +198,18 @@ def parameters_hash(*scenarios: Scenario) -> str:
 
 
 def robot_hash(name: str) -> str:
-    """Returns 16 hex digits for the files of a robot, wherever they are.
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths.
 
     Raises:
-        ValueError: the robot is unknown or makes no sense.
+        ValueError: the robot is unknown or invalid.
         FileNotFoundError: a file of the robot is missing.
     """
     return _digest(_files(load_robot(name)))
 
 
-@functools.cache  # later there may be another
+@functools.cache  # the files may change later
 def this_code() -> dict[str, str]:
-    """Returns what a row depends on, apart from its scenario and its robot."""
+    """Returns the versions and the hash of the code of this process."""
     return {**versions(), "code": code_hash()}
 
 
@@ -217,11 +217,11 @@ def code_hash(
     package: Path = Path(nadia_balance.__file__).parent,
     others: Path = MODELS.parent,
 ) -> str:
-    """Returns 16 hex digits for the files that trials use.
+    """Returns a hash (16 hex digits) of the code that trials use.
 
-    Comments and docstrings are not in them; other versions of Python have
-    other ones.  `package` is the folder of nadia_balance, `others` that of
-    diagrams, models and scripts: a checkout's, or again nadia_balance.
+    Comments and docstrings do not count; the hash depends on Python's version.
+    `package` is the folder of nadia_balance, `others` that of diagrams, models
+    and scripts: the checkout, or nadia_balance in an installation.
     """
     places = [
         *((package, folder) for folder in ("", "core", "systems", "results")),
@@ -243,7 +243,7 @@ def code_hash(
 
 
 def without_words(path: Path) -> bytes:
-    """Returns a file as it is; of Python code only what is carried out."""
+    """Returns a file's bytes; Python code without docstrings and comments."""
     if path.suffix != ".py":
         return path.read_bytes()
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -254,7 +254,7 @@ def without_words(path: Path) -> bytes:
     return ast.dump(tree).encode()
 
 
-# Of this package, what a row depends on; reports and plots are free to change.
+# Modules of this package on which a row depends; not reports and plots.
 TRIAL_FILES = ("plan.py", "protocols.py", "search.py", "trial.py")
 
 
@@ -271,7 +271,7 @@ def _digest(parts: Iterable[bytes]) -> str:
 
 
 def sweep_flags(parser: argparse.ArgumentParser) -> None:
-    """Adds the flags of scenario, cells, and how finely to search."""
+    """Adds the flags of scenario, cells and search."""
     search, default = SearchParams(), PROTOCOLS[DEFAULT]
     quick = ", ".join(f"--{name} {value}" for name, value in QUICK.items())
     group = parser.add_argument_group(
@@ -329,11 +329,11 @@ def sweep_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def sweep_from(args: argparse.Namespace) -> Sweep:
-    """Returns the sweep that the flags ask for, checked.
+    """Returns the checked sweep of the flags.
 
     Raises:
-        ValueError: a flag has no meaning; it is named, with what is allowed.
-        FileNotFoundError: there is no such scenario file.
+        ValueError: a flag is invalid; names it and what is allowed.
+        FileNotFoundError: the scenario file does not exist.
     """
     asked = {name: x for name, x in vars(args).items() if x is not None}
     defaults = PROTOCOLS[args.protocol].flags()
@@ -361,20 +361,20 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
 
 
 def _scenario(args: argparse.Namespace, name: str) -> Scenario:
-    """That a sweep has many names and mechanisms is not the scenario's."""
+    """Returns the scenario `name`, with its own mechanisms."""
     one = {"scenario_name": name, "mechanisms": None}
     scenario = scenario_from(argparse.Namespace(**{**vars(args), **one}))
     if scenario.robot.endswith((".yaml", ".yml")):
-        # Trials may run elsewhere.
+        # Trials may run in another folder.
         scenario.robot = str(Path(scenario.robot).resolve())
     return scenario
 
 
 def directions(text: str) -> tuple[float, ...]:
-    """Returns the directions in `text`, or so many as it says [deg].
+    """Returns the directions [deg] listed in `text`, or as many as its count.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: `text` is neither a list nor a count.
     """
     if text.strip().isdecimal():
         count = int(text)
@@ -398,7 +398,7 @@ def directions(text: str) -> tuple[float, ...]:
 
 
 def moments(text: str) -> tuple[str, ...]:
-    """Returns the moments in `text`, each in Moment's own spelling.
+    """Returns the moments in `text`, each as Moment writes it.
 
     Raises:
         ValueError: one is not like "right swing 25 %".
@@ -407,7 +407,7 @@ def moments(text: str) -> tuple[str, ...]:
 
 
 def moment_of(text: str) -> Moment:
-    """Returns a point of the gait; limits at a mere time are not searched.
+    """Returns a point of the gait; times in seconds are not supported.
 
     Raises:
         ValueError: `text` is not like "right swing 25 %".

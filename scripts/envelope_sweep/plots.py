@@ -1,8 +1,8 @@
-"""The largest push that is recovered from, by direction, seen from above.
+"""Polar plot of the largest recovered push by direction, seen from above.
 
-As Fig. 10 of the Nadia paper, and Fig. 6 of the Atlas paper: a point of a curve
-lies as far out as a push in its direction changes the velocity; forward is up,
-left is left.  A panel's unit is that of the paper.
+It follows Fig. 10 of the Nadia paper and Fig. 6 of the Atlas paper: the radius
+is the change of velocity by the push; forward is up, left is left.  The unit is
+that of the paper.
 """
 
 import math
@@ -28,9 +28,9 @@ from nadia_balance.scripts.envelope_sweep.plan import moment_of
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
 from nadia_balance.scripts.envelope_sweep.search import Situation
 
-# Of directions [deg], relative to the heading of the stance foot.
+# Names of directions [deg], relative to the heading of the stance foot.
 WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
-# One hue, the darker the more mechanisms: told apart without colours, too.
+# One hue, darker for more mechanisms: readable without colours, too.
 _TINTS = ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78")
 COLORS = dict(zip(MECHANISMS, _TINTS, strict=True)) | dict(
     zip(ATLAS_MECHANISMS, [*_TINTS[:3], _TINTS[-1]], strict=True)
@@ -57,13 +57,13 @@ HIPS_LINE = {"color": LIMIT, "ls": ":", "lw": 1.4}
 
 
 def title(envelope: Envelope, what: str) -> str:
-    """Says what is seen, of which robot."""
+    """The figure's title, with robot and plant."""
     plant = PLANTS.get(envelope.plant, envelope.plant)
     return f"{what}   ·   {envelope.robot}, {plant}"
 
 
 def key_name(envelope: Envelope, mechanisms: str) -> str:
-    """What it adds to those before it; its name if one of them is missing."""
+    """The mechanism added to the previous set; a name if a set is missing."""
     names = list(MECHANISMS)
     before = names[: names.index(mechanisms)] if mechanisms in names else []
     stacked = set(before) <= set(envelope.mechanisms)
@@ -126,13 +126,13 @@ def _draw_key(fig: Figure, envelope: Envelope, scale: Scale | None) -> None:
 _FARTHEST = 100.0  # directions farther apart are not joined [deg]
 _RINGS = (0.05, 0.1, 0.2, 0.5, 1.0)  # distances of rings [unit]
 _MOST_RINGS = 5
-_RING_LABELS = 15.0  # where their labels are, backward of inward [deg]
+_RING_LABELS = 15.0  # direction of their labels, backward of inward [deg]
 
 
 def points(values: Curve) -> Array:
-    """The corners (n, 2) [m/s], right and up in the picture, of a closed line.
+    """The corners (n, 2) [m/s] of a closed line, right and up in the picture.
 
-    A NaN breaks it where directions are too far apart to join.
+    NaNs break the line between directions that are too far apart.
     """
     corners = []
     angles = sorted(values)
@@ -150,7 +150,7 @@ def point(direction: float, size: float) -> Array:
 
 
 def _draw_rings(ax: Axes, envelope: Envelope, at: str) -> None:
-    """Rings at round sizes; the outer ones, with room, say which."""
+    """Draws rings at round values; the outer ones have labels."""
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     (left, right), (_, top) = ax.get_xlim(), ax.get_ylim()
@@ -172,7 +172,7 @@ def _draw_rings(ax: Axes, envelope: Envelope, at: str) -> None:
 
 
 def spoke_angle(directions: Sequence[float]) -> float:
-    """Between spokes [deg]: as between the directions, or else 30."""
+    """Angle between spokes [deg] that fits all directions, or else 30."""
     for angle in (45.0, 30.0, 15.0):
         if all(d % angle == 0.0 for d in directions):
             return angle
@@ -180,7 +180,7 @@ def spoke_angle(directions: Sequence[float]) -> float:
 
 
 def _draw_directions(ax: Axes, at: str, directions: Sequence[float]) -> None:
-    """Spokes: words for four of them, degrees for others."""
+    """Draws spokes with words for the main directions, degrees for others."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     for angle in np.arange(0.0, 360.0, spoke_angle(directions)):
         way = point(angle, 1.0)
@@ -210,16 +210,16 @@ def _anchor(way: float, negative: str, zero: str, positive: str) -> str:
     return positive if way > 0.0 else negative
 
 
-_HEIGHTS = 6.6, 5.0  # of one panel, and of each of several [in]
-_KEY = 2.5  # width of the key [in]
-_COLUMNS = 2  # of panels
-_MOST_NUMBERS = 16  # directions with the limit written beside them
+_HEIGHTS = 6.6, 5.0  # height of one panel, and of each of several [in]
+_KEY = 2.5  # width of the legend [in]
+_COLUMNS = 2  # columns of panels
+_MOST_NUMBERS = 16  # with more directions, limits are not written [-]
 
 
 def draw_envelope(envelope: Envelope, scale: Scale | None = None) -> Figure:
-    """Draws a panel for each situation, with references where there are.
+    """Draws a panel for each situation, with its references.
 
-    With a `scale`, the key tells what a unit of the picture is.
+    With a `scale`, the legend converts the unit of the picture.
     """
     situations = envelope.situations
     columns = min(len(situations), _COLUMNS)
@@ -244,7 +244,7 @@ def draw_envelope(envelope: Envelope, scale: Scale | None = None) -> Figure:
 
 
 def _window(envelope: Envelope) -> Array:
-    """What of the plane is seen, so that all curves are: x and y (2, 2)."""
+    """The limits (2, 2) of the x and y axes that contain all curves."""
     most, curves = envelope.mechanisms[-1], []
     for each in envelope.situations:
         known = envelope.known(each)
@@ -284,7 +284,7 @@ def _draw_panel(ax: Axes, envelope: Envelope, situation: Situation) -> None:
 
 
 def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
-    """A line through the limits; a dot is hollow where the search goes on."""
+    """Draws a line through the limits; dots of incomplete ones are hollow."""
     color = COLORS[mechanisms]
     curve = {angle: limit.recovered for angle, limit in limits.items()}
     corners = points(curve)

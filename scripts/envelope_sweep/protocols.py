@@ -1,4 +1,4 @@
-"""The papers' figures of the largest pushes: what they tried and found."""
+"""The papers' figures of the largest pushes: protocols and results."""
 
 import csv
 from dataclasses import dataclass
@@ -15,25 +15,25 @@ G = 9.81  # [m/s^2]
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """A figure of a paper; what was tried is as for the flags of a sweep."""
+    """A figure of a paper, with the conditions as flags of a sweep."""
 
     robot: str
     scenario_name: str  # of every gait
     at: str
     directions: str
     mechanisms: str
-    paper: str  # what its curves are called
-    figures: str  # CSV beside the robot's files, in `unit`
+    paper: str  # name of its curves
+    figures: str  # CSV in the robot's folder, in `unit`
     unit: str = "m/s"
-    unit_speed: float = 1.0  # what 1 of `unit` does to the CoM [m/s]
+    unit_speed: float = 1.0  # velocity change of the CoM per `unit` [m/s]
 
     def flags(self) -> dict[str, str]:
-        """What is tried unless other flags are given."""
+        """The default flags of a sweep."""
         names = "scenario_name", "at", "directions", "mechanisms"
         return {name: getattr(self, name) for name in names}
 
     def is_of(self, robot: str, situation: Situation) -> bool:
-        """True if the paper's robot was pushed so, too."""
+        """True if the figure has this robot and situation."""
         names = self.scenario_name.split(",")
         return (robot, situation.at) == (self.robot, self.at) and (
             situation.scenario in names
@@ -81,6 +81,6 @@ PROTOCOLS = {
 
 
 def protocol_of(robot: str, situation: Situation) -> Protocol | None:
-    """Returns the figure in which this `robot` was pushed so, if there is."""
+    """Returns the figure with this `robot` and `situation`, if any."""
     found = (p for p in PROTOCOLS.values() if p.is_of(robot, situation))
     return next(found, None)

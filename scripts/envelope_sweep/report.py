@@ -1,4 +1,4 @@
-"""Everything that a reader sees of a sweep: pictures and tables."""
+"""Report of a sweep: pictures and tables."""
 
 import math
 import textwrap
@@ -42,7 +42,7 @@ from nadia_balance.scripts.envelope_sweep.trials_file import (
 
 PICTURE = "envelope.png"
 TABLES = "tables.md"
-NOTHING = "–"  # where there is no value
+NOTHING = "–"  # a missing value
 _MOST_REASONS = 10
 
 _NOTES = f"""\
@@ -69,7 +69,7 @@ def write_report(folder: Path, envelope: Envelope) -> list[str]:
 
 
 def report_text(envelope: Envelope, scale: Scale | None) -> str:
-    """Returns tables.md."""
+    """Returns the text of tables.md."""
     limits = LimitTables(envelope=envelope, scale=scale)
     parts = [
         f"# Push-recovery envelope: {envelope.robot}, "
@@ -131,7 +131,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def what_was_done(envelope: Envelope) -> str:
-    """The search, what there is of it, and the versions."""
+    """Table of the search parameters, its progress and the versions."""
     search, row = envelope.search, envelope.rows[0]
     cells, missing = len(envelope.cells), len(envelope.missing)
     found = {
@@ -148,10 +148,10 @@ def what_was_done(envelope: Envelope) -> str:
     )
 
 
-Words = Callable[[float], str]  # how a value is written
+Words = Callable[[float], str]  # formats a value
 
 _RECOVERED = "recovered [m/s]"
-# What the body did at the largest recovered push, the worst of its replicas.
+# Motion of the body at the largest recovered push, its worst replica.
 _POSTURE: dict[str, tuple[str, Words]] = {
     "torso [deg]": ("max_torso_tilt_deg", "{:.0f}".format),
     "pelvis [deg]": ("max_pelvis_tilt_deg", "{:.0f}".format),
@@ -162,13 +162,13 @@ _POSTURE: dict[str, tuple[str, Words]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class LimitTables:
-    """Writes tables of an `envelope`; without a `scale`, in m/s alone."""
+    """Writes tables of an `envelope`; without a `scale`, in m/s only."""
 
     envelope: Envelope
     scale: Scale | None
 
     def summary(self, situation: Situation) -> str:
-        """Worst and mean over the directions, a row for each mechanisms."""
+        """Worst and mean over the directions, a row per set of mechanisms."""
         columns, rows = self._columns(situation), []
         for name in self.envelope.mechanisms:
             limits = self.envelope.curve(name, situation)
@@ -186,7 +186,7 @@ class LimitTables:
         return table(["worst / mean", _RECOVERED, *columns, "complete"], rows)
 
     def details(self, mechanisms: str, situation: Situation) -> str:
-        """A row for each direction."""
+        """Limits of one set of mechanisms, a row per direction."""
         columns, rows = self._columns(situation), []
         head = ["direction", _RECOVERED, "fails at", *columns]
         head += [*_POSTURE, "complete"]
@@ -221,7 +221,7 @@ class LimitTables:
             yield _text(max(known, default=None), write)
 
     def _recovered(self, limits: Collection[Limit]) -> str:
-        """The worst and the mean of the limits, and how sure they are."""
+        """The worst and the mean of the limits, with their marks."""
         if not limits:
             return NOTHING
         worst = min(limits, key=lambda limit: limit.recovered)
@@ -230,7 +230,7 @@ class LimitTables:
         return f"{self.envelope.limit_words(worst)} / {mean_words}"
 
     def _columns(self, situation: Situation) -> dict[str, Words]:
-        """What a limit is compared with, and how that is written."""
+        """Names and formats of the columns of references and scales."""
         columns: dict[str, Words] = {}
         for name, curves in self.envelope.known(situation)._asdict().items():
             if curves:
@@ -249,7 +249,7 @@ class LimitTables:
         direction: float,
         limit: Limit,
     ) -> list[float | None]:
-        """What the columns hold; None where it is not known."""
+        """The values of the columns; None if unknown."""
         known = self.envelope.known(situation)
         values: list[float | None] = []
         for curves in filter(None, known):
@@ -263,7 +263,7 @@ class LimitTables:
 
 
 def direction_words(direction: float) -> str:
-    """Such as `90° left`."""
+    """A direction in words, such as `90° left`."""
     return " ".join(filter(None, (f"{direction:g}°", WORDS.get(direction))))
 
 
@@ -272,12 +272,12 @@ def _text(value: float | None, write: Words) -> str:
 
 
 def _complete(limits: Collection[Limit], cells: int) -> str:
-    """How many of the cells have a limit that is complete."""
+    """The number of complete limits among `cells`."""
     return f"{sum(limit.complete for limit in limits)} of {cells}"
 
 
 def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
-    """Over those that are known."""
+    """Worst and mean of the known values."""
     known = [value for value in values if value is not None]
     if not known:
         return NOTHING
@@ -285,7 +285,7 @@ def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
 
 
 def table_lines(envelope: Envelope) -> list[str]:
-    """Returns a table for each situation, and what must be said of them all."""
+    """Returns a table for each situation, and notes on the trials."""
     lines = []
     for situation in envelope.situations:
         columns = [["direction", *(f"{a:g}" for a in envelope.directions)]]
@@ -322,7 +322,7 @@ def table_lines(envelope: Envelope) -> list[str]:
 
 
 def outcomes_table(envelope: Envelope) -> str:
-    """How many trials ended in which way, by mechanisms, and odd reasons."""
+    """Numbers of trials by outcome and mechanisms; reasons without a result."""
     rows = envelope.rows
     counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
     lines = []
@@ -344,7 +344,7 @@ def outcomes_table(envelope: Envelope) -> str:
 
 
 def capturability_table(envelope: Envelope) -> str:
-    """How often the capture regions were wrong, and when."""
+    """Table of the false predictions of the capture regions."""
     groups = {
         f"`{name}`": [r for r in envelope.rows if r["mechanisms"] == name]
         for name in envelope.mechanisms

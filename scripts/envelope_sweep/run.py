@@ -1,4 +1,4 @@
-"""Runs the trials of a sweep, many at a time."""
+"""Parallel execution of the trials of a sweep."""
 
 import contextlib
 import sys
@@ -29,18 +29,18 @@ from nadia_balance.scripts.envelope_sweep.trials_file import (
 )
 from nadia_balance.scripts.envelope_sweep.workers import Workers, run_task
 
-HEADROOM = 0.16  # so far below a limit that is known a march begins [m/s]
-LOOK = 0.2  # how often it is asked whether to stop [s]
+HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
+LOOK = 0.2  # period of the checks whether to stop [s]
 DIED = "crashed", "the process of the trial died"
 
 
 @contextlib.contextmanager
 def progress_bar(start: Progress) -> Iterator[Callable[[Progress], None]]:
-    """Yields what shows how far a sweep is on stderr.
+    """Yields a function that shows the progress of a sweep on stderr.
 
-    The time left is the mean time of this run's trials times the number of
-    trials foreseen.  It is too short at first: a fall ends a trial early, and
-    the many trials that confirm a limit come last, and do not fall.
+    The remaining time is the mean time of this run's trials times the expected
+    number of trials.  It is underestimated at first: trials with a fall are
+    short, and the trials that confirm a limit come last and do not fall.
     """
     with tqdm(
         total=start.total,
@@ -61,7 +61,7 @@ def progress_bar(start: Progress) -> Iterator[Callable[[Progress], None]]:
 
 
 def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
-    """Returns what `sweep` has left to do, given the rows in the file."""
+    """Returns the Agenda of `sweep`, with the trials of the file as known."""
     known = []
     for row in trials_file.rows():
         cell = cell_of(row)
@@ -82,15 +82,15 @@ def run_sweep(
     progress: Callable[[Progress], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Runs all trials that the file lacks; returns whether none is left.
+    """Runs all trials that the file lacks; returns True if it is complete.
 
-    The rows depend neither on how many trials run at a time, nor on which of
-    them ends first.  `progress` is called at first, and after every trial.
-    Once `stopped` says so, no trial is begun, nor is one waited for.
+    The rows depend neither on the number of workers nor on the order in which
+    trials end.  `progress` is called at the start and after every trial.
+    When `stopped` returns True, running trials are abandoned.
 
     Raises:
-        RuntimeError: the workers are gone, or a trial's future raises: the
-            fault of a worker, for those of a trial are in its row.
+        RuntimeError: the workers are lost, or a future raises: an error of a
+            worker, since errors of a trial are in its row.
         OSError: the file cannot be written.
     """
     agenda = agenda_of(sweep, trials_file)
@@ -112,10 +112,10 @@ def run_sweep(
 
 
 class _Queue:
-    """The trials that run, and those that may have killed a process.
+    """The running trials, and those that may have killed a process.
 
-    When one dies, nobody knows for which trial.  All that ran are tried once
-    more, each alone: one that is alone when its process dies has crashed.
+    If a process dies, its trial is unknown.  All running trials are repeated
+    one by one: a trial whose process dies while it runs alone has crashed.
     """
 
     def __init__(
@@ -127,19 +127,19 @@ class _Queue:
         self._suspects: deque[Trial] = deque()
 
     def fill(self) -> None:
-        """Begins as many trials as should run."""
+        """Starts trials until all workers are busy."""
         if self._suspects:
             if not self.running:
                 self._begin(self._suspects.popleft())
             return
-        # One more than can run: nobody waits for the next one.
+        # One more than can run, so that no worker waits for the next one.
         while len(self.running) <= self._workers.slots:
             if (trial := self._agenda.pop()) is None:
                 return
             self._begin(trial)
 
     def wait(self) -> list[tuple[Trial, dict]]:
-        """Returns the trials that have ended meanwhile, with their results."""
+        """Returns the trials that have ended, with their results."""
         done, ended = wait(self.running, LOOK, FIRST_COMPLETED).done, []
         try:
             for future in done:
@@ -168,7 +168,7 @@ class _Queue:
         self.running[future] = trial
 
     def _sort_out(self) -> list[tuple[Trial, dict]]:
-        """Begins anew after a process has died."""
+        """Restarts the workers after a process has died."""
         trials = list(self.running.values())
         self.running.clear()
         try:
@@ -182,7 +182,7 @@ class _Queue:
 
 
 def _labels(sweep: Sweep, trial: Trial) -> dict:
-    """What a row says of the trial itself."""
+    """The cells of a row that describe the trial."""
     return {
         **trial.cell.situation._asdict(),
         "mechanisms": trial.cell.mechanisms,
@@ -201,7 +201,7 @@ def _result(future: Future) -> dict:
     except CancelledError as error:
         raise RuntimeError("the workers are gone") from error
     except Exception as error:
-        if type(error).__name__ == "KilledWorker":  # Dask's, after some deaths
+        if type(error).__name__ == "KilledWorker":  # Dask's, after retries
             return row_without_run(*DIED)
         reason = f"{type(error).__name__}: {error}"
         raise RuntimeError(f"a worker failed: {reason}") from error

@@ -1,10 +1,10 @@
-"""Which pushes to try, to find the largest one that a robot recovers from.
+"""Search for the largest push that a robot recovers from.
 
 The size of a push is a level: 1, 2, ... times the resolution.  A level is
-tried with replicas that differ a little, since a single fall may be bad luck.
-The search marches up in strides until a level fails, halves what is left to
-one resolution, and then confirms the level it has found and the one below it,
-of those that were tried.
+tried with replicas that differ slightly, because the outcome of one trial may
+be chance.  The search increases the level in strides until one fails, bisects
+the interval to one resolution, and then confirms the level that it has found
+and the next lower one that was tried.
 """
 
 import heapq
@@ -16,8 +16,8 @@ from typing import NamedTuple
 from nadia_balance.core.bounds import bounded
 
 FINEST = 1e-4  # resolution [m/s]
-LARGEST = 100.0  # push, far above any recovery [m/s]
-TYPICAL = 0.6  # the limit of a cell that has not been tried yet [m/s]
+LARGEST = 100.0  # bound of pushes, far above any recovery [m/s]
+TYPICAL = 0.6  # assumed limit of a cell without trials [m/s]
 
 # (level, replica) -> recovered; None: undecided, as the run was too short.
 Results = Mapping[tuple[int, int], bool | None]
@@ -25,17 +25,17 @@ Results = Mapping[tuple[int, int], bool | None]
 
 @dataclass(kw_only=True)
 class SearchParams:
-    """How finely and how thoroughly to search."""
+    """Resolution, strides and replicas of a search."""
 
-    # Of the limit.
+    # Resolution of the limit.
     resolution: float = bounded(0.02, least=FINEST, unit="m/s")
-    # Of the march upward, in resolutions [-].
+    # Increments before the first failure, in resolutions [-].
     stride: int = bounded(8, least=1, most=1000)
     replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
-    largest: float = 3.0  # nothing larger is tried [m/s]
+    largest: float = 3.0  # largest push that is tried [m/s]
 
     def validate_more(self) -> None:
-        """Raises ValueError for fields that do not go together."""
+        """Raises ValueError for fields that contradict each other."""
         if not self.resolution <= self.largest <= LARGEST:
             raise ValueError(
                 f"largest = {self.largest}: must be in [resolution = "
@@ -44,7 +44,7 @@ class SearchParams:
 
     @property
     def required(self) -> int:
-        """So many replicas must recover: four in five, rounded up."""
+        """Number of replicas that must recover: four in five, rounded up."""
         return -(-4 * self.replicas // 5)
 
     @property
@@ -54,19 +54,19 @@ class SearchParams:
 
 
 class Situation(NamedTuple):
-    """In which gait, and when in it, the robot is pushed."""
+    """The gait and the moment of the gait at which the push begins."""
 
     scenario: str  # its name
-    at: str  # when the push begins, in Moment's own spelling
+    at: str  # when the push begins, as Moment writes it
 
     def __str__(self) -> str:
-        """Words for a heading."""
+        """A heading."""
         return f"{self.scenario}, {self.at}"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One limit to find."""
+    """Conditions of one limit to find."""
 
     mechanisms: str  # a name of NAMED
     situation: Situation
@@ -84,23 +84,24 @@ class Trial:
 
 @dataclass(frozen=True)
 class Limit:
-    """What is known of the limit between recovery and fall."""
+    """Present knowledge of the limit between recovery and fall."""
 
-    # It and every smaller push that was tried are recovered from.  While the
-    # search is incomplete, all trials so far are enough.  0 if there is none.
+    # Largest push such that the robot recovers from it and from every smaller
+    # push that was tried; 0 if there is none.  Before the search is complete,
+    # a level counts if all its trials until now have recovered.
     recovered: float  # [m/s]
-    # The smallest push that fails [m/s]; None if none is known to.
+    # The smallest push that fails [m/s]; None if no failure is known.
     failed: float | None
-    complete: bool  # nothing is left to try
+    complete: bool  # the search has ended
 
 
 @dataclass(frozen=True)
 class _Level:
-    """What is known of one level that was tried."""
+    """Results of one level that was tried."""
 
     level: int
     outcomes: dict[int, bool | None]  # replica -> recovered
-    verdict: bool | None  # whether it is recovered from; None: more to try
+    verdict: bool | None  # True: the robot recovers; None: more to try
 
     @property
     def is_doubtful(self) -> bool:
@@ -114,7 +115,7 @@ class _Level:
 def _levels(results: Results, search: SearchParams) -> list[_Level]:
     """Every level that was tried, the lowest first.
 
-    One that is undecided counts as failed: no larger push is tried.
+    An undecided level counts as failed: no larger push is tried.
     """
     tried: dict[int, dict[int, bool | None]] = {}
     for (level, replica), recovered in sorted(results.items()):
@@ -137,16 +138,15 @@ def next_batch(
 ) -> list[tuple[int, int]]:
     """Returns the trials (level, replica) to run next; empty when done.
 
-    The march begins at the level `first`, or at the first stride if that is
-    higher.
-    They do not depend on each other.  If a batch is complete before the next
-    one is asked for, the set of all trials depends on their outcomes alone.
+    The first level is `first`, or one stride if that is higher.  The trials of
+    a batch are independent.  If each batch is complete before the next call,
+    the set of all trials depends on their outcomes only.
     """
     levels = _levels(results, search)
     failed = [found.level for found in levels if found.verdict is False]
     upper = min(failed, default=search.top + 1)
     below = [found for found in levels if found.level < upper]
-    # Doubt is settled first: it may make all that is above it needless.
+    # Doubtful levels come first: if they fail, higher ones are not needed.
     for found in below:
         if found.is_doubtful:
             missing = set(range(search.replicas)).difference(found.outcomes)
@@ -167,9 +167,9 @@ def next_batch(
 
 
 def limit(results: Results, search: SearchParams) -> Limit | None:
-    """Returns what `results`, be they complete or not, say of the limit.
+    """Returns the limit that follows from `results`, complete or not.
 
-    None if no trial was decided: then there is none, not even 0.
+    None if no trial was decided: the limit is then unknown, not 0.
     """
     if all(recovered is None for recovered in results.values()) and results:
         return None
@@ -189,10 +189,10 @@ def limit(results: Results, search: SearchParams) -> Limit | None:
 
 
 def trials_left(results: Results, search: SearchParams, first: int = 1) -> int:
-    """Returns how many trials the search makes if all goes as foreseen.
+    """Returns the expected number of further trials of the search.
 
-    It is played to its end with the limit in the middle of where `results`
-    leave it: recovered from below, not above.
+    The search is run to its end for an assumed limit, in the middle of the
+    interval that `results` leave: recovery below it, failure above.
     """
     known = limit(results, search) or Limit(0.0, None, False)
     middle = max(
@@ -209,21 +209,20 @@ def trials_left(results: Results, search: SearchParams, first: int = 1) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a sweep is."""
+    """Progress of a sweep."""
 
     done: int  # trials
-    total: int  # trials: those done and those foreseen
+    total: int  # trials done and expected
     complete: int  # cells
     cells: int
 
 
 class Agenda:
-    """Hands out the trials of some cells, and learns from their outcomes.
+    """Schedules the trials of some cells, depending on their outcomes.
 
-    One situation comes after the other, since trials with the same way to
-    the push share it.  Of one, the first replicas come first, so that
-    the whole envelope is soon known roughly; among equals it is the turn of
-    the cell with the fewest trials.
+    Situations are processed one by one, because their trials share the walk to
+    the push.  Within a situation, first replicas come first, which gives a
+    coarse envelope early; then the cell with the fewest trials comes first.
     """
 
     def __init__(
@@ -233,20 +232,20 @@ class Agenda:
         known: Iterable[tuple[Trial, bool | None]] = (),
         first: Mapping[Cell, int] | None = None,
     ):
-        """Takes the trials that are `known` as done; others' are ignored.
+        """Takes the `known` trials of these cells as done; ignores others.
 
-        The march begins at the level `first` of a cell, if it has one.
+        The search of a cell begins at its level `first`, if given.
         """
         self._search, self._first = search, first or {}
         self._rank = {cell: rank for rank, cell in enumerate(cells)}
         situations = dict.fromkeys(cell.situation for cell in self._rank)
         self._turn = {each: turn for turn, each in enumerate(situations)}
-        # (level, replica) -> recovered: all that is known of a cell, and what
-        # of it the search has been told, in whole batches.
+        # (level, replica) -> recovered: all known trials of a cell, and those
+        # that the search has used, in whole batches.
         self._known: dict[Cell, dict] = {cell: {} for cell in self._rank}
         self._told: dict[Cell, dict] = {cell: {} for cell in self._rank}
         self._missing = dict.fromkeys(self._rank, 0)  # of the last batch
-        self._left = dict.fromkeys(self._rank, 0)  # as foreseen
+        self._left = dict.fromkeys(self._rank, 0)  # expected trials
         self._heap: list[tuple] = []
         for trial, recovered in known:
             if trial.cell in self._rank:
@@ -256,14 +255,14 @@ class Agenda:
             self._go_on(cell)
 
     def pop(self) -> Trial | None:
-        """Returns the next trial to run; None if there is none for now."""
+        """Returns the next trial to run; None if none is ready."""
         if not self._heap:
             return None
         *_, cell, level, replica = heapq.heappop(self._heap)
         return Trial(cell=cell, level=level, replica=replica)
 
     def record(self, trial: Trial, recovered: bool | None) -> None:
-        """Takes note of the outcome of a trial that was handed out."""
+        """Records the outcome of a trial that `pop` returned."""
         cell = trial.cell
         self._known[cell][trial.level, trial.replica] = recovered
         self._missing[cell] -= 1
@@ -273,7 +272,7 @@ class Agenda:
             self._left[cell] -= 1
 
     def progress(self) -> Progress:
-        """How far this is; the total becomes exact toward the end."""
+        """The progress; its total is an estimate until the end."""
         done = sum(map(len, self._known.values()))
         return Progress(
             done=done,
@@ -283,7 +282,7 @@ class Agenda:
         )
 
     def _go_on(self, cell: Cell) -> None:
-        """Plays the search of `cell` on, until it needs unknown trials."""
+        """Continues the search of `cell` until it needs unknown trials."""
         known, told = self._known[cell], self._told[cell]
         search = self._search, self._first.get(cell, 1)
         missing: list[tuple[int, int]] = []

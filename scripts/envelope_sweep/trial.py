@@ -1,4 +1,4 @@
-"""One trial: the walk to the push, the push, and what comes of it."""
+"""One trial: the walk to the push, the push, and its result."""
 
 import threading
 import time
@@ -36,7 +36,7 @@ FROM_SUMMARY = (
     "positive_power_w",
     "qp_failures",
 )
-MOST_WALKS = 32  # that a thread keeps: some 10 MB each
+MOST_WALKS = 32  # walks that a thread keeps, about 10 MB each
 
 
 def run_trial(
@@ -44,23 +44,22 @@ def run_trial(
 ) -> dict:
     """Simulates one push, and returns its row as plain JSON.
 
-    The verdict is that of push.py, given as soon as it is certain: with the
-    first improper contact or limit passed, or once the robot has recovered.
-    `outcome` is recovered, fell, failed (upright, but not
-    recovered), undecided (the run ended too early), hung or error; `cpu_s` the
-    processor time [s], with that of the walk if it is the first from there.  No
-    error is raised, whatever it is: a trial is one of hundreds, and its row
-    tells.
+    The verdict is that of push.py, at the first instant at which it is certain:
+    an improper contact, an exceeded limit, or a recovery.  `outcome` is
+    recovered, fell, failed (upright, but not recovered), undecided (the run
+    ended too early), hung or error; `cpu_s` is the processor time [s], with
+    that of the walk in its first trial.  Errors are not raised but reported in
+    the row.
 
     Args:
-        walk: the scenario (see Sweep.walk) as YAML, with a push of nothing
+        walk: the scenario (see Sweep.walk) as YAML, with a zero push
         plant: humanoid or lipm
-        delta_v: of the push [m/s]
-        direction_deg: of the push, 0 forward, 90 left [deg]
-        timeout: wall time after which it counts as hung [s]
+        delta_v: size of the push [m/s]
+        direction_deg: direction of the push, 0 forward, 90 left [deg]
+        timeout: wall time after which the trial counts as hung [s]
 
     Raises:
-        KeyboardInterrupt: the user interrupted it, so that there is no row.
+        KeyboardInterrupt: the user interrupted the trial.
     """
     began, latest = time.thread_time(), time.monotonic() + timeout
     try:
@@ -74,7 +73,7 @@ def run_trial(
 
 
 def row_without_run(outcome: str, reason: str) -> dict:
-    """Returns the row of a trial of which there is nothing to measure."""
+    """Returns the row of a trial without a result."""
     return {
         "outcome": outcome,
         **dict.fromkeys(FROM_SUMMARY),
@@ -86,17 +85,17 @@ def row_without_run(outcome: str, reason: str) -> dict:
 
 
 class _Kept(threading.local):
-    """The walks of this thread: a diagram is for one at a time."""
+    """The walks of this thread; threads do not share diagrams."""
 
     def __init__(self):
-        self.walks: dict[tuple[str, str], Walk] = {}  # the last one used last
+        self.walks: dict[tuple[str, str], Walk] = {}  # least recent first
 
 
 _kept = _Kept()
 
 
 def _walk(text: str, plant: str, latest: float) -> "Walk":
-    """Returns the walk of this scenario, new or used before."""
+    """Returns the walk of this scenario, from the cache or new."""
     walks, key = _kept.walks, (text, plant)
     walk = walks.pop(key, None)
     if walk is None:
@@ -109,13 +108,13 @@ def _walk(text: str, plant: str, latest: float) -> "Walk":
 
 
 class Walk:
-    """A robot that is about to be pushed, as often as one likes."""
+    """A robot just before its push, which can be repeated with other sizes."""
 
     def __init__(self, scenario: Scenario, plant: str, latest: float):
         """Simulates `scenario` on `plant` up to its first push.
 
         Raises:
-            TimeoutError: it is not done at `latest` on the monotonic clock [s].
+            TimeoutError: it runs longer than `latest` on the monotonic clock.
         """
         self.scenario, self.plant = scenario, plant
         self.diagram = DIAGRAMS[plant](scenario)
@@ -125,17 +124,17 @@ class Walk:
             until=lambda context: time.monotonic() > latest,
         )
         _check(self._run, latest)
-        # Steps before the push.
+        # Number of steps before the push.
         self.taken = walking_state(self.diagram, self._context).steps_taken
 
     def push(self, delta_v: float, direction_deg: float, latest: float) -> dict:
         """Returns the row of a push of `delta_v` [m/s] in a direction [deg].
 
         Raises:
-            TimeoutError: it is not done at `latest` on the monotonic clock [s].
+            TimeoutError: it runs longer than `latest` on the monotonic clock.
         """
         observer = Observer(self, latest)
-        if not self._run.until:  # no push came, whatever its size
+        if not self._run.until:  # the walk ended before the push
             return self._row(self._run, observer)
         simulator = pushed(self.diagram, self._context, delta_v, direction_deg)
         run = advance(
@@ -168,22 +167,22 @@ def walking_state(diagram, context: Context) -> WalkingState:
 
 
 class Observer:
-    """Follows a pushed robot; ends the simulation once it has recovered.
+    """Observes a pushed robot; ends the simulation once it has recovered.
 
-    `at_push` and `at_touchdowns` are the least numbers of steps that capture it
-    by the capture regions, or -1: when the push has ended (None: it has not),
-    and at each touchdown after that.
+    `at_push` and `at_touchdowns` are the least numbers of steps to capture by
+    the capture regions, or -1: at the end of the push (None before it), and at
+    each touchdown after that.
     """
 
     def __init__(self, walk: Walk, latest: float):
-        """Observes what comes after `walk`."""
+        """Observes a simulation that continues `walk`."""
         self._walk, self._latest, self._steps = walk, latest, walk.taken
         self.at_push: int | None = None
         self.at_touchdowns: list[int] = []
         self._watch = RecoveryWatch(walk.diagram)
 
     def __call__(self, context: Context) -> bool:
-        """True if it has recovered, or it is too late."""
+        """True if the robot has recovered, or the time is up."""
         walk = self._walk
         steps = walking_state(walk.diagram, context).steps_taken
         landed, self._steps = steps > self._steps, steps
@@ -212,7 +211,7 @@ class Observer:
 
 
 def _check(run: Run, latest: float) -> None:
-    """Raises what is no result of a run."""
+    """Raises KeyboardInterrupt or TimeoutError of an interrupted run."""
     if run.interrupted:
         raise KeyboardInterrupt
     if run.until and time.monotonic() > latest:

@@ -1,4 +1,4 @@
-"""trials.csv: a row for every finished trial, safe against a sudden end."""
+"""The file trials.csv: one row per finished trial, safe against crashes."""
 
 import contextlib
 import csv
@@ -24,7 +24,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
 from nadia_balance.typed_yaml import load_typed
 
 RECOVERED, UNDECIDED = "recovered", "undecided"
-# Without an answer, which is no fault of the robot.
+# Outcomes without a result: a failure of the program, not of the robot.
 NO_ANSWER = ("error", "crashed", "hung")
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, *NO_ANSWER)
 
@@ -41,7 +41,7 @@ _COMMON = (  # the same in all rows of a file, but for the scenario
     *("nadia_balance", "drake", "daqp", "numpy", "python"),
 )
 COLUMNS = (*_OWN, "seed", *RESULTS, *_COMMON)
-# Not among them, since a trial has the same row whenever it is run.
+# Not part of COLUMNS: these values differ between runs of the same trial.
 COST_COLUMNS = (*KEY, "cpu_s", "wall_s")
 _WHOLE = (
     *("replica", "seed", "steps_after_push", "qp_failures"),
@@ -55,7 +55,7 @@ _FIGURES = (
 _REAL = ("direction_deg", "delta_v", *_FIGURES)
 _MEASURED = ("steps_after_push", *_FIGURES, "qp_failures")
 _INTEGER = re.compile(r"-?\d{1,9}")
-MOST_STEPS = 10  # that capture regions are made for
+MOST_STEPS = 10  # largest number of steps of capture regions
 _TYPES = {**dict.fromkeys(_WHOLE, int), **dict.fromkeys(_REAL, float)}
 
 _HINTS = {
@@ -68,31 +68,31 @@ Key = tuple[str, str, str, float, float, int]  # the values of KEY
 
 
 def key_of(row: dict) -> Key:
-    """What no two rows share."""
+    """The key of a row, unique in a file."""
     return tuple(row[name] for name in KEY)
 
 
 def sort_key(row: dict) -> tuple:
-    """By scenario and mechanisms, fewer before more, then by the rest."""
+    """Sorts by scenario, by mechanisms (fewer first), then by the rest."""
     scenario, mechanisms, *rest = key_of(row)
     return scenario, list(NAMED).index(mechanisms), *rest
 
 
 def cell_of(row: dict) -> Cell:
-    """The cell that this trial is one of."""
+    """The cell of a row's trial."""
     situation = Situation(row["scenario"], row["at"])
     return Cell(row["mechanisms"], situation, row["direction_deg"])
 
 
 def recovered(row: dict) -> bool | None:
-    """Whether the robot recovered; None if the trial is undecided."""
+    """True if the robot recovered; None if the trial is undecided."""
     return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
 
 
 def line_of(row: dict, columns: Sequence[str] = COLUMNS) -> str:
-    """Returns `row` as one line; what it has not is empty.
+    """Returns `row` as one line; missing values are empty.
 
-    Numbers lose no digit; line breaks become spaces, lists "1;2;3".
+    Numbers keep all digits; line breaks become spaces, lists "1;2;3".
     """
     return csv_line(_text(row.get(name)) for name in columns)
 
@@ -105,10 +105,10 @@ def csv_line(cells: Iterable[str]) -> str:
 
 
 def parse_cells(cells: Sequence[str]) -> dict:
-    """Returns the row of these cells; None where a number is not known.
+    """Returns the row of these cells; None for an empty number.
 
     Raises:
-        ValueError: too few or too many, or one is no number; it is named.
+        ValueError: too few or too many cells, or one is no number; names it.
     """
     if len(cells) != len(COLUMNS):
         raise ValueError(f"must have {len(COLUMNS)} cells, has {len(cells)}")
@@ -133,18 +133,15 @@ def _text(value: object) -> str:
 class TrialsFile:
     """A trials.csv, and the costs.csv beside it.
 
-    A row is on the disk as soon as `append` returns, whatever happens to the
-    process after that.
+    `append` returns when the row is on the disk.
     """
 
     def __init__(self, path: Path, identity: dict):
-        """Opens the files, or makes them.
-
-        A row that was torn while it was written is cut off.
+        """Opens the files, or creates them; cuts off an incomplete last row.
 
         Raises:
-            ValueError: what is there has another `identity`, or is no file of
-                trials.
+            ValueError: an existing file has another `identity`, or is no file
+                of trials.
             OSError: the files cannot be read or written.
         """
         self.path, self.identity = path, identity
@@ -162,7 +159,7 @@ class TrialsFile:
         self._rows: dict[Key, dict] = {key_of(row): row for row in rows}
 
     def rows(self) -> list[dict]:
-        """All rows with typed values; None where a number is not known."""
+        """All rows with typed values; None for an unknown number."""
         return list(self._rows.values())
 
     def append(self, result: dict) -> None:
@@ -170,7 +167,7 @@ class TrialsFile:
 
         Raises:
             ValueError: the file has this trial already.
-            OSError: the disk is full, or gone.
+            OSError: the file cannot be written.
         """
         line = line_of({**self.identity, **result})
         (cells,) = csv.reader([line], strict=True)
@@ -182,7 +179,7 @@ class TrialsFile:
         _append(self._costs, line_of(result, COST_COLUMNS))
 
     def finish(self) -> None:
-        """Sorts the rows, so that they do not tell in what order they came."""
+        """Sorts the rows, so that the file does not depend on their order."""
         rows = sorted(self._rows.values(), key=sort_key)
         _replace(self.path, _head(self.identity) + "".join(map(line_of, rows)))
 
@@ -190,7 +187,7 @@ class TrialsFile:
 def read_trials(path: Path) -> tuple[dict, list[dict]]:
     """Returns the identity and the rows of a trials.csv, with typed values.
 
-    Nothing is changed; a row that was torn at the end is left out.
+    The file is not changed; an incomplete last row is left out.
 
     Raises:
         ValueError: it is no file of trials, or has a trial twice.
@@ -237,7 +234,7 @@ def _naming_the_line(path: Path, number: int) -> Iterator[None]:
 
 
 def _search_of(identity: dict) -> SearchParams:
-    """Raises ValueError naming a field that is missing or makes no sense."""
+    """Raises ValueError that names a missing or invalid field."""
     names = [field.name for field in fields(SearchParams)]
     text = json.dumps({name: identity.get(name) for name in names})
     search = load_typed(SearchParams, "search", data=text)
@@ -246,7 +243,7 @@ def _search_of(identity: dict) -> SearchParams:
 
 
 def _check_cell(row: dict, search: SearchParams) -> None:
-    """Raises ValueError naming what no trial of a search has."""
+    """Raises ValueError that names a value that no trial can have."""
     if (name := row["mechanisms"]) not in NAMED:
         raise ValueError(
             f"mechanisms = {name!r}: must be one of {', '.join(NAMED)}"
@@ -284,7 +281,7 @@ def _head(identity: dict) -> str:
 
 
 def _compare(path: Path, found: dict, asked: dict) -> None:
-    """Raises ValueError naming the first field that differs."""
+    """Raises ValueError that names the first field that differs."""
     for name in {**asked, **found}:
         if found.get(name) != asked.get(name):
             raise ValueError(
@@ -294,7 +291,7 @@ def _compare(path: Path, found: dict, asked: dict) -> None:
 
 
 def _mend(path: Path) -> None:
-    """Cuts off a last line that was not written to its end."""
+    """Cuts off an incomplete last line."""
     with open(path, "rb+") as file:
         whole = file.read()
         file.truncate(whole.rfind(b"\n") + 1)
@@ -302,7 +299,7 @@ def _mend(path: Path) -> None:
 
 
 def _append(path: Path, line: str) -> None:
-    """Writes in one piece, and waits until it is on the disk."""
+    """Appends `line` in one write, and waits until it is on the disk."""
     with open(path, "ab", buffering=0) as file:
         data = line.encode("utf-8", "replace")
         if file.write(data) != len(data):
@@ -311,7 +308,7 @@ def _append(path: Path, line: str) -> None:
 
 
 def _replace(path: Path, text: str) -> None:
-    """Puts `text` in place of the file at once, or not at all."""
+    """Replaces the file by `text` atomically."""
     draft = path.with_name(f"{path.name}.tmp")
     with open(draft, "wb") as file:
         file.write(text.encode("utf-8", "replace"))
@@ -322,12 +319,12 @@ def _replace(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Keeps others out of `folder`, until the end of this process at most.
+    """Locks `folder` against other processes.
 
-    A file system that knows no locks keeps nobody out.
+    On a file system without locks it has no effect.
 
     Raises:
-        ValueError: somebody else is in it.
+        ValueError: another process has the lock.
     """
     directory = os.open(folder, os.O_RDONLY)
     try:

@@ -1,4 +1,4 @@
-"""Where trials run: in processes of this machine, or on a Dask cluster."""
+"""Workers that run trials: processes of this machine, or a Dask cluster."""
 
 import asyncio
 import contextlib
@@ -22,22 +22,22 @@ from nadia_balance.scripts.envelope_sweep.plan import robot_hash, this_code
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from nadia_balance.typed_yaml import load_typed
 
-# Each trial has one thread; BLAS reads this when it is loaded.
+# Each trial has one thread; BLAS reads these variables when it is loaded.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-GRACE = 10.0  # after its time is up a trial's process ends itself [s]
+GRACE = 10.0  # time after a trial's timeout at which its process exits [s]
 CONNECT_TIMEOUT = 5.0  # [s]
-NO_WORKERS = 300.0  # so long a cluster may be without any [s]
-LOOK = 1.0  # between two looks [s]
+NO_WORKERS = 300.0  # longest time of a cluster without workers [s]
+LOOK = 1.0  # period of checks [s]
 
-_trial_ends = math.inf  # at the latest, on the monotonic clock [s]
+_trial_ends = math.inf  # latest end of a trial, on the monotonic clock [s]
 
 
 def run_task(identity: dict, walk: str, *trial: object) -> dict:
-    """Runs a trial (see run_trial); adds the wall time it took [s].
+    """Runs a trial (see run_trial); adds its wall time [s].
 
     Raises:
-        ValueError: this process has other code, or the robot other files, than
-            the `identity` of the sweep says.
+        ValueError: the code of this process, or the robot's files, differ from
+            the `identity` of the sweep.
     """
     global _trial_ends
     began = time.monotonic()
@@ -70,28 +70,28 @@ class Workers:
         self.slots, self._executor = slots, executor
 
     def submit(self, function, *args) -> Future:
-        """Runs a function of this package somewhere."""
+        """Runs a function of this package on a worker."""
         return self._executor.submit(function, *args)
 
     def renew(self) -> None:
-        """Starts anew after a process has died.
+        """Restarts the workers after a process has died.
 
         Raises:
-            BrokenExecutor: there is no new start (Dask replaces what dies).
+            BrokenExecutor: always; Dask replaces its workers itself.
         """
         raise BrokenExecutor
 
     def close(self) -> None:
-        """Gives up all trials."""
-        with contextlib.suppress(Exception):  # such as: the scheduler is gone
+        """Abandons all trials."""
+        with contextlib.suppress(Exception):  # e.g. of a lost scheduler
             self._executor.shutdown(wait=False)
 
 
 class Processes(Workers):
-    """Workers of this machine, which end with this process, however it ends."""
+    """Worker processes of this machine, which always end with this process."""
 
     def __init__(self, slots: int):
-        """Starts processes as they are needed."""
+        """Starts up to `slots` processes on demand."""
         os.environ |= ONE_THREAD
         spawn = multiprocessing.get_context("spawn")
         leash, self._leash = spawn.Pipe(duplex=False)
@@ -100,13 +100,13 @@ class Processes(Workers):
         )
 
     def renew(self) -> None:
-        """See Workers."""
+        """Restarts all processes."""
         self.close()
         self.__init__(self.slots)
         self.submit(os.getpid).result()
 
     def close(self) -> None:
-        """Ends all processes, in the middle of a trial, too."""
+        """Ends all processes, including those that run a trial."""
         self._leash.close()
         self._executor.shutdown(cancel_futures=True)
 
@@ -115,16 +115,14 @@ class Processes(Workers):
 def open_workers(
     workers: int, scheduler: str | None = None
 ) -> Iterator[Workers]:
-    """Yields what runs `run_task`.
+    """Yields Workers for `run_task`.
 
-    On this machine, `workers` trials at a time, or on the Dask cluster with
-    this `scheduler` as many as it has workers.  Trials that have not ended when
-    this is left are given up, as are those of a cluster that has lost all its
-    workers.
+    They run `workers` trials at a time on this machine, or as many as the Dask
+    cluster of the `scheduler` has workers.  Trials that run at the end of the
+    block are abandoned, as are those of a cluster that has lost all workers.
 
     Raises:
-        ValueError: no worker, no such scheduler, or workers that cannot run
-            the same code.
+        ValueError: no worker, no such scheduler, or workers with other code.
     """
     with contextlib.ExitStack() as stack:
         if scheduler is None:
@@ -145,13 +143,13 @@ def open_workers(
 
 
 def _begin(leash: Connection) -> None:
-    """A new process; Ctrl-C is for the parent alone."""
+    """Initialises a process; Ctrl-C interrupts only the parent."""
     os.setsid()
     Thread(target=_watch, args=(leash,), daemon=True).start()
 
 
 def _watch(leash: Connection) -> None:
-    """Ends this process with its parent, or with a trial that hangs."""
+    """Ends this process when its parent ends, or when a trial hangs."""
     with contextlib.suppress(OSError):
         while not leash.poll(LOOK) and time.monotonic() < _trial_ends:
             pass
@@ -159,14 +157,14 @@ def _watch(leash: Connection) -> None:
 
 
 def _watch_cluster(client, workers: Workers, left: Event) -> None:
-    """Gives the trials up without workers: they would wait for ever."""
+    """Abandons the trials of a cluster that has no workers for too long."""
     while not left.wait(LOOK):
         try:
             client.wait_for_workers(1, timeout=NO_WORKERS)
         except TimeoutError:
             return workers.close()
         except Exception:  # noqa: BLE001
-            continue  # without a scheduler all are given up, anyway
+            continue  # without a scheduler all futures are cancelled
 
 
 def _client(scheduler: str):
@@ -198,9 +196,9 @@ async def _kind(scheduler: str) -> str:
 
 
 def _check_workers(scheduler: str, codes: dict[str, object]) -> None:
-    """Raises ValueError if a worker would give other rows than this machine.
+    """Raises ValueError if the code of a worker differs from this machine's.
 
-    `codes` is what each has, by address, or the error when it was asked.
+    `codes` is this_code() of each worker, by address, or an error.
     """
     if not codes:
         raise _refusal(scheduler, "with workers; it has none")

@@ -1,6 +1,7 @@
 """Figures of the Atlas paper's plan and swing speed-up, seen from above.
 
-By the controller's functions.  Atlas stands on its left foot, in a right swing.
+They use the controller's functions.  Atlas stands on its left foot, in a right
+swing.
 """
 
 import math
@@ -30,7 +31,7 @@ from nadia_balance.results.plots.style import FAINT, TEXT, fill
 from nadia_balance.robot import load_robot
 
 MODEL = load_robot("atlas").point_mass
-LENGTH = 0.5  # of a step [m]
+LENGTH = 0.5  # step length [m]
 SLOW, FAST = (1.0, 1.0), (0.7, 0.25)  # swing and transfer [s]
 SPEEDS = (SLOW, (0.85, 0.5), FAST)
 FORWARD, ASIDE = np.array([0.08, 0.0]), np.array([0.0, -0.08])  # errors [m]
@@ -39,12 +40,12 @@ CASES = (
     ("fast steps, error forward", FAST, FORWARD),
     ("fast steps, error to the side", FAST, ASIDE),
 )
-_STEPS = 6  # of the walk; the end is too far away to matter
-_Y = (-0.24, 0.24)  # what is seen [m]
+_STEPS = 6  # steps of the walk; its end has no effect on the figures
+_Y = (-0.24, 0.24)  # limits of the y axis [m]
 
 
 def draw_plans() -> Figure:
-    """Fig. 2: CMPs in heel and toe, with jumps between them and without."""
+    """Fig. 2: CMPs in heel and toe, with and without jumps between them."""
     fig, axes = _axes("(a) the CMP jumps", "(b) the CMP is shifted", steps=2)
     for ax, smooth in zip(axes, (False, True), strict=True):
         plan, _ = swing_plan(*FAST, smooth)
@@ -64,7 +65,7 @@ def draw_plans() -> Figure:
 
 
 def draw_speeds() -> Figure:
-    """Fig. 3: the faster the steps, the farther is the ICP from the foot."""
+    """Fig. 3: ICP plans of slow and fast steps."""
     titles = [f"swing {a:g} s, transfer {b:g} s" for a, b in SPEEDS]
     fig, axes = _axes(*titles, steps=2)
     for ax, durations in zip(axes, SPEEDS, strict=True):
@@ -79,7 +80,7 @@ def draw_speeds() -> Figure:
 
 
 def draw_projection() -> Figure:
-    """Fig. 4: the ICP projected on the way from its reference to its end."""
+    """Fig. 4: projection of the ICP on the line to the plan's end."""
     plan, time = swing_plan(*FAST)
     icp = plan.at(time).icp + [0.04, -0.11]
     fig, (ax,) = _axes("How far the plan is advanced (Eqs. 10 to 12)")
@@ -96,7 +97,7 @@ def draw_projection() -> Figure:
 
 
 def draw_speed_up() -> Figure:
-    """Fig. 5: what an error leaves to do once the plan is sped up."""
+    """Fig. 5: the ICP error that remains after the plan is sped up."""
     fig, axes = _axes(*(name for name, _, _ in CASES))
     for ax, (_, durations, error) in zip(axes, CASES, strict=True):
         plan, time = swing_plan(*durations)
@@ -112,7 +113,7 @@ def draw_speed_up() -> Figure:
 def swing_plan(
     swing: float, transfer: float, smooth: bool = True
 ) -> tuple[IcpPlan, float]:
-    """The plan of a right swing in a steady walk, and its middle [s]."""
+    """The plan of a right swing in a steady walk, and its mid-time [s]."""
     half = 0.5 * MODEL.step_width
 
     def foot(side: Side, steps: int) -> FootPose:
@@ -163,7 +164,7 @@ def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
 
 
 def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
-    """Draws two steps of the plan, until the third; returns the times (n,)."""
+    """Draws the plan of two steps; returns times (n,) [s] until its end."""
     _draw_soles(ax, 3)
     step = swing + transfer
     for begin, end, color, name in (
@@ -179,7 +180,7 @@ def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
 
 
 def _draw_soles(ax: Axes, count: int) -> None:
-    """Draws the stance foot, and where the next ones will stand."""
+    """Draws the stance foot and the next footholds."""
     for n in range(count):
         side = _side(n)
         centre = [n * LENGTH, side.sign * 0.5 * MODEL.step_width]
@@ -203,7 +204,7 @@ def _note(ax: Axes, text: str) -> None:
 
 
 def _axes(*titles: str, steps: int = 1) -> tuple[Figure, list[Axes]]:
-    """Beside each other; if two steps are seen, above each other."""
+    """Axes in a row for one step, in a column for several."""
     rows, columns = (1, len(titles)) if steps == 1 else (len(titles), 1)
     wide = 4.4 if columns > 1 else 9.0
     high = wide * (0.55 if steps == 1 else 0.4)

@@ -1,6 +1,6 @@
-"""Figures of the Nadia paper, made by the functions that the controller uses.
+"""Figures of the Nadia paper, computed by the functions of the controller.
 
-The robot stands on its left foot and swings the right one, seen from above.
+The plan views show a robot that stands on its left foot in a right swing.
 """
 
 import math
@@ -54,7 +54,7 @@ from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill
 
 SOLE = rectangle(0.25, 0.12)  # Nadia's [m]
 REACH = ReachabilityParams()
-MODEL = PointMassModel(  # Nadia's; the legs do not matter here
+MODEL = PointMassModel(  # Nadia's; the legs have no effect here
     mass=91.0,
     com_height=0.888,
     step_width=0.25,
@@ -64,16 +64,16 @@ MODEL = PointMassModel(  # Nadia's; the legs do not matter here
     detour=SwingDetourParams(),
 )
 STANCE, SWING = FootPose(), Side.RIGHT
-NOMINAL = FootPose(np.array([0.0, -0.25, 0.0]))  # where it would step
+NOMINAL = FootPose(np.array([0.0, -0.25, 0.0]))  # nominal foothold
 
-# Fig. 3: the eCMP's reference, of the CoP as well, and the ICP's error [m].
+# Fig. 3: reference of both CoP and eCMP, and ICP error [m].
 COP_R, ERROR = np.array([-0.06, -0.02]), np.array([0.05, 0.042])
 
 # Figs. 4 and 6.
 ICP = np.array([0.16, 0.0])  # [m]
 REMAINING_TIME = 0.25  # until touchdown [s]
-LATEST = 5.0  # touchdown: the region is then far beyond the circle [s]
-STEP_DURATION = 0.5  # of the steps to come, transfer and swing [s]
+LATEST = 5.0  # latest touchdown; the region then exceeds the circle [s]
+STEP_DURATION = 0.5  # transfer plus swing of each later step [s]
 CONTRACTION = math.exp(-MODEL.omega * STEP_DURATION)  # in one step [-]
 CIRCLE = circle(REACH.length_forward, 96)
 NAMES = ("C₁", "C₂", "C₃")
@@ -82,8 +82,8 @@ _WHEN = (
     f"all later steps take {STEP_DURATION} s each"
 )
 
-# Fig. 9: touchdown is between these times from now [s]; title and ICP [m], one
-# for each rule.
+# Fig. 9: earliest and latest touchdown from now [s]; title and ICP [m] of each
+# rule.
 TOUCHDOWN = (0.2, 0.5)
 RULES = (
     ("Rule 1: base, if it meets the capture region", (0.2, -0.03)),
@@ -91,12 +91,12 @@ RULES = (
     ("Rule 3: the closest, if none meets it", (-0.02, 0.21)),
 )
 
-_WIDTH = 12.5  # of a figure [in]
-_GUIDE = {"color": FAINT, "lw": 0.9, "ls": (0, (4, 3))}  # a line to measure by
+_WIDTH = 12.5  # width of a figure [in]
+_GUIDE = {"color": FAINT, "lw": 0.9, "ls": (0, (4, 3))}  # dimension line
 
 
 def draw_feedback() -> Figure:
-    """Fig. 3: the eCMP that the ankles alone give, without and with Q_perp."""
+    """Fig. 3: the eCMP of ankle feedback only, without and with Q_perp."""
     fig, axes = _plans(
         "Without $Q_⊥$: as near as can be",
         "With $Q_⊥$: along the error",
@@ -128,7 +128,7 @@ def draw_feedback() -> Figure:
 
 
 def draw_by_reachability() -> Figure:
-    """Fig. 4: C_1 to C_3, if all later steps are bound by one shape."""
+    """Fig. 4: C_1 to C_3, with the same reach of all later steps."""
     fig, axes = _plans(
         "Any step of up to 1 m",
         "Feet side by side: an ellipse",
@@ -145,7 +145,7 @@ def draw_by_reachability() -> Figure:
 
 
 def draw_growth() -> Figure:
-    """Fig. 6: C_n is C_1 swept by what later steps make up for, reversed."""
+    """Fig. 6: C_n is C_1 swept by the reversed offsets -D_n of later steps."""
     fig, axes = _plans("Any step of up to 1 m", "Feet side by side: an ellipse")
     for ax, reach in zip(axes, (CIRCLE, base_region(REACH)), strict=True):
         for n in range(2, len(NAMES) + 1):
@@ -162,7 +162,7 @@ def draw_growth() -> Figure:
 
 
 def _offsets(reach: Array, n: int) -> Array:
-    """D_n, if the feet reach as far as `reach`, given for a left stance."""
+    """D_n (k, 2) [m] for a `reach` (n, 2) [m] in the stance foot's frame."""
     reaches = [_reach_of_step(reach, k) for k in range(2, n + 1)]
     return later_steps(reaches, [CONTRACTION] * (n - 1))[-1]
 
@@ -172,7 +172,7 @@ def _reach_of_step(reach: Array, n: int) -> Array:
 
 
 def _around(polygon: Array, count: int) -> Array:
-    """`count` points (count, 2) [m] along the boundary, evenly spread."""
+    """Points (count, 2) [m] at equal distances along the boundary."""
     closed = np.vstack([polygon, polygon[:1]])
     lengths = np.linalg.norm(np.diff(closed, axis=0), axis=1)
     way = np.cumsum([0.0, *lengths])
@@ -181,7 +181,7 @@ def _around(polygon: Array, count: int) -> Array:
 
 
 def _one_step() -> Array:
-    """C_1, with no other bound than the circle."""
+    """C_1 (k, 2) [m], clipped to the circle only."""
     foot = in_world(_usable_foot(), STANCE, SWING)
     omega = MODEL.omega
     touchdown = REMAINING_TIME, LATEST
@@ -193,7 +193,7 @@ def _usable_foot() -> Array:
 
 
 def _draw_feet(ax: Axes) -> None:
-    """The stance foot, the part of it that counts, the foothold as planned."""
+    """Draws the stance foot, its usable part, the planned foothold, the ICP."""
     _draw_sole(ax, STANCE, SWING.other)
     foot = in_world(_usable_foot(), STANCE, SWING)
     fill(ax, foot, palette.LEFT, "where the CoP may be", linewidth=0.0)
@@ -202,7 +202,7 @@ def _draw_feet(ax: Axes) -> None:
 
 
 def draw_reach() -> Figure:
-    """Fig. 8: the union of the regions, and each of them by itself."""
+    """Fig. 8: the union of the reachability regions, and each region."""
     fig, axes = _plans(
         "Reachable, with cross-over",
         "$R_b$: feet side by side",
@@ -253,13 +253,13 @@ def _measure_base(ax: Axes) -> None:
 
 
 def _measure_crossing(ax: Axes, name: str) -> None:
-    """Writes the figures of Fig. 8 beside a cross-over region.
+    """Writes the dimensions of Fig. 8 beside a cross-over region.
 
-    Its angle theta is that of the ellipse, not one that can be seen.
+    The angle theta is a parameter of the ellipse, not an angle in the picture.
     """
     word = "fwd" if name == FORWARD else "bwd"
     region = _regions()[name]
-    x, y = region[np.argmax(region[:, 1])]  # as far across as it may go
+    x, y = region[np.argmax(region[:, 1])]  # the farthest point across
     way = np.sign(x)
     ends = np.array([-0.2 * way, x])
     ax.plot(ends, [0.0, 0.0], **_GUIDE)
@@ -274,7 +274,7 @@ def _measure_crossing(ax: Axes, name: str) -> None:
 
 
 def draw_rules() -> Figure:
-    """Fig. 9: which region the controller chooses, and where it steps."""
+    """Fig. 9: the region that each rule chooses, and the adjusted foothold."""
     fig, axes = _plans(
         *(title for title, _ in RULES), x=(-1.1, 1.3), y=(-0.9, 0.9)
     )
@@ -305,7 +305,7 @@ def draw_rules() -> Figure:
 
 
 def _schedule() -> ContactSchedule:
-    """Steps in place, twice a second and ever on."""
+    """The schedule of steps in place, two per second."""
     feet = FootPoses(STANCE, NOMINAL)
     sides = [SWING, SWING.other] * 2
     return ContactSchedule(
@@ -324,7 +324,7 @@ def _plans(
     y: tuple[float, float] = (-0.8, 0.8),
     rows: int = 1,
 ) -> tuple[Figure, list[Axes]]:
-    """Axes for what is seen from above, within the limits x and y [m]."""
+    """Axes for plan views, with limits x and y [m]."""
     columns = len(titles) // rows
     scale = (_WIDTH - 0.8) / columns / (x[1] - x[0])
     height = rows * (scale * (y[1] - y[0]) + 0.4) + 0.9
@@ -349,7 +349,7 @@ def _share_legend(fig: Figure, ax: Axes, title: str = "") -> None:
 def _draw_sole(
     ax: Axes, pose: FootPose, side: Side, label: str = "", linestyle: str = "-"
 ) -> None:
-    """Draws a sole: solid ones stand, others are only meant."""
+    """Draws a sole: filled with a solid line, outlined with another one."""
     alpha = 0.12 if linestyle == "-" else 0.0
     color, label = palette.foot_color(side), label or f"{side.value} foot"
     fill(ax, pose.to_world(SOLE), color, label, alpha, linestyle=linestyle)

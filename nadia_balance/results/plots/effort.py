@@ -1,4 +1,4 @@
-"""What the recovery costs: torques, speeds, forces, and the QPs' health."""
+"""Effort over time: torques, joint speeds, foot forces, status of the QPs."""
 
 import re
 
@@ -12,7 +12,7 @@ from nadia_balance.results.log import QP_STATUS, Log, signal
 from nadia_balance.results.plots.style import TEXT, time_axes
 from nadia_balance.results.summary import joint_speed, torque_ratio
 
-# The names of the joints of a group, of the robots of several makers.
+# Patterns of joint names per group, for robots of several manufacturers.
 GROUPS = {
     "hips": r"hip|leg_hp",
     "knees": r"knee|leg_kn",
@@ -28,7 +28,7 @@ _QP_COLORS = {
 
 
 def draw(log: Log, summary: dict) -> Figure | None:
-    """Draws what the log has of it; None if it has nothing."""
+    """Draws the available signals; None if the log has none."""
     rows = [
         (draws, height)
         for has, draws, height in (
@@ -59,7 +59,7 @@ def joint_groups(names: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _draw_torques(ax: Axes, log: Log) -> None:
-    """The joint of each group that is nearest to its limit."""
+    """Draws the largest torque ratio of each group of joints."""
     ratio = 100.0 * torque_ratio(log)
     groups = joint_groups(log["actuator_names"])
     looks = zip(groups.items(), _GROUP_COLORS, strict=False)
@@ -92,9 +92,9 @@ def _draw_forces(ax: Axes, log: Log) -> None:
 
 
 def _draw_qps(ax: Axes, log: Log) -> None:
-    """Constraint violations; failures and fallbacks as ticks above them."""
+    """Draws constraint violations, with marks for failures and fallbacks."""
     t = log["t"]
-    floor = 1e-16  # exact solutions must show up on the logarithmic axis
+    floor = 1e-16  # makes exact solutions visible on the logarithmic axis
     for name in filter(log.__contains__, QP_STATUS):
         qp = signal(log, name)
         label = name.removesuffix("_qp_status").replace("_", "-") + " QP"

@@ -1,7 +1,7 @@
 """Footholds and the paths of CoP, eCMP, ICP and CoM, seen from above.
 
-As Figs. 12 and 13 of the Nadia paper: planned footholds dashed, achieved ones
-solid and filled, where the feet were at first with a finer dash.
+The style is that of Figs. 12 and 13 of the Nadia paper: planned footholds are
+dashed, achieved ones solid and filled, initial ones dotted.
 """
 
 import numpy as np
@@ -27,12 +27,12 @@ from nadia_balance.results.log import (
 from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill, title
 from nadia_balance.results.summary import recovered_at
 
-NEAR = 0.05  # footholds nearer than this are one to the eye [m]
-_MOST_LISTED = 8  # steps, in the legend [-]
-_ON_EDGE = 1e-3  # a foothold so far out of a region is on its edge [m]
+NEAR = 0.05  # nearer footholds are treated as one [m]
+_MOST_LISTED = 8  # largest number of steps in the legend [-]
+_ON_EDGE = 1e-3  # tolerance for footholds on the edge of a region [m]
 _LONGEST, _SHORTEST = 10.0, (8.0, 2.4)  # sides of the figure [in]
-_MARGIN = 0.12  # around everything [m]
-_ARROW, _BESIDE = 0.12, 0.03  # the push: length, distance from the ICP [m]
+_MARGIN = 0.12  # margin of the axes [m]
+_ARROW, _BESIDE = 0.12, 0.03  # push arrow: length, distance from the ICP [m]
 _FILL = 0.16  # opacity of a foothold
 _MEANING = {
     BASE: "feet side by side",
@@ -68,9 +68,10 @@ def draw(log: Log, summary: dict) -> Figure:
 
 
 def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
-    """First and last row to draw: from the push until both feet are back.
+    """First and last row to draw, from the push to after the recovery.
 
-    That is, the touchdown of the second step after the recovery.
+    The last row is the touchdown of the second step after the recovery and
+    after all adjusted steps.
     """
     last_row = len(log["t"]) - 1
     if not pushed:
@@ -85,7 +86,7 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
 def _limits(
     log: Log, first: int, rows: slice, shown: list[Step]
 ) -> tuple[Array, Array]:
-    """Least and largest x and y (2,) [m] of all that must be seen."""
+    """Least and largest x and y (2,) [m] of paths and footholds."""
     points = np.concatenate(
         [
             log["icp"][rows],
@@ -121,7 +122,7 @@ def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
 
 
 def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
-    """Draws the regions of the ground, those that were stepped on darker."""
+    """Draws the regions of the ground; regions with a step are darker."""
     labels = {True: "region stepped on", False: "other region"}
     for region in ground_regions(log):
         used = any(contains(s.achieved.p_WF[:2], region) for s in shown)
@@ -137,7 +138,7 @@ def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
 
 
 def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
-    """Draws where the feet were at row `first`, and the steps from there."""
+    """Draws the soles at row `first` and the steps after it."""
 
     def draw_sole(pose: FootPose, side: Side, line: str, alpha: float) -> None:
         corners, color = pose.to_world(log["sole"]), palette.foot_color(side)
@@ -150,7 +151,7 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
         start, end = step.commanded.p_WF[:2], step.achieved.p_WF[:2]
         near = [np.linalg.norm(end - p) < NEAR for p in drawn[step.side]]
         draw_sole(step.commanded, step.side, "--", 0.0)
-        # Fills and numbers on top of each other would hide what is below.
+        # Only one fill and number for several near footholds.
         draw_sole(step.achieved, step.side, "-", 0.0 if any(near) else _FILL)
         if not any(near):
             drawn[step.side].append(end)
@@ -182,10 +183,7 @@ def _number(ax: Axes, step: Step, sole: Array) -> None:
 
 
 def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
-    """Dots with the numbers of the steps: where the ICP was when they landed.
-
-    They link the path with the footholds.
-    """
+    """Draws dots with the step's number at the ICP of each touchdown."""
     label = "ICP when that step landed"
     for step in shown:
         point = log["icp"][step.swing.last + 1]
@@ -198,7 +196,7 @@ def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
 
 
 def _draw_push(ax: Axes, log: Log, push: PushSpan, rows: slice) -> None:
-    """An arrow beside the ICP when the push began, where there is room."""
+    """Draws an arrow beside the ICP at the start of the push, off the paths."""
     direction = push.force[:2] / np.linalg.norm(push.force)
     across = _BESIDE * np.array([-direction[1], direction[0]])
     tips = log["icp"][push.first] + np.array([across, -across])
@@ -215,7 +213,7 @@ def _draw_push(ax: Axes, log: Log, push: PushSpan, rows: slice) -> None:
 
 
 def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
-    """Draws the region that the step respected whose foothold moved most."""
+    """Draws the reachability region of the step that was adjusted most."""
     moved = list(filter(_is_moved, shown))
     if not moved:
         return
@@ -232,7 +230,7 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
 
 
 def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
-    """Adds to the legend what the lines mean, and how long each step took."""
+    """Adds the line styles and the durations of the steps to the legend."""
     for style, label in (
         (":", "foot at first"),
         ("--", "foothold as planned"),

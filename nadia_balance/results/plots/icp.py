@@ -8,7 +8,7 @@ from nadia_balance.results.log import Log, icp_error, signal
 from nadia_balance.results.plots.style import FAINT, time_axes
 from nadia_balance.results.summary import ICP_BACK
 
-SMALLEST_RANGE = 0.1  # of an axis [m]
+SMALLEST_RANGE = 0.1  # smallest range of an axis [m]
 
 
 def draw(log: Log, summary: dict) -> Figure:
@@ -36,7 +36,7 @@ def _draw_coordinate(ax: Axes, log: Log, axis: int) -> None:
         (log["icp"].T, palette.ICP, "ICP", {}),
     ):
         ax.plot(log["t"], point[axis], color=color, label=label, **style)
-    # Millimetres of noise must not look like motion.
+    # A smallest range, so that noise of millimetres does not fill the axis.
     low, high = ax.get_ylim()
     missing = max(0.0, SMALLEST_RANGE - (high - low))
     ax.set_ylim(low - 0.5 * missing, high + 0.5 * missing)

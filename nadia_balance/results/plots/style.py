@@ -1,4 +1,4 @@
-"""What all plots have in common: colours, axes, titles, shapes."""
+"""Common style of all plots: colours, axes, titles, shapes."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,10 +45,10 @@ def time_axes(
     heights: list[float],
     label: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of axes above each other, of `heights` [in], one time axis.
+    """A figure with stacked axes of `heights` [in] over one time axis.
 
-    Swings and pushes are marked, these with a `label`; `what` it shows is in
-    the title.
+    Swings and pushes are marked; with `label`, pushes are labelled.  `what` is
+    the first part of the title.
     """
     fig = Figure(figsize=(10.0, sum(heights) + 0.9), layout="constrained")
     axes = fig.subplots(
@@ -74,19 +74,19 @@ def time_axes(
 
 
 def key(fig: Figure, handles: list) -> None:
-    """The legend of what all axes show, below them."""
+    """Adds one legend for all axes below them."""
     where = {"loc": "outside lower center", "ncols": max(len(handles), 1)}
     fig.legend(handles=handles, **where)
 
 
 def push_key(log: Log) -> list[Patch]:
-    """The entry of a legend for the marks of pushes, if there are any."""
+    """The legend's entry for the marks of pushes, if there are pushes."""
     look = {"color": palette.PUSH, "alpha": _PUSH, "lw": 0, "label": "push"}
     return [Patch(**look)] if pushes(log) else []
 
 
 def title(summary: dict, what: str) -> str:
-    """Says what is seen, of which run, with the size of each of its pushes."""
+    """A title: `what`, robot, mechanisms, pushes and outcome of the run."""
     run = [summary["robot"], summary["mechanisms"]]
     pushes = summary["pushes"]
     run += [
@@ -120,7 +120,7 @@ def _swings(log: Log) -> list[PhaseSpan]:
 
 
 def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
-    """Marks when the robot was pushed; the `label` is above the axes."""
+    """Marks the times of pushes; the `label` is above the axes."""
     for push in pushes(log):
         look = {"color": palette.PUSH, "alpha": _PUSH, "lw": 0, "zorder": 0}
         ax.axvspan(push.start, push.end, **look)
@@ -146,7 +146,7 @@ def fill(
     alpha: float = 0.22,
     **style,
 ) -> None:
-    """Draws a polygon (n, 2) [m]: its inside transparent, its edge not."""
+    """Draws a polygon (n, 2) [m] with a transparent fill and an opaque edge."""
     style = {"edgecolor": color, "linewidth": 1.4, **style}
     face = (*palette.rgb(color), alpha)
     ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))

@@ -1,4 +1,4 @@
-"""Planned and measured contacts of both feet, with how long they last."""
+"""Planned and measured contacts of both feet, with their durations."""
 
 import math
 
@@ -21,15 +21,15 @@ from nadia_balance.results.plots.style import (
     set_title,
 )
 
-LOADED = 0.05  # a foot with this share of the weight is in contact [-]
-CHANGED = 0.03  # a duration that differs more from its plan shows both [s]
+LOADED = 0.05  # share of the weight above which a foot is in contact [-]
+CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 _PLAN, _MEASURED = (0.02, 0.42), (-0.42, -0.02)  # lanes of a foot
 _LABEL_Y, _LINE = (1.36, 0.82), 0.27  # lanes of the durations, their lines
 _NUMBER = {"ls": "none", "ms": 22}  # in the legend
-_PALE = 0.3  # opacity of what is planned
-_LETTER = RC["font.size"] / 72.0 * 0.6  # the width of one [in]
+_PALE = 0.3  # opacity of planned contacts
+_LETTER = RC["font.size"] / 72.0 * 0.6  # width of a letter [in]
 
 
 def draw(log: Log, summary: dict) -> Figure:
@@ -52,7 +52,7 @@ def draw(log: Log, summary: dict) -> Figure:
 
 
 def _add_key(fig: Figure, log: Log) -> None:
-    """What bars and numbers are, below the axes."""
+    """Adds the legend of bars and numbers below the axes."""
     bars = [Patch(color=FAINT, alpha=_PALE, label="contact as planned")]
     if "foot_forces" in log:
         bars.append(Patch(color=FAINT, label="as measured"))
@@ -82,7 +82,7 @@ def _draw_row(
         if "foot_forces" in log:
             _bars(ax, measured(log, side), _FOOT_Y[side], _MEASURED, side, 1.0)
     inches = _WIDTH * 0.9 / (end - begin)
-    free = [-math.inf] * len(_LABEL_Y)  # when a lane's last label ends [s]
+    free = [-math.inf] * len(_LABEL_Y)  # end of each lane's last label [s]
     for span in spans:
         if begin <= 0.5 * (span.start + span.end) < end:
             _write_duration(ax, span, inches, free)
@@ -94,7 +94,7 @@ def _bars(ax: Axes, bars, y: float, lane, side: Side, alpha: float) -> None:
 
 
 def measured(log: Log, side: Side) -> list[tuple[float, float]]:
-    """When the foot of `side` carried weight: (start, duration) [s]."""
+    """Measured contacts of the foot of `side`: (start, duration) [s]."""
     t, forces = log["t"], signal(log, "foot_forces")
     weight = np.median(forces.left + forces.right)
     loaded = getattr(forces, side.value) > LOADED * weight
@@ -108,10 +108,10 @@ def measured(log: Log, side: Side) -> list[tuple[float, float]]:
 def _write_duration(
     ax: Axes, span: PhaseSpan, inches: float, free: list[float]
 ) -> None:
-    """Writes between the feet how long a phase took, if there is room.
+    """Writes the duration of a phase between the feet, if there is room.
 
-    `inches` is the width of a second on paper.  Labels that would run into
-    each other take turns in the lanes; `free` is updated.
+    `inches` is the width of a second on paper.  Labels that would overlap
+    alternate between the lanes; `free` is updated.
     """
     if span.phase is Phase.STANDING or not span.complete:
         return
