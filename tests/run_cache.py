@@ -70,7 +70,7 @@ def _kept(modules: tuple[str, ...], name: str, make: Callable) -> Any:
 
 
 def _folder_of(modules: tuple[str, ...]) -> Path:
-    """Of all that this code makes; what other code has made is removed."""
+    """The folder of this code's results; those of other code are removed."""
     code, whose = code_of(*modules), folder / modules[0]
     (whose / code).mkdir(parents=True, exist_ok=True)
     for old in set(whose.iterdir()) - {whose / code}:
@@ -93,7 +93,7 @@ def code_of(*modules: str, places: tuple[Path, ...] = PLACES) -> str:
 
 @functools.cache
 def _files(*modules: str, places: tuple[Path, ...] = PLACES) -> list[Path]:
-    """Those of the modules, and of all of ours that they import."""
+    """The files of the modules, and of all of ours that they import."""
     files, names = {}, list(modules)
     while names:
         if (name := names.pop()) in files:

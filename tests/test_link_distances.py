@@ -87,7 +87,7 @@ class Links:
         return brute_force(begin, way).reshape(-1, len(pairs)) - radii
 
     def by_drake(self, q, v):
-        """Of all pairs with another shape: their distances and rates (k, 2)."""
+        """Distances and rates (k, 2) of all pairs with another shape."""
         port = self.plant.get_geometry_query_input_port()
         query = port.Eval(self.at(q, v))
         inspector = self.scene.model_inspector()
@@ -124,7 +124,7 @@ NADIA = Links(nadia())
 
 @pytest.fixture(scope="module")
 def links(request, tmp_path_factory):
-    """Those of a robot of ROBOTS."""
+    """The link distances of a robot of ROBOTS."""
     if request.param == "nadia":
         return NADIA
     if request.param == "atlas":

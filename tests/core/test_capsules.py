@@ -44,7 +44,7 @@ def along(rng, bend, sign):
 
 
 def meeting(rng, s, t):
-    """Those points of both that are these shares of the way are the same."""
+    """The points at these shares of the way are the same on both."""
     begin, way = anywhere(rng)
     begin[:, 1] = begin[:, 0] + s * way[:, 0] - t * way[:, 1]
     return begin, way

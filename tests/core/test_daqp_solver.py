@@ -82,7 +82,7 @@ class Pieces:
             self.upper.append(high)
 
     def _gaps(self, size):
-        """Of zero at times, so that a bound is met without any force."""
+        """Distances to the bounds, some zero: met without any force."""
         return self.rng.exponential(size=size) * (self.rng.random(size) < 0.7)
 
     def _bounds(self, which, room):

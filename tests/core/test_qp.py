@@ -8,7 +8,7 @@ from nadia_balance.core.qp import DenseQp, QpProblem
 from tests.qp_examples import SIZES, by_clarabel, by_quadprog, random_qp
 
 NAMES = ["H", "g", "A", "lower bound", "upper bound"]
-# Of solutions of size 1 to 10; both QP codes are exact but for rounding.
+# Tolerance for solutions of size 1 to 10; QP codes are exact to rounding.
 ACCURACY = 1e-9
 
 
