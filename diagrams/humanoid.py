@@ -38,7 +38,6 @@ from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.mujoco_plant import add_mujoco_plant
 from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.state_predictor import StatePredictor
 from nadia_balance.systems.state_sensor import StateSensor
 
 CONTROLLER_LOGS = (
@@ -79,15 +78,21 @@ class HumanoidDiagram(Diagram):
         self,
         scenario: Scenario,
         meshcat: Meshcat | None = None,
-        **blocks: System,
+        controller: System | None = None,
+        **blocks: System | None,
     ):
         """Builds the diagram of `scenario`; draws if `meshcat` is given.
 
-        `blocks` replace blocks of the CapturePointController.
+        `controller` replaces the BalanceController: it has the input
+        `estimated_state` and the output `actuation` of one.  Its inputs
+        `foot_forces` and `mechanisms` are connected if it has them, its outputs
+        logged and drawn, too.  Without a `walking_state`, pushes must begin at
+        a time, in directions relative to W.  `blocks` replace blocks of the
+        BalanceController.
 
         Raises:
             ValueError: the robot cannot stand with the step width of the gait
-                or on the terrain, or a block lacks a port.
+                or on the terrain, or a block or the `controller` lacks a port.
         """
         super().__init__()
         self.scenario = scenario
@@ -104,15 +109,19 @@ class HumanoidDiagram(Diagram):
         self._standing = self.robot.standing_positions(scenario.gait.step_width)
         builder = DiagramBuilder()
         self._add_plant(builder)
-        self.controller = builder.AddNamedSystem(
-            "balance_controller",
-            BalanceController(
+        if controller is None:
+            controller = BalanceController(
                 params,
                 self.robot,
                 start=start,
                 ground=scenario.terrain.known(self._ground),
+                delay=scenario.imperfections.delay,
                 **blocks,
-            ),
+            )
+        else:
+            self._check_controller(controller, blocks)
+        self.controller = builder.AddNamedSystem(
+            "balance_controller", controller
         )
         self.push = builder.AddNamedSystem(
             "push_source",
@@ -137,9 +146,42 @@ class HumanoidDiagram(Diagram):
                 [(self.controller, VISUALIZED), (self.push, ("push_force",))],
             )
         self._log(builder, period)
-        for name in EXPORTED:
-            builder.ExportOutput(self.controller.GetOutputPort(name), name)
+        for name in filter(controller.HasOutputPort, EXPORTED):
+            builder.ExportOutput(controller.GetOutputPort(name), name)
         builder.BuildInto(self)
+
+    def _check_controller(self, controller: System, blocks: dict) -> None:
+        """Raises ValueError if the `controller` does not fit the plant."""
+        what = f"controller = {type(controller).__name__}: must"
+        if blocks:
+            raise ValueError(
+                f"{what} not come with blocks: {', '.join(blocks)}"
+            )
+        plant = self.plant
+        for has, get, name, size in (
+            (
+                controller.HasInputPort,
+                controller.GetInputPort,
+                "estimated_state",
+                plant.num_multibody_states(),
+            ),
+            (
+                controller.HasOutputPort,
+                controller.GetOutputPort,
+                "actuation",
+                plant.num_actuated_dofs(),
+            ),
+        ):
+            if not has(name) or get(name).size() != size:
+                raise ValueError(f"{what} have a port {name!r} of size {size}")
+        for push in self.scenario.pushes:
+            if push.moment.phase and not controller.HasOutputPort(
+                "walking_state"
+            ):
+                raise ValueError(
+                    f"at = {push.at!r}: must be a time with a controller that "
+                    "has no port 'walking_state'"
+                )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
@@ -164,7 +206,8 @@ class HumanoidDiagram(Diagram):
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._sense(builder)
-        connect(builder, controller, self.push, "walking_state")
+        if controller.HasOutputPort("walking_state"):
+            connect(builder, controller, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:
@@ -182,35 +225,35 @@ class HumanoidDiagram(Diagram):
         connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
         self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
-        builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
+        if controller.HasInputPort("mechanisms"):
+            port = controller.GetInputPort("mechanisms")
+            builder.Connect(self._mechanisms, port)
 
     def _sense(self, builder: DiagramBuilder) -> None:
         """Connects the controller's inputs to the measured signals."""
-        engine, controller = self.engine, self.controller
+        state = self.engine.GetOutputPort("state")
+        forces = self.sensor.GetOutputPort("foot_forces")
         self._state_sensor = None
-        imperfections = self.scenario.imperfections
-        if not imperfections.of_measurements:
-            connect(builder, engine, controller, state="estimated_state")
-            connect(builder, self.sensor, controller, "foot_forces")
-            return
-        period = self.scenario.controller.control_period
-        sensor = self._state_sensor = builder.AddNamedSystem(
-            "state_sensor",
-            StateSensor(self.plant, imperfections, period, self.scenario.seed),
-        )
-        connect(builder, engine, sensor, "state")
-        connect(builder, self.sensor, sensor, "foot_forces")
-        connect(builder, sensor, controller, measured_foot_forces="foot_forces")
-        if not imperfections.delay:
-            connect(builder, sensor, controller, "estimated_state")
-            return
-        predictor = builder.AddNamedSystem(
-            "state_predictor",
-            StatePredictor(self.robot, period, imperfections.delay),
-        )
-        connect(builder, sensor, predictor, estimated_state="delayed_state")
-        connect(builder, controller, predictor, "generalized_acceleration")
-        connect(builder, predictor, controller, "estimated_state")
+        scenario, controller = self.scenario, self.controller
+        if scenario.imperfections.of_measurements:
+            self._state_sensor = builder.AddNamedSystem(
+                "state_sensor",
+                StateSensor(
+                    self.plant,
+                    scenario.imperfections,
+                    scenario.controller.control_period,
+                    scenario.seed,
+                ),
+            )
+            builder.Connect(state, self._state_sensor.GetInputPort("state"))
+            connect(builder, self.sensor, self._state_sensor, "foot_forces")
+            state, forces = map(
+                self._state_sensor.GetOutputPort,
+                ("measured_state", "measured_foot_forces"),
+            )
+        builder.Connect(state, controller.GetInputPort("estimated_state"))
+        if controller.HasInputPort("foot_forces"):
+            builder.Connect(forces, controller.GetInputPort("foot_forces"))
 
     def _log(self, builder: DiagramBuilder, period: float) -> None:
         signals = {
@@ -261,13 +304,15 @@ class HumanoidDiagram(Diagram):
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
         state = self._read(context, "state")
-        schedule = self.GetOutputPort("walking_state").Eval(context).schedule
         ground = self._ground
         is_uneven = ground is not None and not ground.is_level
         # The pelvis is the floating base: quaternion and position come first.
-        height = state[6]
-        if is_uneven:
-            height -= schedule.feet[schedule.support_side].p_WF[2]
+        height, schedule = state[6], None
+        if self.HasOutputPort("walking_state"):
+            walking = self.GetOutputPort("walking_state").Eval(context)
+            schedule = walking.schedule
+            if is_uneven:
+                height -= schedule.feet[schedule.support_side].p_WF[2]
         if height < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
         torso, pelvis = self._poses.trunk_tilt(state)
@@ -275,7 +320,9 @@ class HumanoidDiagram(Diagram):
             return "pelvis tilted"
         if torso > FALLEN_TORSO_TILT:
             return "torso tilted"
-        return "" if is_uneven else foot_beside(ground, schedule)
+        if is_uneven or schedule is None:
+            return ""
+        return foot_beside(ground, schedule)
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""

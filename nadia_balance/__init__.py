@@ -5,13 +5,9 @@ The public names are available here; each is imported at its first use, so that
 """
 
 import importlib
-from pathlib import Path
 
-# `diagrams`, `models` and `scripts` are part of this package: in this folder in
-# a wheel, beside it in a checkout.
-if not (Path(__file__).parent / "models").is_dir():
-    __path__.append(str(Path(__file__).resolve().parents[1]))
-
+# `diagrams`, `models` and `scripts` are parts of this package; in a checkout
+# they are links to the folders of the same names beside it.
 _PUBLIC = {
     "robot": ("RobotModel", "add_ground", "load_robot"),
     "balance_controller": ("BalanceController",),
@@ -23,9 +19,13 @@ _PUBLIC = {
     "core.mechanisms": ("MECHANISMS", "Mechanisms"),
     "core.model": ("PointMassModel",),
     "core.push": ("Push",),
+    "diagrams.humanoid": ("HumanoidDiagram",),
+    "diagrams.scenario": ("Scenario", "load_scenario"),
+    "diagrams.simulation": ("simulate",),
     "systems.balance_visualizer": ("BalanceVisualizer",),
     "systems.capture_region_step_adjuster": ("CaptureRegionStepAdjuster",),
     "systems.centroidal_estimator": ("CentroidalEstimator",),
+    "systems.com_height_controller": ("ComHeightController",),
     "systems.foot_force_sensor": ("FootForceSensor",),
     "systems.friction_estimator": ("FrictionEstimator",),
     "systems.icp_planner": ("IcpPlanner",),

@@ -14,7 +14,8 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from nadia_balance.systems.friction_estimator import FrictionEstimator
-from nadia_balance.systems.ports import wire
+from nadia_balance.systems.ports import Role, fill, wire
+from nadia_balance.systems.state_predictor import StatePredictor
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
@@ -24,28 +25,48 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 class BalanceController(Diagram):
     """Computes joint torques from the robot's state.
 
-    A CapturePointController with state estimation, swing-foot planning and
-    whole-body inverse dynamics.  `estimated_state` is [q, v] of the robot's
-    `control_plant`, `foot_forces` (2,) [N] are those of the left and the right
-    foot; `mechanisms` (4,), all on if not connected.  `actuation` [N m] is in
-    the order of the plant's actuators.
+    Signals are connected by their names; `actuation` [N m] is in the order of
+    the plant's actuators:
+
+    ========================  ============================  ==================
+    block                     reads                         writes
+    ========================  ============================  ==================
+    state_predictor           estimated_state,              predicted_state
+                              generalized_acceleration
+    centroidal_estimator      predicted_state               com_state, icp,
+                                                            foot_poses,
+                                                            whole_body_terms
+    capture_point_controller  com_state, icp, foot_poses,   walking_state,
+                              foot_forces, mechanisms       momentum_rate, ...
+    swing_foot_planner        walking_state                 swing_foot_...
+                                                            reference
+    friction_estimator        whole_body_terms,             friction
+                              foot_wrenches
+    whole_body_...            whole_body_terms,             actuation,
+    inverse_dynamics          momentum_rate, friction,      foot_wrenches,
+                              walking_state,                generalized_...
+                              swing_foot_reference          acceleration
+    ========================  ============================  ==================
+
+    Three loops are closed by states of the last tick: the walking state, the
+    friction coefficient and, with a delay, the acceleration.  `estimated_state`
+    is [q, v] of the robot's `control_plant`, `foot_forces` (2,) [N] are those
+    of the left and the right foot; `mechanisms` (4,), all on if not connected.
 
     Any evaluation of `actuation` gives the torque of that control tick: before
     the update of the tick it is computed from the inputs, afterwards it is
-    held.  No other hold is needed between controller and plant.  The state is
-    predicted to the time at which that torque acts: the lag of the drives plus
-    half a period ahead (0 without drives).
+    held.  No other hold is needed between controller and plant.
 
     .. pydrake_system::
 
         name: BalanceController
         input_ports: [estimated_state, foot_forces, mechanisms]
-        output_ports: [whole_body_terms, com_state, icp, foot_poses,
-                       walking_state, walking_signal, icp_plan, icp_reference,
-                       time_adjustment, adjustment, capture_regions,
-                       ecmp_command, momentum_qp_status, momentum_rate,
-                       swing_foot_reference, friction, actuation,
-                       foot_wrenches, whole_body_qp_status,
+        output_ports: [predicted_state, whole_body_terms, com_state, icp,
+                       foot_poses, walking_state, walking_signal, icp_plan,
+                       icp_reference, time_adjustment, adjustment,
+                       capture_regions, ecmp_command, momentum_qp_status,
+                       momentum_rate, swing_foot_reference, friction,
+                       actuation, foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]
     """
 
@@ -58,12 +79,15 @@ class BalanceController(Diagram):
         *,
         start: WalkingState | None = None,
         ground: Ground | None = None,
-        **blocks: System,
+        delay: float = 0.0,
+        **blocks: System | None,
     ):
         """Begins with the walking state `start`, by default standing.
 
-        `ground` is the controller's model of the ground, None: flat.  `blocks`
-        replace blocks of the CapturePointController.
+        `ground` is the controller's model of the ground, None: flat; `delay`
+        [s] that of the measurements, a multiple of the period.  `blocks`
+        replace blocks of the table and of the CapturePointController by name;
+        None leaves one out.
 
         Raises:
             ValueError: as CapturePointController.
@@ -75,24 +99,42 @@ class BalanceController(Diagram):
         lead = 0.0
         if robot.drives is not None:  # each torque is held for a period
             lead = robot.drives.lag + 0.5 * period
-        builder = DiagramBuilder()
-        wire(
-            builder,
-            {
-                "centroidal_estimator": CentroidalEstimator(robot, lead),
-                "capture_point_controller": CapturePointController(
-                    params, model, start=start, **blocks
+        inner = CapturePointController.ROLES
+        if "capture_point_controller" in blocks:
+            inner = ()
+        planners = {name: blocks.pop(name) for name in inner if name in blocks}
+        roles = {
+            "state_predictor": Role(
+                lambda: StatePredictor(robot, period, delay, lead),
+                ("predicted_state",),
+            ),
+            "centroidal_estimator": Role(
+                lambda: CentroidalEstimator(robot),
+                ("com_state", "icp", "foot_poses"),
+            ),
+            "capture_point_controller": Role(
+                lambda: CapturePointController(
+                    params, model, start=start, **planners
                 ),
-                "swing_foot_planner": SwingFootPlanner(
+                ("walking_state", "momentum_rate"),
+            ),
+            "swing_foot_planner": Role(
+                lambda: SwingFootPlanner(
                     params.swing_foot, model, period, lead
                 ),
-                "friction_estimator": FrictionEstimator(
-                    robot.whole_body, robot.mass, period
+                ("swing_foot_reference",),
+            ),
+            "friction_estimator": Role(
+                lambda: FrictionEstimator(robot.whole_body, robot.mass, period),
+                ("friction",),
+            ),
+            "whole_body_inverse_dynamics": Role(
+                lambda: WholeBodyInverseDynamics(
+                    robot.whole_body, robot, period
                 ),
-                "whole_body_inverse_dynamics": WholeBodyInverseDynamics(
-                    robot.whole_body, robot, period, lead
-                ),
-            },
-            self.INPUTS,
-        )
+                ("actuation",),
+            ),
+        }
+        builder = DiagramBuilder()
+        wire(builder, fill(roles, blocks, inner), self.INPUTS)
         builder.BuildInto(self)

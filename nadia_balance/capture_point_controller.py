@@ -7,6 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
+from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.icp_plan import IcpPlanParams
 from nadia_balance.core.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.model import PointMassModel
@@ -18,10 +19,11 @@ from nadia_balance.core.walking_state_machine import WalkingStateMachineParams
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
+from nadia_balance.systems.com_height_controller import ComHeightController
 from nadia_balance.systems.icp_planner import IcpPlanner
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
-from nadia_balance.systems.ports import require_outputs, wire
+from nadia_balance.systems.ports import Role, fill, wire
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 
@@ -49,6 +51,7 @@ class ControllerParams:
     # `balance`.
     icp_step_qp: IcpStepQpParams | None = None
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
+    com_height: ComHeightParams = field(default_factory=ComHeightParams)
     swing_foot: SwingFootParams = field(default_factory=SwingFootParams)
 
     def validate_more(self) -> None:
@@ -65,14 +68,34 @@ class ControllerParams:
 class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips, steps and their timing.
 
-    It implements the Nadia paper's Sections II to VI or, with `icp_step_qp`,
-    the Atlas paper; its model is a point mass and two soles.  `mechanisms` (see
-    Mechanisms) selects the mechanisms that it may use, all if not connected.
-    Any block may be replaced by another system with the same outputs; its
-    inputs are connected by name to any input or output of this diagram.
-    The port `capture_regions` exists if the step adjuster has it.  State is
-    updated in unrestricted events, once per `control_period`, from the state
-    and the inputs before them.
+    The Nadia paper's Sections II to VI or, with `icp_step_qp`, the Atlas
+    paper, for a point mass on two soles.  Signals are connected by their names:
+
+    =====================  ================================  ================
+    block                  reads                             writes
+    =====================  ================================  ================
+    walking_state_machine  foot_poses, foot_forces, icp,     walking_state,
+                           icp_plan, time_adjustment,        walking_signal
+                           adjustment
+    icp_planner            walking_state                     icp_plan,
+                                                             icp_reference
+    timing_adapter         icp, icp_plan, walking_state,     time_adjustment
+                           foot_poses, mechanisms
+    step_adjuster          icp, walking_state, foot_poses,   adjustment,
+                           time_adjustment, mechanisms       capture_regions
+    momentum_qp            icp, icp_reference,               ecmp_command,
+                           walking_state                     ...qp_status
+    step_controller        takes the place of the last two   the outputs of
+                           blocks with `icp_step_qp`         both, and of the
+                                                             icp_reference
+    com_height_controller  com_state, ecmp_command,          momentum_rate
+                           walking_state
+    =====================  ================================  ================
+
+    walking_state is a state, which closes the loop through the planner: it is
+    updated once per `control_period`, as all state here, from the state and the
+    inputs before.  `mechanisms` (see Mechanisms), all if not connected, selects
+    those that the controller may use.
 
     .. pydrake_system::
 
@@ -84,6 +107,15 @@ class CapturePointController(Diagram):
     """
 
     INPUTS = ("foot_poses", "foot_forces", "icp", "mechanisms", "com_state")
+    ROLES = (
+        "walking_state_machine",
+        "icp_planner",
+        "timing_adapter",
+        "step_adjuster",
+        "momentum_qp",
+        "step_controller",
+        "com_height_controller",
+    )
 
     def __init__(
         self,
@@ -91,61 +123,70 @@ class CapturePointController(Diagram):
         model: PointMassModel,
         *,
         start: WalkingState | None = None,
-        icp_planner: System | None = None,
-        timing_adapter: System | None = None,
-        step_adjuster: System | None = None,
-        momentum_qp: System | None = None,
+        **blocks: System | None,
     ):
         """Begins with the walking state `start`, by default standing.
 
+        `blocks` replace those of the same names, None leaves one out.  A block
+        has at least the output ports that others read, and any input whose name
+        is a signal of this diagram.
+
         Raises:
             ValueError: a parameter is out of range; a block lacks a port that
-                others need, has one of a wrong type, or `icp_step_qp`
-                replaces it.
+                others need, has one of a wrong type, or has no place here.
         """
         super().__init__()
         check(params)
         period = params.control_period
-        blocks = {
-            "walking_state_machine": WalkingStateMachine(
-                params.walking_state_machine, model, period, start
+        roles = {
+            "walking_state_machine": Role(
+                lambda: WalkingStateMachine(
+                    params.walking_state_machine, model, period, start
+                ),
+                ("walking_state",),
             ),
-            "icp_planner": icp_planner or _icp_planner(params, model),
-            "timing_adapter": timing_adapter
-            or TimingAdapter(params.timing_adapter, model, period),
+            "icp_planner": Role(
+                lambda: _icp_planner(params, model), ("icp_plan",)
+            ),
+            "timing_adapter": Role(
+                lambda: TimingAdapter(params.timing_adapter, model, period),
+                ("time_adjustment",),
+            ),
+            **_stabilisers(params, model),
+            "com_height_controller": Role(
+                lambda: ComHeightController(params.com_height, model, period),
+                ("momentum_rate",),
+            ),
         }
-        if params.icp_step_qp:
-            for role, block in (
-                ("step_adjuster", step_adjuster),
-                ("momentum_qp", momentum_qp),
-            ):
-                if block is not None:
-                    raise ValueError(
-                        f"{role} = {type(block).__name__}: must be None with "
-                        "icp_step_qp, which takes its place"
-                    )
-            blocks["step_controller"] = IcpStepController(
-                params.icp_step_qp, model, period
-            )
-        else:
-            blocks["step_adjuster"] = step_adjuster or (
-                CaptureRegionStepAdjuster(params.step_adjuster, model, period)
-            )
-            blocks["momentum_qp"] = momentum_qp or MomentumQp(
-                params.balance, model, period
-            )
-        reference = () if params.icp_step_qp else ("icp_reference",)
-        for role, *outputs in (
-            ("icp_planner", "icp_plan", *reference),
-            ("timing_adapter", "time_adjustment"),
-            ("step_adjuster", "adjustment"),
-            ("momentum_qp", "ecmp_command", "momentum_rate"),
-        ):
-            if role in blocks:
-                require_outputs(role, blocks[role], *outputs)
         builder = DiagramBuilder()
-        wire(builder, blocks, self.INPUTS)
+        wire(builder, fill(roles, blocks), self.INPUTS)
         builder.BuildInto(self)
+
+
+def _stabilisers(
+    params: ControllerParams, model: PointMassModel
+) -> dict[str, Role]:
+    """The blocks that move footholds and the eCMP: two, or one with one QP."""
+    period = params.control_period
+    if params.icp_step_qp:
+        return {
+            "step_controller": Role(
+                lambda: IcpStepController(params.icp_step_qp, model, period),
+                ("adjustment", "ecmp_command", "icp_reference"),
+            )
+        }
+    return {
+        "step_adjuster": Role(
+            lambda: CaptureRegionStepAdjuster(
+                params.step_adjuster, model, period
+            ),
+            ("adjustment",),
+        ),
+        "momentum_qp": Role(
+            lambda: MomentumQp(params.balance, model, period),
+            ("ecmp_command",),
+        ),
+    }
 
 
 def _icp_planner(params: ControllerParams, model: PointMassModel) -> System:

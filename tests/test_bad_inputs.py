@@ -20,7 +20,7 @@ from tests.test_ports import systems_in
 MID_SWING = 1.68  # as a tick is due [s]
 PORTS = {
     HumanoidDiagram: {
-        "centroidal_estimator": ("estimated_state",),
+        "centroidal_estimator": ("predicted_state",),
         "whole_body_inverse_dynamics": (
             "whole_body_terms",
             "momentum_rate",
@@ -29,7 +29,7 @@ PORTS = {
             "friction",
         ),
         "state_sensor": ("state", "foot_forces"),
-        "state_predictor": ("delayed_state", "generalized_acceleration"),
+        "state_predictor": ("estimated_state", "generalized_acceleration"),
         "friction_estimator": ("whole_body_terms", "foot_wrenches"),
         "joint_drives": ("actuation", "state"),
     },
@@ -46,7 +46,10 @@ PORTS = {
             *("icp", "walking_state", "time_adjustment", "foot_poses"),
             "mechanisms",
         ),
-        "momentum_qp": ("com_state", "icp", "icp_reference", "walking_state"),
+        "momentum_qp": ("icp", "icp_reference", "walking_state"),
+        "com_height_controller": (
+            *("com_state", "ecmp_command", "walking_state"),
+        ),
         "swing_foot_planner": ("walking_state",),
         "plant": (
             *("ecmp_command", "swing_foot_reference", "walking_state"),

@@ -27,6 +27,7 @@ from nadia_balance.robot import load_robot
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
+from nadia_balance.systems.com_height_controller import ComHeightController
 from nadia_balance.systems.icp_planner import IcpPlanner
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
@@ -118,6 +119,7 @@ def test_the_parameters_say_which_papers_blocks_there_are():
         "walking_state_machine": WalkingStateMachine,
         "icp_planner": IcpPlanner,
         "timing_adapter": TimingAdapter,
+        "com_height_controller": ComHeightController,
     }
     regions = {"step_adjuster": CaptureRegionStepAdjuster}
     assert ours == shared | regions | {"momentum_qp": MomentumQp}
@@ -139,7 +141,7 @@ def test_the_plan_of_the_atlas_paper_also_goes_with_our_blocks():
 def test_refuses_a_block_whose_place_is_taken(role):
     """Oracle: one line that names role, class and parameter."""
     params = ControllerParams(icp_step_qp=IcpStepQpParams())
-    message = f"^{role} = Aside: must be None with icp_step_qp"
+    message = f"^block = '{role}': must be one of .*, step_controller,"
     with pytest.raises(ValueError, match=message):
         CapturePointController(params, MODEL, **{role: Aside()})
 

@@ -16,26 +16,22 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 import yaml
-from pydrake.common.yaml import yaml_dump_typed
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
-from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.summary import Run
 from nadia_balance.robot_params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope_sweep.plan import sweep_from
-from nadia_balance.typed_yaml import load_typed
 from tests import run_cache
-from tests.diagrams.simulated import run_of
 from tests.run_cache import data
 from tests.source_files import ROOT, imports
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 DIAGRAM = (ROOT / "docs" / "diagram.md").read_text(encoding="utf-8")
+OWN = (ROOT / "docs" / "own_blocks.md").read_text(encoding="utf-8")
 FIELDS = (ROOT / "docs" / "robot_yaml.md").read_text(encoding="utf-8")
 PAGES = [
     *ROOT.glob("*.md"),
@@ -119,7 +115,7 @@ def test_a_plant_of_ones_own_is_that_of_the_robot():
 
 def test_some_lines_more_are_uneven_ground():
     """Oracle: after six steps of 0.3 m it stands 10 cm higher, on the block."""
-    _, block, _ = blocks(DIAGRAM, "python")
+    _, block = blocks(DIAGRAM, "python")
 
     def climbed() -> np.ndarray:
         robot, builder = nb.load_robot("nadia"), DiagramBuilder()
@@ -147,23 +143,33 @@ def test_some_lines_more_are_uneven_ground():
     assert z == pytest.approx(0.1, abs=0.01)
 
 
-def test_some_40_lines_are_a_step_adjuster_of_ones_own():
-    """Oracle: without it, the same push throws the robot over."""
-    *_, block = blocks(DIAGRAM, "python")
-    assert len(block.splitlines()) <= 41
+@pytest.mark.parametrize(
+    ("number", "acts", "idle"),
+    [
+        (0, "step_adjuster=mine", ""),
+        (1, "self.B.T @", "0.0 * self.B.T @"),
+        (2, "self.B.T @", "0.0 * self.B.T @"),
+    ],
+)
+def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
+    """Oracle: the robot keeps its feet, and falls if the block is idle."""
+    block = blocks(OWN, "python")[number]
+    made, *_ = re.split(r"^(?:mine|scenario) = ", block, flags=re.MULTILINE)
+    assert len(made.split("\n")) - made.count("\n\n") <= 40
+    assert acts in block
 
-    def executed() -> tuple[Run, str]:
-        names = {}
-        exec(block, names)
-        assert names["run"].simulated_time == pytest.approx(5.0)
-        return names["run"], yaml_dump_typed(names["scenario"])
+    def executed() -> tuple[str, str]:
+        reasons = []
+        for code in block, block.replace(acts, idle):
+            names = {}
+            exec(code, names)
+            reasons.append(names["run"].fall_reason)
+        return tuple(reasons)
 
-    modules = "docs.diagram", *MODULES, *imports(ast.parse(block))
-    run, text = run_cache.once(modules, block + data(), executed)
-    assert not run.fall_reason
-    scenario = load_typed(Scenario, "scenario", data=text)
-    scenario.duration = 5.0
-    assert run_of(scenario).fall_reason
+    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
+    keeps, falls = run_cache.once(modules, block + data(), executed)
+    assert not keeps
+    assert falls
 
 
 def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:

@@ -25,7 +25,7 @@ from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.mujoco_plant import PointContacts
 
 # output port: the input ports that it depends on within the same instant.
-ICP_CONTROL = {"com_state", "icp", "icp_reference", "walking_state"}
+ICP_CONTROL = {"icp", "icp_reference", "walking_state"}
 JOINT_CONTROL = {
     "whole_body_terms",
     "momentum_rate",
@@ -55,20 +55,22 @@ FEEDTHROUGH = {
         "capture_regions": STEP_ADJUSTMENT,
     },
     "CentroidalEstimator": {
-        "com_state": {"estimated_state"},
-        "icp": {"estimated_state"},
-        "foot_poses": {"estimated_state"},
-        "whole_body_terms": {"estimated_state"},
+        "com_state": {"predicted_state"},
+        "icp": {"predicted_state"},
+        "foot_poses": {"predicted_state"},
+        "whole_body_terms": {"predicted_state"},
+    },
+    "ComHeightController": {
+        "momentum_rate": {"com_state", "ecmp_command", "walking_state"}
     },
     "FootForceSensor": {"foot_forces": set()},  # held between two ticks
     "FrictionEstimator": {"friction": set()},  # one tick late
     "IcpStepController": {
         "adjustment": STEP_CONTROL,
         "capture_regions": STEP_CONTROL,
-        "ecmp_command": STEP_CONTROL | {"com_state"},
-        "momentum_qp_status": STEP_CONTROL | {"com_state"},
-        "momentum_rate": STEP_CONTROL | {"com_state"},
-        "icp_reference": STEP_CONTROL | {"com_state"},
+        "ecmp_command": STEP_CONTROL,
+        "momentum_qp_status": STEP_CONTROL,
+        "icp_reference": STEP_CONTROL,
     },
     "IcpPlanner": {
         "icp_plan": {"walking_state"},
@@ -78,7 +80,6 @@ FEEDTHROUGH = {
     "LiveControls": {"live_push": set(), "mechanisms": set()},
     "MomentumQp": {
         "ecmp_command": ICP_CONTROL,
-        "momentum_rate": ICP_CONTROL,
         "momentum_qp_status": ICP_CONTROL,
     },
     "MujocoPlant": {
@@ -96,8 +97,8 @@ FEEDTHROUGH = {
         "push_signal": set(),
         "spatial_forces": set(),
     },
-    "StatePredictor": {"estimated_state": {"delayed_state"}},
-    "StateSensor": {"estimated_state": set(), "measured_foot_forces": set()},
+    "StatePredictor": {"predicted_state": {"estimated_state"}},
+    "StateSensor": {"measured_state": set(), "measured_foot_forces": set()},
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": {"walking_state"}},
     "WalkingStateMachine": {"walking_state": set(), "walking_signal": set()},

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
-from nadia_balance.core.com_height import ComHeightPlan, plan_com_height
 from nadia_balance.core.foothold_adjustment import unadjusted
 from nadia_balance.core.icp_plan import IcpReference, reference_of
 from nadia_balance.core.icp_step_qp import (
@@ -58,7 +57,6 @@ class StepPhase(Immutable):
     reach: Array
     limits: StepLimits
     ankles: AnkleFeedback
-    height: ComHeightPlan
 
 
 class StepFeedback(NamedTuple):
@@ -143,7 +141,6 @@ def step_phase(
             weights, halfspaces(room), reach_room(stance, nominal, reach)
         ),
         AnkleFeedback(room, weights, params.feedback_gain),
-        plan_com_height(schedule, params.com_height, model),
     )
 
 

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.walking import Array, FootPose, Immutable
@@ -39,7 +38,6 @@ class IcpStepQpParams:
     # Times before touchdown and after a phase change without foothold changes.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
-    com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
     def validate_more(self) -> None:
         """Raises ValueError if a weight is no positive definite matrix."""

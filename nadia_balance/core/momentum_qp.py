@@ -1,13 +1,12 @@
 """ICP feedback by ankles and hips, one quadratic program (Nadia, Sec. III)."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import halfspaces, project, shrink
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
@@ -38,7 +37,6 @@ class MomentumQpParams:
     cop_safe_distance: float = bounded(
         0.005, least=0.0, unit="m", of="sole_width"
     )
-    com_height: ComHeightParams = field(default_factory=ComHeightParams)
 
     def validate_more(self) -> None:
         """Raises ValueError if the weights leave too little of the gain."""

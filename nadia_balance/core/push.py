@@ -149,7 +149,7 @@ class Push:
     def is_in_phase(self, state: WalkingState) -> bool:
         """True in the phase in which the push begins."""
         moment = self.moment
-        return (
+        return moment.phase is not None and (
             state.schedule.phase is moment.phase
             and state.schedule.support_side.other is moment.swing
             and state.steps_taken >= self.after_steps

@@ -155,6 +155,17 @@ def swing_foot_motion(
     return motions[0], motions[1]
 
 
+def velocity_now(swing: Array, lead: float) -> Array:
+    """Returns the reference (12,), `lead` [s] ahead, with present velocities.
+
+    Of the robot, only positions are predicted (see StatePredictor).
+    """
+    late = swing.copy()
+    late[3:6] -= lead * swing[6:9]
+    late[10] -= lead * swing[11]
+    return late
+
+
 def _time_to_brake(
     height: float,
     descent: float,

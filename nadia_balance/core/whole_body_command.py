@@ -260,17 +260,6 @@ def whole_body_command(
     )
 
 
-def velocity_now(swing: Array, lead: float) -> Array:
-    """Returns the reference (12,), `lead` [s] ahead, with present velocities.
-
-    Only positions of the robot are predicted (see CentroidalEstimator).
-    """
-    late = swing.copy()
-    late[3:6] -= lead * swing[6:9]
-    late[10] -= lead * swing[11]
-    return late
-
-
 def sole_normals(state: WalkingState) -> Array:
     """Returns the desired normals (2, 3) of the (left, right) sole in W.
 

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
@@ -12,7 +11,12 @@ from nadia_balance.core.walking import FootPose, FootPoses
 from nadia_balance.core.whole_body_command import WholeBodyTerms
 from nadia_balance.link_distances import LinkDistances
 from nadia_balance.robot import RobotModel
-from nadia_balance.systems.ports import declare_output, entries, size
+from nadia_balance.systems.ports import (
+    VectorInput,
+    declare_output,
+    entries,
+    size,
+)
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
 
 
@@ -25,26 +29,23 @@ class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
 class CentroidalEstimator(LeafSystem):
     """Computes CoM, ICP (Nadia paper, Eq. 1), foot poses and dynamics terms.
 
-    `estimated_state` is [q, v] of the robot's `control_plant`.
-    `whole_body_terms` are WholeBodyTerms, from which the other outputs follow:
-    `com_state`, a ComState, `icp` (2,) [m] in W, and `foot_poses`, FootPoses
-    (as if level).  Positions are predicted `lead` ahead, to the time at which
-    the torques of this tick act, at the measured velocity.  Velocities are not
-    predicted: with the accelerations of the last tick the loop is unstable.
+    icp = c + c_dot / omega.  `predicted_state` is [q, v] of the robot's
+    `control_plant`.  `whole_body_terms` are WholeBodyTerms, from which the
+    other outputs follow: `com_state`, a ComState, `icp` (2,) [m] in W, and
+    `foot_poses`, FootPoses (as if level).
 
     Evaluating any output raises RuntimeError if the state is not finite.
 
     .. pydrake_system::
 
         name: CentroidalEstimator
-        input_ports: [estimated_state]
+        input_ports: [predicted_state]
         output_ports: [whole_body_terms, com_state, icp, foot_poses]
     """
 
-    def __init__(self, robot: RobotModel, lead: float = 0.0):
-        """Estimates with a private plant of `robot`, a `lead` [s] ahead."""
+    def __init__(self, robot: RobotModel):
+        """Estimates with a private plant of `robot`."""
         super().__init__()
-        self._lead = lead
         # A private plant for the terms and the distances of the shapes.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
@@ -53,8 +54,8 @@ class CentroidalEstimator(LeafSystem):
         if robot.drives is not None:
             self._distances = LinkDistances(robot, plant, scene_graph)
         self._omega = robot.point_mass.omega
-        self._estimated_state = self.DeclareVectorInputPort(
-            "estimated_state", plant.num_multibody_states()
+        self._state = VectorInput(
+            self, "predicted_state", plant.num_multibody_states()
         )
         # Scratch memory: only the calculation of the terms changes it.
         self._scratch = self.DeclareCacheEntry(
@@ -69,7 +70,7 @@ class CentroidalEstimator(LeafSystem):
             self,
             "whole_body_terms",
             self._calc_terms,
-            {self._estimated_state.ticket()},
+            {self._state.ticket()},
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
@@ -79,32 +80,17 @@ class CentroidalEstimator(LeafSystem):
         declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
     def _calc_terms(self, context) -> WholeBodyTerms:
-        state = self._estimated_state.Eval(context)
-        if not math.isfinite(state @ state):
-            i = int(np.flatnonzero(~np.isfinite(state))[0])
-            raise RuntimeError(
-                f"{self.get_name() or type(self).__name__}: input port "
-                f"'estimated_state' is not finite: "
-                f"{self._plant.GetStateNames()[i]} = {state[i]}"
-            )
         plant_context = self._plant.GetMyMutableContextFromRoot(
             self._scratch.Eval(context)
         )
-        self._plant.SetPositionsAndVelocities(plant_context, state)
-        if self._lead:
-            self._look_ahead(plant_context, state)
+        self._plant.SetPositionsAndVelocities(
+            plant_context, self._state(context)
+        )
         terms = self._kinematics.calc(plant_context)
         if self._distances is None:
             return terms
         distances, rows = self._distances.calc(plant_context)
         return terms._replace(distances=distances, distance_rows=rows)
-
-    def _look_ahead(self, plant_context, state: np.ndarray) -> None:
-        nq = self._plant.num_positions()
-        q, v = state[:nq], state[nq:]
-        q = q + self._lead * self._plant.MapVelocityToQDot(plant_context, v)
-        q[:4] /= math.hypot(*q[:4].tolist())
-        self._plant.SetPositions(plant_context, q)
 
     def _calc_com_state(self, context, output):
         output.set_value(self._terms.Eval(context).com_state)

@@ -7,7 +7,6 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.bounds import check
-from nadia_balance.core.com_height import vertical_acceleration
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.icp_step_control import (
     StepFeedback,
@@ -18,7 +17,6 @@ from nadia_balance.core.icp_step_control import (
 )
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.momentum_qp import momentum_rate
 from nadia_balance.core.polygon import shrink
 from nadia_balance.core.walking import (
     Adjustment,
@@ -26,7 +24,6 @@ from nadia_balance.core.walking import (
     Phase,
     WalkingState,
 )
-from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
 from nadia_balance.systems.ports import (
@@ -47,7 +44,7 @@ class IcpStepController(LeafSystem):
     from the plan with the adjusted footholds, at the time to which the clock is
     about to be advanced.
 
-    Inputs: `com_state`, a ComState; `icp` (2,) [m] in W; `walking_state`, a
+    Inputs: `icp` (2,) [m] in W; `walking_state`, a
     WalkingState; `icp_plan`, the AtlasIcpPlan of its schedule;
     `time_adjustment` (2,) [s] of a TimingAdapter, 0 if not connected;
     `mechanisms` (4,), all on if not connected.
@@ -55,17 +52,17 @@ class IcpStepController(LeafSystem):
     Outputs: `adjustment`, an Adjustment, NOTHING (see ports) while `step` is
     off; `capture_regions`, CaptureRegions without regions, in a swing with
     reach and footholds; `ecmp_command`, an EcmpCommand with two equal points;
-    `momentum_qp_status`, a QpStatus, its violation in [m]; `momentum_rate` (3,)
-    [N] in W; `icp_reference`, an IcpReference.  The discrete state holds the
-    last four outputs, as of the last tick.
+    `momentum_qp_status`, a QpStatus, its violation in [m]; `icp_reference`, an
+    IcpReference.  The discrete state holds the last three outputs, as of the
+    last tick.
 
     .. pydrake_system::
 
         name: IcpStepController
-        input_ports: [com_state, icp, walking_state, icp_plan,
-                      time_adjustment, mechanisms]
+        input_ports: [icp, walking_state, icp_plan, time_adjustment,
+                      mechanisms]
         output_ports: [adjustment, capture_regions, ecmp_command,
-                       momentum_qp_status, momentum_rate, icp_reference]
+                       momentum_qp_status, icp_reference]
     """
 
     def __init__(
@@ -82,7 +79,6 @@ class IcpStepController(LeafSystem):
         self._params, self._model = params, model
         self._reach = uncrossed_reach(params, model)
         self._qp = IcpStepQp(params)
-        self._com_state = VectorInput(self, "com_state", ComState)
         self._icp = VectorInput(self, "icp", 2)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
         self._icp_plan = ValueInput(self, "icp_plan", AtlasIcpPlan)
@@ -118,12 +114,11 @@ class IcpStepController(LeafSystem):
             {
                 "ecmp_command": size(EcmpCommand),
                 "momentum_qp_status": size(QpStatus),
-                "momentum_rate": 3,
                 "icp_reference": size(IcpReference),
             },
-            4,
+            3,
             self._calc_outcome,
-            needs | {self._com_state.ticket()},
+            needs,
             period,
         )
 
@@ -169,21 +164,9 @@ class IcpStepController(LeafSystem):
                 ecmp,
                 ecmp,
                 QpStatus(last["momentum_qp_status"]).after(result),
-                self._momentum_rate(context, ecmp),
                 reference.icp,
                 reference.icp_velocity,
                 reference.cop,
                 reference.ecmp,
             )
         )
-
-    def _momentum_rate(self, context, ecmp) -> np.ndarray:
-        com, time = self._com_state(context), self._walking_state(context)
-        height = self._phase.Eval(context)[1].height
-        acceleration = vertical_acceleration(
-            float(com.z),
-            float(com.vz),
-            *height.at(time.time_in_phase),
-            self._params.com_height,
-        )
-        return momentum_rate(com.position[:2], ecmp, acceleration, self._model)

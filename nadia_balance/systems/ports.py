@@ -9,7 +9,8 @@ import abc
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from itertools import filterfalse
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
@@ -275,20 +276,46 @@ class Outcome:
         return {name: vector[part] for name, part in self._parts.items()}
 
 
-def require_outputs(role: str, system: System, *names: str) -> None:
-    """Checks that `system` can be the block `role`: its output port `names`.
+class Role(NamedTuple):
+    """A block's place in a controller: its default, and its outputs' names."""
+
+    make: Callable[[], System]
+    outputs: tuple[str, ...]
+
+
+def fill(
+    roles: Mapping[str, Role],
+    blocks: Mapping[str, System | None],
+    others: Iterable[str] = (),
+) -> dict[str, System]:
+    """Returns a system for each of `roles`: that in `blocks`, or the default.
+
+    None in `blocks` leaves the role empty.  `others` are roles elsewhere, for
+    the message.
 
     Raises:
-        ValueError: `system` lacks one of these ports, or is no System.
+        ValueError: `blocks` has an unknown role, no System, or a system that
+            lacks an output of its role.
     """
-    if not isinstance(system, System):
-        raise ValueError(f"{role} = {system!r}: must be a System, made already")
-    for name in names:
-        if not system.HasOutputPort(name):
+    for role, block in blocks.items():
+        if role not in roles:
+            known = ", ".join((*roles, *others))
+            raise ValueError(f"block = {role!r}: must be one of {known}")
+        if block is None:
+            continue
+        if not isinstance(block, System):
             raise ValueError(
-                f"{role} = {type(system).__name__}: must have the output port "
+                f"{role} = {block!r}: must be a System, made already"
+            )
+        for name in filterfalse(block.HasOutputPort, roles[role].outputs):
+            raise ValueError(
+                f"{role} = {type(block).__name__}: must have the output port "
                 f"{name!r}"
             )
+    given = blocks | {
+        role: roles[role].make() for role in roles if role not in blocks
+    }
+    return {role: given[role] for role in roles if given[role] is not None}
 
 
 def connect(

@@ -62,6 +62,8 @@ class PushSource(LeafSystem):
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can have different pushes (see `set_push`).
+    Without a `walking_state`, pushes can only begin at a time, and their
+    directions are relative to W.
     State, for each push and then for the live one: [ticks left, heading [rad]
     in W (of the support foot until the push begins, then of the force), peak
     force [N]]; the last three entries are the last count, the number of live
@@ -107,7 +109,9 @@ class PushSource(LeafSystem):
             for push, shares in zip(pushes, self._shares, strict=True)
         ]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._walking_state = ValueInput(
+            self, "walking_state", WalkingState, None
+        )
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             size = [push.newtons(mass, period), push.direction_deg]
@@ -259,8 +263,10 @@ class PushSource(LeafSystem):
         output.set_value(forces)
 
 
-def _yaw(state: WalkingState) -> float:
-    """Yaw of the support foot in W [rad]."""
+def _yaw(state: WalkingState | None) -> float:
+    """Yaw of the support foot in W [rad], 0 without a walking state."""
+    if state is None:
+        return 0.0
     schedule = state.schedule
     return schedule.feet[schedule.support_side].yaw
 

@@ -1,4 +1,4 @@
-"""Prediction of the robot's present state from a delayed measurement."""
+"""Prediction of the state at the time at which the next torques act."""
 
 import math
 
@@ -12,41 +12,46 @@ from nadia_balance.systems.ports import VectorInput
 
 
 class StatePredictor(LeafSystem):
-    """Predicts the present state by the accelerations commanded since then.
+    """Predicts the state over the delay behind it and the lag ahead of it.
 
-    A Smith predictor.  `delayed_state` is [q, v] of the robot's
-    `control_plant` a `delay` ago, `estimated_state` the same now.
-    `generalized_acceleration` (nv,) is the acceleration that the QP expects of
-    the torques of a tick, see WholeBodyInverseDynamics; the drives' lag filters
-    it.  The discrete state is the filtered acceleration now, and its means over
-    the periods of the delay, the latest first; 0 at the start.
+    Over the `delay` of the measurement (a Smith predictor), in steps of the
+    period h: q += h (v + h a / 2), v += h a, with the accelerations a that were
+    commanded since.  Over the `lead` until the torques act: q += lead v.  There
+    the velocity is kept: with the accelerations of the last tick the loop is
+    unstable.
 
-    Evaluating the output, or an update, raises RuntimeError if the input is
-    not finite.
+    `estimated_state` is [q, v] of the robot's `control_plant` a `delay` ago,
+    `predicted_state` the same a `lead` from now.  `generalized_acceleration`
+    (nv,), a port only with a delay, is the acceleration that the QP expects of
+    the torques of a tick (see WholeBodyInverseDynamics); the drives' lag
+    filters it.  The discrete state, only with a delay, is the filtered
+    acceleration now, and its means over the periods of the delay, the latest
+    first; 0 at the start.
+
+    Evaluating the output, or an update, raises RuntimeError if an input is not
+    finite.
 
     .. pydrake_system::
 
         name: StatePredictor
-        input_ports: [delayed_state, generalized_acceleration]
-        output_ports: [estimated_state]
+        input_ports: [estimated_state, generalized_acceleration]
+        output_ports: [predicted_state]
     """
 
-    def __init__(self, robot: RobotModel, period: float, delay: float):
-        """Predicts over a `delay` [s], a multiple of the `period` [s]."""
+    def __init__(
+        self,
+        robot: RobotModel,
+        period: float,
+        delay: float = 0.0,
+        lead: float = 0.0,
+    ):
+        """Predicts by `delay`, a multiple of `period`, plus `lead` [s]."""
         super().__init__()
-        self._period = period
+        self._period, self._lead = period, lead
         self._plant = plant = robot.control_plant()
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
-        # Response to a step in acceleration: after one period, and its mean.
-        self._share, self._mean_share = 1.0, 1.0
-        if robot.drives is not None:
-            self._share = lag_share(robot.drives.bandwidth, period)
-            self._mean_share -= self._share * robot.drives.lag / period
         size = plant.num_multibody_states()
-        self._delayed_state = VectorInput(self, "delayed_state", size)
-        self._commanded = VectorInput(
-            self, "generalized_acceleration", self._nv
-        )
+        self._state = self.DeclareVectorInputPort("estimated_state", size)
         # Scratch memory.
         self._scratch = self.DeclareCacheEntry(
             "plant context",
@@ -56,17 +61,27 @@ class StatePredictor(LeafSystem):
             ),
             prerequisites_of_calc={self.nothing_ticket()},
         )
-        self.DeclareDiscreteState((1 + round(delay / period)) * self._nv)
+        self._periods = round(delay / period)
+        if self._periods:
+            # Response to a step in acceleration: after a period, and its mean.
+            self._share, self._mean_share = 1.0, 1.0
+            if robot.drives is not None:
+                self._share = lag_share(robot.drives.bandwidth, period)
+                self._mean_share -= self._share * robot.drives.lag / period
+            self._commanded = VectorInput(
+                self, "generalized_acceleration", self._nv
+            )
+            self.DeclareDiscreteState((1 + self._periods) * self._nv)
+            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
         self.DeclareVectorOutputPort(
-            "estimated_state",
+            "predicted_state",
             size,
             self._calc_state,
             prerequisites_of_calc={
-                self._delayed_state.ticket(),
+                self._state.ticket(),
                 self.all_state_ticket(),
             },
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
 
     def _accelerations(self, context) -> np.ndarray:
         """Accelerations (1 + n, nv): now, and n means, the latest first."""
@@ -80,14 +95,35 @@ class StatePredictor(LeafSystem):
         new.set_value(np.concatenate((*latest, *means[:-1])))
         return EventStatus.Succeeded()
 
+    def _checked_state(self, context) -> np.ndarray:
+        state = self._state.Eval(context)
+        if not math.isfinite(state @ state):
+            i = int(np.flatnonzero(~np.isfinite(state))[0])
+            raise RuntimeError(
+                f"{self.get_name() or type(self).__name__}: input port "
+                f"'estimated_state' is not finite: "
+                f"{self._plant.GetStateNames()[i]} = {state[i]}"
+            )
+        return state
+
     def _calc_state(self, context, output):
-        q, v = np.split(self._delayed_state(context), [self._nq])
-        h, way = self._period, np.zeros(self._nv)
-        for acceleration in self._accelerations(context)[:0:-1]:
-            way += h * (v + 0.5 * h * acceleration)
-            v = v + h * acceleration
+        q, v = np.split(self._checked_state(context), [self._nq])
+        if self._periods:
+            h, way = self._period, np.zeros(self._nv)
+            for acceleration in self._accelerations(context)[:0:-1]:
+                way += h * (v + 0.5 * h * acceleration)
+                v = v + h * acceleration
+            q = self._moved(context, q, way, 1.0)
+        if self._lead:
+            q = self._moved(context, q, v, self._lead)
+        output.SetFromVector(np.concatenate((q, v)))
+
+    def _moved(
+        self, context, q: np.ndarray, v: np.ndarray, time: float
+    ) -> np.ndarray:
+        """Positions (nq,) after `time` [s] from `q` at the velocity `v`."""
         plant_context = self._scratch.Eval(context)
         self._plant.SetPositions(plant_context, q)
-        q = q + self._plant.MapVelocityToQDot(plant_context, way)
+        q = q + time * self._plant.MapVelocityToQDot(plant_context, v)
         q[:4] /= math.hypot(*q[:4].tolist())
-        output.SetFromVector(np.concatenate((q, v)))
+        return q

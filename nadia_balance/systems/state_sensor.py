@@ -14,7 +14,7 @@ _PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
 class StateSensor(LeafSystem):
     """Delays the state of the plant and the foot forces, and adds noise.
 
-    `state` is [q, v] of the plant, `estimated_state` the delayed and noisy
+    `state` is [q, v] of the plant, `measured_state` the delayed and noisy
     [q, v]; `measured_foot_forces` are the delayed `foot_forces` (2,) [N].
     Forces and the orientation of the pelvis have no noise.  The discrete state
     is the buffer of delayed samples, the latest first, filled with the initial
@@ -24,7 +24,7 @@ class StateSensor(LeafSystem):
 
         name: StateSensor
         input_ports: [state, foot_forces]
-        output_ports: [estimated_state, measured_foot_forces]
+        output_ports: [measured_state, measured_foot_forces]
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class StateSensor(LeafSystem):
         self._past = self.DeclareDiscreteState(self._ticks * (size + _FEET))
         delayed = {self.all_state_ticket()}
         for name, length, calc, port in (
-            ("estimated_state", size, self._calc_state, self._now),
+            ("measured_state", size, self._calc_state, self._now),
             (
                 "measured_foot_forces",
                 _FEET,

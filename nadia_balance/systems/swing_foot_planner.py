@@ -11,6 +11,7 @@ from nadia_balance.core.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
+    velocity_now,
 )
 from nadia_balance.core.walking import ContactSchedule, WalkingState
 from nadia_balance.systems.ports import (
@@ -48,9 +49,9 @@ class SwingFootPlanner(LeafSystem):
 
     The reference clears the edges of uneven ground that the model contains.
     `walking_state` is a WalkingState; `swing_foot_reference` is the
-    SwingFootReference of the foot that swings, or swings next, a `lead` ahead.
-    The discrete state is the output of the last tick, and the same without
-    the lead.
+    SwingFootReference of the foot that swings, or swings next: like the state
+    of a StatePredictor, positions a `lead` ahead, velocities not.  The discrete
+    state is the output of the last tick, and the motion without the lead.
 
     .. pydrake_system::
 
@@ -115,4 +116,5 @@ class SwingFootPlanner(LeafSystem):
             self._lead,
             self._edges.Eval(context)[1],
         )
-        return np.concatenate((ahead.as_vector(), motion.as_vector()))
+        reference = velocity_now(ahead.as_vector(), self._lead)
+        return np.concatenate((reference, motion.as_vector()))

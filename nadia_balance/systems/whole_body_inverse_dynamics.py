@@ -7,7 +7,6 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.whole_body_command import (
     WholeBodyQpParams,
     WholeBodyTerms,
-    velocity_now,
     whole_body_command,
 )
 from nadia_balance.core.whole_body_qp import WholeBodyQp
@@ -61,11 +60,8 @@ class WholeBodyInverseDynamics(LeafSystem):
         params: WholeBodyQpParams,
         robot: RobotModel,
         period: float,
-        lead: float = 0.0,
     ):
         """Solves every `period` [s], for this `robot`.
-
-        The terms are a `lead` [s] ahead, see CentroidalEstimator.
 
         Raises ValueError for `params` that are out of range.
         """
@@ -77,7 +73,7 @@ class WholeBodyInverseDynamics(LeafSystem):
             params.joint_lower_limits,
             params.joint_upper_limits,
         )
-        self._params, self._model, self._lead = params, model, lead
+        self._params, self._model = params, model
         self._qp = WholeBodyQp(params, model, period)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
@@ -109,7 +105,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         command = whole_body_command(
             self._walking_state(context),
             self._momentum_rate(context),
-            velocity_now(self._swing(context), self._lead),
+            self._swing(context),
             float(self._friction(context)[0]),
             self._params,
             self._model,

@@ -15,6 +15,7 @@ from nadia_balance.core.swing_foot import (
     end_beyond,
     quintic,
     swing_foot_motion,
+    velocity_now,
 )
 from nadia_balance.core.walking import (
     FootPose,
@@ -374,3 +375,16 @@ def test_a_foot_that_is_sent_away_too_late_comes_later():
     # Twice full thrust: a quintic peaks at 1.44 times it, and it turns round.
     most = 2.0 * DETOUR.max_acceleration
     assert np.hypot(*path[:, 2, :2].T).max() < most
+
+
+def test_velocities_now_of_a_reference_ahead():
+    """Oracle: a motion of constant acceleration, its velocities in closed form.
+
+    All axes differ, the yaw, too.
+    """
+    lead, acceleration = 0.02, np.array([1.0, -2.0, 3.0, -4.0])
+    velocity = np.array([0.1, 0.2, -0.3, 0.5])
+    late = np.array([np.zeros(4), velocity + lead * acceleration, acceleration])
+    found = velocity_now(FootMotion(late).as_vector(), lead)
+    now = FootMotion(np.array([np.zeros(4), velocity, acceleration]))
+    assert found == pytest.approx(now.as_vector(), abs=1e-15)

@@ -9,10 +9,11 @@ from nadia_balance.core.walking import FootPose, Footstep, Side
 from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.ports import (
     MechanismsInput,
+    Role,
     ValueInput,
     VectorInput,
     connect,
-    require_outputs,
+    fill,
     wire,
 )
 from tests.blocks import answer, asked, fix
@@ -167,12 +168,22 @@ def test_refuses_to_wire_what_does_not_fit():
             wired(inputs, **blocks)
 
 
-def test_requires_outputs_by_name():
-    """Oracle: one line that names role and port; a system, not its class."""
-    require_outputs("role", Sink(), "twice")
-    with pytest.raises(
-        ValueError, match="^role = Sink: must have the output port 'once'$"
-    ):
-        require_outputs("role", Sink(), "once")
-    with pytest.raises(ValueError, match="^role = .*Sink'>: must be a System"):
-        require_outputs("role", Sink, "twice")
+def test_fills_roles_with_the_given_blocks_or_the_defaults():
+    """Oracle: the systems themselves; None leaves a role empty."""
+    mine, roles = Sink(), {"a": Role(Sink, ()), "b": Role(Sink, ("twice",))}
+    assert fill(roles, {"b": mine, "a": None}) == {"b": mine}
+    assert type(fill(roles, {"b": mine})["a"]) is Sink
+
+
+@pytest.mark.parametrize(
+    ("blocks", "message"),
+    [
+        ({"a": Sink}, "^a = .*Sink'>: must be a System"),
+        ({"b": Sink()}, "^b = Sink: must have the output port 'once'$"),
+        ({"c": Sink()}, "^block = 'c': must be one of a, b, d$"),
+    ],
+)
+def test_refuses_blocks_that_do_not_fit_their_role(blocks, message):
+    roles = {"a": Role(Sink, ()), "b": Role(Sink, ("once",))}
+    with pytest.raises(ValueError, match=message):
+        fill(roles, blocks, ["d"])

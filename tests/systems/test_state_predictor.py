@@ -10,7 +10,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.state_predictor import StatePredictor
-from tests.blocks import answer, running, tick
+from tests.blocks import answer, asked, running, tick
 from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import standing_state
 
@@ -28,12 +28,12 @@ def predicted(fidelity, v, acceleration, ticks):
     predictor = StatePredictor(NADIA[fidelity], PERIOD, DELAY)
     simulator, context = running(
         predictor,
-        delayed_state=state,
+        estimated_state=state,
         generalized_acceleration=np.full(state.size - NQ, acceleration),
     )
     for _ in range(ticks):
         tick(simulator, PERIOD)
-    found = answer(predictor, context, "estimated_state")
+    found = answer(predictor, context, "predicted_state")
     return found[:NQ] - state[:NQ], found[NQ:] - state[NQ:]
 
 
@@ -69,10 +69,51 @@ def test_drives_are_late():
     assert way[7:] == pytest.approx(np.full(NQ - 7, expected), rel=0.02)
 
 
+def random_state(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    state = standing_state() + rng.uniform(-0.3, 0.3, standing_state().size)
+    state[:4] = rng.normal(size=4)
+    state[:4] /= np.linalg.norm(state[:4])
+    state[NQ:] = rng.normal(size=state.size - NQ)
+    return state
+
+
+def test_a_lead_takes_the_positions_ahead():
+    """Oracle: the plant's own kinematics, in 1,000 small steps."""
+    state, lead = random_state(4), 0.01
+    q, v = np.split(state, [NQ])
+    plant = NADIA["realistic"].control_plant()
+    context = plant.CreateDefaultContext()
+    for _ in range(1000):
+        plant.SetPositions(context, q)
+        q = q + 1e-3 * lead * plant.MapVelocityToQDot(context, v)
+    predictor = StatePredictor(NADIA["realistic"], PERIOD, lead=lead)
+    context = asked(predictor, estimated_state=state)
+    found = answer(predictor, context, "predicted_state")
+    # The pelvis turns on along a chord, by 0.02 rad here.
+    assert found[:NQ] == pytest.approx(q, abs=1e-4)
+    assert found[NQ:].tolist() == v.tolist()
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_a_state_that_is_not_finite_is_an_error_that_names_it(value):
+    """Oracle: the message names system, port, coordinate and value."""
+    predictor = StatePredictor(NADIA["realistic"], PERIOD)
+    predictor.set_name("predictor")
+    state = random_state(0)
+    state[6] = value
+    context = asked(predictor, estimated_state=state)
+    message = f"predictor: .*'estimated_state' is not finite: .*_z = {value}"
+    with pytest.raises(RuntimeError, match=message):
+        answer(predictor, context, "predicted_state")
+
+
 def test_a_walking_robot_is_where_it_is_predicted():
     """Oracle: the plant's state; without prediction the error is larger."""
     text = f"{{imperfections: {{delay: 0.012}}, {SOON % 'right'}}}"
-    built = HumanoidDiagram(load_scenario("walk_in_place", text=text))
+    scenario = load_scenario("walk_in_place", text=text)
+    predictor = StatePredictor(NADIA["realistic"], 0.004, 0.012)
+    built = HumanoidDiagram(scenario, state_predictor=predictor)
     simulator = Simulator(built)
     context = simulator.get_mutable_context()
     built.set_initial_state(context)
@@ -80,11 +121,12 @@ def test_a_walking_robot_is_where_it_is_predicted():
     for i in range(200):
         simulator.AdvanceTo(0.352 + i * 0.004)  # a swing from 0.45 s on
         known, late = (
-            system.GetOutputPort("estimated_state").Eval(
+            system.GetOutputPort(name).Eval(
                 system.GetMyContextFromRoot(context)
             )
-            for system in map(
-                built.GetSubsystemByName, ("state_predictor", "state_sensor")
+            for system, name in (
+                (predictor, "predicted_state"),
+                (built.GetSubsystemByName("state_sensor"), "measured_state"),
             )
         )
         state = built.engine.GetOutputPort("state").Eval(

@@ -33,7 +33,7 @@ def sensed(imperfections, ticks, seed=0, shift=0.0):
             state=start + i * shift,
             foot_forces=FORCES + i * shift,
         )
-        states.append(answer(sensor, context, "estimated_state"))
+        states.append(answer(sensor, context, "measured_state"))
         forces.append(answer(sensor, context, "measured_foot_forces"))
         simulator.AdvanceTo((i + 1) * PERIOD)
     return np.array(states), np.array(forces)

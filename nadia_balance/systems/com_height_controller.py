@@ -1,0 +1,84 @@
+"""Rate of the linear momentum from the eCMP and the height of the CoM."""
+
+from pydrake.systems.framework import LeafSystem
+
+from nadia_balance.core.bounds import check
+from nadia_balance.core.com_height import (
+    ComHeightParams,
+    ComHeightPlan,
+    plan_com_height,
+    vertical_acceleration,
+)
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.momentum_qp import momentum_rate
+from nadia_balance.core.walking import ContactSchedule, WalkingState
+from nadia_balance.systems.centroidal_estimator import ComState
+from nadia_balance.systems.momentum_qp import EcmpCommand
+from nadia_balance.systems.ports import (
+    ValueInput,
+    VectorInput,
+    declare_cache,
+)
+
+
+class ComHeightController(LeafSystem):
+    """Computes the momentum rate l_dot = m (omega^2 (c - eCMP), z_ddot).
+
+    z_ddot = k_d clip(z_dot_d + k_p / k_d (z_d - z)) - k_d z_dot is a PD law on
+    the planned height, limited; the horizontal part is the pendulum's (Nadia
+    paper, Eqs. 1 and 5).  Inputs: `com_state`, a ComState; `ecmp_command`, an
+    EcmpCommand; `walking_state`, a WalkingState.  Output: `momentum_rate` (3,)
+    [N] in W.  The block has no state.
+
+    Evaluating the output raises RuntimeError if a vector input is not finite.
+
+    .. pydrake_system::
+
+        name: ComHeightController
+        input_ports: [com_state, ecmp_command, walking_state]
+        output_ports: [momentum_rate]
+    """
+
+    def __init__(
+        self, params: ComHeightParams, model: PointMassModel, period: float
+    ):
+        """Controls the `model`; `period` [s] is not used.
+
+        Raises ValueError for `params` that are out of range.
+        """
+        super().__init__()
+        check(params)
+        self._params, self._model = params, model
+        self._com_state = VectorInput(self, "com_state", ComState)
+        self._ecmp_command = VectorInput(self, "ecmp_command", EcmpCommand)
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._height = declare_cache(
+            self,
+            "schedule and its height",
+            self._calc_height,
+            {self._walking_state.ticket()},
+            (None, None),
+        )
+        self.DeclareVectorOutputPort("momentum_rate", 3, self._calc_rate)
+
+    def _calc_height(
+        self, context, last: tuple[ContactSchedule | None, ComHeightPlan | None]
+    ) -> tuple[ContactSchedule, ComHeightPlan]:
+        schedule = self._walking_state(context).schedule
+        if schedule is last[0]:
+            return last
+        return schedule, plan_com_height(schedule, self._params, self._model)
+
+    def _calc_rate(self, context, output):
+        com = self._com_state(context)
+        height = self._height.Eval(context)[1]
+        acceleration = vertical_acceleration(
+            float(com.z),
+            float(com.vz),
+            *height.at(self._walking_state(context).time_in_phase),
+            self._params,
+        )
+        ecmp = self._ecmp_command(context).ecmp
+        output.SetFromVector(
+            momentum_rate(com.position[:2], ecmp, acceleration, self._model)
+        )

@@ -1,0 +1,58 @@
+"""Oracles: Newton's second law by hand; a PD on the height of the soles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.com_height import ComHeightParams
+from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.systems.com_height_controller import ComHeightController
+from tests.blocks import answer, asked
+from tests.example_walks import MODEL
+from tests.systems.test_momentum_qp import FEET, STEP, SWING, TRANSFER
+
+PARAMS = ComHeightParams()
+COM, ECMP = np.array([0.01, 0.1]), np.array([0.05, -0.02])
+
+
+def rate(state, height=MODEL.com_height):
+    """The momentum rate at rest at this height."""
+    system = ComHeightController(PARAMS, MODEL, 0.004)
+    com_state = [*COM, height, 0.2, 0.1, 0.0]
+    context = asked(
+        system,
+        com_state=com_state,
+        ecmp_command=[0.3, 0.4, *ECMP],
+        walking_state=state,
+    )
+    return answer(system, context, "momentum_rate")
+
+
+def test_the_ground_force_points_from_the_ecmp_to_the_com():
+    """Oracle: m g (c - r) / z, level with the line through both points."""
+    force = rate(TRANSFER) + [0.0, 0.0, MODEL.mass * 9.81]
+    line = np.array([*(COM - ECMP), MODEL.com_height])
+    assert np.cross(force, line) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_long_steps_lower_the_com_and_short_ones_do_not():
+    """Oracle: the sign of the vertical momentum rate at nominal height."""
+    near = replace(STEP, pose=FootPose([0.1, -0.125, 0.0]))
+    short = replace(SWING, schedule=replace(SWING.schedule, footsteps=(near,)))
+    long, *others = (rate(state)[2] for state in (SWING, short, TRANSFER))
+    assert long < -10.0
+    assert others == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_a_support_foot_on_a_stair_lifts_the_com():
+    """Oracle: PD on the height above the support sole."""
+    feet = FEET.with_foot(Side.LEFT, FootPose([0.0, 0.125, 0.01]))
+    state = replace(TRANSFER, schedule=replace(TRANSFER.schedule, feet=feet))
+    expected = MODEL.mass * PARAMS.position_gain * 0.01
+    assert rate(state)[2] == pytest.approx(expected)
+
+
+def test_refuses_parameters_that_are_out_of_range():
+    with pytest.raises(ValueError, match=r"^damping_ratio = 0\.0: must be"):
+        ComHeightController(replace(PARAMS, damping_ratio=0.0), MODEL, 0.004)
