@@ -104,20 +104,6 @@ def test_figure_4_nests_the_regions():
         assert one.area < two.area < three.area
 
 
-def test_figure_4_shows_what_crossing_over_gains():
-    """Oracle: the paper's text on Fig. 4; the scaled reach, by hand.
-
-    Inward, that is to the left: w_min forbids the next step any correction,
-    crossing over allows w_fwd, the circle all of l_max.
-    """
-    contraction = np.exp(-nadia.MODEL.omega * nadia.STEP_DURATION)
-    gains = []
-    for ax in axes_of("4"):
-        tops = [polygon(ax, name).bounds[3] for name in nadia.NAMES[:2]]
-        gains.append(tops[1] - tops[0])
-    assert gains == pytest.approx(contraction * np.array([1.0, 0.0, 0.1]))
-
-
 def test_figure_6_sweeps_the_very_regions_of_figure_4():
     """Oracle: shapely's hull of all swept copies, and Fig. 4."""
     for ax, of_figure_4 in zip(axes_of("6"), axes_of("4")[:2], strict=True):
