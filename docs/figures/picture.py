@@ -34,6 +34,7 @@ _FLAGS = (
     "--no-sandbox",  # root has no sandbox
     "--enable-unsafe-swiftshader",  # WebGL without a GPU
 )
+_PATIENCE = 180_000  # without a GPU, on a busy machine [ms]
 _TARGET = 0.74  # height at which the camera looks [m]
 _GAP = 8  # between the pictures of a strip [pixels]
 _SHARPNESS = 2  # pixels of the browser for each pixel of a picture
@@ -187,6 +188,7 @@ def open_replay(
         device_scale_factor=_SHARPNESS,
         offline=True,
     )
+    page.set_default_timeout(_PATIENCE)
     try:
         page.goto(replay.resolve().as_uri())
         page.wait_for_function("viewer.animator.duration > 0")

@@ -35,9 +35,14 @@ def polygon(ax, label):
     return found
 
 
+def line(ax, label):
+    """The points (n, 2) of the one line of this label."""
+    (found,) = [line for line in ax.lines if line.get_label() == label]
+    return found.get_xydata()
+
+
 def dot(ax, label):
-    (line,) = [line for line in ax.lines if line.get_label() == label]
-    return np.array([line.get_xdata()[0], line.get_ydata()[0]])
+    return line(ax, label)[0]
 
 
 @functools.cache
@@ -174,9 +179,9 @@ def test_the_atlas_papers_figure_4_projects_the_icp():
     nearest = way.interpolate(way.project(icp))
     found = dot(ax, "projected ICP, $ξ_p$")
     assert found == pytest.approx([nearest.x, nearest.y], abs=1e-9)
-    (plan,) = [line for line in ax.lines if line.get_label() == "ICP plan"]
+    plan = LineString(line(ax, "ICP plan"))
     sped_up = Point(dot(ax, "sped-up reference"))
-    assert LineString(plan.get_xydata()).distance(sped_up) < 1e-4
+    assert plan.distance(sped_up) < 1e-4
     assert sped_up.distance(nearest) < 0.02
 
 
@@ -197,20 +202,11 @@ def test_the_atlas_papers_figure_5_helps_against_errors_along_the_way():
 def test_the_atlas_papers_figure_2_rounds_the_corners():
     """Oracle: Eq. 3, straight away from a CMP that rests; the same CMPs."""
     jumps, smooth = atlas_axes("2")
-    cmps, knots = (
-        [line.get_xydata() for line in jumps.lines if line.get_label() == label]
-        for label in ("CMPs of heel and toe", "knots")
-    )
-    (cmps,), (knots,) = cmps, knots
+    cmps, knots = line(jumps, "CMPs of heel and toe"), line(jumps, "knots")
     for cmp, begin, end in zip(cmps, knots, knots[1:], strict=False):
         a, b = begin - cmp, end - cmp
         assert a[0] * b[1] - a[1] * b[0] == pytest.approx(0.0, abs=1e-9)
-    (same,) = [
-        line.get_xydata()
-        for line in smooth.lines
-        if line.get_label() == "CMPs of heel and toe"
-    ]
-    assert np.array_equal(cmps, same)
+    assert np.array_equal(cmps, line(smooth, "CMPs of heel and toe"))
 
 
 def test_the_atlas_papers_figure_3_is_farther_from_the_foot_the_faster():

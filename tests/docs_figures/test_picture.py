@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,8 +27,10 @@ class FakePage:
         if url.endswith("half/replay.html"):
             raise Error("it ends too soon\nsomewhere")
 
-    def wait_for_function(self, _):
+    def set_default_timeout(self, _):
         pass
+
+    wait_for_function = set_default_timeout
 
     def evaluate(self, _, look=None):
         if look is None:
@@ -54,12 +57,9 @@ def page(monkeypatch) -> FakePage:
     """The page that the command line opens."""
     page = FakePage((VIEW.width, VIEW.height))
 
-    class FakeBrowser:
-        def new_page(self, **_):
-            return page
-
     def launch(_):
-        return contextlib.nullcontext(FakeBrowser())
+        browser = SimpleNamespace(new_page=lambda **_: page)
+        return contextlib.nullcontext(browser)
 
     monkeypatch.setattr(picture, "launch_chromium", launch)
     nothing = contextlib.nullcontext
@@ -178,11 +178,9 @@ def test_says_what_is_wrong_on_one_line(
 def test_says_that_chromium_is_missing():
     """Oracle: a playwright that finds none."""
 
-    class FakePlaywright:
-        chromium = property(lambda self: self)
+    def launch(**_):
+        raise Error("not found")
 
-        def launch(self, **_):
-            raise Error("not found")
-
+    playwright = SimpleNamespace(chromium=SimpleNamespace(launch=launch))
     with pytest.raises(ValueError, match="Chromium is missing"):
-        picture.launch_chromium(FakePlaywright())
+        picture.launch_chromium(playwright)
