@@ -13,8 +13,8 @@ from pathlib import Path
 
 INTERRUPTED = 130  # exit code after Ctrl-C
 _PROGRAMS = (
-    *("benchmark", "capture_regions", "envelope", "picture", "push"),
-    *("new_robot", "simulate", "_m"),  # the last of `python -m`
+    *("benchmark", "envelope", "new_robot", "push", "simulate"),
+    "_m",  # of `python -m`
 )
 
 

@@ -29,7 +29,7 @@ def browser() -> Iterator:
     # Here, as most tests need neither of them.
     from playwright.sync_api import sync_playwright
 
-    from nadia_balance.scripts.picture import launch_chromium
+    from picture import launch_chromium
 
     with sync_playwright() as playwright:
         browser = launch_chromium(playwright)

@@ -200,7 +200,7 @@ def commands() -> Iterator[tuple[str, list[str]]]:
     """The scripts and their arguments, in consoles and lines of all pages."""
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", "")
-        lines = re.findall(r"`python (scripts/[^`]+)`", text)
+        lines = re.findall(r"`python ((?:scripts|docs)/[^`]+)`", text)
         for block in blocks(text, "console"):
             lines += re.findall(r"^\$ python (.*)", block, re.MULTILINE)
         for line in lines:
@@ -221,8 +221,9 @@ def test_every_command_is_understood(monkeypatch):
     monkeypatch.setattr(CommandLine, "parse_args", parse_only)
     scripts = set()
     for script, argv in commands():
-        name = re.fullmatch(r"scripts/(\w+)\.py", script)[1]
-        main = importlib.import_module(f"nadia_balance.scripts.{name}").main
+        folder, name = re.fullmatch(r"([\w/]+)/(\w+)\.py", script).groups()
+        where = {"scripts": f"nadia_balance.scripts.{name}"}.get(folder, name)
+        main = importlib.import_module(where).main
         with pytest.raises(SystemExit) as ended:
             main(argv)
         assert not ended.value.code, argv
@@ -230,8 +231,9 @@ def test_every_command_is_understood(monkeypatch):
         if name in MAKERS:
             MAKERS[name](args)
         scripts.add(name)
-    shown = {path.stem for path in (ROOT / "scripts").glob("[!_]*.py")}
-    assert scripts == shown - {"command_line"}
+    files = *ROOT.glob("scripts/[!_]*.py"), *ROOT.glob("docs/figures/*.py")
+    shown = {path.stem for path in files}
+    assert scripts == shown - {"command_line", "drawing"}
 
 
 def test_links_lead_somewhere():

@@ -22,10 +22,8 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot import MODELS
 from nadia_balance.scripts import (
     benchmark,
-    capture_regions,
     command_line,
     envelope,
-    picture,
     push,
     simulate,
 )
@@ -45,8 +43,6 @@ SCRIPTS = {
     simulate: "seed duration robot scenario_file",
     envelope: "directions at resolution stride replicas largest workers "
     "timeout protocol plot-only scenario_name",
-    picture: "run times azimuth distance width",
-    capture_regions: "figure out",
     benchmark: "seconds scenario_name mechanisms",
 }
 # What is not bad for these flags.
@@ -173,13 +169,9 @@ def bad_disk(rng, folder):
     loop = folder / "loop"
     loop.symlink_to(loop)
     places = [file, old, loop, "/dev/null/x", "/proc/x", "x" * 300, ""]
-    script = rng.choice([push, simulate, capture_regions])
+    script = rng.choice([push, simulate])
     argv = ["--scenario_name", "stand"] if script is simulate else []
-    place = rng.choice(places)
-    if script is capture_regions:
-        (old / "figure_9.png").write_text("")
-        argv = ["--figure", "9"]
-    return script, [*argv, "--out", str(place)]
+    return script, [*argv, "--out", str(rng.choice(places))]
 
 
 MAKERS = (bad_flag, bad_yaml, bad_push, bad_urdf, bad_robot, bad_rows, bad_disk)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Side
 
 
 def luminance(color):
@@ -41,10 +40,3 @@ def test_reads_hexadecimal_colours():
     """Oracle: 0x80 / 0xff, by hand."""
     assert palette.rgb("#ff8000") == pytest.approx([1.0, 128 / 255, 0.0])
     assert palette.rgba("#ff8000", 0.25).a() == 0.25
-
-
-def test_each_foot_has_its_own_colour():
-    """Oracle: the legend."""
-    for side in Side:
-        color = palette.foot_color(side)
-        assert color == palette.LEGEND[f"{side.value} foot"]

@@ -254,14 +254,11 @@ def test_the_results_of_another_run_are_not_overwritten(tmp_path, capsys):
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
 
 
-@pytest.mark.parametrize(
-    "script", ["push", "benchmark", "capture_regions", "envelope", "picture"]
-)
+@pytest.mark.parametrize("script", ["push", "benchmark", "envelope"])
 def test_ctrl_c_at_the_very_start_is_no_traceback(script, tmp_path):
     """Oracle: stderr, and what the shell calls 130."""
-    argv = {"picture": ["--run", "."]}.get(script, [])
     program = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED_START, script, *argv],
+        [sys.executable, "-c", INTERRUPTED_START, script],
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.DEVNULL,

@@ -7,13 +7,7 @@ import pytest
 
 from nadia_balance.diagrams.scenario import scenario_names
 from nadia_balance.robot import MODELS
-from nadia_balance.scripts import (
-    benchmark,
-    capture_regions,
-    picture,
-    push,
-    simulate,
-)
+from nadia_balance.scripts import benchmark, push, simulate
 from tests.scripts.running import (
     as_program,
     assert_refused,
@@ -57,8 +51,6 @@ def test_refuses_what_has_no_meaning(argv, message, capsys):
     ("script", "flag"),
     [
         (benchmark, "--seconds"),
-        (capture_regions, "--figure"),
-        (picture, "--azimuth"),
         (push, "--at"),
         (simulate, "--scenario_file"),
     ],

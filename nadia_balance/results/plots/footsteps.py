@@ -24,7 +24,15 @@ from nadia_balance.results.log import (
     span_at,
     steps,
 )
-from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill, title
+from nadia_balance.results.plots.style import (
+    FAINT,
+    TEXT,
+    arrow,
+    draw_sole,
+    fill,
+    plan_view,
+    title,
+)
 from nadia_balance.results.summary import recovered_at
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
@@ -50,8 +58,7 @@ def draw(log: Log, summary: dict) -> Figure:
     low, high = _limits(log, first, rows, shown)
     fig = Figure(figsize=_size(high - low), layout="constrained")
     ax = fig.subplots()
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+    plan_view(ax, *zip(low, high, strict=True))
     _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
@@ -140,19 +147,19 @@ def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
 def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
     """Draws the soles at row `first` and the steps after it."""
 
-    def draw_sole(pose: FootPose, side: Side, line: str, alpha: float) -> None:
-        corners, color = pose.to_world(log["sole"]), palette.foot_color(side)
-        fill(ax, corners, color, alpha=alpha, linestyle=line)
+    def show(pose: FootPose, side: Side, line: str, alpha: float) -> None:
+        corners = pose.to_world(log["sole"])
+        draw_sole(ax, corners, side, alpha=alpha, line=line)
 
     for side in Side:
-        draw_sole(sole_pose(log, first, side), side, ":", 0.06)
+        show(sole_pose(log, first, side), side, ":", 0.06)
     drawn: dict[Side, list[Array]] = {side: [] for side in Side}
     for step in shown:
         start, end = step.commanded.p_WF[:2], step.achieved.p_WF[:2]
         near = [np.linalg.norm(end - p) < NEAR for p in drawn[step.side]]
-        draw_sole(step.commanded, step.side, "--", 0.0)
+        show(step.commanded, step.side, "--", 0.0)
         # Only one fill and number for several near footholds.
-        draw_sole(step.achieved, step.side, "-", 0.0 if any(near) else _FILL)
+        show(step.achieved, step.side, "-", 0.0 if any(near) else _FILL)
         if not any(near):
             drawn[step.side].append(end)
             _number(ax, step, log["sole"])

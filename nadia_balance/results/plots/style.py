@@ -38,6 +38,14 @@ RC = {
 }
 
 
+def plan_view(
+    ax: Axes, x: tuple[float, float], y: tuple[float, float], **more
+) -> None:
+    """Makes `ax` a view from above, with the limits x and y [m]."""
+    ax.set(xlim=x, ylim=y, aspect="equal", **more)
+    ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+
+
 def time_axes(
     log: Log,
     summary: dict,
@@ -73,10 +81,10 @@ def time_axes(
     return fig, list(axes)
 
 
-def key(fig: Figure, handles: list) -> None:
-    """Adds one legend for all axes below them."""
-    where = {"loc": "outside lower center", "ncols": max(len(handles), 1)}
-    fig.legend(handles=handles, **where)
+def key(fig: Figure, handles: list, columns: int | None = None) -> None:
+    """Adds one legend for all axes below them, by default in one row."""
+    columns = columns or max(len(handles), 1)
+    fig.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
 def push_key(log: Log) -> list[Patch]:
@@ -150,6 +158,19 @@ def fill(
     style = {"edgecolor": color, "linewidth": 1.4, **style}
     face = (*palette.rgb(color), alpha)
     ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))
+
+
+def draw_sole(
+    ax: Axes,
+    corners: np.ndarray,
+    side: Side,
+    label: str | None = None,
+    alpha: float = 0.0,
+    line: str = "-",
+) -> None:
+    """Draws the `corners` (n, 2) [m] of a sole in the colour of its foot."""
+    color = palette.foot_color(side)
+    fill(ax, corners, color, label, alpha, linestyle=line)
 
 
 def arrow(

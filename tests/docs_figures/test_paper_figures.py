@@ -9,6 +9,8 @@ from matplotlib.patches import Polygon
 from shapely import LineString, MultiPoint, Point
 from shapely import Polygon as Shape
 
+import atlas_paper
+import nadia_paper as nadia
 from nadia_balance.core.reachability import (
     BACKWARD,
     BASE,
@@ -16,9 +18,6 @@ from nadia_balance.core.reachability import (
     cross_over_region,
     step_regions,
 )
-from nadia_balance.results.plots import capture_regions as regions
-from nadia_balance.scripts import capture_regions
-from nadia_balance.scripts.capture_regions import FIGURES
 from tests.scripts.running import assert_refused, run_script
 
 
@@ -36,30 +35,38 @@ def polygon(ax, label):
     return found
 
 
+def line(ax, label):
+    """The points (n, 2) of the one line of this label."""
+    (found,) = [line for line in ax.lines if line.get_label() == label]
+    return found.get_xydata()
+
+
 def dot(ax, label):
-    (line,) = [line for line in ax.lines if line.get_label() == label]
-    return np.array([line.get_xdata()[0], line.get_ydata()[0]])
+    return line(ax, label)[0]
 
 
 @functools.cache
 def axes_of(number):
-    """What that figure is drawn on; do not change it."""
-    return FIGURES[number]().axes
+    """What that figure of the Nadia paper is drawn on; do not change it."""
+    return nadia.FIGURES[number]().axes
 
 
-@pytest.mark.parametrize("flags", [["--figure", "4", "atlas_5"], []])
-def test_draws_the_figures_that_it_is_told_or_all(tmp_path, capsys, flags):
+def atlas_axes(number):
+    return atlas_paper.FIGURES[number]().axes
+
+
+def test_draws_the_figures_that_it_is_told(tmp_path, capsys):
     """Oracle: pictures with more than one colour, where it says."""
-    argv = [*flags, "--out", tmp_path]
-    outcome = run_script(capture_regions, argv, capsys)
-    names = [f"figure_{n}.png" for n in flags[1:] or FIGURES]
+    argv = ["--figure", "5", "4", "--out", tmp_path]
+    outcome = run_script(atlas_paper, argv, capsys)
+    files = [tmp_path / f"atlas_figure_{number}.png" for number in "54"]
     assert outcome.code == 0
-    assert outcome.out == [f"wrote {tmp_path / name}" for name in names]
-    assert sorted(path.name for path in tmp_path.iterdir()) == names
-    for name in names:
-        pixels = np.rint(255 * imread(tmp_path / name)[:, :, :3]).astype(int)
-        assert pixels.size > 1_500_000
+    assert outcome.out == [f"wrote {file}" for file in files]
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+    for file in files:
+        pixels = np.rint(255 * imread(file)[:, :, :3]).astype(int)
         assert len(np.unique(pixels @ [1 << 16, 1 << 8, 1])) > 100
+    assert_refused(run_script(atlas_paper, argv, capsys), "out = ")
 
 
 @pytest.mark.parametrize(
@@ -70,7 +77,7 @@ def test_draws_the_figures_that_it_is_told_or_all(tmp_path, capsys, flags):
     ],
 )
 def test_says_what_is_wrong_on_one_line(argv, message, capsys):
-    assert_refused(run_script(capture_regions, argv, capsys), message)
+    assert_refused(run_script(nadia, argv, capsys), message)
 
 
 def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
@@ -81,12 +88,12 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
     without, with_it = axes_of("3")
     limit = polygon(without, "limit of the CoP")
     low, high = np.array(limit.bounds).reshape(2, 2)
-    asked = regions.COP_R + 3.0 * regions.ERROR
+    asked = nadia.COP_R + 3.0 * nadia.ERROR
     assert dot(without, "eCMP asked for") == pytest.approx(asked)
     nearest = np.clip(asked, low, high)
     assert dot(without, "eCMP") == pytest.approx(nearest, abs=1e-3)
-    way = dot(with_it, "eCMP") - regions.COP_R
-    across = way[0] * regions.ERROR[1] - way[1] * regions.ERROR[0]
+    way = dot(with_it, "eCMP") - nadia.COP_R
+    across = way[0] * nadia.ERROR[1] - way[1] * nadia.ERROR[0]
     assert abs(across) < 1e-2 * np.linalg.norm(way) * 0.065
     assert limit.exterior.distance(
         MultiPoint([dot(with_it, "eCMP")])
@@ -96,24 +103,10 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
 def test_figure_4_nests_the_regions():
     """Oracle: containment, by shapely."""
     for ax in axes_of("4"):
-        one, two, three = (polygon(ax, name) for name in regions.NAMES)
+        one, two, three = (polygon(ax, name) for name in nadia.NAMES)
         assert two.buffer(1e-9).contains(one)
         assert three.buffer(1e-9).contains(two)
         assert one.area < two.area < three.area
-
-
-def test_figure_4_shows_what_crossing_over_gains():
-    """Oracle: the paper's text on Fig. 4; the scaled reach, by hand.
-
-    Inward, that is to the left: w_min forbids the next step any correction,
-    crossing over allows w_fwd, the circle all of l_max.
-    """
-    contraction = np.exp(-regions.MODEL.omega * regions.STEP_DURATION)
-    gains = []
-    for ax in axes_of("4"):
-        tops = [polygon(ax, name).bounds[3] for name in regions.NAMES[:2]]
-        gains.append(tops[1] - tops[0])
-    assert gains == pytest.approx(contraction * np.array([1.0, 0.0, 0.1]))
 
 
 def test_figure_6_sweeps_the_very_regions_of_figure_4():
@@ -126,7 +119,7 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
         ]
         assert len(swept) == 2 * 28
         for n, copies in (2, swept[:28]), (3, swept[28:]):
-            region = polygon(of_figure_4, regions.NAMES[n - 1])
+            region = polygon(of_figure_4, nadia.NAMES[n - 1])
             label = "C₂: C₁ swept by -D₂" if n == 2 else "C₃: C₁ swept by -D₃"
             assert polygon(ax, label).symmetric_difference(
                 region
@@ -139,14 +132,14 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
 def test_figure_8_shows_the_regions_and_how_far_they_go():
     """Oracle: the polygons of the core, mirrored by hand."""
     together, *alone = axes_of("8")
-    expected = step_regions(regions.REACH, cross_over=True)
+    expected = step_regions(nadia.REACH, cross_over=True)
     assert len(polygons(together, "reachable")) == 3
     for ax, name in zip(alone, (BASE, FORWARD, BACKWARD), strict=True):
         mirrored = Shape(expected[name] * [1.0, -1.0])
         drawn = polygon(ax, "reachable")
         assert drawn.symmetric_difference(mirrored).area < 1e-12
     written = [t.get_text() for ax in alone for t in ax.texts]
-    tip = cross_over_region(regions.REACH, FORWARD)
+    tip = cross_over_region(nadia.REACH, FORWARD)
     tip = tip[np.argmin(tip[:, 1])]
     for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.125 m"):
         assert any(text.endswith(f"= {figure}") for text in written)
@@ -157,7 +150,7 @@ def test_figure_9_obeys_the_three_rules():
     mirror = [1.0, -1.0]
     reach = {
         name: Shape(region * mirror)
-        for name, region in step_regions(regions.REACH, cross_over=True).items()
+        for name, region in step_regions(nadia.REACH, cross_over=True).items()
     }
     for rule, ax in enumerate(axes_of("9"), start=1):
         capture = polygon(ax, "capture region C₃")
@@ -180,15 +173,15 @@ def test_figure_9_obeys_the_three_rules():
 
 def test_the_atlas_papers_figure_4_projects_the_icp():
     """Oracle: shapely; the sped-up reference is on the plan, and near it."""
-    (ax,) = FIGURES["atlas_4"]().axes
+    (ax,) = atlas_axes("4")
     ends = [dot(ax, label) for label in ("reference, $ξ_r$", "its end, $ξ_t$")]
     way, icp = LineString(ends), Point(dot(ax, "ICP, $ξ$"))
     nearest = way.interpolate(way.project(icp))
     found = dot(ax, "projected ICP, $ξ_p$")
     assert found == pytest.approx([nearest.x, nearest.y], abs=1e-9)
-    (plan,) = [line for line in ax.lines if line.get_label() == "ICP plan"]
+    plan = LineString(line(ax, "ICP plan"))
     sped_up = Point(dot(ax, "sped-up reference"))
-    assert LineString(plan.get_xydata()).distance(sped_up) < 1e-4
+    assert plan.distance(sped_up) < 1e-4
     assert sped_up.distance(nearest) < 0.02
 
 
@@ -197,7 +190,7 @@ def test_the_atlas_papers_figure_5_helps_against_errors_along_the_way():
     fast steps; an error to the side is only marginally reduced.
     """
     left = []
-    for ax in FIGURES["atlas_5"]().axes:
+    for ax in atlas_axes("5"):
         error = dot(ax, "ICP, $ξ$") - dot(ax, "reference, $ξ_r$")
         rest = dot(ax, "ICP, $ξ$") - dot(ax, "sped-up reference")
         left.append(np.linalg.norm(rest) / np.linalg.norm(error))
@@ -208,27 +201,18 @@ def test_the_atlas_papers_figure_5_helps_against_errors_along_the_way():
 
 def test_the_atlas_papers_figure_2_rounds_the_corners():
     """Oracle: Eq. 3, straight away from a CMP that rests; the same CMPs."""
-    jumps, smooth = FIGURES["atlas_2"]().axes
-    cmps, knots = (
-        [line.get_xydata() for line in jumps.lines if line.get_label() == label]
-        for label in ("CMPs of heel and toe", "knots")
-    )
-    (cmps,), (knots,) = cmps, knots
+    jumps, smooth = atlas_axes("2")
+    cmps, knots = line(jumps, "CMPs of heel and toe"), line(jumps, "knots")
     for cmp, begin, end in zip(cmps, knots, knots[1:], strict=False):
         a, b = begin - cmp, end - cmp
         assert a[0] * b[1] - a[1] * b[0] == pytest.approx(0.0, abs=1e-9)
-    (same,) = [
-        line.get_xydata()
-        for line in smooth.lines
-        if line.get_label() == "CMPs of heel and toe"
-    ]
-    assert np.array_equal(cmps, same)
+    assert np.array_equal(cmps, line(smooth, "CMPs of heel and toe"))
 
 
 def test_the_atlas_papers_figure_3_is_farther_from_the_foot_the_faster():
     """Oracle: the distances from the stance sole's centre at mid-swing."""
     away = []
-    for ax in FIGURES["atlas_3"]().axes:
+    for ax in atlas_axes("3"):
         x, y = dot(ax, "half-way through a swing")
         away.append(np.hypot(x, y - 0.125))
     assert away[0] < away[1] < away[2]

@@ -1,15 +1,23 @@
-"""Figures of the Atlas paper's plan and swing speed-up, seen from above.
+"""Draws figures of the Atlas paper by the functions of the controller.
 
-They use the controller's functions.  Atlas stands on its left foot, in a right
-swing.
+2 the plan with CMPs in heel and toe, 3 the plans of faster steps, 4 projection
+of the ICP on the plan, 5 errors that a swing speed-up reduces.  Atlas stands on
+its left foot, in a right swing; nothing is simulated.
+
+Examples:
+    python docs/figures/atlas_paper.py
+    python docs/figures/atlas_paper.py --figure 5 --out figures
 """
 
 import math
+import sys
+from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drawing import draw, note, plan_views, right_swing, share_legend
 from nadia_balance import palette
 from nadia_balance.core.atlas_icp_plan import (
     AtlasIcpPlanParams,
@@ -17,18 +25,10 @@ from nadia_balance.core.atlas_icp_plan import (
 )
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.time_adjustment import fraction_done, time_ahead
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    ReferencePoint,
-    Side,
-)
-from nadia_balance.results.plots.style import FAINT, TEXT, fill
+from nadia_balance.core.walking import Array, FootPose, FootPoses, Side
+from nadia_balance.results.plots.style import FAINT, TEXT, draw_sole
 from nadia_balance.robot import load_robot
+from nadia_balance.scripts.command_line import program
 
 MODEL = load_robot("atlas").point_mass
 LENGTH = 0.5  # step length [m]
@@ -41,12 +41,15 @@ CASES = (
     ("fast steps, error to the side", FAST, ASIDE),
 )
 _STEPS = 6  # steps of the walk; its end has no effect on the figures
-_Y = (-0.24, 0.24)  # limits of the y axis [m]
+# Limits of the axes for one step in a row, and for two in a column [m].
+_STEP = {"x": (-0.2, 0.75), "y": (-0.24, 0.24)}
+_TWO_STEPS = {"x": (-0.2, 1.25), "y": (-0.24, 0.24), "width": 9.0}
 
 
 def draw_plans() -> Figure:
     """Fig. 2: CMPs in heel and toe, with and without jumps between them."""
-    fig, axes = _axes("(a) the CMP jumps", "(b) the CMP is shifted", steps=2)
+    titles = "(a) the CMP jumps", "(b) the CMP is shifted"
+    fig, axes = plan_views(*titles, rows=len(titles), **_TWO_STEPS)
     for ax, smooth in zip(axes, (False, True), strict=True):
         plan, _ = swing_plan(*FAST, smooth)
         times = _draw_walk(ax, plan, *FAST)
@@ -56,26 +59,26 @@ def draw_plans() -> Figure:
         knots = plan.knots[plan.knots <= times[-1]]
         for points, mark, color, size, label in (
             (plan.cop_waypoints, "o", palette.ECMP, 6, "CMPs of heel and toe"),
-            ([plan.at(t).icp for t in knots], ".", palette.PUSH, 9, "knots"),
+            (_icps(plan, knots), ".", palette.PUSH, 9, "knots"),
         ):
             look = {"color": color, "ms": size, "label": label, "ls": "none"}
             ax.plot(*np.transpose(points), mark, **look)
-    _legend(fig, axes[-1])
+    share_legend(fig, axes[-1])
     return fig
 
 
 def draw_speeds() -> Figure:
     """Fig. 3: ICP plans of slow and fast steps."""
     titles = [f"swing {a:g} s, transfer {b:g} s" for a, b in SPEEDS]
-    fig, axes = _axes(*titles, steps=2)
+    fig, axes = plan_views(*titles, rows=len(titles), **_TWO_STEPS)
     for ax, durations in zip(axes, SPEEDS, strict=True):
         plan, middle = swing_plan(*durations)
         _draw_walk(ax, plan, *durations)
         middles = middle, middle + sum(durations)
-        icps = np.array([plan.at(t).icp for t in middles])
+        icps = _icps(plan, middles)
         look = {"color": palette.ICP, "ms": 9, "mew": 2.5, "ls": "none"}
         ax.plot(*icps.T, "x", **look, label="half-way through a swing")
-    _legend(fig, axes[-1])
+    share_legend(fig, axes[-1])
     return fig
 
 
@@ -83,7 +86,8 @@ def draw_projection() -> Figure:
     """Fig. 4: projection of the ICP on the line to the plan's end."""
     plan, time = swing_plan(*FAST)
     icp = plan.at(time).icp + [0.04, -0.11]
-    fig, (ax,) = _axes("How far the plan is advanced (Eqs. 10 to 12)")
+    title = "How far the plan is advanced (Eqs. 10 to 12)"
+    fig, (ax,) = plan_views(title, **_STEP, width=9.0)
     ahead = _draw_speed_up(ax, plan, time, icp)
     end = plan.at(plan.duration).icp
     start = plan.at(time).icp
@@ -92,13 +96,13 @@ def draw_projection() -> Figure:
     ax.plot(*end, "D", color=palette.ICP_REFERENCE, label="its end, $ξ_t$")
     ax.plot(*plan.at(time).ecmp, "s", color=palette.ECMP, label="$r_{cmp,r}$")
     _note(ax, f"Δt = {ahead:.2f} s")
-    fig.legend(loc="outside right center")
+    share_legend(fig, ax, columns=4)
     return fig
 
 
 def draw_speed_up() -> Figure:
     """Fig. 5: the ICP error that remains after the plan is sped up."""
-    fig, axes = _axes(*(name for name, _, _ in CASES))
+    fig, axes = plan_views(*(name for name, _, _ in CASES), **_STEP)
     for ax, (_, durations, error) in zip(axes, CASES, strict=True):
         plan, time = swing_plan(*durations)
         icp = plan.at(time).icp + error
@@ -106,7 +110,7 @@ def draw_speed_up() -> Figure:
         rest = icp - plan.at(time + ahead).icp
         before, after = 100.0 * math.hypot(*error), 100.0 * math.hypot(*rest)
         _note(ax, f"Δt = {ahead:.2f} s\nerror {before:.0f} → {after:.1f} cm")
-    _legend(fig, axes[0])
+    share_legend(fig, axes[0])
     return fig
 
 
@@ -114,24 +118,9 @@ def swing_plan(
     swing: float, transfer: float, smooth: bool = True
 ) -> tuple[IcpPlan, float]:
     """The plan of a right swing in a steady walk, and its mid-time [s]."""
-    half = 0.5 * MODEL.step_width
-
-    def foot(side: Side, steps: int) -> FootPose:
-        return FootPose(np.array([steps * LENGTH, side.sign * half, 0.0]))
-
-    nothing = np.zeros(2)
-    schedule = ContactSchedule(
-        phase=Phase.SWING,
-        support_side=Side.LEFT,
-        duration=swing,
-        feet=FootPoses(foot(Side.LEFT, 0), foot(Side.RIGHT, -1)),
-        footsteps=tuple(
-            Footstep(side, foot(side, n), transfer, swing)
-            for n in range(1, _STEPS + 1)
-            for side in [_side(n)]
-        ),
-        start=ReferencePoint(nothing, nothing, nothing),
-    )
+    feet = FootPoses(_foothold(0), _foothold(-1))
+    footholds = map(_foothold, range(1, _STEPS + 1))
+    schedule = right_swing(feet, footholds, swing, transfer)
     params = AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS)
     return plan_atlas_icp(schedule, params, MODEL), 0.5 * swing
 
@@ -142,6 +131,11 @@ def projected(plan: IcpPlan, time: float, icp: Array) -> Array:
     return start + fraction_done(icp, start, end) * (end - start)
 
 
+def _icps(plan: IcpPlan, times: Iterable[float]) -> Array:
+    """The plan's ICPs (n, 2) [m] at n `times` [s]."""
+    return np.array([plan.at(t).icp for t in times])
+
+
 def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
     """Draws the plan, the ICP, and both references; returns Δt [s]."""
     start, goal = plan.at(time).icp, projected(plan, time, icp)
@@ -149,7 +143,7 @@ def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
     ahead = time_ahead(done, plan.duration - time, MODEL.omega)
     _draw_soles(ax, 2)
     times = np.linspace(0.0, plan.duration, 60)
-    path = np.array([plan.at(t).icp for t in times])
+    path = _icps(plan, times)
     ax.plot(*path.T, color=palette.ICP_REFERENCE, lw=3.0, label="ICP plan")
     rest = np.array([plan.at(time + ahead).icp, icp])
     ax.plot(*rest.T, color=palette.PUSH, lw=2.0, label="error that is left")
@@ -173,7 +167,7 @@ def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
     ):
         for first in 0.0, step:
             times = np.linspace(first + begin, first + end, 60)
-            path = np.array([plan.at(t).icp for t in times])
+            path = _icps(plan, times)
             label = f"ICP plan, {name}" if first == 0.0 else None
             ax.plot(*path.T, color=color, lw=3.0, label=label)
     return np.linspace(0.0, 2.0 * step, 400)
@@ -182,37 +176,38 @@ def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
 def _draw_soles(ax: Axes, count: int) -> None:
     """Draws the stance foot and the next footholds."""
     for n in range(count):
-        side = _side(n)
-        centre = [n * LENGTH, side.sign * 0.5 * MODEL.step_width]
-        sole, color = MODEL.sole + centre, palette.foot_color(side)
         alpha, line = (0.0, "--") if n else (0.12, "-")
-        fill(ax, sole, color, alpha=alpha, linestyle=line)
+        corners = _foothold(n).to_world(MODEL.sole)
+        draw_sole(ax, corners, _side(n), alpha=alpha, line=line)
+
+
+def _foothold(step: int) -> FootPose:
+    y = _side(step).sign * 0.5 * MODEL.step_width
+    return FootPose([step * LENGTH, y, 0.0])
 
 
 def _side(step: int) -> Side:
     return Side.RIGHT if step % 2 else Side.LEFT
 
 
-def _legend(fig: Figure, ax: Axes) -> None:
-    handles, labels = ax.get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-
-
 def _note(ax: Axes, text: str) -> None:
-    place = {"xycoords": "axes fraction", "va": "bottom", "fontsize": 9}
-    ax.annotate(text, (0.03, 0.05), color=TEXT, **place)
+    place = {"xycoords": "axes fraction", "ha": "left", "va": "bottom"}
+    note(ax, text, (0.03, 0.05), fontsize=9, **place)
 
 
-def _axes(*titles: str, steps: int = 1) -> tuple[Figure, list[Axes]]:
-    """Axes in a row for one step, in a column for several."""
-    rows, columns = (1, len(titles)) if steps == 1 else (len(titles), 1)
-    wide = 4.4 if columns > 1 else 9.0
-    high = wide * (0.55 if steps == 1 else 0.4)
-    fig = Figure((wide * columns, high * rows + 0.9), layout="constrained")
-    axes = list(fig.subplots(rows, columns, squeeze=False).flat)
-    seen = (-0.2, 0.25 + LENGTH * steps)
-    for ax, title in zip(axes, titles, strict=True):
-        ax.set(xlim=seen, ylim=_Y, aspect="equal", title=title)
-        ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
-        ax.label_outer()
-    return fig, axes
+FIGURES = {
+    "2": draw_plans,
+    "3": draw_speeds,
+    "4": draw_projection,
+    "5": draw_speed_up,
+}
+
+
+@program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv` and returns 0; bad input exits."""
+    return draw("atlas", FIGURES, __doc__, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,266 @@
+"""Takes pictures of a run's replay, side by side or as an animation.
+
+By default they show the end of the last push, and each of the next two steps
+just before it lands; the animation shows the push and the next 2.5 s.  The
+camera is at --azimuth (0 in front of the robot, 90 to its left) and --elevation
+[deg], --distance [m] away; a picture has --width by --height pixels.
+
+Examples:
+    python docs/figures/picture.py --run runs/my_run
+    python docs/figures/picture.py --run runs/my_run --times 3.5 3.9 --out a.png
+    python docs/figures/picture.py --run runs/my_run --gif --width 320
+"""
+
+import argparse
+import io
+import math
+import shutil
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from PIL import Image
+from playwright import sync_api
+
+from nadia_balance.core.bounds import bounded, check
+from nadia_balance.results.folder import appearing, read_run
+from nadia_balance.results.log import pushes, steps
+from nadia_balance.scripts import command_line
+from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
+
+_FLAGS = (
+    "--no-sandbox",  # root has no sandbox
+    "--enable-unsafe-swiftshader",  # WebGL without a GPU
+)
+_PATIENCE = 180_000  # without a GPU, on a busy machine [ms]
+_TARGET = 0.74  # height at which the camera looks [m]
+_GAP = 8  # between the pictures of a strip [pixels]
+_SHARPNESS = 2  # pixels of the browser for each pixel of a picture
+_NUM_STEPS = 2  # pictures of steps after the push
+_BEFORE = 0.03  # time from a picture to its landing [s]
+_GIF = 0.4, 2.5  # time before the push begins, and after its end [s]
+_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # frame period [s]
+
+# Points the camera at the robot, and sets the caption.
+_LOOK = """
+({time, caption, path, height, offset: [dx, dy, dz]}) => {
+  document.body.dataset.caption = caption;
+  viewer.set_render_callback("() => {}");  // no longer follows by itself
+  viewer.animator.pause();
+  viewer.animator.seek(time);
+  const p = viewer.scene_tree.find(path).object.position;
+  // The camera's axes are y up: its z is our -y.
+  viewer.controls.target.set(p.x, height, -p.y);
+  viewer.camera.position.set(p.x + dx, height + dz, -p.y - dy);
+  viewer.controls.update();
+  viewer.render();  // moves the camera, ...
+  viewer.render();  // ... and draws what it sees
+}
+"""
+# What a picture shows of the replay's page, beside the scene.
+_CAPTION = """
+  #legend, #status, .dg { display: none; }
+  body::after { content: attr(data-caption); position: fixed; left: 16px;
+                top: 12px; color: #2f3440;
+                font: 21px/1.3 "DejaVu Sans", sans-serif; }
+"""
+# What the strip shows below its pictures.
+_LEGEND = """
+  body > :not(#legend) { visibility: hidden; }
+  #legend { position: fixed !important; inset: 0 0 auto 0 !important;
+            display: flex; flex-wrap: wrap; justify-content: center;
+            gap: 3px 20px; padding: 10px 12% 6px !important;
+            background: white !important;
+            font: 17px/1.3 "DejaVu Sans", sans-serif !important; }
+"""
+
+
+@dataclass(kw_only=True)
+class View:
+    """The camera's direction and distance, and the size of a picture."""
+
+    azimuth: float = 14.0  # 0 from in front, 90 from its left [deg]
+    elevation: float = bounded(14.0, least=0.0, most=89.0)  # [deg]
+    distance: float = bounded(3.7, least=0.5, most=50.0)  # of the camera [m]
+    width: int = bounded(440, least=50, most=4000)  # of a picture [pixels]
+    height: int = bounded(620, least=50, most=4000)  # of a picture [pixels]
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv` and returns 0; bad input exits."""
+    parser = command_line.CommandLine(
+        prog="picture.py",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Exit code: 0 written, 2 bad input, 130 Ctrl-C.",
+    )
+    place, finite = command_line.place, command_line.finite
+    parser.add_argument("--run", type=place, required=True, help="its folder")
+    parser.add_argument("--times", type=finite, nargs="+", help="[s]")
+    parser.add_argument("--gif", action="store_true", help="an animation")
+    parser.add_argument(
+        "--out", type=place, help="by default picture.png or .gif in the folder"
+    )
+    for name, default in asdict(View()).items():
+        parser.add_argument(f"--{name}", type=type(default), default=default)
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        out = _write(args)
+    command_line.say(f"wrote {out}")
+    return command_line.DONE
+
+
+def _write(args: argparse.Namespace) -> Path:
+    """Writes the pictures that the flags ask for; returns their file."""
+    suffix = ".gif" if args.gif else ".png"
+    out = args.out or args.run / f"picture{suffix}"
+    if out.suffix != suffix:
+        raise ValueError(f"out = {str(out)!r}: must end in {suffix}")
+    view = View(**{name: getattr(args, name) for name in asdict(View())})
+    check(view)
+    times = args.times or moments(args.run, args.gif)
+    with (
+        sync_api.sync_playwright() as playwright,
+        launch_chromium(playwright) as browser,
+        appearing(out.parent) as drafts,
+    ):
+        page = open_replay(browser, args.run / "replay.html", times, view)
+        write = write_gif if args.gif else write_strip
+        write(page, times, view, drafts / out.name)
+    return out
+
+
+def moments(run: Path, gif: bool = False) -> list[float]:
+    """Times [s] of the pictures, or of the frames of a `gif`.
+
+    Raises:
+        ValueError: the `run` has no push, or its log is not complete.
+        OSError: the log does not exist.
+    """
+    try:
+        log, _ = read_run(run)
+        pushed, landed = pushes(log), steps(log)
+    except (BadZipFile, EOFError, KeyError, ValueError) as error:
+        raise ValueError(
+            f"run = {str(run)!r}: must have a whole log.npz and summary.json, "
+            f"as --times are not given ({error!r})"
+        ) from error
+    if not pushed:
+        raise ValueError("times: must be given, without a push")
+    start, end = pushed[-1].start, pushed[-1].end
+    if gif:
+        # The replay's last frame may be before the log's last row.
+        last = min(end + _GIF[1], float(log["t"][-1]) - REGIONS_PERIOD)
+        return np.arange(max(start - _GIF[0], 0.0), last, _GIF_PERIOD).tolist()
+    landings = [step.swing.end for step in landed if step.swing.end > end]
+    return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
+
+
+def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
+    """Returns a headless Chromium: the system's, else playwright's own.
+
+    Raises:
+        ValueError: Chromium is missing or does not start.
+    """
+    found = shutil.which("chromium") or shutil.which("google-chrome")
+    try:
+        return playwright.chromium.launch(executable_path=found, args=_FLAGS)
+    except sync_api.Error as error:
+        raise ValueError(
+            "Chromium is missing or does not start: apt-get install "
+            "chromium, or playwright install chromium"
+        ) from error
+
+
+def open_replay(
+    browser: sync_api.Browser, replay: Path, times: list[float], view: View
+) -> sync_api.Page:
+    """Returns a page with the `replay`, in which all `times` [s] are.
+
+    Raises:
+        ValueError: `replay` is no whole one, or a time is not within it.
+    """
+    page = browser.new_page(
+        viewport={"width": view.width, "height": view.height},
+        device_scale_factor=_SHARPNESS,
+        offline=True,
+    )
+    page.set_default_timeout(_PATIENCE)
+    try:
+        page.goto(replay.resolve().as_uri())
+        page.wait_for_function("viewer.animator.duration > 0")
+        duration = page.evaluate("viewer.animator.duration")
+    except sync_api.Error as error:  # a TimeoutError, too
+        raise ValueError(
+            f"run = {str(replay.parent)!r}: must have a whole {replay.name} "
+            f"({error.message.splitlines()[0]})"
+        ) from error
+    for time in times:
+        if not 0.0 <= time <= duration:
+            raise ValueError(
+                f"times = {time}: must be within the replay, "
+                f"[0, {duration:.2f}] s"
+            )
+    return page
+
+
+def write_strip(
+    page: sync_api.Page, times: list[float], view: View, out: Path
+) -> None:
+    """Writes the replay at `times` [s], side by side over its legend."""
+    pictures = [_picture(page, time, f"{time:.2f} s", view) for time in times]
+    width = len(times) * (view.width + _GAP) - _GAP
+    page.set_viewport_size({"width": width, "height": view.height})
+    legend = _image(page.locator("#legend").screenshot(style=_LEGEND))
+    strip = Image.new("RGB", (width, view.height + legend.height), "white")
+    for i, picture in enumerate(pictures):
+        strip.paste(picture, (i * (view.width + _GAP), 0))
+    strip.paste(legend, (0, view.height))
+    strip.save(out)
+
+
+def write_gif(
+    page: sync_api.Page, times: list[float], view: View, out: Path
+) -> None:
+    """Writes the replay at `times` [s] as an animation, in a loop.
+
+    It is in real time if the times are as far apart as those of `moments`.
+    """
+    keeps_rare_colours = Image.Quantize.MAXCOVERAGE
+    first, *others = (
+        _picture(page, time, "", view).quantize(method=keeps_rare_colours)
+        for time in times
+    )
+    more = {"duration": round(1000 * _GIF_PERIOD), "loop": 0}
+    first.save(out, save_all=True, append_images=others, **more)
+
+
+def _picture(
+    page: sync_api.Page, time: float, caption: str, view: View
+) -> Image.Image:
+    turn, rise = math.radians(view.azimuth), math.radians(view.elevation)
+    away = math.cos(rise)
+    offset = away * math.cos(turn), away * math.sin(turn), math.sin(rise)
+    look = {
+        # The nearest time at which all objects were drawn: in between, a replay
+        # interpolates between two shapes of a polygon.
+        "time": round(time / REGIONS_PERIOD) * REGIONS_PERIOD,
+        "caption": caption,
+        "path": MIDDLE.strip("/").split("/"),
+        "height": _TARGET,
+        "offset": [view.distance * part for part in offset],
+    }
+    page.evaluate(_LOOK, look)
+    return _image(page.screenshot(style=_CAPTION))
+
+
+def _image(screenshot: bytes) -> Image.Image:
+    image = Image.open(io.BytesIO(screenshot)).convert("RGB")
+    return image.reduce(_SHARPNESS)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
