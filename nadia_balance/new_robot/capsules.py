@@ -1,17 +1,23 @@
 """Collision capsules of links that do not overlap in the standing posture."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
 
+from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.anatomy import Anatomy
-from nadia_balance.new_robot.figures import Figures
-from nadia_balance.new_robot.notes import Notes
-from nadia_balance.new_robot.tree import Array, Link, Tree
+from nadia_balance.new_robot.description import (
+    COLLIDING,
+    VISUAL,
+    Array,
+    Description,
+    Shape,
+)
+from nadia_balance.new_robot.measure import Measurements
 
 # Smallest size of a link with a capsule [leg length].
 _SMALLEST = 0.25
@@ -42,7 +48,7 @@ Pairs = set[frozenset[str]]
 
 
 def fit_capsules(
-    tree: Tree, anatomy: Anatomy, figures: Figures, notes: Notes
+    robot: Description, anatomy: Anatomy, measured: Measurements, notes: Notes
 ) -> tuple[Capsules, Pairs]:
     """Returns the capsules by link, and the pairs whose collision is ignored.
 
@@ -51,28 +57,28 @@ def fit_capsules(
     overlap in the standing posture even if made thinner.
     """
     feet = anatomy.feet.values()
-    capsules = {foot: _shoe(figures) for foot in feet}
+    capsules = {foot: _shoe(measured) for foot in feet}
     of_legs = {
-        tree.joints[name].child
+        robot.joints[name].child
         for leg in anatomy.legs.values()
         for name in leg.joints
     }
     for leg in anatomy.legs.values():
-        knee = tree.joints[leg.knee]
+        knee = robot.joints[leg.knee]
         for name, upper, lower in (
             (knee.parent, leg.hip_pitch, leg.knee),
             (knee.child, leg.knee, leg.ankle_pitch),
         ):
-            capsule = _fitted(tree.links[name], figures.legs.length)
+            capsule = _fitted(_shapes(robot, name), measured.legs.length)
             if not capsule:
                 notes.guessed.append(f"the thickness of {name}")
-            capsules[name] = [capsule or _bone(tree, name, upper, lower)]
-    for name, link in tree.links.items():
+            capsules[name] = [capsule or _bone(robot, name, upper, lower)]
+    for name in robot.links:
         if name not in of_legs:
-            if capsule := _fitted(link, figures.legs.length):
+            if capsule := _fitted(_shapes(robot, name), measured.legs.length):
                 capsules[name] = [capsule]
-    ignored = _neighbours(tree, set(capsules))
-    poses = tree.poses(figures.posture)
+    ignored = _neighbours(robot, set(capsules))
+    poses = robot.poses(measured.posture)
     for pair in map(frozenset, itertools.combinations(capsules, 2)):
         if pair in ignored or pair == frozenset(feet):
             continue
@@ -85,9 +91,12 @@ def fit_capsules(
     return capsules, ignored
 
 
-def _fitted(link: Link, leg: float) -> Capsule | None:
-    """A capsule with the length and about the thickness of the link."""
-    shapes = link.collisions or link.visuals
+def _shapes(robot: Description, link: str) -> list[Shape]:
+    return robot.shapes(link, COLLIDING) or robot.shapes(link, VISUAL)
+
+
+def _fitted(shapes: Sequence[Shape], leg: float) -> Capsule | None:
+    """A capsule with the length and about the thickness of a link."""
     if not shapes:
         return None
     points = np.concatenate([shape.points() for shape in shapes])
@@ -108,11 +117,11 @@ def _fitted(link: Link, leg: float) -> Capsule | None:
     return Capsule(X_LB @ X_BG, float(radius), float(length))
 
 
-def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
+def _bone(robot: Description, link: str, upper: str, lower: str) -> Capsule:
     """A capsule from joint `upper` to joint `lower`, in the frame of `link`."""
-    poses = tree.poses()
+    poses = robot.poses()
     ends = [
-        poses[link].inverse() @ poses[tree.joints[name].child].translation()
+        poses[link].inverse() @ poses[robot.joints[name].child].translation()
         for name in (upper, lower)
     ]
     along = ends[1] - ends[0]
@@ -122,14 +131,14 @@ def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
     return Capsule(X_LG, _BONE * length, (1.0 - 2.0 * _BONE) * length)
 
 
-def _shoe(figures: Figures) -> list[Capsule]:
+def _shoe(measured: Measurements) -> list[Capsule]:
     """Two parallel capsules within the sole's rectangle, just above it."""
-    length = figures.toe - figures.heel
-    radius = min(2.0 / 3.0 * figures.half_width, 0.25 * length)
-    centre = 0.5 * (figures.heel + figures.toe)
-    z = figures.sole_z + SHOE_ABOVE_SOLE + radius
+    length = measured.toe - measured.heel
+    radius = min(2.0 / 3.0 * measured.half_width, 0.25 * length)
+    centre = 0.5 * (measured.heel + measured.toe)
+    z = measured.sole_z + SHOE_ABOVE_SOLE + radius
     along = RotationMatrix.MakeYRotation(0.5 * np.pi)
-    y = figures.half_width - radius
+    y = measured.half_width - radius
     return [
         Capsule(
             RigidTransform(along, [centre, side * y, z]),
@@ -140,12 +149,12 @@ def _shoe(figures: Figures) -> list[Capsule]:
     ]
 
 
-def _neighbours(tree: Tree, shaped: set[str]) -> Pairs:
+def _neighbours(robot: Description, shaped: set[str]) -> Pairs:
     """Pairs of `shaped` links without another one between them."""
 
     def above(link: str) -> str | None:
-        while link != tree.root:
-            link = tree.joint_to(link).parent
+        while link != robot.root:
+            link = robot.joint_to(link).parent
             if link in shaped:
                 return link
         return None
