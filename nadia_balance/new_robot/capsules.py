@@ -1,7 +1,7 @@
 """Collision capsules of links that do not overlap in the standing posture."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,6 @@ from nadia_balance.new_robot.description import (
     VISUAL,
     Array,
     Description,
-    Shape,
 )
 from nadia_balance.new_robot.measure import Measurements
 
@@ -37,10 +36,10 @@ class Capsule:
     radius: float  # [m]
     length: float  # between the centres of its ends [m]
 
-    def ends(self) -> Array:
-        """The centres (2, 3) [m] of its ends, in the link's frame."""
-        half = 0.5 * self.length
-        return np.stack([self.X_LG @ [0.0, 0.0, z] for z in (-half, half)])
+    def points(self) -> Array:
+        """Points (3, 41) [m] on its axis, from end to end, in the link."""
+        z = 0.5 * self.length * np.linspace(-1.0, 1.0, 41)
+        return self.X_LG @ np.stack([0.0 * z, 0.0 * z, z])
 
 
 Capsules = dict[str, list[Capsule]]
@@ -56,33 +55,30 @@ def fit_capsules(
     (without another link with capsules between them), and links that would
     overlap in the standing posture even if made thinner.
     """
-    feet = anatomy.feet.values()
-    capsules = {foot: _shoe(measured) for foot in feet}
-    of_legs = {
-        robot.joints[name].child
-        for leg in anatomy.legs.values()
-        for name in leg.joints
-    }
-    for leg in anatomy.legs.values():
+    feet, legs = set(anatomy.feet.values()), anatomy.legs.values()
+    capsules = {foot: _shoe(measured) for foot in anatomy.feet.values()}
+    smallest = _SMALLEST * measured.legs.length
+    for leg in legs:
+        ends = leg.hip_pitch, leg.knee, leg.ankle_pitch
         knee = robot.joints[leg.knee]
-        for name, upper, lower in (
-            (knee.parent, leg.hip_pitch, leg.knee),
-            (knee.child, leg.knee, leg.ankle_pitch),
+        for name, bone in zip(
+            (knee.parent, knee.child), itertools.pairwise(ends), strict=True
         ):
-            capsule = _fitted(_shapes(robot, name), measured.legs.length)
+            capsule = _fitted(robot, name, smallest)
             if not capsule:
                 notes.guessed.append(f"the thickness of {name}")
-            capsules[name] = [capsule or _bone(robot, name, upper, lower)]
+            capsules[name] = [capsule or _bone(robot, name, *bone)]
+    of_legs = {robot.joints[name].child for leg in legs for name in leg.joints}
     for name in robot.links:
         if name not in of_legs:
-            if capsule := _fitted(_shapes(robot, name), measured.legs.length):
+            if capsule := _fitted(robot, name, smallest):
                 capsules[name] = [capsule]
-    ignored = _neighbours(robot, set(capsules))
+    ignored = _neighbours(robot, capsules)
     poses = robot.poses(measured.posture)
     for pair in map(frozenset, itertools.combinations(capsules, 2)):
-        if pair in ignored or pair == frozenset(feet):
+        if pair in ignored or pair == feet:
             continue
-        if not _thinned(pair, capsules, poses, set(feet)):
+        if not _thinned(sorted(pair), capsules, poses, feet):
             ignored.add(pair)
             notes.changed.append(
                 f"{' and '.join(sorted(pair))} may pass through each other: "
@@ -91,43 +87,40 @@ def fit_capsules(
     return capsules, ignored
 
 
-def _shapes(robot: Description, link: str) -> list[Shape]:
-    return robot.shapes(link, COLLIDING) or robot.shapes(link, VISUAL)
+def _fitted(robot: Description, link: str, smallest: float) -> Capsule | None:
+    """A capsule with the length and about the thickness of `link`.
 
-
-def _fitted(shapes: Sequence[Shape], leg: float) -> Capsule | None:
-    """A capsule with the length and about the thickness of a link."""
+    None if the link has no shapes or is smaller than `smallest` [m].
+    """
+    shapes = robot.shapes(link, COLLIDING) or robot.shapes(link, VISUAL)
     if not shapes:
         return None
     points = np.concatenate([shape.points() for shape in shapes])
-    if np.ptp(points, axis=0).max() < _SMALLEST * leg:
+    if np.ptp(points, axis=0).max() < smallest:
         return None
-    to_box, extents = trimesh.bounds.oriented_bounds(points)
+    T_BL, extents = trimesh.bounds.oriented_bounds(points)
     order = np.argsort(extents)  # the longest becomes z
     R_BG = np.eye(3)[:, order]
     R_BG[:, 0] *= np.linalg.det(R_BG)
-    X_LB = RigidTransform(
-        RotationMatrix.ProjectToRotationMatrix(to_box[:3, :3].T),
-        -to_box[:3, :3].T @ to_box[:3, 3],
-    )
-    small, middle, large = np.sort(extents)
+    R_LB = T_BL[:3, :3].T
+    R_LG = RotationMatrix.ProjectToRotationMatrix(R_LB @ R_BG)
+    small, middle, large = extents[order]
     radius = 0.25 * _THICKNESS * (small + middle)
     length = max(large - 2.0 * radius, 0.01 * large)
-    X_BG = RigidTransform(RotationMatrix(R_BG))
-    return Capsule(X_LB @ X_BG, float(radius), float(length))
+    X_LG = RigidTransform(R_LG, -R_LB @ T_BL[:3, 3])
+    return Capsule(X_LG, float(radius), float(length))
 
 
 def _bone(robot: Description, link: str, upper: str, lower: str) -> Capsule:
     """A capsule from joint `upper` to joint `lower`, in the frame of `link`."""
     poses = robot.poses()
-    ends = [
+    first, last = (
         poses[link].inverse() @ poses[robot.joints[name].child].translation()
         for name in (upper, lower)
-    ]
-    along = ends[1] - ends[0]
-    length = float(np.linalg.norm(along))
-    R = RotationMatrix.MakeFromOneVector(along, 2)
-    X_LG = RigidTransform(R, 0.5 * (ends[0] + ends[1]))
+    )
+    length = float(np.linalg.norm(last - first))
+    R = RotationMatrix.MakeFromOneVector(last - first, 2)
+    X_LG = RigidTransform(R, 0.5 * (first + last))
     return Capsule(X_LG, _BONE * length, (1.0 - 2.0 * _BONE) * length)
 
 
@@ -135,75 +128,58 @@ def _shoe(measured: Measurements) -> list[Capsule]:
     """Two parallel capsules within the sole's rectangle, just above it."""
     length = measured.toe - measured.heel
     radius = min(2.0 / 3.0 * measured.half_width, 0.25 * length)
-    centre = 0.5 * (measured.heel + measured.toe)
+    x = 0.5 * (measured.heel + measured.toe)
+    y = measured.half_width - radius
     z = measured.sole_z + SHOE_ABOVE_SOLE + radius
     along = RotationMatrix.MakeYRotation(0.5 * np.pi)
-    y = measured.half_width - radius
     return [
         Capsule(
-            RigidTransform(along, [centre, side * y, z]),
+            RigidTransform(along, [x, side, z]),
             radius,
             0.9 * length - 2.0 * radius,
         )
-        for side in (1.0, -1.0)
+        for side in (y, -y)
     ]
 
 
-def _neighbours(robot: Description, shaped: set[str]) -> Pairs:
+def _neighbours(robot: Description, shaped: Collection[str]) -> Pairs:
     """Pairs of `shaped` links without another one between them."""
-
-    def above(link: str) -> str | None:
-        while link != robot.root:
-            link = robot.joint_to(link).parent
-            if link in shaped:
-                return link
-        return None
-
-    return {
-        frozenset((link, holder)) for link in shaped if (holder := above(link))
-    }
+    pairs = set()
+    for link in shaped:
+        above = [joint.parent for joint in robot.chain(link)]
+        holders = [holder for holder in above if holder in shaped]
+        pairs |= {frozenset((link, holder)) for holder in holders[-1:]}
+    return pairs
 
 
 def _thinned(
-    pair: frozenset[str],
+    links: list[str],
     capsules: Capsules,
     poses: Mapping[str, RigidTransform],
     feet: set[str],
 ) -> bool:
-    """Reduces the radii of a pair until it is apart; False if that fails.
+    """Reduces the radii of two links until they are apart; False if that fails.
 
     The capsules of feet are not changed.
     """
-    links = sorted(pair)
-    gaps = []
-    for one, other in itertools.product(*(capsules[link] for link in links)):
+    share = 1.0
+    for pair in itertools.product(*(capsules[link] for link in links)):
         first, second = (
-            poses[link] @ capsule.ends().T
-            for link, capsule in zip(links, (one, other), strict=True)
+            poses[link] @ capsule.points()
+            for link, capsule in zip(links, pair, strict=True)
         )
-        thick = [
-            capsule.radius
-            for link, capsule in zip(links, (one, other), strict=True)
-        ]
-        fixed = sum(
-            r for r, link in zip(thick, links, strict=True) if link in feet
-        )
-        room = _distance(first.T, second.T) - _CLEARANCE - fixed
-        gaps.append((room, sum(thick) - fixed))
-    share = min((room / soft if soft else 1.0) for room, soft in gaps)
+        apart = first[:, :, None] - second[:, None, :]
+        room = float(np.linalg.norm(apart, axis=0).min()) - _CLEARANCE
+        soft = 0.0
+        for link, capsule in zip(links, pair, strict=True):
+            if link in feet:
+                room -= capsule.radius
+            else:
+                soft += capsule.radius
+        share = min(share, room / soft if soft else 1.0)
     if share < _THINNEST:
         return False
-    for link in set(links) - feet:
-        for capsule in capsules[link]:
-            capsule.length += 2.0 * capsule.radius * max(1.0 - share, 0.0)
-            capsule.radius *= min(share, 1.0)
+    for capsule in itertools.chain(*(capsules[n] for n in set(links) - feet)):
+        capsule.length += 2.0 * capsule.radius * (1.0 - share)
+        capsule.radius *= share
     return True
-
-
-def _distance(first: Array, second: Array) -> float:
-    """Distance [m] of two segments (2, 3), sampled at 41 points each."""
-    shares = np.linspace(0.0, 1.0, 41)[:, None]
-    points, others = (
-        ends[0] + shares * (ends[1] - ends[0]) for ends in (first, second)
-    )
-    return float(np.linalg.norm(points[:, None] - others, axis=2).min())

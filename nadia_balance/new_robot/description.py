@@ -330,7 +330,7 @@ def _parsed(file: Path, roots: Sequence[Path], mended: Mended) -> Description:
     # SystemExit is how pydrake reports a condition of Drake's own code.
     try:
         if mended.text:
-            (model,) = parser.AddModelsFromString(mended.text, "urdf")
+            model, *_ = parser.AddModelsFromString(mended.text, "urdf")
         else:
             model, *_ = parser.AddModels(str(file))
         joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
@@ -341,27 +341,39 @@ def _parsed(file: Path, roots: Sequence[Path], mended: Mended) -> Description:
         raise ValueError(f"Drake cannot read it: {why}") from None
     if plant.num_constraints():
         raise ValueError("constraints: must not be there: closed loops, mimics")
-    root = _base(plant, joints)
+    name = plant.GetModelInstanceName(model)
+    return _described(name, plant, scene_graph, joints, mended)
+
+
+def _described(
+    name: str,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    joints: Sequence[DrakeJoint],
+    mended: Mended,
+) -> Description:
+    """The description of the robot; the frames of its links are the joints'."""
+    root, world = _base(plant, joints), plant.world_body().name()
+    joints = [j for j in joints if j.parent_body().name() != world]
     drives = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     drives = {drive.joint().name(): drive for drive in drives}
-    world = plant.world_body().name()
-    joints = [j for j in joints if j.parent_body().name() != world]
-    found = {j.name(): _joint(j, drives.get(j.name()), mended) for j in joints}
     X_BL = {root: RigidTransform()}
     for joint in joints:
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
         X_BL[joint.child_body().name()] = X_BM
     bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
-    links = {body.name(): [body] for body in bodies if body.name() in X_BL}
     return Description(
-        plant.GetModelInstanceName(model),
-        root,
-        plant,
-        scene_graph,
-        links,
-        found,
-        X_BL,
-        mended.missing,
+        name=name,
+        root=root,
+        plant=plant,
+        scene_graph=scene_graph,
+        links={b.name(): [b] for b in bodies if b.name() in X_BL},
+        joints={
+            joint.name(): _joint(joint, drives.get(joint.name()), mended)
+            for joint in joints
+        },
+        X_BL=X_BL,
+        missing=mended.missing,
     )
 
 

@@ -28,7 +28,7 @@ from nadia_balance.new_robot.description import (
 )
 from nadia_balance.new_robot.measure import Measurements, measure, set_frames
 from nadia_balance.new_robot.soles import SolePlane, larger_sole
-from nadia_balance.new_robot.write import write_urdf, write_yaml
+from nadia_balance.new_robot.write import robot_fields, write_urdf, write_yaml
 
 # Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
 # for Nadia and Atlas at 90.9 kg.
@@ -65,7 +65,8 @@ def make_robot(
     write_urdf(robot, anatomy, measured, shapes, folder)
     slow = any(not joint.speed for joint in robot.joints.values())
     speed = _SPEED if slow else None
-    write_yaml(robot, anatomy, measured, speed, folder)
+    fields = robot_fields(robot.name, anatomy, measured, speed)
+    write_yaml(folder, fields)
     return notes
 
 

@@ -1,6 +1,6 @@
 """Measurement of the lengths and the standing posture for robot.yaml."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,12 +68,10 @@ def set_frames(
     poses = robot.poses()
     turns = {}
     for side, foot in anatomy.feet.items():
-        R = poses[foot].rotation()
         z = -soles[side].down
-        x = R.inverse() @ anatomy.forward
-        x -= (x @ z) * z
-        x /= np.linalg.norm(x)
-        turns[foot] = np.stack([x, np.cross(z, x), z], axis=1)
+        y = np.cross(z, poses[foot].rotation().inverse() @ anatomy.forward)
+        y /= np.linalg.norm(y)
+        turns[foot] = np.stack([np.cross(y, z), y, z], axis=1)
     for link in anatomy.pelvis, anatomy.torso:
         turns[link] = poses[link].rotation().inverse().matrix() @ upright
     for link, turn in turns.items():
@@ -98,29 +96,28 @@ def measure(
     Raises:
         ValueError: the robot cannot stand with bent knees on level soles.
     """
+    legs = list(anatomy.legs.values())
     heel, toe, half_width = largest_rectangle(list(soles.values()))
-    knees = {leg.knee: _knee(robot, leg) for leg in anatomy.legs.values()}
+    knees = {leg.knee: _knee(robot, leg) for leg in legs}
     length = _length(anatomy, knees.values())
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
-    posture = _posture(robot, anatomy, p_FS)
+    posture = _posture(robot, legs, knees, p_FS)
     com, poses = robot.com(posture), robot.poses(posture)
 
-    def height(what: str) -> float:
-        """Mean height [m] of both legs' joints of this name."""
-        names = [getattr(leg, what) for leg in anatomy.legs.values()]
+    def height(names: list[str]) -> float:
+        """Mean height [m] of joints."""
         links = [robot.joints[name].child for name in names]
         return float(np.mean([poses[link].translation()[2] for link in links]))
 
-    centres = [poses[foot] @ p_FS for foot in anatomy.feet.values()]
-    ground = float(np.mean(centres, axis=0)[2])
-    across = float(centres[0][1] - centres[1][1])
-    com_height = float(com[2] - ground)
+    left, right = (poses[leg.foot] @ p_FS for leg in legs)
+    ground, across = float(0.5 * (left + right)[2]), float(left[1] - right[1])
     geometry = LegGeometry(
         length=length,
-        ankle_height=height("ankle_pitch") - ground,
-        com_above_hip=float(com[2]) - height("hip_pitch"),
+        ankle_height=height([leg.ankle_pitch for leg in legs]) - ground,
+        com_above_hip=float(com[2]) - height([leg.hip_pitch for leg in legs]),
         hip_width=across,
     )
+    com_height = float(com[2]) - ground
     return Measurements(
         heel=heel,
         toe=toe,
@@ -216,14 +213,16 @@ def _knee(robot: Description, leg: Leg) -> _Knee:
 
 
 def _posture(
-    robot: Description, anatomy: Anatomy, p_FS: Array
+    robot: Description,
+    legs: Sequence[Leg],
+    knees: Mapping[str, _Knee],
+    p_FS: Array,
 ) -> dict[str, float]:
     """Angles [rad] of all joints with bent knees and level soles under the CoM.
 
     Raises:
         ValueError: the ranges of the legs' joints are too small.
     """
-    legs = [leg for leg in anatomy.legs.values()]
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
@@ -231,36 +230,33 @@ def _posture(
     }
     searched = [n for leg in legs for n in (leg.hip_pitch, leg.ankle_pitch)]
     joints = [robot.joints[name] for name in searched]
+    bounds = [
+        [joint.nearest(end, _LEG_MARGIN) for joint in joints]
+        for end in (-np.inf, np.inf)
+    ]
 
     def off(values: Array) -> Array:
+        """Distances [m] of the soles from the CoM, and their slopes [rad]."""
         angles.update(zip(searched, map(float, values), strict=True))
         com, poses = robot.com(angles), robot.poses(angles)
-        return np.concatenate(
-            [
-                (
-                    (poses[leg.foot] @ p_FS - com)[0],
-                    poses[leg.foot].rotation().matrix()[2, 0],
-                )
-                for leg in legs
-            ]
+        feet = [poses[leg.foot] for leg in legs]
+        return np.array(
+            [(X_RF @ p_FS - com)[0] for X_RF in feet]
+            + [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
         )
 
-    for leg in legs:
-        most = _knee(robot, leg).most
-        if most < _BENDS[-1]:
+    for name, knee in knees.items():
+        if knee.most < _BENDS[-1]:
             raise ValueError(
-                f"joint {leg.knee}: must bend the knee, so that the foot goes "
-                f"back, by {_BENDS[-1]:.2f} rad; it does by {most:.2f} rad"
+                f"joint {name}: must bend the knee, so that the foot goes back,"
+                f" by {_BENDS[-1]:.2f} rad; it does by {knee.most:.2f} rad"
             )
     for bend in _BENDS:
-        for leg in legs:
-            knee = robot.joints[leg.knee]
-            angle = _knee(robot, leg).angle(bend)
-            angles[leg.knee] = knee.nearest(angle, _LEG_MARGIN)
-        lower = [joint.nearest(-np.inf, _LEG_MARGIN) for joint in joints]
-        upper = [joint.nearest(np.inf, _LEG_MARGIN) for joint in joints]
-        start = np.clip(np.zeros(len(joints)), lower, upper)
-        found = least_squares(off, start, bounds=(lower, upper))
+        for name, knee in knees.items():
+            nearest = robot.joints[name].nearest
+            angles[name] = nearest(knee.angle(bend), _LEG_MARGIN)
+        start = np.clip(np.zeros(len(joints)), *bounds)
+        found = least_squares(off, start, bounds=bounds)
         if np.abs(off(found.x)).max() < _LEVEL:
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}
     raise ValueError(

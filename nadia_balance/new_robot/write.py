@@ -128,19 +128,13 @@ def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The mesh; a large one with the vertices of each grid cell merged."""
     if len(mesh.faces) <= _FACES:
         return mesh
-    _, which = np.unique(
-        np.round(mesh.vertices / _GRID), axis=0, return_inverse=True
+    cells = np.round(mesh.vertices / _GRID)
+    _, first, cell = np.unique(
+        cells, axis=0, return_index=True, return_inverse=True
     )
-    which = which.ravel()
-    count = np.bincount(which)
-    vertices = np.stack(
-        [np.bincount(which, column) / count for column in mesh.vertices.T],
-        axis=1,
-    )
-    faces = np.unique(which[mesh.faces], axis=0)
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    return trimesh.Trimesh(vertices, faces, process=False)
+    faces = np.unique(cell.ravel()[mesh.faces], axis=0)
+    faces = faces[[len(set(face)) == 3 for face in faces.tolist()]]
+    return trimesh.Trimesh(mesh.vertices[first], faces, process=False)
 
 
 def _collision(
@@ -233,24 +227,8 @@ def robot_fields(
     return {k: v for k, v in fields.items() if v is not None}
 
 
-def write_yaml(
-    robot: Description,
-    anatomy: Anatomy,
-    measured: Measurements,
-    max_joint_speed: float | None,
-    folder: Path,
-) -> None:
+def write_yaml(folder: Path, fields: Mapping[str, Any]) -> None:
     """Writes robot.yaml, with lengths and angles to four decimals."""
-    _dump(robot_fields(robot.name, anatomy, measured, max_joint_speed), folder)
-
-
-def write_reach(folder: Path, reach: ReachabilityParams) -> None:
-    """Replaces the lengths and widths of `reach` in robot.yaml of `folder`."""
-    text = (folder / "robot.yaml").read_text(encoding="utf-8")
-    _dump({**yaml.safe_load(text), "reachability": _widths(reach)}, folder)
-
-
-def _dump(fields: dict[str, Any], folder: Path) -> None:
     text = yaml.safe_dump(
         _rounded(fields),
         default_flow_style=None,
@@ -258,6 +236,13 @@ def _dump(fields: dict[str, Any], folder: Path) -> None:
         allow_unicode=True,
     )
     (folder / "robot.yaml").write_text(_HEADER + text, encoding="utf-8")
+
+
+def write_reach(folder: Path, reach: ReachabilityParams) -> None:
+    """Replaces the lengths and widths of `reach` in robot.yaml of `folder`."""
+    text = (folder / "robot.yaml").read_text(encoding="utf-8")
+    fields = {**yaml.safe_load(text), "reachability": _widths(reach)}
+    write_yaml(folder, fields)
 
 
 def _rounded(value: Any) -> Any:

@@ -135,38 +135,32 @@ PLATE = (
     f'<geom type="box" size="{0.5 * SOLE[0]} {0.5 * SOLE[1]} 0.02" '
     'pos="0.05 0 -0.06" mass="1"/>'
 )
+# Position in the parent, axis, range and shape.
+LEG = {
+    "yaw": ("0 {side} -0.1", "0 0 1", "-1 1", SMALL),
+    "roll": ("0 0 0", "1 0 0", "-1 1", SMALL),
+    "hip": ("0 0 0", "0 1 0", "-2 1", THICK),
+    "knee": (f"0 0 {-THIGH}", "0 1 0", "0 2.2", THICK),
+    "ankle": (f"0 0 {-SHIN}", "0 1 0", "-1 0.6", SMALL),
+    "tilt": ("0 0 0", "1 0 0", "-0.4 0.4", PLATE),
+}
 
 
 def leg(n: str, side: float) -> str:
     """Six bodies, one in the other."""
-    bodies = (
-        ("yaw", f"0 {side * HIP} -0.1", "0 0 1", "-1 1", SMALL),
-        ("roll", "0 0 0", "1 0 0", "-1 1", SMALL),
-        ("hip", "0 0 0", "0 1 0", "-2 1", THICK),
-        ("knee", f"0 0 {-THIGH}", "0 1 0", "0 2.2", THICK),
-        ("ankle", f"0 0 {-SHIN}", "0 1 0", "-1 0.6", SMALL),
-        ("tilt", "0 0 0", "1 0 0", "-0.4 0.4", PLATE),
-    )
     return (
         "".join(
-            f'<body name="{n}_{name}" pos="{at}">'
+            f'<body name="{n}_{name}" pos="{at.format(side=side)}">'
             f'<joint name="{n}_{name}" axis="{axis}" range="{limits}"/>{shape}'
-            for name, at, axis, limits, shape in bodies
+            for name, (at, axis, limits, shape) in LEG.items()
         )
-        + 6 * "</body>"
+        + len(LEG) * "</body>"
     )
 
 
 MOTORS = "".join(
     f'<motor joint="{joint}" ctrllimited="true" ctrlrange="-250 250"/>'
-    for joint in [
-        "waist",
-        *(
-            f"{n}_{name}"
-            for n in "lr"
-            for name in ("yaw", "roll", "hip", "knee", "ankle", "tilt")
-        ),
-    ]
+    for joint in ["waist", *(f"{n}_{name}" for n in "lr" for name in LEG)]
 )
 MJCF = f"""
 <mujoco model="mj">
@@ -174,7 +168,7 @@ MJCF = f"""
 <worldbody>
 <body name="pelvis" pos="0 0 1"><freejoint/>
  <geom type="box" size="0.08 0.1 0.08" mass="10"/>
- {leg("l", 1.0)}{leg("r", -1.0)}
+ {leg("l", HIP)}{leg("r", -HIP)}
  <body name="chest" pos="0 0 0.15">
   <joint name="waist" axis="0 0 1" range="-1 1"/>
   <geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>
