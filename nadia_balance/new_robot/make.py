@@ -21,6 +21,7 @@ from nadia_balance.new_robot.anatomy import (
 from nadia_balance.new_robot.capsules import fit_capsules
 from nadia_balance.new_robot.description import (
     COLLIDING,
+    LEAST_MASS,
     VISUAL,
     Array,
     Description,
@@ -76,7 +77,7 @@ def clean(
     """Welds joints that are not driven, adds masses; returns the legs."""
     asked = _matching(robot, fix, notes)
     fixed = [j.name for j in robot.joints.values() if j.type == "weld"]
-    robot.weld(list(dict.fromkeys(fixed + asked)))
+    robot.weld(dict.fromkeys(fixed + asked))
     pelvis, legs = two_legs(robot, named)
     check_leg_joints(robot, legs)
     for why, names in _undriven(robot).items():
@@ -91,7 +92,7 @@ def clean(
         robot.reroot(pelvis)
     if light := robot.give_mass():
         names = ", ".join(light)
-        notes.changed.append(f"0.02 kg for links of no mass: {names}")
+        notes.changed.append(f"{LEAST_MASS} kg for links of no mass: {names}")
     return legs
 
 
@@ -123,17 +124,17 @@ def _undriven(robot: Description) -> dict[str, list[str]]:
     }
     mimic, prismatic, weak = found.values()
     for joint in robot.joints.values():
+        if joint.type == "planar":
+            raise ValueError(
+                f"joint {joint.name}: must not be planar; only one link "
+                "floats, the base"
+            )
         if joint.mimics:
             mimic.append(joint.name)
         elif joint.type == "prismatic":
             prismatic.append(joint.name)
         elif not joint.effort or joint.upper - joint.lower < 1e-3:
             weak.append(joint.name)
-        elif joint.type not in ("revolute", "continuous"):
-            raise ValueError(
-                f"joint {joint.name}: must not be {joint.type}; only one link "
-                "floats, the base"
-            )
     return found
 
 

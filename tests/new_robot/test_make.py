@@ -175,6 +175,7 @@ BACKWARD = {"lower": "-2.3", "upper": "0.0"}
         (lambda e: e.joint("l_yaw", type="fixed"), "legs: must be two, of 5"),
         (lambda e: e.joint("l_tilt", type="continuous"), "joint l_tilt: is"),
         (lambda e: e.joint("r_knee", type="prismatic"), "joint r_knee: is"),
+        (lambda e: e.joint("bow", type="planar"), "joint bow: must not be"),
         (lambda e: e.mimic("r_knee"), "joint r_knee: must not be a mimic"),
         (lambda e: e.no_effort("r_hip"), "joint r_hip: must have an effort"),
         (lambda e: e.joint("l_roll", lower="0.7"), "joint l_roll: lower limit"),
