@@ -1,1 +1,30 @@
 """Conversion of any robot's URDF to a robot folder (extra `robots`)."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Named:
+    """Names given by the user; parts with an empty name are identified."""
+
+    pelvis: str = ""
+    torso: str = ""
+    left_foot: str = ""
+    right_foot: str = ""
+    hip_pitch: str = ""  # "left,right"
+    knee: str = ""
+    ankle_pitch: str = ""
+
+
+@dataclass
+class Notes:
+    """Lines on guessed, changed and unknown properties."""
+
+    guessed: list[str] = field(default_factory=list)
+    changed: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """All lines, each with its kind as prefix."""
+        words = ("guessed", "changed", "unknown")
+        return [f"{w}: {line}" for w in words for line in getattr(self, w)]

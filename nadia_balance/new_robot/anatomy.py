@@ -2,31 +2,18 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from nadia_balance.core.walking import Side
-from nadia_balance.new_robot.notes import Notes
-from nadia_balance.new_robot.tree import Array, Joint, Tree
+from nadia_balance.new_robot import Named, Notes
+from nadia_balance.new_robot.description import Array, Description, Joint
 
 LEG_JOINTS = range(5, 8)
 # Smallest cosine to the lateral axis, or of the up axis to the legs [-].
 ALONG = 0.75
 _JOINTS_OF_A_LEG = ("hip_pitch", "knee", "ankle_pitch")
-
-
-@dataclass
-class Named:
-    """Names given by the user; parts with an empty name are identified."""
-
-    pelvis: str = ""
-    torso: str = ""
-    left_foot: str = ""
-    right_foot: str = ""
-    hip_pitch: str = ""  # "left,right"
-    knee: str = ""
-    ankle_pitch: str = ""
 
 
 @dataclass
@@ -42,14 +29,14 @@ class Leg:
 
 @dataclass
 class Anatomy:
-    """Names and directions of a robot at zero posture, in its root's axes."""
+    """Names and directions (3,) of a robot at zero posture, in its root."""
 
     pelvis: str
     torso: str
-    legs: dict[Side, Leg] = field(default_factory=dict)
-    forward: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
-    left: Array = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
-    up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    legs: dict[Side, Leg]
+    forward: Array
+    left: Array
+    up: Array
 
     @property
     def feet(self) -> dict[Side, str]:
@@ -57,74 +44,72 @@ class Anatomy:
         return {side: leg.foot for side, leg in self.legs.items()}
 
 
-def two_legs(tree: Tree, named: Named) -> tuple[str, list[Leg]]:
+def two_legs(robot: Description, named: Named) -> tuple[str, list[Leg]]:
     """Returns the pelvis and the two legs, in arbitrary order.
 
     The legs are the heaviest pair of unbranched chains with the same number of
-    joints, 5 to 7, that start at one link.  No joint of `tree` is fixed.
+    joints, 5 to 7, that start at one link.  No joint of `robot` is fixed.
 
     Raises:
         ValueError: no such pair exists, or a named link does not exist.
     """
-    leaves = [link for link in tree.links if not tree.children(link)]
-    feet = [named.left_foot, named.right_foot]
-    feet = [_link(tree, foot) for foot in feet if foot]
+    leaves = [link for link in robot.links if not robot.children(link)]
+    feet = [_link(robot, n) for n in (named.left_foot, named.right_foot) if n]
+    pelvis = named.pelvis and _link(robot, named.pelvis)
     pairs = []
-    for pair in itertools.combinations(list(dict.fromkeys(leaves + feet)), 2):
-        if not set(feet) <= set(pair):
-            continue
-        chains = [tree.chain(link) for link in pair]
-        shared = [a for a, b in zip(*chains, strict=False) if a is b]
-        start = shared[-1].child if shared else tree.root
-        legs = [chain[len(shared) :] for chain in chains]
-        if named.pelvis:
-            start = _link(tree, named.pelvis)
-            if any(start not in {j.parent for j in leg} for leg in legs):
-                continue
-            legs = [_from(leg, start) for leg in legs]
-        if _are_legs(tree, legs):
-            mass = sum(tree.mass(leg[0].child) for leg in legs)
+    for pair in itertools.combinations(dict.fromkeys(leaves + feet), 2):
+        start, legs = _fork(robot, pair, pelvis)
+        if set(feet) <= set(pair) and _are_legs(robot, legs):
+            mass = sum(robot.mass(robot.below(leg[0].child)) for leg in legs)
             pairs.append((mass, start, pair, legs))
     if not pairs:
-        ends = ", ".join(
-            f"{len(tree.chain(leaf))} to {leaf}" for leaf in leaves
-        )
+        lengths = {leaf: len(robot.chain(leaf)) for leaf in leaves}
+        ends = ", ".join(f"{n} to {leaf}" for leaf, n in lengths.items())
         raise ValueError(
             "legs: must be two, of 5 to 7 joints each; numbers of joints: "
             f"{ends or 'none'}"
         )
     _, start, pair, legs = max(pairs, key=lambda found: found[0])
+    names = [[joint.name for joint in leg] for leg in legs]
+    return start, list(map(Leg, pair, names))
+
+
+def _fork(
+    robot: Description, pair: tuple[str, str], pelvis: str
+) -> tuple[str, list[list[Joint]]]:
+    """The pelvis, or the link where two chains part, and what is below it."""
+    chains = [robot.chain(link) for link in pair]
+    start = pelvis or robot.root
+    if not pelvis:
+        for one, other in zip(*chains, strict=False):
+            start = one.child if one is other else start
     return start, [
-        Leg(foot, [joint.name for joint in leg])
-        for foot, leg in zip(pair, legs, strict=True)
+        list(itertools.dropwhile(lambda joint: joint.parent != start, chain))
+        for chain in chains
     ]
 
 
-def _are_legs(tree: Tree, legs: list[list[Joint]]) -> bool:
+def _are_legs(robot: Description, legs: list[list[Joint]]) -> bool:
     inner = [joint.child for leg in legs for joint in leg[:-1]]
     return (
         len(legs[0]) == len(legs[1])
         and len(legs[0]) in LEG_JOINTS
-        and all(len(tree.children(link)) == 1 for link in inner)
+        and all(len(robot.children(link)) == 1 for link in inner)
     )
 
 
-def _from(chain: list[Joint], link: str) -> list[Joint]:
-    return chain[[joint.parent for joint in chain].index(link) :]
-
-
-def _link(tree: Tree, name: str) -> str:
-    found = tree.holder(name)
-    if found not in tree.links:
-        known = ", ".join(sorted(tree.links))
+def _link(robot: Description, name: str) -> str:
+    found = robot.holder(name)
+    if found not in robot.links:
+        known = ", ".join(sorted(robot.links))
         raise ValueError(f"link {name}: must be one of {known}")
     return found
 
 
-def check_leg_joints(tree: Tree, legs: Sequence[Leg]) -> None:
+def check_leg_joints(robot: Description, legs: Sequence[Leg]) -> None:
     """Raises ValueError that names a joint of a leg that cannot be driven."""
     for name in [joint for leg in legs for joint in leg.joints]:
-        joint = tree.joints[name]
+        joint = robot.joints[name]
         if joint.type != "revolute":
             raise ValueError(
                 f"joint {name}: is {joint.type}: must be revolute, in a leg"
@@ -140,29 +125,33 @@ def check_leg_joints(tree: Tree, legs: Sequence[Leg]) -> None:
             )
 
 
-def find_torso(tree: Tree, pelvis: str, legs: Sequence[Leg]) -> str:
+def find_torso(robot: Description, pelvis: str, legs: Sequence[Leg]) -> str:
     """Returns the link of which arms and head are children, or `pelvis`."""
     link = pelvis
     of_legs = {joint for leg in legs for joint in leg.joints}
     while True:
-        joints = [j for j in tree.children(link) if j.name not in of_legs]
-        masses = {joint.child: tree.mass(joint.child) for joint in joints}
+        children = [
+            joint.child
+            for joint in robot.children(link)
+            if joint.name not in of_legs
+        ]
+        masses = {child: robot.mass(robot.below(child)) for child in children}
         heaviest = max(masses, key=masses.__getitem__, default="")
-        if not heaviest or masses[heaviest] < max(
-            0.6 * sum(masses.values()), tree.links[link].mass
-        ):
+        least = max(0.6 * sum(masses.values()), robot.mass([link]))
+        if not heaviest or masses[heaviest] < least:
             return link
         link = heaviest
 
 
-def vertical(tree: Tree, legs: Sequence[Leg]) -> Array:
+def vertical(robot: Description, legs: Sequence[Leg]) -> Array:
     """Returns up (3,): the root's axis nearest to the legs' direction."""
-    poses = tree.poses()
-    feet = [poses[leg.foot].translation() for leg in legs]
-    hips = [
-        poses[tree.joints[leg.joints[0]].child].translation() for leg in legs
+    poses = robot.poses()
+    ends = [
+        (poses[robot.joints[leg.joints[0]].child], poses[leg.foot])
+        for leg in legs
     ]
-    return _snapped(np.mean(hips, axis=0) - np.mean(feet, axis=0), "the legs")
+    upward = [hip.translation() - foot.translation() for hip, foot in ends]
+    return _snapped(np.mean(upward, axis=0), "the legs")
 
 
 def _snapped(direction: Array, what: str) -> Array:
@@ -177,49 +166,46 @@ def _snapped(direction: Array, what: str) -> Array:
 
 
 def find_anatomy(
-    tree: Tree,
-    pelvis: str,
+    robot: Description,
     legs: Sequence[Leg],
     toes: Sequence[Array],
     named: Named,
     notes: Notes,
 ) -> Anatomy:
-    """Returns the anatomy; the root of `tree` is the pelvis.
+    """Returns the anatomy; the root of `robot` is the pelvis.
 
     Forward is opposite to the motion of the feet when the knees bend, or, if
     that is not known, the direction of the `toes` (2, 3): the vectors from each
     foot's origin to the centre of its sole, in the root's axes.
     """
-    up = vertical(tree, legs)
-    poses = tree.poses()
+    up, poses = vertical(robot, legs), robot.poses()
     feet = [poses[leg.foot].translation() for leg in legs]
     across = feet[0] - feet[1]
     lateral = _snapped(across - up * (up @ across), "the feet")
     for leg, several in zip(legs, _by_leg(named, legs), strict=True):
-        _find_pitch(tree, leg, lateral, several)
+        _find_pitch(robot, leg, lateral, several)
     forward = np.cross(lateral, up)
-    sign = _first_is_left(tree, legs, named)
-    sign = sign or _sign([_goes_back(tree, leg, forward) for leg in legs])
-    sign = sign or _sign([forward @ toe for toe in toes]) or 1.0
-    ordered = legs if sign > 0.0 else legs[::-1]
-    torso = _link(tree, named.torso) if named.torso else ""
-    torso = torso or find_torso(tree, pelvis, legs)
+    sign = (
+        _first_is_left(robot, legs, named)
+        or _sign([_goes_back(robot, leg, forward) for leg in legs])
+        or _sign([forward @ toe for toe in toes])
+        or 1.0
+    )
+    sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
+    torso = _link(robot, named.torso) if named.torso else ""
+    torso = torso or find_torso(robot, robot.root, legs)
     found = Anatomy(
-        pelvis,
-        torso,
-        dict(zip(Side, ordered, strict=True)),
-        sign * forward,
-        sign * lateral,
-        up,
+        robot.root, torso, sides, sign * forward, sign * lateral, up
     )
+    feet_names = ", ".join(found.feet.values())
     notes.guessed.append(
-        f"pelvis {pelvis}, torso {torso}, feet {', '.join(found.feet.values())}"
+        f"pelvis {found.pelvis}, torso {torso}, feet {feet_names}"
     )
-    for side, leg in found.legs.items():
-        notes.guessed.append(
-            f"{side.value} leg: hip pitch {leg.hip_pitch}, knee {leg.knee}, "
-            f"ankle pitch {leg.ankle_pitch}"
-        )
+    notes.guessed += [
+        f"{side.value} leg: hip pitch {leg.hip_pitch}, knee {leg.knee}, "
+        f"ankle pitch {leg.ankle_pitch}"
+        for side, leg in sides.items()
+    ]
     return found
 
 
@@ -228,61 +214,60 @@ def _by_leg(named: Named, legs: Sequence[Leg]) -> list[dict[str, str]]:
     found: list[dict[str, str]] = [{}, {}]
     for what in _JOINTS_OF_A_LEG:
         for name in filter(None, getattr(named, what).split(",")):
-            holders = [leg for leg in legs if name in leg.joints]
+            holders = [i for i, leg in enumerate(legs) if name in leg.joints]
             if not holders:
                 known = ", ".join(joint for leg in legs for joint in leg.joints)
                 raise ValueError(f"{what} {name}: must be one of {known}")
-            found[[leg is holders[0] for leg in legs].index(True)][what] = name
+            found[holders[0]][what] = name
     return found
 
 
 def _find_pitch(
-    tree: Tree, leg: Leg, lateral: Array, named: dict[str, str]
+    robot: Description, leg: Leg, lateral: Array, named: dict[str, str]
 ) -> None:
     """Finds hip, knee and ankle among the joints about the `lateral` axis."""
-    poses = tree.poses()
-    children = {name: tree.joints[name].child for name in leg.joints}
-    pitch = [
-        name
-        for name, child in children.items()
-        if abs(lateral @ (poses[child].rotation() @ tree.joints[name].axis))
-        > ALONG
-    ]
+    poses, pitch, at = robot.poses(), [], {}
+    for name in leg.joints:
+        joint = robot.joints[name]
+        X_RC = poses[joint.child]
+        at[name] = X_RC.translation()
+        if abs(lateral @ (X_RC.rotation() @ robot.axis(joint))) > ALONG:
+            pitch.append(name)
     if len(pitch) < 3:
         raise ValueError(
             f"leg to {leg.foot}: must have three joints about the lateral "
             f"axis: hip, knee and ankle; it has {', '.join(pitch) or 'none'}"
         )
-    at = {name: poses[children[name]].translation() for name in leg.joints}
     leg.hip_pitch = named.get("hip_pitch", pitch[0])
     leg.ankle_pitch = named.get("ankle_pitch", pitch[-1])
+    ends = at[leg.hip_pitch], at[leg.ankle_pitch]
+    apart = {
+        name: min(float(np.linalg.norm(at[name] - end)) for end in ends)
+        for name in pitch[1:-1]
+    }
+    leg.knee = named.get("knee", max(apart, key=apart.__getitem__))
 
-    def apart(name: str) -> float:
-        ends = at[leg.hip_pitch], at[leg.ankle_pitch]
-        return min(float(np.linalg.norm(at[name] - end)) for end in ends)
 
-    leg.knee = named.get("knee", max(pitch[1:-1], key=apart))
-
-
-def _first_is_left(tree: Tree, legs: Sequence[Leg], named: Named) -> float:
+def _first_is_left(
+    robot: Description, legs: Sequence[Leg], named: Named
+) -> float:
     """1 if legs[0] is the left one by the user's names, -1 if right, else 0."""
     for name, sign in (named.left_foot, 1.0), (named.right_foot, -1.0):
         if name:
-            return sign if tree.holder(name) == legs[0].foot else -sign
+            return sign if robot.holder(name) == legs[0].foot else -sign
     return 0.0
 
 
 def _sign(lengths: Sequence[float]) -> float:
     """The common sign of lengths [m]; 0 if they differ or are near 0."""
-    low, high = min(lengths), max(lengths)
-    return float(low > 0.01) - float(high < -0.01)
+    return float(min(lengths) > 0.01) - float(max(lengths) < -0.01)
 
 
-def _goes_back(tree: Tree, leg: Leg, forward: Array) -> float:
+def _goes_back(robot: Description, leg: Leg, forward: Array) -> float:
     """Difference [m] of the foot's ranges backward and forward by the knee."""
-    knee = tree.joints[leg.knee]
+    knee = robot.joints[leg.knee]
     at = [
-        tree.poses({leg.knee: angle})[leg.foot].translation()
+        robot.poses({leg.knee: angle})[leg.foot].translation()
         for angle in (knee.lower, knee.nearest(0.0), knee.upper)
     ]
     return float(forward @ (2.0 * at[1] - at[0] - at[2]))

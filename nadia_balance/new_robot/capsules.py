@@ -1,17 +1,22 @@
 """Collision capsules of links that do not overlap in the standing posture."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
 
+from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.anatomy import Anatomy
-from nadia_balance.new_robot.figures import Figures
-from nadia_balance.new_robot.notes import Notes
-from nadia_balance.new_robot.tree import Array, Link, Tree
+from nadia_balance.new_robot.description import (
+    COLLIDING,
+    VISUAL,
+    Array,
+    Description,
+)
+from nadia_balance.new_robot.measure import Measurements
 
 # Smallest size of a link with a capsule [leg length].
 _SMALLEST = 0.25
@@ -31,10 +36,10 @@ class Capsule:
     radius: float  # [m]
     length: float  # between the centres of its ends [m]
 
-    def ends(self) -> Array:
-        """The centres (2, 3) [m] of its ends, in the link's frame."""
-        half = 0.5 * self.length
-        return np.stack([self.X_LG @ [0.0, 0.0, z] for z in (-half, half)])
+    def points(self) -> Array:
+        """Points (3, 41) [m] on its axis, from end to end, in the link."""
+        z = 0.5 * self.length * np.linspace(-1.0, 1.0, 41)
+        return self.X_LG @ np.stack([0.0 * z, 0.0 * z, z])
 
 
 Capsules = dict[str, list[Capsule]]
@@ -42,7 +47,7 @@ Pairs = set[frozenset[str]]
 
 
 def fit_capsules(
-    tree: Tree, anatomy: Anatomy, figures: Figures, notes: Notes
+    robot: Description, anatomy: Anatomy, measured: Measurements, notes: Notes
 ) -> tuple[Capsules, Pairs]:
     """Returns the capsules by link, and the pairs whose collision is ignored.
 
@@ -50,33 +55,30 @@ def fit_capsules(
     (without another link with capsules between them), and links that would
     overlap in the standing posture even if made thinner.
     """
-    feet = anatomy.feet.values()
-    capsules = {foot: _shoe(figures) for foot in feet}
-    of_legs = {
-        tree.joints[name].child
-        for leg in anatomy.legs.values()
-        for name in leg.joints
-    }
-    for leg in anatomy.legs.values():
-        knee = tree.joints[leg.knee]
-        for name, upper, lower in (
-            (knee.parent, leg.hip_pitch, leg.knee),
-            (knee.child, leg.knee, leg.ankle_pitch),
+    feet, legs = set(anatomy.feet.values()), anatomy.legs.values()
+    capsules = {foot: _shoe(measured) for foot in anatomy.feet.values()}
+    smallest = _SMALLEST * measured.legs.length
+    for leg in legs:
+        ends = leg.hip_pitch, leg.knee, leg.ankle_pitch
+        knee = robot.joints[leg.knee]
+        for name, bone in zip(
+            (knee.parent, knee.child), itertools.pairwise(ends), strict=True
         ):
-            capsule = _fitted(tree.links[name], figures.legs.length)
+            capsule = _fitted(robot, name, smallest)
             if not capsule:
                 notes.guessed.append(f"the thickness of {name}")
-            capsules[name] = [capsule or _bone(tree, name, upper, lower)]
-    for name, link in tree.links.items():
+            capsules[name] = [capsule or _bone(robot, name, *bone)]
+    of_legs = {robot.joints[name].child for leg in legs for name in leg.joints}
+    for name in robot.links:
         if name not in of_legs:
-            if capsule := _fitted(link, figures.legs.length):
+            if capsule := _fitted(robot, name, smallest):
                 capsules[name] = [capsule]
-    ignored = _neighbours(tree, set(capsules))
-    poses = tree.poses(figures.posture)
+    ignored = _neighbours(robot, capsules)
+    poses = robot.poses(measured.posture)
     for pair in map(frozenset, itertools.combinations(capsules, 2)):
-        if pair in ignored or pair == frozenset(feet):
+        if pair in ignored or pair == feet:
             continue
-        if not _thinned(pair, capsules, poses, set(feet)):
+        if not _thinned(sorted(pair), capsules, poses, feet):
             ignored.add(pair)
             notes.changed.append(
                 f"{' and '.join(sorted(pair))} may pass through each other: "
@@ -85,116 +87,99 @@ def fit_capsules(
     return capsules, ignored
 
 
-def _fitted(link: Link, leg: float) -> Capsule | None:
-    """A capsule with the length and about the thickness of the link."""
-    shapes = link.collisions or link.visuals
+def _fitted(robot: Description, link: str, smallest: float) -> Capsule | None:
+    """A capsule with the length and about the thickness of `link`.
+
+    None if the link has no shapes or is smaller than `smallest` [m].
+    """
+    shapes = robot.shapes(link, COLLIDING) or robot.shapes(link, VISUAL)
     if not shapes:
         return None
     points = np.concatenate([shape.points() for shape in shapes])
-    if np.ptp(points, axis=0).max() < _SMALLEST * leg:
+    if np.ptp(points, axis=0).max() < smallest:
         return None
-    to_box, extents = trimesh.bounds.oriented_bounds(points)
+    T_BL, extents = trimesh.bounds.oriented_bounds(points)
     order = np.argsort(extents)  # the longest becomes z
     R_BG = np.eye(3)[:, order]
     R_BG[:, 0] *= np.linalg.det(R_BG)
-    X_LB = RigidTransform(
-        RotationMatrix.ProjectToRotationMatrix(to_box[:3, :3].T),
-        -to_box[:3, :3].T @ to_box[:3, 3],
-    )
-    small, middle, large = np.sort(extents)
+    R_LB = T_BL[:3, :3].T
+    R_LG = RotationMatrix.ProjectToRotationMatrix(R_LB @ R_BG)
+    small, middle, large = extents[order]
     radius = 0.25 * _THICKNESS * (small + middle)
     length = max(large - 2.0 * radius, 0.01 * large)
-    X_BG = RigidTransform(RotationMatrix(R_BG))
-    return Capsule(X_LB @ X_BG, float(radius), float(length))
+    X_LG = RigidTransform(R_LG, -R_LB @ T_BL[:3, 3])
+    return Capsule(X_LG, float(radius), float(length))
 
 
-def _bone(tree: Tree, link: str, upper: str, lower: str) -> Capsule:
+def _bone(robot: Description, link: str, upper: str, lower: str) -> Capsule:
     """A capsule from joint `upper` to joint `lower`, in the frame of `link`."""
-    poses = tree.poses()
-    ends = [
-        poses[link].inverse() @ poses[tree.joints[name].child].translation()
+    poses = robot.poses()
+    first, last = (
+        poses[link].inverse() @ poses[robot.joints[name].child].translation()
         for name in (upper, lower)
-    ]
-    along = ends[1] - ends[0]
-    length = float(np.linalg.norm(along))
-    R = RotationMatrix.MakeFromOneVector(along, 2)
-    X_LG = RigidTransform(R, 0.5 * (ends[0] + ends[1]))
+    )
+    length = float(np.linalg.norm(last - first))
+    R = RotationMatrix.MakeFromOneVector(last - first, 2)
+    X_LG = RigidTransform(R, 0.5 * (first + last))
     return Capsule(X_LG, _BONE * length, (1.0 - 2.0 * _BONE) * length)
 
 
-def _shoe(figures: Figures) -> list[Capsule]:
+def _shoe(measured: Measurements) -> list[Capsule]:
     """Two parallel capsules within the sole's rectangle, just above it."""
-    length = figures.toe - figures.heel
-    radius = min(2.0 / 3.0 * figures.half_width, 0.25 * length)
-    centre = 0.5 * (figures.heel + figures.toe)
-    z = figures.sole_z + SHOE_ABOVE_SOLE + radius
+    length = measured.toe - measured.heel
+    radius = min(2.0 / 3.0 * measured.half_width, 0.25 * length)
+    x = 0.5 * (measured.heel + measured.toe)
+    y = measured.half_width - radius
+    z = measured.sole_z + SHOE_ABOVE_SOLE + radius
     along = RotationMatrix.MakeYRotation(0.5 * np.pi)
-    y = figures.half_width - radius
     return [
         Capsule(
-            RigidTransform(along, [centre, side * y, z]),
+            RigidTransform(along, [x, side, z]),
             radius,
             0.9 * length - 2.0 * radius,
         )
-        for side in (1.0, -1.0)
+        for side in (y, -y)
     ]
 
 
-def _neighbours(tree: Tree, shaped: set[str]) -> Pairs:
+def _neighbours(robot: Description, shaped: Collection[str]) -> Pairs:
     """Pairs of `shaped` links without another one between them."""
-
-    def above(link: str) -> str | None:
-        while link != tree.root:
-            link = tree.joint_to(link).parent
-            if link in shaped:
-                return link
-        return None
-
-    return {
-        frozenset((link, holder)) for link in shaped if (holder := above(link))
-    }
+    pairs = set()
+    for link in shaped:
+        above = [joint.parent for joint in robot.chain(link)]
+        holders = [holder for holder in above if holder in shaped]
+        pairs |= {frozenset((link, holder)) for holder in holders[-1:]}
+    return pairs
 
 
 def _thinned(
-    pair: frozenset[str],
+    links: list[str],
     capsules: Capsules,
     poses: Mapping[str, RigidTransform],
     feet: set[str],
 ) -> bool:
-    """Reduces the radii of a pair until it is apart; False if that fails.
+    """Reduces the radii of two links until they are apart; False if that fails.
 
     The capsules of feet are not changed.
     """
-    links = sorted(pair)
-    gaps = []
-    for one, other in itertools.product(*(capsules[link] for link in links)):
+    share = 1.0
+    for pair in itertools.product(*(capsules[link] for link in links)):
         first, second = (
-            poses[link] @ capsule.ends().T
-            for link, capsule in zip(links, (one, other), strict=True)
+            poses[link] @ capsule.points()
+            for link, capsule in zip(links, pair, strict=True)
         )
-        thick = [
-            capsule.radius
-            for link, capsule in zip(links, (one, other), strict=True)
-        ]
-        fixed = sum(
-            r for r, link in zip(thick, links, strict=True) if link in feet
-        )
-        room = _distance(first.T, second.T) - _CLEARANCE - fixed
-        gaps.append((room, sum(thick) - fixed))
-    share = min((room / soft if soft else 1.0) for room, soft in gaps)
+        apart = first[:, :, None] - second[:, None, :]
+        room = float(np.linalg.norm(apart, axis=0).min()) - _CLEARANCE
+        soft = 0.0
+        for link, capsule in zip(links, pair, strict=True):
+            if link in feet:
+                room -= capsule.radius
+            else:
+                soft += capsule.radius
+        share = min(share, room / soft if soft else 1.0)
     if share < _THINNEST:
         return False
-    for link in set(links) - feet:
-        for capsule in capsules[link]:
-            capsule.length += 2.0 * capsule.radius * max(1.0 - share, 0.0)
-            capsule.radius *= min(share, 1.0)
+    for capsule in itertools.chain(*(capsules[n] for n in set(links) - feet)):
+        capsule.length += 2.0 * capsule.radius * (1.0 - share)
+        capsule.radius *= share
     return True
-
-
-def _distance(first: Array, second: Array) -> float:
-    """Distance [m] of two segments (2, 3), sampled at 41 points each."""
-    shares = np.linspace(0.0, 1.0, 41)[:, None]
-    points, others = (
-        ends[0] + shares * (ends[1] - ends[0]) for ends in (first, second)
-    )
-    return float(np.linalg.norm(points[:, None] - others, axis=2).min())

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, QhullError
 
-from nadia_balance.new_robot.tree import Array, Link, Shape
+from nadia_balance.new_robot.description import Array, Shape
 
 # Tolerances for points on the plane, of meshes and of primitives [m].
 _ON_PLANE = {"mesh": 0.002}
@@ -27,34 +27,22 @@ class SolePlane:
     source: str
 
 
-def find_sole(link: Link, down: Array) -> SolePlane:
+def larger_sole(
+    colliding: Sequence[Shape], visual: Sequence[Shape], down: Array
+) -> SolePlane | None:
     """Returns the plane of the sole; `down` (3,) is its approximate normal.
 
     The plane is that of the collision shapes, or of the visual ones if their
     sole is more than twice as large, or the only flat one.
-
-    Raises:
-        ValueError: the shapes have no flat side below.
     """
-    found = [
-        plane
-        for source, shapes in (
-            ("collision", link.collisions),
-            ("visual", link.visuals),
-        )
-        if (plane := _plane(shapes, down, source))
-    ]
-    if not found:
-        raise ValueError(
-            f"foot {link.name}: must have a shape with a flat side below"
-            + (f"; there is no {link.missing[0]}" if link.missing else "")
-        )
-    if len(found) == 2 and found[1].area > 2.0 * found[0].area:
-        return found[1]
-    return found[0]
+    first = sole_plane(colliding, down, "collision")
+    second = sole_plane(visual, down, "visual")
+    if first and second:
+        return second if second.area > 2.0 * first.area else first
+    return first or second
 
 
-def _plane(
+def sole_plane(
     shapes: Sequence[Shape], down: Array, source: str
 ) -> SolePlane | None:
     """The supporting plane with the largest area of the convex hull."""
@@ -92,8 +80,8 @@ def _lowest(shape: Shape, normal: Array) -> tuple[Array, Array]:
     """Points (k, 3) of a shape, and their distances (k,) along `normal`."""
     points = shape.points()
     if shape.kind == "sphere":
-        radius = float(shape.size["radius"])
-        points = (shape.X_LG.translation() + radius * normal)[None]
+        centre, radius = shape.X_LG.translation(), shape.solid.radius()
+        points = (centre + radius * normal)[None]
     return points, points @ normal
 
 

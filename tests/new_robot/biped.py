@@ -57,14 +57,12 @@ class Biped:
 
     def corners(self) -> list:
         """Of the sole, under the ankle; the foot is 4 cm thick."""
-        ends = (
-            (self.heel, self.heel_half_width),
-            (self.toe, self.toe_half_width),
-        )
+        heel = self.heel, self.heel_half_width
+        toe = self.toe, self.toe_half_width
         return [
-            (x, sign * width, z)
-            for x, width in ends
-            for sign in (1.0, -1.0)
+            (x, y, z)
+            for x, width in (heel, toe)
+            for y in (width, -width)
             for z in (-self.ankle, -self.ankle + 0.04)
         ]
 
@@ -74,67 +72,46 @@ class Biped:
 
     def _upper_body(self) -> None:
         self._link("pelvis", 10.0, (0.0, 0.0, 0.05), 0.1)
-        self._joint("waist", "pelvis", "spine", (0, 0, 0.1), Z)
         self._link("spine", 0.0)
-        self._joint("bow", "spine", "chest", (0, 0, 0), Y)
+        self._joint("waist", "pelvis", "spine", (0, 0, 0.1), Z)
         self._link("chest", 20.0, (0.0, 0.0, 0.25), 0.15)
-        self._joint("imu_mount", "chest", "imu", (0.1, 0, 0.1))
+        self._joint("bow", "spine", "chest", (0, 0, 0), Y)
         self._link("imu", 0.0)
-        for side, name in (LEFT, "l"), (RIGHT, "r"):
-            at = (0, 0.26 * side, 0.35)
-            self._joint(f"{name}_swing", "chest", f"{name}_arm", at, Y)
-            self._link(f"{name}_arm", 3.0, (0, 0, -0.2), 0.04)
-            grip = self._joint(
-                f"{name}_grip", f"{name}_arm", f"{name}_thumb", (0, 0, -0.4), X
-            )
-            SubElement(grip, "mimic", joint=f"{name}_swing")
-            self._link(f"{name}_thumb", 0.1, (0, 0, 0), 0.01)
-            self._joint(
-                f"{name}_slide",
-                f"{name}_arm",
-                f"{name}_palm",
-                (0, 0, -0.35),
-                Z,
-                kind="prismatic",
-            )
-            self._link(f"{name}_palm", 0.2, (0, 0, 0), 0.02)
+        self._joint("imu_mount", "chest", "imu", (0.1, 0, 0.1))
+        for side, n in (LEFT, "l"), (RIGHT, "r"):
+            arm, at = f"{n}_arm", (0, 0.26 * side, 0.35)
+            self._link(arm, 3.0, (0, 0, -0.2), 0.04)
+            self._joint(f"{n}_swing", "chest", arm, at, Y)
+            self._link(f"{n}_thumb", 0.1, (0, 0, 0), 0.01)
+            grip = self._joint(f"{n}_grip", arm, f"{n}_thumb", (0, 0, -0.4), X)
+            SubElement(grip, "mimic", joint=f"{n}_swing")
+            self._link(f"{n}_palm", 0.2, (0, 0, 0), 0.02)
+            slide = f"{n}_slide", arm, f"{n}_palm", (0, 0, -0.35), Z
+            self._joint(*slide, kind="prismatic")
 
     def _leg(self, side: float, n: str) -> None:
         down = (0.0, 0.0, 0.0)
-        self._joint(f"{n}_yaw", "pelvis", f"{n}_1", (0, self.hip * side, 0), Z)
-        self._link(f"{n}_1", 1.0, down, 0.03)
-        self._joint(f"{n}_roll", f"{n}_1", f"{n}_2", down, X, (-0.6, 0.6))
-        self._link(f"{n}_2", 1.0, down, 0.03)
-        self._joint(f"{n}_hip", f"{n}_2", f"{n}_thigh", down, Y, (-2.0, 1.0))
-        self._link(f"{n}_thigh", 6.0, (0, 0, -0.5 * self.thigh), 0.06)
+        below = (0.0, 0.0, -self.thigh), (0.0, 0.0, -self.shin)
+        middle = (0, 0, -0.5 * self.thigh), (0, 0, -0.5 * self.shin)
         bent = (0.0, 2.3) if self.knee_sign > 0.0 else (-2.3, 0.0)
-        self._joint(
-            f"{n}_knee",
-            f"{n}_thigh",
-            f"{n}_shin",
-            (0, 0, -self.thigh),
-            self.knee_sign * Y,
-            bent,
-        )
-        self._link(f"{n}_shin", 4.0, (0, 0, -0.5 * self.shin), 0.05)
-        self._joint(
-            f"{n}_ankle",
-            f"{n}_shin",
-            f"{n}_5",
-            (0, 0, -self.shin),
-            Y,
-            (-1, 0.7),
-        )
-        self._link(f"{n}_5", 0.3, down, 0.02)
-        roll = self.ankle_roll
-        self._joint(f"{n}_tilt", f"{n}_5", f"{n}_foot", down, X, (-roll, roll))
-        foot = self._link(f"{n}_foot", 1.5, (0.03, 0, -0.06), 0.0)
-        for kind in ("visual", "collision"):
-            geometry = SubElement(SubElement(foot, kind), "geometry")
-            name = f"package://biped_description/meshes/{n}_foot.stl"
-            SubElement(geometry, "mesh", filename=name)
-        self._joint(f"{n}_sole_frame", f"{n}_foot", f"{n}_sole", (0, 0, -0.1))
-        self._link(f"{n}_sole", 0.0)
+        bend, roll = self.knee_sign * Y, (-self.ankle_roll, self.ankle_roll)
+        holder = "pelvis"
+        for link, mass, com, radius, joint, at, axis, limits in (
+            ("1", 1.0, down, 0.03, "yaw", (0, self.hip * side, 0), Z, None),
+            ("2", 1.0, down, 0.03, "roll", down, X, (-0.6, 0.6)),
+            ("thigh", 6.0, middle[0], 0.06, "hip", down, Y, (-2.0, 1.0)),
+            ("shin", 4.0, middle[1], 0.05, "knee", below[0], bend, bent),
+            ("5", 0.3, down, 0.02, "ankle", below[1], Y, (-1.0, 0.7)),
+            ("foot", 1.5, (0.03, 0, -0.06), 0.0, "tilt", down, X, roll),
+            ("sole", 0.0, down, 0.0, "sole_frame", (0, 0, -0.1), None, None),
+        ):
+            name = f"{n}_{link}"
+            element = self._link(name, mass, com, radius)
+            self._joint(f"{n}_{joint}", holder, name, at, axis, limits)
+            holder = name
+            if link == "foot":
+                file = f"package://biped_description/meshes/{n}_foot.stl"
+                _show(element, "mesh", filename=file)
 
     def _frame(self, link: str) -> Rotation:
         """From the link's axes to forward, left, up."""
@@ -159,44 +136,34 @@ class Biped:
             diagonal = dict.fromkeys(("ixx", "iyy", "izz"), moment)
             SubElement(inertial, "inertia", diagonal)
         if radius:
-            for kind in ("visual", "collision"):
-                shape = SubElement(link, kind)
+            for shape in _show(link, "sphere", radius=str(radius)):
                 SubElement(shape, "origin", xyz=at)
-                geometry = SubElement(shape, "geometry")
-                SubElement(geometry, "sphere", radius=str(radius))
         return link
 
     def _joint(
-        self,
-        name,
-        parent,
-        child,
-        at,
-        axis=None,
-        limits=(-1.5, 1.5),
-        kind="revolute",
+        self, name, parent, child, at, axis=None, limits=None, kind="revolute"
     ):
         held, hanging = self._frame(parent), self._frame(child)
         kind = kind if axis is not None else "fixed"
         joint = SubElement(self._top, "joint", name=name, type=kind)
-        rpy = (held.inv() * hanging).as_euler("xyz")
-        SubElement(
-            joint, "origin", xyz=_text(held.inv().apply(at)), rpy=_text(rpy)
-        )
+        rpy = _text((held.inv() * hanging).as_euler("xyz"))
+        SubElement(joint, "origin", xyz=_text(held.inv().apply(at)), rpy=rpy)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
         if axis is not None:
             SubElement(joint, "axis", xyz=_text(hanging.inv().apply(axis)))
-            lower, upper = map(str, limits)
-            SubElement(
-                joint,
-                "limit",
-                lower=lower,
-                upper=upper,
-                effort="250",
-                velocity="12",
-            )
+            lower, upper = map(str, limits or (-1.5, 1.5))
+            drive = {"effort": "250", "velocity": "12"}
+            SubElement(joint, "limit", drive, lower=lower, upper=upper)
         return joint
+
+
+def _show(link, solid: str, **size: str) -> list:
+    """Gives `link` a visual and a collision shape."""
+    shapes = [SubElement(link, kind) for kind in ("visual", "collision")]
+    for shape in shapes:
+        SubElement(SubElement(shape, "geometry"), solid, size)
+    return shapes
 
 
 def _text(values) -> str:

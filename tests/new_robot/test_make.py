@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from nadia_balance.core.walking import Side
-from nadia_balance.new_robot.anatomy import Named
+from nadia_balance.new_robot import Named
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot import load_robot
 from tests.new_robot.biped import Biped
@@ -121,6 +121,9 @@ class Editor:
     def moved(self, joint: str, xyz: str) -> None:
         self.named("joint", joint).find("origin").set("xyz", xyz)
 
+    def mimic(self, name: str) -> None:
+        SubElement(self.named("joint", name), "mimic")
+
     def no_effort(self, name: str) -> None:
         del self.named("joint", name).find("limit").attrib["effort"]
 
@@ -163,81 +166,35 @@ def edit(tmp_path):
     return Editor(tmp_path)
 
 
+BACKWARD = {"lower": "-2.3", "upper": "0.0"}
+
+
 @pytest.mark.parametrize(
     "fault, message",
     [
-        (
-            lambda e: e.joint("l_yaw", type="fixed"),
-            "legs: must be two, of 5 to 7 joints each; numbers of joints: ",
-        ),
-        (
-            lambda e: e.joint("l_tilt", type="continuous"),
-            "joint l_tilt: is continuous: must be revolute, in a leg",
-        ),
-        (
-            lambda e: e.joint("r_knee", type="prismatic"),
-            "joint r_knee: is prismatic: must be revolute, in a leg",
-        ),
-        (
-            lambda e: SubElement(e.named("joint", "r_knee"), "mimic"),
-            "joint r_knee: must not be a mimic, in a leg",
-        ),
-        (
-            lambda e: e.no_effort("r_hip"),
-            "joint r_hip: must have an effort limit",
-        ),
-        (
-            lambda e: e.joint("l_roll", lower="0.7"),
-            "joint l_roll: lower limit = 0.7: must be <= upper = 0.6",
-        ),
-        (
-            lambda e: e.joint("l_knee", lower="-2.3", upper="0.0"),
-            "joint l_knee: must bend the knee, so that the foot goes back",
-        ),
-        (
-            lambda e: e.joint("l_ankle", lower="0.3"),
-            "joints l_hip, l_ankle, r_hip, r_ankle: must have the range",
-        ),
-        (
-            lambda e: e.mass("l_shin", "-4"),
-            "link l_shin: mass = -4.0: must be >= 0 kg",
-        ),
-        (
-            lambda e: e.mass("chest", "heavy"),
-            "link chest: value = heavy: must be a finite number",
-        ),
-        (
-            lambda e: e.higher_sole("r_foot"),
-            "soles of l_foot and r_foot: must be alike; they are 0.090 and "
-            "0.070 m",
-        ),
-        (
-            lambda e: e.balls("l_foot"),
-            "foot l_foot: must have a shape with a flat side below",
-        ),
-        (
-            lambda e: e.no_meshes(),
-            "foot l_foot: must have a shape with a flat side below; there is "
-            "no package://biped_description/meshes/l_foot.stl",
-        ),
-        (
-            lambda e: e.moved("l_ankle", "0 0 -0.35"),
-            "legs to l_foot and r_foot: must be alike; they are 0.750 and "
-            "0.780 m long",
-        ),
+        (lambda e: e.joint("l_yaw", type="fixed"), "legs: must be two, of 5"),
+        (lambda e: e.joint("l_tilt", type="continuous"), "joint l_tilt: is"),
+        (lambda e: e.joint("r_knee", type="prismatic"), "joint r_knee: is"),
+        (lambda e: e.joint("bow", type="planar"), "joint bow: must not be"),
+        (lambda e: e.mimic("r_knee"), "joint r_knee: must not be a mimic"),
+        (lambda e: e.no_effort("r_hip"), "joint r_hip: must have an effort"),
+        (lambda e: e.joint("l_roll", lower="0.7"), "joint l_roll: lower limit"),
+        (lambda e: e.joint("l_roll", effort="-1"), "joint l_roll: limit: effo"),
+        (lambda e: e.joint("l_knee", **BACKWARD), "joint l_knee: must bend"),
+        (lambda e: e.joint("l_ankle", lower="0.3"), "joints l_hip, l_ankle, r"),
+        (lambda e: e.mass("l_shin", "-4"), "link l_shin: mass: value = '-4'"),
+        (lambda e: e.mass("chest", "heavy"), "link chest: mass: value = 'he"),
+        (lambda e: e.higher_sole("r_foot"), "soles of l_foot and r_foot: must"),
+        (lambda e: e.balls("l_foot"), "foot l_foot: must have a shape with"),
+        (lambda e: e.no_meshes(), "there is no package://biped_description/me"),
+        (lambda e: e.moved("l_ankle", "0 0 -0.35"), "they are 0.750 and 0.780"),
         (
             lambda e: e.rod("chest", "l_foot"),
-            "link l_foot: must be held by one joint, not by l_tilt and rod: a",
+            "link l_foot: must be held by on",
         ),
-        (
-            lambda e: e.rod("chest", "pelvis"),
-            "must not close a loop",
-        ),
-        (
-            lambda e: e.without("waist"),
-            "links pelvis and spine: only one must be held by no joint",
-        ),
-        (lambda e: e.rod("chest", "tail"), "joint rod: no link 'tail'"),
+        (lambda e: e.rod("chest", "pelvis"), "form one or more loops"),
+        (lambda e: e.rod("chest", "tail"), "Could not find link named 'tail'"),
+        (lambda e: e.without("waist"), "floating bases: must be one; these"),
     ],
 )
 def test_a_faulty_biped_is_refused_on_one_line(edit, fault, message):

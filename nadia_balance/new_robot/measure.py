@@ -1,10 +1,10 @@
 """Measurement of the lengths and the standing posture for robot.yaml."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RotationMatrix
 from scipy.optimize import least_squares
 
 from nadia_balance.core.leg_reach import LegReach, leg_reach
@@ -12,8 +12,8 @@ from nadia_balance.core.model import LegGeometry
 from nadia_balance.core.size import Size
 from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
+from nadia_balance.new_robot.description import Array, Description
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
-from nadia_balance.new_robot.tree import Array, Tree
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -29,7 +29,7 @@ _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
 
 @dataclass
-class Figures:
+class Measurements:
     """The measured fields of RobotParams; lengths in m, angles in rad."""
 
     heel: float  # x_min of the sole
@@ -50,9 +50,14 @@ class Figures:
         leg = self.legs.length + self.legs.ankle_height
         return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
 
+    def corners(self) -> list[tuple[float, float]]:
+        """The corners (x, y) of the sole."""
+        sides, ends = (self.half_width, -self.half_width), (self.heel, self.toe)
+        return [(x, y) for x in ends for y in sides]
+
 
 def set_frames(
-    tree: Tree, anatomy: Anatomy, soles: Mapping[Side, SolePlane]
+    robot: Description, anatomy: Anatomy, soles: Mapping[Side, SolePlane]
 ) -> dict[Side, Array]:
     """Rotates the frames of pelvis, torso and feet: x forward, z up.
 
@@ -60,20 +65,17 @@ def set_frames(
     Returns the points (k, 2) [m] of the soles in the frames of the feet.
     """
     upright = np.stack([anatomy.forward, anatomy.left, anatomy.up], axis=1)
-    poses = tree.poses()
+    poses = robot.poses()
     turns = {}
     for side, foot in anatomy.feet.items():
-        R = poses[foot].rotation()
         z = -soles[side].down
-        x = R.inverse() @ anatomy.forward
-        x -= (x @ z) * z
-        x /= np.linalg.norm(x)
-        turns[foot] = np.stack([x, np.cross(z, x), z], axis=1)
+        y = np.cross(z, poses[foot].rotation().inverse() @ anatomy.forward)
+        y /= np.linalg.norm(y)
+        turns[foot] = np.stack([np.cross(y, z), y, z], axis=1)
     for link in anatomy.pelvis, anatomy.torso:
         turns[link] = poses[link].rotation().inverse().matrix() @ upright
     for link, turn in turns.items():
-        R = RotationMatrix.ProjectToRotationMatrix(turn)
-        tree.reframe(link, RigidTransform(R))
+        robot.turn(link, RotationMatrix.ProjectToRotationMatrix(turn))
     anatomy.forward, anatomy.left, anatomy.up = np.eye(3)
     return {
         side: (soles[side].points @ turns[foot])[:, :2]
@@ -82,46 +84,47 @@ def set_frames(
 
 
 def measure(
-    tree: Tree, anatomy: Anatomy, soles: Mapping[Side, Array], depth: float
-) -> Figures:
-    """Returns the measured lengths and the posture of `tree`, after set_frames.
+    robot: Description,
+    anatomy: Anatomy,
+    soles: Mapping[Side, Array],
+    depth: float,
+) -> Measurements:
+    """Returns measured lengths and the posture of `robot`, after set_frames.
 
     `soles` are points (k, 2) [m] in the frames of the feet, at z = -`depth`.
 
     Raises:
         ValueError: the robot cannot stand with bent knees on level soles.
     """
+    legs = list(anatomy.legs.values())
     heel, toe, half_width = largest_rectangle(list(soles.values()))
-    knees = {leg.knee: _knee(tree, leg) for leg in anatomy.legs.values()}
+    knees = {leg.knee: _knee(robot, leg) for leg in legs}
     length = _length(anatomy, knees.values())
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
-    posture = _posture(tree, anatomy, p_FS)
-    poses = tree.poses(posture)
-    com = tree.com(poses)
+    posture = _posture(robot, legs, knees, p_FS)
+    com, poses = robot.com(posture), robot.poses(posture)
 
-    def height(what: str) -> float:
-        """Mean height [m] of both legs' joints of this name."""
-        names = [getattr(leg, what) for leg in anatomy.legs.values()]
-        links = [tree.joints[name].child for name in names]
+    def height(names: list[str]) -> float:
+        """Mean height [m] of joints."""
+        links = [robot.joints[name].child for name in names]
         return float(np.mean([poses[link].translation()[2] for link in links]))
 
-    centres = [poses[foot] @ p_FS for foot in anatomy.feet.values()]
-    ground = float(np.mean(centres, axis=0)[2])
-    across = float(centres[0][1] - centres[1][1])
-    com_height = float(com[2] - ground)
+    left, right = (poses[leg.foot] @ p_FS for leg in legs)
+    ground, across = float(0.5 * (left + right)[2]), float(left[1] - right[1])
     geometry = LegGeometry(
         length=length,
-        ankle_height=height("ankle_pitch") - ground,
-        com_above_hip=float(com[2]) - height("hip_pitch"),
+        ankle_height=height([leg.ankle_pitch for leg in legs]) - ground,
+        com_above_hip=float(com[2]) - height([leg.hip_pitch for leg in legs]),
         hip_width=across,
     )
-    return Figures(
+    com_height = float(com[2]) - ground
+    return Measurements(
         heel=heel,
         toe=toe,
         half_width=half_width,
         sole_z=-depth,
         legs=geometry,
-        reach=leg_reach(geometry, com_height, _lean(tree, anatomy)),
+        reach=leg_reach(geometry, com_height, _lean(robot, anatomy)),
         com_height=com_height,
         step_width=max(across, 2.0 * half_width + _GAP * length),
         posture=posture,
@@ -129,18 +132,18 @@ def measure(
     )
 
 
-def _lean(tree: Tree, anatomy: Anatomy) -> float:
+def _lean(robot: Description, anatomy: Anatomy) -> float:
     """Largest outward angle [rad] of both legs by the ranges of roll joints.
 
     The sole stays level if the ankle has a roll joint; without one the ankle
     does not limit the angle, and the sole tilts.
     """
-    poses, most = tree.poses(), _MOST_LEAN
+    poses, most = robot.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
         knee = leg.joints.index(leg.knee)
         for i, name in enumerate(leg.joints):
-            joint = tree.joints[name]
-            axis = poses[joint.child].rotation() @ joint.axis
+            joint = robot.joints[name]
+            axis = poses[joint.child].rotation() @ robot.axis(joint)
             along = float(axis @ anatomy.forward)
             if abs(along) > ALONG:
                 # Hips rotate the leg outward, ankles the foot back inward.
@@ -190,16 +193,16 @@ def _length(anatomy: Anatomy, knees: Iterable[_Knee]) -> float:
     return length
 
 
-def _knee(tree: Tree, leg: Leg) -> _Knee:
-    poses = tree.poses(dict.fromkeys(leg.joints, 0.0))
+def _knee(robot: Description, leg: Leg) -> _Knee:
+    poses = robot.poses(dict.fromkeys(leg.joints, 0.0))
     hip, knee, ankle = (
-        poses[tree.joints[name].child].translation()[[0, 2]]
+        poses[robot.joints[name].child].translation()[[0, 2]]
         for name in (leg.hip_pitch, leg.knee, leg.ankle_pitch)
     )
     thigh, shin = knee - hip, ankle - knee
     at_zero = np.arctan2(thigh[1] * shin[0] - thigh[0] * shin[1], thigh @ shin)
-    joint = tree.joints[leg.knee]
-    sense = np.sign((poses[joint.child].rotation() @ joint.axis)[1])
+    joint = robot.joints[leg.knee]
+    sense = np.sign((poses[joint.child].rotation() @ robot.axis(joint))[1])
     least, most = sorted(
         at_zero + sense * angle for angle in (joint.lower, joint.upper)
     )
@@ -209,51 +212,51 @@ def _knee(tree: Tree, leg: Leg) -> _Knee:
     )
 
 
-def _posture(tree: Tree, anatomy: Anatomy, p_FS: Array) -> dict[str, float]:
+def _posture(
+    robot: Description,
+    legs: Sequence[Leg],
+    knees: Mapping[str, _Knee],
+    p_FS: Array,
+) -> dict[str, float]:
     """Angles [rad] of all joints with bent knees and level soles under the CoM.
 
     Raises:
         ValueError: the ranges of the legs' joints are too small.
     """
-    legs = [leg for leg in anatomy.legs.values()]
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
-        for name, joint in tree.joints.items()
+        for name, joint in robot.joints.items()
     }
     searched = [n for leg in legs for n in (leg.hip_pitch, leg.ankle_pitch)]
-    joints = [tree.joints[name] for name in searched]
+    joints = [robot.joints[name] for name in searched]
+    bounds = [
+        [joint.nearest(end, _LEG_MARGIN) for joint in joints]
+        for end in (-np.inf, np.inf)
+    ]
 
     def off(values: Array) -> Array:
+        """Distances [m] of the soles from the CoM, and their slopes [rad]."""
         angles.update(zip(searched, map(float, values), strict=True))
-        poses = tree.poses(angles)
-        com = tree.com(poses)
-        return np.concatenate(
-            [
-                (
-                    (poses[leg.foot] @ p_FS - com)[0],
-                    poses[leg.foot].rotation().matrix()[2, 0],
-                )
-                for leg in legs
-            ]
+        com, poses = robot.com(angles), robot.poses(angles)
+        feet = [poses[leg.foot] for leg in legs]
+        return np.array(
+            [(X_RF @ p_FS - com)[0] for X_RF in feet]
+            + [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
         )
 
-    for leg in legs:
-        most = _knee(tree, leg).most
-        if most < _BENDS[-1]:
+    for name, knee in knees.items():
+        if knee.most < _BENDS[-1]:
             raise ValueError(
-                f"joint {leg.knee}: must bend the knee, so that the foot goes "
-                f"back, by {_BENDS[-1]:.2f} rad; it does by {most:.2f} rad"
+                f"joint {name}: must bend the knee, so that the foot goes back,"
+                f" by {_BENDS[-1]:.2f} rad; it does by {knee.most:.2f} rad"
             )
     for bend in _BENDS:
-        for leg in legs:
-            knee = tree.joints[leg.knee]
-            angle = _knee(tree, leg).angle(bend)
-            angles[leg.knee] = knee.nearest(angle, _LEG_MARGIN)
-        lower = [joint.nearest(-np.inf, _LEG_MARGIN) for joint in joints]
-        upper = [joint.nearest(np.inf, _LEG_MARGIN) for joint in joints]
-        start = np.clip(np.zeros(len(joints)), lower, upper)
-        found = least_squares(off, start, bounds=(lower, upper))
+        for name, knee in knees.items():
+            nearest = robot.joints[name].nearest
+            angles[name] = nearest(knee.angle(bend), _LEG_MARGIN)
+        start = np.clip(np.zeros(len(joints)), *bounds)
+        found = least_squares(off, start, bounds=bounds)
         if np.abs(off(found.x)).max() < _LEVEL:
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}
     raise ValueError(
