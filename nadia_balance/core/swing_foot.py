@@ -55,9 +55,6 @@ class SwingFootParams:
     there: float = bounded(0.01, least=0.0, unit="m")
     # Downward velocity at the end of the swing and after it.
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
-    # If True, a clock advance speeds up the foot by sigma at once on the same
-    # path (Atlas paper, Eq. 13); if False, gradually on a new polynomial.
-    sigma: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +104,6 @@ def swing_foot_motion(
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return (FootMotion.at_rest(schedule.feet[side]),) * 2
     goal, start = schedule.footsteps[0].pose, previous.pva
-    if params.sigma:
-        start = start * state.speed_up ** np.arange(3.0)[:, None]
     way = way_round(
         start[0, XY],
         goal.p_WF[:2],

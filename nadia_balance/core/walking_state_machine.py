@@ -213,20 +213,10 @@ def _tick(
         state,
         time_in_phase=time,
         elapsed=elapsed,
-        speed_up=_sigma(state.remaining_time, time_gain),
         waiting=done,
         waited=state.waited + period if waits else 0.0,
         contact_impulse=impulse,
     )
-
-
-def _sigma(remaining: float, gain: float) -> float:
-    """Returns sigma, the speed-up of the rest of a phase (Atlas, Eq. 13).
-
-    Erratum: undefined as printed if no time is left.
-    """
-    left = remaining - gain
-    return remaining / left if gain > 0.0 and left > 0.0 else 1.0
 
 
 def _adjusted(

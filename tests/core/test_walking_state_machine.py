@@ -207,17 +207,6 @@ def test_the_clock_runs_faster_by_what_is_proposed():
     assert state.elapsed == pytest.approx(10 * PERIOD)
 
 
-def test_tells_how_much_faster_the_rest_passes():
-    """Oracle: Eq. 13 of the Atlas paper: T_SS - t over T_SS - t+."""
-    state = step(swinging())
-    left = state.remaining_time
-    hurried = step(state, proposal=Proposal(time_gain=0.1))
-    assert hurried.speed_up == pytest.approx(left / (left - 0.1))
-    assert step(hurried).speed_up == 1.0
-    assert step(state, proposal=Proposal(time_gain=left)).speed_up == 1.0
-    assert step(state, proposal=Proposal(time_gain=-0.1)).speed_up == 1.0
-
-
 def test_the_clock_may_be_held_but_never_runs_back():
     """Oracle: by hand."""
     state = step(swinging())
