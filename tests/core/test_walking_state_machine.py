@@ -24,8 +24,8 @@ from nadia_balance.core.walking_state_machine import (
     LiftOffParams,
     Measurement,
     Proposal,
+    StateMachine,
     WalkingStateMachineParams,
-    advance,
     may_lift,
 )
 from tests.example_walks import (
@@ -74,7 +74,8 @@ def step(
     """One period later."""
     shares = np.array(forces) / WEIGHT
     measured = Measurement(feet, shares, np.array(icp))
-    return advance(state, FakePlan(), measured, PARAMS, MODEL, period, proposal)
+    machine = StateMachine(PARAMS, MODEL, period)
+    return machine.advance(state, FakePlan(), measured, proposal)
 
 
 def until(state, phase, **measured):

@@ -8,10 +8,7 @@ import pytest
 
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.time_adjustment import (
-    TimingAdapterParams,
-    time_adjustment,
-)
+from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from tests.blocks import answer, asked, fix
@@ -49,7 +46,9 @@ def gain(values, params=PARAMS, period=PERIOD):
 def test_proposes_what_the_core_says(ahead):
     """Oracle: the core function, to the last bit."""
     values = inputs(ahead)
-    expected = time_adjustment(*values.values(), PARAMS, MODEL, PERIOD, ALL)
+    icp, plan, state, feet = values.values()
+    timing = Timing(PARAMS, MODEL, PERIOD)
+    expected = timing.adjustment(state, plan, icp, feet, ALL)
     np.testing.assert_array_equal(gain(values), expected)
     assert (expected.now > 0.0) is (ahead > 0.0)
 

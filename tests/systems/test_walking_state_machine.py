@@ -11,8 +11,8 @@ from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.core.walking_state_machine import (
     Measurement,
+    StateMachine,
     WalkingStateMachineParams,
-    advance,
 )
 from nadia_balance.systems.walking_state_machine import (
     PHASES,
@@ -54,13 +54,10 @@ def test_advances_once_a_period(time):
     machine, simulator, context = machine_in(state)
     assert walking_state(machine, context) is state
     simulator.AdvanceTo(0.5 * PERIOD)
-    expected = advance(
+    expected = StateMachine(PARAMS, MODEL, PERIOD).advance(
         state,
         inputs(state)["icp_plan"],
         Measurement(FEET, FORCES / (MODEL.mass * GRAVITY), ICP),
-        PARAMS,
-        MODEL,
-        PERIOD,
     )
     now = walking_state(machine, context)
     assert now.time_in_phase == expected.time_in_phase
