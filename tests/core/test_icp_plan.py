@@ -33,7 +33,6 @@ from tests.example_walks import (
     at_rest,
     moved,
     random_walks,
-    standing,
     successor,
     walk,
 )
@@ -386,15 +385,6 @@ def test_with_a_constant_ecmp_that_is_eq_16():
         assert plan.time_to(icp, 0.2) == pytest.approx(expected, abs=1e-4)
     assert plan.time_to(now - way, 0.2) == 0.0
     assert plan.time_to(end + way, 0.2) == pytest.approx(T - 0.2, abs=1e-12)
-
-
-def test_the_place_of_rest_is_never_bent():
-    """Oracle: the waypoints of the end, and the start."""
-    start = ReferencePoint([0.03, 0.02], [0.1, -0.1], [0.03, 0.0])
-    plan = plan_of(standing(start=start))
-    np.testing.assert_allclose(plan.at(0.0).com_velocity, [0.1, -0.1])
-    for t in plan.knots[-2:]:
-        np.testing.assert_allclose(plan.at(t).cop, 0.0, atol=1e-12)
 
 
 @given(random_walks())

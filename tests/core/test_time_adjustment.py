@@ -91,14 +91,6 @@ def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
     assert found == pytest.approx(advance, abs=1e-12)
 
 
-def test_an_icp_behind_or_past_the_end_is_at_the_next_end_of_the_way():
-    """Oracle: by hand; the clock is never turned back."""
-    start, end = np.zeros(2), np.array([0.2, 0.0])
-    assert fraction_done(np.array([-0.1, 0.3]), start, end) == 0.0
-    assert fraction_done(np.array([0.3, 0.3]), start, end) == 1.0
-    assert time_ahead(1.0, 0.4, OMEGA) == pytest.approx(0.4, abs=1e-12)
-
-
 def test_a_way_that_vanishes_is_not_followed():
     """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
     for length in 0.0, 1e-9, 1e-5:

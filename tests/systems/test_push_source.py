@@ -329,15 +329,6 @@ def test_a_live_push_lasts_as_long_as_it_is_told():
         assert signal.delta_v == pytest.approx(0.3 if newtons else 0.0)
 
 
-def test_a_live_push_has_the_number_after_the_others():
-    """Oracle: by hand; nobody waits for it."""
-    source = PushSource([Push(force=1.0, at="9 s")], MASS, PERIOD)
-    context = asked(source, live_push=[1, 0.3, 0.0, 0.1])
-    signal = signal_of(source, advanced(source, 3.5, context))
-    assert (signal.number, signal.waiting) == (2, 1)
-    assert signal.delta_v == pytest.approx(0.3)
-
-
 def test_copies_of_one_context_can_be_pushed_in_different_ways():
     """Oracle: the sources that were built with those pushes."""
     built = Push(delta_v=0.1, at="0.02 s", direction_deg=10.0)

@@ -1,8 +1,5 @@
 """Oracles: core.time_adjustment, called with the same values; Eq. 16."""
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -51,34 +48,6 @@ def test_proposes_what_the_core_says(ahead):
     expected = timing.adjustment(state, plan, icp, feet, ALL)
     np.testing.assert_array_equal(gain(values), expected)
     assert (expected.now > 0.0) is (ahead > 0.0)
-
-
-@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
-@pytest.mark.parametrize(
-    ("transfer", "ahead", "time_constant"),
-    [(False, 0.4, 0.01898), (True, 0.1, 0.003915)],
-)
-def test_makes_up_for_its_time_at_any_period(
-    transfer, ahead, time_constant, period
-):
-    """Oracle: the exponential, times all the time that the ICP is ahead.
-
-    And that time, as far as it can be made up for.
-    """
-    values = inputs(ahead, transfer)
-    icp, plan, state, _ = values.values()
-    whole = plan.time_to(icp, NOW)
-    assert whole == pytest.approx(ahead, abs=1e-4)
-    share = 1.0 - math.exp(-period / time_constant)
-    params = replace(
-        PARAMS,
-        swing_time_constant=time_constant,
-        transfer_time_constant=time_constant,
-    )
-    found = gain(values, params, period)
-    # Of 0.6 s of the swing, its least duration takes 0.25 s.
-    most = 0.2 if transfer else 0.35
-    assert found == pytest.approx([share * whole, min(whole, most)])
 
 
 @pytest.mark.parametrize("transfer", [False, True])
