@@ -98,12 +98,12 @@ def test_a_step_out_of_reach_is_refused(gait):
 @pytest.mark.parametrize(
     ("gait", "message"),
     [
-        ({"first_swing": "middle"}, "first_swing = 'middle': must be one of"),
+        ({"first_swing": "middle"}, "first_swing = 'middle'"),
         (
             {"footholds": [Foothold(side=s, y=-0.1) for s in ["right"] * 2]},
-            "footholds[1].side = 'right': must be left, as the feet take turns",
+            "footholds[1].side = 'right'",
         ),
-        ({"num_steps": 1, "steps": [StepVector()]}, "only one of"),
+        ({"num_steps": 1, "steps": [StepVector()]}, "num_steps, steps"),
     ],
 )
 def test_bad_commands_are_refused(gait, message):

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
 from nadia_balance.core.gait import within_reach
 from nadia_balance.core.icp_plan import (
-    IcpPlan,
     IcpPlanParams,
     plan_icp,
     reference_of,
@@ -357,34 +356,6 @@ def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
             distance = math.dist(plan.at(now + found).icp, icp)
             assert distance < least + 1e-5
         schedule = successor(schedule, plan)
-
-
-def test_with_a_constant_ecmp_that_is_eq_16():
-    """Oracle: Eq. 16, beside the way, too; the ends of the phase."""
-    ecmp, T, aside = np.array([0.3, 0.1]), 0.7, 0.05
-    points = np.array([ecmp, ecmp])
-    plan = IcpPlan(
-        omega=OMEGA,
-        duration=T,
-        knots=np.array([0.0, T]),
-        cop_waypoints=points,
-        coefficients=solve_segments(
-            np.array([T]), linear(points), ecmp, ecmp + [0.2, 0.1], OMEGA
-        ),
-        cop=PARAMS.cop,
-        offset=np.zeros(2),
-    )
-    now, end = plan.at(0.2).icp, plan.at(T).icp
-    way = end - now
-    normal = aside * np.array([-way[1], way[0]])
-    for fraction in 0.1, 0.5, 1.0:
-        icp = now + fraction * way + normal
-        ratio = np.linalg.norm(now + fraction * way - ecmp)
-        ratio /= np.linalg.norm(now - ecmp)
-        expected = math.log(ratio) / OMEGA
-        assert plan.time_to(icp, 0.2) == pytest.approx(expected, abs=1e-4)
-    assert plan.time_to(now - way, 0.2) == 0.0
-    assert plan.time_to(end + way, 0.2) == pytest.approx(T - 0.2, abs=1e-12)
 
 
 @given(random_walks())
