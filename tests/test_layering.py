@@ -19,7 +19,6 @@ from tests.source_files import (
 # Lowest first: a layer imports itself and those before it.
 LAYERS = (
     "nadia_balance.core",
-    "nadia_balance.analysis",
     "nadia_balance.new_robot",
     "nadia_balance.palette",
     "nadia_balance.typed_yaml",
@@ -33,6 +32,7 @@ LAYERS = (
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",
     "nadia_balance.balance_controller",
+    "nadia_balance.analysis",
     "nadia_balance.results",
     "nadia_balance.diagrams",
     "nadia_balance.scripts",
