@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.core.courses import COURSES
 from nadia_balance.core.ground import (
     Ground,
     GroundError,
@@ -23,6 +22,11 @@ from nadia_balance.core.walking import (
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
+# The courses of the package, by name: files of regions.
+COURSES = {
+    path.stem: path
+    for path in sorted((Path(__file__).parent / "courses").glob("*.yaml"))
+}
 
 
 @dataclass(kw_only=True)
@@ -31,7 +35,7 @@ class Terrain:
 
     # "flat": level ground everywhere; a course; or a YAML file with `regions`.
     name: str = FLAT
-    seed: int = bounded(0, least=0)  # of random tiles, and of the error
+    seed: int = bounded(0, least=0)  # of the error
     # Distance from a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
     error: GroundError = field(default_factory=GroundError)
@@ -86,15 +90,14 @@ class Terrain:
         return Ground(regions, truth.sole, truth.margin)
 
     def _regions(self) -> tuple[Region, ...]:
-        if self.name in COURSES:
-            return tuple(COURSES[self.name](self.seed))
-        if not Path(self.name).is_file():
+        path = COURSES.get(self.name, Path(self.name))
+        if not path.is_file():
             raise ValueError(
                 f"terrain.name = {self.name!r}: must be a YAML file, or one of "
                 f"{', '.join((FLAT, *COURSES))}"
             )
         what = f"terrain {self.name}"
-        return tuple(load_typed(RegionFile, what, filename=self.name).regions)
+        return tuple(load_typed(RegionFile, what, filename=path).regions)
 
 
 def check_start(

@@ -16,7 +16,6 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.courses import COURSES
 from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -29,7 +28,7 @@ from nadia_balance.diagrams.simulation import (
     advance,
     start,
 )
-from nadia_balance.diagrams.terrain import FLAT
+from nadia_balance.diagrams.terrain import COURSES, FLAT
 from nadia_balance.results.folder import (
     new_folder,
     start_recording,

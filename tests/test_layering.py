@@ -32,12 +32,14 @@ LAYERS = (
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",
     "nadia_balance.balance_controller",
+    "nadia_balance.analysis",
     "nadia_balance.results",
     "nadia_balance.diagrams",
     "nadia_balance.scripts",
     "tests",
 )
 PACKAGE = python_files("nadia_balance")
+MATHEMATICS = python_files("nadia_balance/core", "nadia_balance/analysis")
 RUNTIME = python_files("nadia_balance", "diagrams", "scripts")
 IMPORTS = {path: set(imports(syntax_tree(path))) for path in RUNTIME}
 
@@ -86,7 +88,7 @@ def test_nothing_is_imported_from_the_top_of_the_repository():
     assert not offenders(lambda _, name: name.split(".")[0] in folders)
 
 
-def test_core_is_pure_mathematics():
+def test_core_and_analysis_are_pure_mathematics():
     """Only the QP files know Drake, and of Drake only its solvers.
 
     DAQP is one of these, in a file of its own.
@@ -101,7 +103,7 @@ def test_core_is_pure_mathematics():
             return False
         return name.split(".")[0] not in pure
 
-    assert not offenders(impure, python_files("nadia_balance/core"))
+    assert not offenders(impure, MATHEMATICS)
 
 
 def test_imports_the_submodules_of_drake_that_it_needs():
@@ -123,8 +125,9 @@ def test_names_the_solver_of_every_program():
 
 
 def test_every_module_has_the_tests_of_its_name():
-    """In core and systems; their __init__ is empty, and has none."""
-    modules = python_files("nadia_balance/core", "nadia_balance/systems")
+    """Each __init__ is empty, and has none."""
+    folders = ("core", "analysis", "systems")
+    modules = python_files(*(f"nadia_balance/{name}" for name in folders))
     untested = [
         path
         for path in modules

@@ -14,7 +14,7 @@ import numpy as np
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.cop_waypoints import REST_DURATION
-from nadia_balance.core.icp_plan import IcpPlan, rows_at
+from nadia_balance.core.icp_plan import IcpPlan, solve_segments
 from nadia_balance.core.lipm import icp, icp_after
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import centroid, project, shrink
@@ -49,9 +49,6 @@ class AtlasIcpPlanParams:
     # Share of a swing in which the CMP moves from heel to toe.
     swing_shift: float = bounded(0.5, above=0.0, most=1.0)
     smooth: bool = True  # Fig. 2(b); else the CMP jumps, as in Fig. 2(a)
-    # If True, a transfer starts with the ICP of schedule.start, not on the line
-    # from the last toe (Eq. 5), which differs after an early or late touchdown.
-    continuous: bool = True
     num_previewed_steps: int = bounded(3, least=1)
 
 
@@ -104,6 +101,8 @@ def plan_atlas_icp(
     """Returns the plan (Eqs. 4 to 6, 15) of the present phase and footsteps.
 
     It ends at rest between the feet; the CoM starts at that of schedule.start.
+    A smooth transfer also starts with its ICP: the line from the last toe (Eq.
+    5) differs from that after an early or late touchdown.
 
     Raises:
         ValueError: a swing without a footstep, or a sole within the margin.
@@ -114,19 +113,21 @@ def plan_atlas_icp(
     steps = steps[: params.num_previewed_steps]
     points, omega = cmps(schedule, steps, params, model), model.omega
     now, start = schedule.start, None
-    swinging = schedule.phase is Phase.SWING
-    if params.smooth and params.continuous and not swinging:
-        start = np.zeros(2 + len(steps))
-        start[:2] = icp(now.com, now.com_velocity, omega)
-    durations, pieces = _pieces(
+    no_moves = np.zeros(len(steps))
+    if params.smooth and schedule.phase is not Phase.SWING:
+        icp_start = icp(now.com, now.com_velocity, omega)
+        start = np.concatenate([icp_start, no_moves])
+    durations, ecmp, ecmp_velocity = _segments(
         switches(schedule, steps, params), points, start, omega
     )
-    _add_com(pieces, durations, now.com, omega)
-    knots = np.concatenate([[0.0], np.cumsum(durations)])
+    com_start = np.concatenate([now.com, no_moves])
+    pieces = solve_segments(
+        durations, ecmp, com_start, points[-1], omega, ecmp_velocity
+    )
     return AtlasIcpPlan(
         omega=omega,
         duration=schedule.duration,
-        knots=knots,
+        knots=np.append(0.0, np.cumsum(durations)),
         cop_waypoints=points[:, :2].copy(),
         coefficients=pieces[:, :, :2].copy(),
         moves=pieces[:, :, 2:].copy(),
@@ -226,68 +227,44 @@ def corner_points(
     return found[::-1]
 
 
-def _pieces(
+def _segments(
     shifts: list[Switch], points: Array, start: Array | None, omega: float
-) -> tuple[list[float], Array]:
-    """Returns durations [s] and coefficients (N, 6, k), with c1 = 0.
+) -> tuple[Array, Array, Array]:
+    """Returns durations (N,) [s], CMPs (2, N, k) and their velocities.
 
-    `start` (k,) is the ICP at the begin of the first shift; None: on the
-    trajectory to its corner point.
+    CMPs and velocities (2, N, k) are those at both ends of each segment, for
+    `solve_segments`.  `start` (k,) is the ICP at the begin of the first shift;
+    None: on the trajectory to its corner point.
     """
     icps = corner_points([shift.corner for shift in shifts], points, omega)
-    found: list[tuple[float, Array]] = []
-
-    def add(duration: float, piece: Array) -> None:
-        if duration > _SHORTEST:
-            found.append((duration, piece))
-
-    t = 0.0
+    still, t = np.zeros((2, points.shape[1])), 0.0
+    found = []
     for i, (shift, icp_c) in enumerate(zip(shifts, icps, strict=True)):
         before, after = points[i], points[i + 1]
-        first = icp_after(icp_c, before, omega, shift.begin - shift.corner)
-        last = icp_after(icp_c, after, omega, shift.end - shift.corner)
-        add(shift.begin - t, _rest(before, first))
-        if i == 0 and start is not None:
-            first = start
-        duration = shift.end - shift.begin
-        add(duration, _spline(first, before, last, after, duration, omega))
+        found.append((shift.begin - t, [before, before], still))
+        if (duration := shift.end - shift.begin) > _SHORTEST:
+            first = icp_after(icp_c, before, omega, shift.begin - shift.corner)
+            if i == 0 and start is not None:
+                first = start
+            last = icp_after(icp_c, after, omega, shift.end - shift.corner)
+            rates = _spline_rates(first, before, last, after, duration, omega)
+            found.append((duration, [before, after], rates))
         t = shift.end
-    add(REST_DURATION, _rest(points[-1], points[-1]))
-    return [duration for duration, _ in found], np.array(
-        [piece for _, piece in found]
-    )
+    found.append((REST_DURATION, [points[-1], points[-1]], still))
+    found = [segment for segment in found if segment[0] > _SHORTEST]
+    durations, cmps, velocities = map(np.array, zip(*found, strict=True))
+    return durations, cmps.swapaxes(0, 1), velocities.swapaxes(0, 1)
 
 
-def _rest(cmp: Array, icp_end: Array) -> Array:
-    """Coefficients (6, k) of a constant CMP with the ICP at `icp_end` last."""
-    zero = np.zeros_like(cmp)
-    return np.array([0.5 * (icp_end - cmp), zero, zero, zero, zero, cmp])
-
-
-def _spline(
+def _spline_rates(
     first: Array, before: Array, last: Array, after: Array, T: float, w: float
 ) -> Array:
-    """Coefficients (6, k) of the cubic ICP from `first` to `last` (Eq. 6).
+    """Returns the CMP's velocities (2, k) at the ends of a cubic ICP (Eq. 6).
 
-    It lasts `T` [s], with the CMP `before` at its start and `after` at its end.
+    The ICP moves from `first` to `last` within `T` [s], with the CMP `before`
+    at its start and `after` at its end, all (k,).
     """
-    if T <= _SHORTEST:
-        return np.zeros((6, len(first)))
     v0, v1 = w * (first - before), w * (last - after)
-    way = (last - first) / T
-    a2, a3 = (3.0 * way - 2.0 * v0 - v1) / T, (v0 + v1 - 2.0 * way) / T**2
-    # The CoM's cubic x satisfies x + xdot / w = ICP.
-    c3 = a2 - 3.0 * a3 / w
-    c4 = v0 - 2.0 * c3 / w
-    zero = np.zeros_like(first)
-    return np.array([zero, zero, a3, c3, c4, first - c4 / w])
-
-
-def _add_com(
-    pieces: Array, durations: list[float], com: Array, omega: float
-) -> None:
-    """Sets c1 such that the CoM is continuous and starts at `com` (2,) [m]."""
-    for piece, duration in zip(pieces, durations, strict=True):
-        begins, _, _ = rows_at(0.0, duration, omega) @ piece
-        piece[1, :2] = com - begins[:2]
-        com = (rows_at(duration, duration, omega) @ piece)[0, :2]
+    way = 6.0 * (last - first) / T
+    a0, a1 = (way - 4.0 * v0 - 2.0 * v1) / T, (2.0 * v0 + 4.0 * v1 - way) / T
+    return np.array([v0 - a0 / w, v1 - a1 / w])

@@ -53,9 +53,9 @@ def solve_segments(
     durations: Array,
     ecmp: Array,
     com_start: Array,
+    icp_end: Array,
     omega: float,
     ecmp_velocity: Array | None = None,
-    icp_end: Array | None = None,
 ) -> Array:
     """Returns the coefficients (N, 6, k) of N segments with a cubic eCMP.
 
@@ -68,15 +68,15 @@ def solve_segments(
 
     Args:
         durations: (N,) [s], positive.
-        ecmp: (N + 1, k) [m], at the ends of the segments.
+        ecmp: (2, N, k) [m], at the start and at the end of each segment.
         com_start: (k,) [m].
+        icp_end: (k,) [m].
         omega: natural frequency [rad/s].
-        ecmp_velocity: (2, N, k) [m/s] at the start and at the end of each
-            segment; None: straight lines, with c2 and c3 zero.
-        icp_end: (k,) [m]; None: the last eCMP.
+        ecmp_velocity: (2, N, k) [m/s] likewise; None: straight lines, with c2
+            and c3 zero.
     """
-    start, T, u = ecmp[:-1], durations[:, None], 1.0 / omega
-    decay, mean = np.exp(-omega * T), (ecmp[1:] - ecmp[:-1]) / T
+    (start, end), T, u = ecmp, durations[:, None], 1.0 / omega
+    decay, mean = np.exp(-omega * T), (end - start) / T
     v0, v1 = (mean, mean) if ecmp_velocity is None else ecmp_velocity
     more0, more1 = v0 - mean, v1 - mean
     c2, c3 = (more0 + more1) / T**2, -(2.0 * more0 + more1) / T
@@ -86,9 +86,7 @@ def solve_segments(
     velocity_T = (3.0 * c2 * T + 2.0 * c3) * T + c4
     last = com_T + u * velocity_T
     offsets = c5 + u * c4 - decay * last
-    icp = _chain(
-        ecmp[-1] if icp_end is None else icp_end, offsets[::-1], decay[::-1]
-    )[-2::-1]
+    icp = _chain(icp_end, offsets[::-1], decay[::-1])[-2::-1]
     c0 = 0.5 * (icp - last)
     offsets = com_T - decay * c5 + c0 * (1.0 - decay**2)
     com = _chain(com_start, offsets, decay)
@@ -142,7 +140,6 @@ class IcpPlanParams:
     """Parameters of the ICP plan."""
 
     cop: CopWaypointParams = field(default_factory=CopWaypointParams)
-    continuous: bool = True  # start with the ICP of schedule.start
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,8 +282,8 @@ def plan_icp(
     """Returns the plan of the present phase and of the footsteps after it.
 
     The plan solves Eq. 4 of the Nadia paper for linear CoP segments.  It starts
-    with the CoM and CoP of schedule.start and, if params.continuous, with its
-    ICP.  It ends at rest between the feet.
+    with the CoM, CoP and ICP of schedule.start and ends at rest between the
+    feet.
 
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
@@ -296,11 +293,15 @@ def plan_icp(
     """
     omega, start = model.omega, schedule.start
     path = cop_waypoints(schedule, params.cop, model.sole)
-    ecmp, offset = path.points, np.zeros(2)
-    if params.continuous:
-        icp_start = icp(start.com, start.com_velocity, omega)
-        ecmp, offset = _bent(path, icp_start, omega)
-    coefficients = solve_segments(path.durations, ecmp, start.com, omega)
+    icp_start = icp(start.com, start.com_velocity, omega)
+    ecmp, offset = _bent(path, icp_start, omega)
+    coefficients = solve_segments(
+        path.durations,
+        np.stack([ecmp[:-1], ecmp[1:]]),
+        start.com,
+        ecmp[-1],
+        omega,
+    )
     return IcpPlan(
         omega=omega,
         duration=schedule.duration,

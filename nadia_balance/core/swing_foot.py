@@ -52,12 +52,9 @@ class SwingFootParams:
     # Remaining time below which the apex is lowered.
     fall_time: float = bounded(0.175, above=0.0, unit="s")
     # Horizontal distance to the foothold within which the foot may descend.
-    there: float = bounded(0.01, least=0.0, unit="m")
+    descent_radius: float = bounded(0.01, least=0.0, unit="m")
     # Downward velocity at the end of the swing and after it.
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
-    # If True, a clock advance speeds up the foot by sigma at once on the same
-    # path (Atlas paper, Eq. 13); if False, gradually on a new polynomial.
-    sigma: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,30 +103,55 @@ def swing_foot_motion(
     side = schedule.support_side.other
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return (FootMotion.at_rest(schedule.feet[side]),) * 2
-    goal, start = schedule.footsteps[0].pose, previous.pva
-    if params.sigma:
-        start = start * state.speed_up ** np.arange(3.0)[:, None]
-    way = way_round(
-        start[0, XY],
-        goal.p_WF[:2],
-        schedule.feet[side.other],
-        side,
-        model.detour,
-    )
+    start = previous.pva
+    end, horizon, sinks = _course(start, state, period, params, model, edges)
+    motions = []
+    for t in (period, period + lead):
+        pva = quintic_at(start, end, horizon, t)
+        if sinks:
+            z = float(start[0, 2]) - params.touchdown_velocity * t
+            pva[:, 2] = z, -params.touchdown_velocity, 0.0
+        motions.append(FootMotion(pva))
+    return motions[0], motions[1]
+
+
+def _course(
+    start: Array,
+    state: WalkingState,
+    period: float,
+    params: SwingFootParams,
+    model: PointMassModel,
+    edges: SwingEdges | None,
+) -> tuple[Array, Array, bool]:
+    """Returns the end (3, 4) of the quintic from `start`, and its times (4,).
+
+    The times [s] are those of x, y, z and yaw.  The third result is True if the
+    foot instead sinks at the touchdown velocity.
+    """
+    schedule, detour = state.schedule, model.detour
+    goal, stance = schedule.footsteps[0].pose, schedule.support_side
     end = np.zeros((3, 4))
     end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
     end[1, Z] = -params.touchdown_velocity
+    height = float(start[0, 2] - end[0, 2])
     left = state.remaining_time + (_SOON if state.waiting else period)
     # The horizontal motion ends before the vertical one.
-    settling, height = model.detour.settling, float(start[0, 2] - end[0, 2])
+    settling = detour.settling
     if edges is not None:
-        settling = max(settling, edges.drop / model.detour.max_descent)
+        settling = max(settling, edges.drop / detour.max_descent)
     over = max(left - settling, min(left, _SOON))
-    end[:, XY], over = _within_limits(start[:, XY], way, over, model.detour)
-    there = math.dist(start[0, XY], goal.p_WF[:2]) < params.there
-    left = max(left, over if there else over + settling)
-    left = max(left, height / model.detour.max_descent)
-    braking = _time_to_brake(height, -float(start[1, 2]), params, model.detour)
+    way = way_round(
+        start[0, XY],
+        goal.p_WF[:2],
+        schedule.feet[stance],
+        stance.other,
+        detour,
+    )
+    end[:, XY], over = _within_limits(start[:, XY], way, over, detour)
+    arrived = math.dist(start[0, XY], goal.p_WF[:2]) < params.descent_radius
+    left = max(left, over if arrived else over + settling)
+    left = max(left, height / detour.max_descent)
+    braking = _time_to_brake(height, -float(start[1, 2]), params, detour)
     if braking:  # with constant deceleration
         left = braking
         end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
@@ -142,17 +164,10 @@ def swing_foot_motion(
         end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
     elif edges is not None:
         end[:, Z] = _over_edges(start, end, landing, over, left, edges)
-    horizon = np.array([over, over, left, over])
     # Above a foothold down a step, the clock may run out before the descent.
-    low = there and (edges is None or height < params.there)
-    motions = []
-    for t in (period, period + lead):
-        pva = quintic_at(start, end, horizon, t)
-        if state.waiting and low and not braking:
-            z = float(start[0, 2]) - params.touchdown_velocity * t
-            pva[:, 2] = z, -params.touchdown_velocity, 0.0
-        motions.append(FootMotion(pva))
-    return motions[0], motions[1]
+    low = arrived and (edges is None or height < params.descent_radius)
+    sinks = state.waiting and low and not braking
+    return end, np.array([over, over, left, over]), sinks
 
 
 def velocity_now(swing: Array, lead: float) -> Array:

@@ -16,11 +16,7 @@ from nadia_balance.core.icp_plan import IcpPlan, IcpReference
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import contains, project, support_polygon
-from nadia_balance.core.swing_detour import (
-    UNDER_WAY,
-    SwingDetourParams,
-    time_of_way,
-)
+from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.walking import (
     Array,
     FootPose,
@@ -29,6 +25,10 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 
+# Least distance [m] along the plan to the end of the phase in Eq. 16: at the
+# end of a transfer it vanishes, and noise, which does not scale with the
+# robot, would be amplified.
+_SHORT_WAY = 0.01
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
 
@@ -72,12 +72,6 @@ class TimingAdapterParams:
             self.min_remaining_swing,
             (duration - elapsed) / self.max_speed_up,
         )
-
-
-# Least distance [m] along the plan to the end of the phase in Eq. 16: at the
-# end of a transfer it vanishes, and noise, which does not scale with the
-# robot, would be amplified.
-_SHORT_WAY = 0.01
 
 
 def gamma(time_constant: float, period: float) -> float:
@@ -133,73 +127,6 @@ def is_leaving(
     return bool(outward @ error > 0.0)
 
 
-def least_remaining_time(
-    state: WalkingState,
-    foot: FootPose,
-    error: Array,
-    params: TimingAdapterParams,
-    model: PointMassModel,
-) -> float:
-    """Returns the lower bound [s] on the remaining swing time by the clock.
-
-    The bound is the maximum of `least_rest_of_swing` and of the time that the
-    foot, now at its measured pose `foot`, needs to its foothold; beyond it, the
-    least time t in which the foot reaches the foothold moved by the ICP `error`
-    (2,) [m], which grows by e^wt.  If the foot cannot reach that within the
-    remaining time, the first bound is returned.
-    """
-    step = state.schedule.footsteps[0]
-    least = max(
-        params.least_rest_of_swing(state.schedule.duration, state.elapsed),
-        _time_to_foothold(state, foot, model.detour),
-    )
-    nominal = (state.adjustment.nominal if state.adjustment else step).pose
-    x, y = nominal.p_WF[:2] - foot.p_WF[:2]
-    more = max(state.remaining_time - least, 0.0)
-    for i in range(_TIMES_TRIED):
-        t = least + i / _TIMES_TRIED * more
-        growth = math.exp(model.omega * t)
-        way = math.hypot(x + growth * error[0], y + growth * error[1])
-        if model.detour.time_from_rest(way) <= t:
-            return t
-    return least
-
-
-def _time_to_foothold(
-    state: WalkingState, foot: FootPose, detour: SwingDetourParams
-) -> float:
-    """Returns the time [s] of the swing foot from rest at `foot` to landing.
-
-    The descent below the lower of `foot` and the lift-off height follows the
-    horizontal motion.
-    """
-    schedule, side = state.schedule, state.schedule.support_side
-    goal = schedule.footsteps[0].pose.p_WF
-    way = foot.p_WF[:2], goal[:2], schedule.feet[side], side.other
-    brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
-    descent = float(brink - goal[2]) / detour.max_descent
-    return time_of_way(*way, detour) + max(descent - detour.settling, 0.0)
-
-
-def time_to_return(
-    state: WalkingState,
-    foot: FootPose,
-    detour: SwingDetourParams,
-    params: TimingAdapterParams,
-) -> float:
-    """Returns the time [s] >= 0 for which the clock must be held.
-
-    The foothold may have moved away from the foot, now at its measured pose
-    `foot`, since the clock was advanced.  The result is at most `gained_time`.
-    """
-    goal = state.schedule.footsteps[0].pose.p_WF
-    if math.dist(foot.p_WF[:2], goal[:2]) < params.near_foothold:
-        return 0.0
-    needed = UNDER_WAY * _time_to_foothold(state, foot, detour)
-    late = needed - params.tolerated_delay - state.remaining_time
-    return min(max(late, 0.0), state.gained_time)
-
-
 class TimeAdjustment(NamedTuple):
     """Time [s] by which the clock is advanced; negative: held."""
 
@@ -210,53 +137,124 @@ class TimeAdjustment(NamedTuple):
 NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
 
 
-def time_adjustment(
-    icp: Array,
-    plan: IcpPlan,
-    state: WalkingState,
-    feet: FootPoses,
-    params: TimingAdapterParams,
-    model: PointMassModel,
-    period: float,
-    on: Mechanisms,
-) -> TimeAdjustment:
-    """Returns the time [s] by which to advance the clock; negative: hold it.
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """The timing adaptation of a robot, once per `period` [s]."""
 
-    The advance is gamma times the time by which the measured `icp` (2,) [m] is
-    ahead of the plan (Nadia paper, Eq. 15).  If the remaining ICP error makes
-    the ICP leave the support (`is_leaving`), it is all the time left, so that
-    the next step starts at once.  The lower bounds on the remaining time of
-    the phase and of the swing foot limit it.  `feet` are the measured soles; a
-    tick lasts `period` [s].
-    """
-    phase = state.schedule.phase
-    if phase is Phase.SWING and on.swing:
-        time_constant = params.swing_time_constant
-    elif phase is Phase.TRANSFER and on.transfer:
-        time_constant = params.transfer_time_constant
-    else:
-        return NO_ADJUSTMENT
-    if state.waiting or not state.schedule.footsteps:
-        return NO_ADJUSTMENT
-    reference = plan.at(state.time_in_phase)
-    error = icp - reference.icp
-    hurried = math.hypot(*error) >= params.icp_error_threshold
-    if phase is Phase.TRANSFER:
+    params: TimingAdapterParams
+    model: PointMassModel
+    period: float
+
+    def adjustment(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        icp: Array,
+        feet: FootPoses,
+        on: Mechanisms,
+    ) -> TimeAdjustment:
+        """Returns the time by which to advance the clock; negative: hold it.
+
+        The advance is gamma times the time by which the measured `icp` (2,) [m]
+        is ahead of the plan (Nadia paper, Eq. 15).  If the remaining ICP error
+        makes the ICP leave the support (`is_leaving`), it is all the time left,
+        so that the next step starts at once.  The lower bounds on the remaining
+        time of the phase and of the swing foot limit it.  `feet` are the
+        measured soles.
+        """
+        if state.waiting or not state.schedule.footsteps:
+            return NO_ADJUSTMENT
+        params, swings = self.params, state.schedule.phase is Phase.SWING
+        if swings and on.swing:
+            time_constant = params.swing_time_constant
+        elif state.schedule.phase is Phase.TRANSFER and on.transfer:
+            time_constant = params.transfer_time_constant
+        else:
+            return NO_ADJUSTMENT
+        error = icp - plan.at(state.time_in_phase).icp
+        hurried = math.hypot(*error) >= params.icp_error_threshold
         least = params.min_transfer_duration - state.elapsed
-    elif hurried or state.time_in_phase > state.elapsed + _NOTHING:
-        foot = feet[state.schedule.support_side.other]
-        late = time_to_return(state, foot, model.detour, params)
-        if late > 0.0:
-            return TimeAdjustment(-late, -late)
-        least = least_remaining_time(state, foot, error, params, model)
-    if not hurried or (most := state.remaining_time - max(least, 0.0)) <= 0.0:
-        return NO_ADJUSTMENT
-    ahead = plan.time_to(icp, state.time_in_phase)
-    future = plan.at(state.time_in_phase + ahead)
-    support = support_polygon(state.schedule, model.sole)
-    if math.dist(icp, future.icp) >= params.icp_error_threshold and is_leaving(
-        icp, future, support, params.support_margin
-    ):
-        return TimeAdjustment(most, most)
-    now = min(gamma(time_constant, period) * ahead, most)
-    return TimeAdjustment(now, min(ahead, most))
+        if swings and (hurried or state.gained_time > _NOTHING):
+            foot = feet[state.schedule.support_side.other]
+            if (late := self.time_to_return(state, foot)) > 0.0:
+                return TimeAdjustment(-late, -late)
+            least = self.least_remaining_time(state, foot, error)
+        most = state.remaining_time - max(least, 0.0)
+        if not hurried or most <= 0.0:
+            return NO_ADJUSTMENT
+        return self._advance(state, plan, icp, most, time_constant)
+
+    def _advance(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        icp: Array,
+        most: float,
+        time_constant: float,
+    ) -> TimeAdjustment:
+        """Returns the advance of the clock, up to `most` [s]."""
+        ahead = plan.time_to(icp, state.time_in_phase)
+        future = plan.at(state.time_in_phase + ahead)
+        support = support_polygon(state.schedule, self.model.sole)
+        error = math.dist(icp, future.icp)
+        if error >= self.params.icp_error_threshold and is_leaving(
+            icp, future, support, self.params.support_margin
+        ):
+            return TimeAdjustment(most, most)
+        now = gamma(time_constant, self.period) * ahead
+        return TimeAdjustment(min(now, most), min(ahead, most))
+
+    def least_remaining_time(
+        self, state: WalkingState, foot: FootPose, error: Array
+    ) -> float:
+        """Returns the lower bound [s] on the remaining swing time by the clock.
+
+        The bound is the maximum of `least_rest_of_swing` and of the time that
+        the foot, now at its measured pose `foot`, needs to its foothold; beyond
+        it, the least time t in which the foot reaches the foothold moved by the
+        ICP `error` (2,) [m], which grows by e^wt.  If the foot cannot reach
+        that within the remaining time, the first bound is returned.
+        """
+        step, detour = state.schedule.footsteps[0], self.model.detour
+        duration = state.schedule.duration
+        least = max(
+            self.params.least_rest_of_swing(duration, state.elapsed),
+            self._time_to_foothold(state, foot),
+        )
+        nominal = (state.adjustment.nominal if state.adjustment else step).pose
+        x, y = nominal.p_WF[:2] - foot.p_WF[:2]
+        more = max(state.remaining_time - least, 0.0)
+        for i in range(_TIMES_TRIED):
+            t = least + i / _TIMES_TRIED * more
+            growth = math.exp(self.model.omega * t)
+            way = math.hypot(x + growth * error[0], y + growth * error[1])
+            if detour.time_from_rest(way) <= t:
+                return t
+        return least
+
+    def time_to_return(self, state: WalkingState, foot: FootPose) -> float:
+        """Returns the time [s] >= 0 for which the clock must be held.
+
+        The foothold may have moved away from the foot, now at its measured pose
+        `foot`, since the clock was advanced.  The result is at most the
+        `gained_time`.
+        """
+        goal = state.schedule.footsteps[0].pose.p_WF
+        if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
+            return 0.0
+        needed = UNDER_WAY * self._time_to_foothold(state, foot)
+        late = needed - self.params.tolerated_delay - state.remaining_time
+        return min(max(late, 0.0), state.gained_time)
+
+    def _time_to_foothold(self, state: WalkingState, foot: FootPose) -> float:
+        """Returns the time [s] from rest at `foot` to landing at the foothold.
+
+        The descent below the lower of `foot` and the lift-off height follows
+        the horizontal motion.
+        """
+        schedule, detour = state.schedule, self.model.detour
+        side, goal = schedule.support_side, schedule.footsteps[0].pose.p_WF
+        way = foot.p_WF[:2], goal[:2], schedule.feet[side], side.other
+        brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
+        descent = float(brink - goal[2]) / detour.max_descent
+        return time_of_way(*way, detour) + max(descent - detour.settling, 0.0)

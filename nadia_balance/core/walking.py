@@ -216,7 +216,6 @@ class WalkingState(Immutable):
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
     elapsed: float = 0.0  # real time since the phase began [s]
-    speed_up: float = 1.0  # sigma of the clock's last advance [-]
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # waiting time for the ICP at a transfer's end [s]
     contact_impulse: float = 0.0  # of the swing foot, per weight [s]

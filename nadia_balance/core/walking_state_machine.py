@@ -97,40 +97,95 @@ class Proposal:
 KEEP = Proposal()
 
 
-def advance(
-    state: WalkingState,
-    plan: IcpPlan,
-    measured: Measurement,
-    params: WalkingStateMachineParams,
-    model: PointMassModel,
-    period: float,
-    proposal: Proposal = KEEP,
-) -> WalkingState:
-    """Returns the walking state one `period` [s] later.
+@dataclass(frozen=True, eq=False)
+class StateMachine:
+    """The walking state machine of a robot, advanced once per `period` [s]."""
 
-    `plan` is the ICP plan of `state.schedule`: its reference at the end of a
-    phase is the start of the next plan.
-    """
-    state = _adjusted(state, plan, measured.icp, proposal.adjustment, model)
-    state = _tick(state, measured, params, period, proposal.time_gain)
-    match state.schedule.phase:
-        case Phase.STANDING if state.waiting:
-            return _start_transfer(state, plan, measured, model)
-        case Phase.TRANSFER if state.waiting:
-            lift_off = params.lift_off
-            if proposal.adjustment is None:  # only waiting reduces the error
-                lift_off = replace(lift_off, max_wait=math.inf)
-            if may_lift(state, plan, measured.icp, lift_off, model):
-                return _end_transfer(state, plan, measured)
-        case Phase.SWING if state.contact_impulse > params.contact_impulse:
-            landed = replace(
-                state,
-                commanded=state.commanded[1:],
-                steps_taken=state.steps_taken + 1,
-            )
-            command = next(iter(state.commanded), None)
-            return _start_transfer(landed, plan, measured, model, command)
-    return state
+    params: WalkingStateMachineParams
+    model: PointMassModel
+    period: float
+
+    def advance(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        measured: Measurement,
+        proposal: Proposal = KEEP,
+    ) -> WalkingState:
+        """Returns the walking state one period later.
+
+        `plan` is the ICP plan of `state.schedule`: its reference at the end of
+        a phase is the start of the next plan.
+        """
+        state = _adjusted(
+            state, plan, measured.icp, proposal.adjustment, self.model
+        )
+        state = self._tick(state, measured, proposal.time_gain)
+        match state.schedule.phase:
+            case Phase.STANDING if state.waiting:
+                return _start_transfer(state, plan, measured, self.model)
+            case Phase.TRANSFER if state.waiting:
+                lift_off = self.params.lift_off
+                if proposal.adjustment is None:  # only waiting reduces it
+                    lift_off = replace(lift_off, max_wait=math.inf)
+                if may_lift(state, plan, measured.icp, lift_off, self.model):
+                    return _end_transfer(state, plan, measured)
+            case Phase.SWING if self._has_landed(state):
+                commanded = state.commanded
+                landed = replace(
+                    state,
+                    commanded=commanded[1:],
+                    steps_taken=state.steps_taken + 1,
+                )
+                return _start_transfer(
+                    landed, plan, measured, self.model, *commanded[:1]
+                )
+        return state
+
+    def _has_landed(self, state: WalkingState) -> bool:
+        return state.contact_impulse > self.params.contact_impulse
+
+    def _tick(
+        self, state: WalkingState, measured: Measurement, time_gain: float
+    ) -> WalkingState:
+        """Returns the state one period later in the same phase."""
+        schedule, period = state.schedule, self.period
+        time = state.time_in_phase + max(period + time_gain, 0.0)
+        done = time >= schedule.duration - 0.5 * period
+        time = schedule.duration if done else time
+        elapsed = state.elapsed + period
+        waits = done and schedule.phase is Phase.TRANSFER
+        force = self._contact_force(schedule, time, elapsed, measured)
+        return replace(
+            state,
+            time_in_phase=time,
+            elapsed=elapsed,
+            waiting=done,
+            waited=state.waited + period if waits else 0.0,
+            contact_impulse=state.contact_impulse + period * force
+            if force
+            else 0.0,
+        )
+
+    def _contact_force(
+        self,
+        schedule: ContactSchedule,
+        time: float,
+        elapsed: float,
+        measured: Measurement,
+    ) -> float:
+        """Returns the contact force [-] on a swing foot; 0 if it may not land.
+
+        The share of the swing before which it may not is of real time: an
+        advanced clock may pass half of the plan before the foot has left the
+        ground.
+        """
+        if schedule.phase is not Phase.SWING:
+            return 0.0
+        whole = elapsed + schedule.duration - time
+        force = measured.force(schedule.support_side.other)
+        early = elapsed < self.params.earliest_touchdown * whole
+        return 0.0 if early or force <= self.params.contact_force else force
 
 
 def may_lift(
@@ -190,45 +245,6 @@ def _size(
     return math.hypot(x / params.icp_error_forward, y / width)
 
 
-def _tick(
-    state: WalkingState,
-    measured: Measurement,
-    params: WalkingStateMachineParams,
-    period: float,
-    time_gain: float,
-) -> WalkingState:
-    """Returns the state one `period` [s] later in the same phase."""
-    schedule = state.schedule
-    time = state.time_in_phase + max(period + time_gain, 0.0)
-    done = time >= schedule.duration - 0.5 * period
-    time = schedule.duration if done else time
-    elapsed = state.elapsed + period
-    waits = done and schedule.phase is Phase.TRANSFER
-    impulse = 0.0
-    if schedule.phase is Phase.SWING and (
-        force := _contact_force(schedule, time, elapsed, measured, params)
-    ):
-        impulse = state.contact_impulse + period * force
-    return replace(
-        state,
-        time_in_phase=time,
-        elapsed=elapsed,
-        speed_up=_sigma(state.remaining_time, time_gain),
-        waiting=done,
-        waited=state.waited + period if waits else 0.0,
-        contact_impulse=impulse,
-    )
-
-
-def _sigma(remaining: float, gain: float) -> float:
-    """Returns sigma, the speed-up of the rest of a phase (Atlas, Eq. 13).
-
-    Erratum: undefined as printed if no time is left.
-    """
-    left = remaining - gain
-    return remaining / left if gain > 0.0 and left > 0.0 else 1.0
-
-
 def _adjusted(
     state: WalkingState,
     plan: IcpPlan,
@@ -249,22 +265,6 @@ def _adjusted(
         time = state.time_in_phase
         schedule = plan.moved(schedule, tuple(steps), time, icp, model)
     return replace(state, schedule=schedule, adjustment=adjustment)
-
-
-def _contact_force(
-    schedule: ContactSchedule,
-    time: float,
-    elapsed: float,
-    measured: Measurement,
-    params: WalkingStateMachineParams,
-) -> float:
-    """Returns the contact force [-] on the swing foot; 0 before it may land."""
-    # The share is of real time: an advanced clock may pass half of the plan
-    # before the foot has left the ground.
-    earliest = params.earliest_touchdown * (elapsed + schedule.duration - time)
-    force = measured.force(schedule.support_side.other)
-    landing = elapsed >= earliest and force > params.contact_force
-    return force if landing else 0.0
 
 
 def _start_transfer(

@@ -5,10 +5,7 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.bounds import check
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.time_adjustment import (
-    TimingAdapterParams,
-    time_adjustment,
-)
+from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import FootPoses, WalkingState
 from nadia_balance.systems.ports import (
     MechanismsInput,
@@ -43,7 +40,7 @@ class TimingAdapter(LeafSystem):
         """
         super().__init__()
         check(params)
-        self._params, self._model, self._period = params, model, period
+        self._timing = Timing(params, model, period)
         self._icp = VectorInput(self, "icp", 2)
         self._plan = ValueInput(self, "icp_plan", IcpPlan)
         self._state = ValueInput(self, "walking_state", WalkingState)
@@ -52,14 +49,11 @@ class TimingAdapter(LeafSystem):
         self.DeclareVectorOutputPort("time_adjustment", 2, self._calc)
 
     def _calc(self, context, output):
-        adjustment = time_adjustment(
-            self._icp(context),
-            self._plan(context),
+        adjustment = self._timing.adjustment(
             self._state(context),
+            self._plan(context),
+            self._icp(context),
             self._feet(context),
-            self._params,
-            self._model,
-            self._period,
             self._mechanisms(context),
         )
         output.SetFromVector(adjustment)

@@ -21,8 +21,8 @@ from nadia_balance.core.walking import (
 from nadia_balance.core.walking_state_machine import (
     Measurement,
     Proposal,
+    StateMachine,
     WalkingStateMachineParams,
-    advance,
 )
 from nadia_balance.systems.ports import (
     ValueInput,
@@ -93,8 +93,8 @@ class WalkingStateMachine(LeafSystem):
         super().__init__()
         check(params)
         start = start or walking_start(Gait(), model)
-        self._params, self._model = params, model
-        self._weight, self._period = model.mass * GRAVITY, period
+        self._machine = StateMachine(params, model, period)
+        self._weight = model.mass * GRAVITY
         self._foot_poses = ValueInput(self, "foot_poses", FootPoses)
         self._foot_forces = VectorInput(self, "foot_forces", 2)
         self._icp = VectorInput(self, "icp", 2)
@@ -124,13 +124,10 @@ class WalkingStateMachine(LeafSystem):
         proposal = Proposal(
             float(self._time(context)[0]), self._adjustment(context)
         )
-        now = advance(
+        now = self._machine.advance(
             self._walking_state(context),
             self._icp_plan(context),
             measured,
-            self._params,
-            self._model,
-            self._period,
             proposal,
         )
         state.get_mutable_abstract_state(self._state).set_value(now)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
-from nadia_balance.core.capturability import LOST
+from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.push import Moment
 from nadia_balance.robot import load_robot
@@ -50,7 +50,7 @@ def paper_curves(robot: str, situation: Situation) -> Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Physical:
-    """The limits of any controller in one situation (core.lipm_limit)."""
+    """The limits of any controller in one situation (analysis.lipm_limit)."""
 
     limit: Curves
     with_hips: Curves
@@ -235,7 +235,7 @@ class Rates:
 
 
 def confusion(rows: Iterable[Mapping]) -> dict[str, Rates]:
-    """Returns the false predictions of the capture regions, by instant.
+    """Returns the false predictions of the point-mass limit, by instant.
 
     Each row is a trial: a mapping with `outcome`, `predicted_at_push` (None if
     the push did not end) and `predicted_at_touchdowns`, such as "2;1;0".

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from nadia_balance.core.lipm_limit import LipmLimit
+from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario

@@ -87,7 +87,7 @@ def report_text(envelope: Envelope, scale: Scale | None) -> str:
             parts += [f"`{name}`: {NAMES[name]}"]
             parts += [limits.details(name, situation)]
     parts += ["## How the trials ended", outcomes_table(envelope)]
-    parts += ["## What the capture regions foretold"]
+    parts += ["## Predictions of the point-mass limit"]
     parts += [capturability_table(envelope)]
     return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
 
@@ -344,7 +344,7 @@ def outcomes_table(envelope: Envelope) -> str:
 
 
 def capturability_table(envelope: Envelope) -> str:
-    """Table of the false predictions of the capture regions."""
+    """Table of the false predictions of the point-mass limit."""
     groups = {
         f"`{name}`": [r for r in envelope.rows if r["mechanisms"] == name]
         for name in envelope.mechanisms

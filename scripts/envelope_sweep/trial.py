@@ -5,7 +5,7 @@ import time
 
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.capturability import least_steps
+from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
@@ -169,8 +169,8 @@ def walking_state(diagram, context: Context) -> WalkingState:
 class Observer:
     """Observes a pushed robot; ends the simulation once it has recovered.
 
-    `at_push` and `at_touchdowns` are the least numbers of steps to capture by
-    the capture regions, or -1: at the end of the push (None before it), and at
+    `at_push` and `at_touchdowns` are the least numbers of steps that capture
+    the point mass, or -1: at the end of the push (None before it), and at
     each touchdown after that.
     """
 
@@ -199,15 +199,15 @@ class Observer:
             diagram.GetOutputPort(name).Eval(context)
             for name in ("walking_state", "icp", "swing_foot_reference")
         )
-        return least_steps(
-            state,
-            icp,
-            swing,
-            scenario.controller.step_adjuster,
-            scenario.controller.timing_adapter,
-            scenario.point_mass(diagram.robot),
-            NAMED[scenario.mechanisms],
+        limit = LipmLimit(
+            state=state,
+            icp=icp,
+            foot=swing[:2],
+            model=scenario.point_mass(diagram.robot),
+            timing=scenario.controller.timing_adapter,
+            on=NAMED[scenario.mechanisms],
         )
+        return limit.least_steps()
 
 
 def _check(run: Run, latest: float) -> None:

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 
+from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.core.bounds import check
-from nadia_balance.core.capturability import LOST
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, moment_of
 from nadia_balance.scripts.envelope_sweep.search import (

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nadia_balance.core.atlas_icp_plan import (
@@ -22,7 +22,6 @@ from tests.example_walks import (
     moved,
     phases,
     random_walks,
-    standing,
     successor,
     swing,
     walk,
@@ -102,6 +101,7 @@ def test_corner_points_and_knots_are_those_of_equation_5():
     assert jumping.at(0.475).icp == pytest.approx(corner, abs=1e-12)
 
 
+@settings(max_examples=15)
 @given(random_walks())
 def test_moves_as_the_pendulum_does(schedule):
     """Oracle: RK4 of Eq. 2 and of the CoM, driven by the plan's eCMP."""
@@ -163,12 +163,12 @@ def test_goes_on_where_the_phase_before_ended(length):
 
 
 def test_a_transfer_starts_with_the_icp_that_was_even_if_it_is_early():
-    """Oracle: schedule.start; else Eq. 5, from the last CMP."""
+    """Oracle: schedule.start; Eq. 5, from the last CMP, is elsewhere."""
     first = swing(length=0.3)
     early = successor(first, plan_of(first), 0.6)
     expected = icp(early.start.com, early.start.com_velocity, OMEGA)
     assert plan_of(early).at(0.0).icp == pytest.approx(expected, abs=1e-12)
-    plan = plan_of(early, replace(PARAMS, continuous=False))
+    plan = plan_of(early, JUMPS)
     heel = plan.cop_waypoints[1]
     end = plan.at(early.duration).icp
     corner = heel + math.exp(-OMEGA * 0.15) * (end - heel)
@@ -187,23 +187,6 @@ def test_turns_with_the_world(schedule, angle):
     for t in 0.0, 0.17, 0.6:
         expected = R @ plan.at(t).icp + shift
         assert other.at(t).icp == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_faster_the_steps_the_farther_is_the_icp_from_the_foot():
-    """Oracle: Fig. 3: forward of the stance foot, half-way through a swing."""
-    out = []
-    for swing_duration, transfer in (1.5, 1.0), (1.0, 0.5), (0.6, 0.2):
-        schedule = swing(length=0.5, swing=swing_duration, transfer=transfer)
-        out.append(plan_of(schedule).at(0.5 * swing_duration).icp[0])
-    assert out[0] < out[1] < out[2]
-    assert out[0] < 0.06 < out[2]
-
-
-def test_stands_still():
-    """Oracle: the middle between the feet."""
-    plan = plan_of(standing())
-    for t in 0.0, 1.0, 1e3:
-        assert plan.at(t).icp == pytest.approx([0.0, 0.0])
 
 
 def test_refuses_what_is_no_plan():

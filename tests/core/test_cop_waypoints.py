@@ -18,7 +18,6 @@ from nadia_balance.core.walking import FootPose, Phase, Side
 from tests.example_walks import (
     SOLE,
     at_rest,
-    moved,
     random_walks,
     standing,
     walk,
@@ -92,19 +91,6 @@ def test_a_foot_that_lands_in_front_is_entered_at_its_front():
     np.testing.assert_allclose(path.points[7], entry)
 
 
-def test_a_swing_begins_where_the_cop_is():
-    """Oracle: the same walk, seen from its first transfer."""
-    start = walk(0.3)
-    before = cop_waypoints(start, PARAMS, SOLE)
-    swing = replace(
-        start, phase=Phase.SWING, duration=0.7, start=at_rest(before.points[2])
-    )
-    path = cop_waypoints(swing, PARAMS, SOLE)
-    np.testing.assert_array_equal(path.points, before.points[2:])
-    np.testing.assert_allclose(path.durations, before.durations[2:])
-    assert path.num_present == 3
-
-
 def test_standing_goes_to_the_middle_and_rests():
     """Oracle: half the final transfer to go, half to settle, then rest."""
     path = cop_waypoints(standing(start=at_rest([0.1, 0.1])), PARAMS, SOLE)
@@ -155,19 +141,6 @@ def test_entry_ball_and_exit_are_in_the_stance_foot(schedule):
         feet = feet.with_foot(step.side, step.pose)
     middle = 0.5 * (feet.left.p_WF + feet.right.p_WF)[:2]
     np.testing.assert_allclose(points[-3:], [middle] * 3, atol=1e-15)
-
-
-@given(random_walks(), st.floats(-4, 4), st.floats(-9, 9))
-def test_all_places_and_directions_are_alike(schedule, angle, shift):
-    """Oracle: the walk turned and moved as a whole."""
-    path = cop_waypoints(schedule, PARAMS, SOLE)
-    elsewhere = moved(schedule, angle, np.array([shift, 1.0]))
-    place = FootPose([shift, 1.0, 0.0], angle)
-    np.testing.assert_allclose(
-        cop_waypoints(elsewhere, PARAMS, SOLE).points,
-        place.to_world(path.points),
-        atol=1e-12,
-    )
 
 
 def test_refuses_a_swing_without_a_footstep():

@@ -51,12 +51,6 @@ def test_every_forward_step_lands_one_length_ahead():
     assert x == pytest.approx([0.3, 0.6, 0.9, 0.9])
 
 
-def test_the_first_transfer_takes_its_own_time():
-    """Oracle: the parameters."""
-    steps = steps_of(num_steps=2, initial_transfer_duration=1.1)
-    assert [s.transfer_duration for s in steps] == [1.1, 0.3]
-
-
 def test_footholds_are_taken_as_given():
     """Oracle: by hand, in the frame between the feet."""
     a, b = (
@@ -104,12 +98,12 @@ def test_a_step_out_of_reach_is_refused(gait):
 @pytest.mark.parametrize(
     ("gait", "message"),
     [
-        ({"first_swing": "middle"}, "first_swing = 'middle': must be one of"),
+        ({"first_swing": "middle"}, "first_swing = 'middle'"),
         (
             {"footholds": [Foothold(side=s, y=-0.1) for s in ["right"] * 2]},
-            "footholds[1].side = 'right': must be left, as the feet take turns",
+            "footholds[1].side = 'right'",
         ),
-        ({"num_steps": 1, "steps": [StepVector()]}, "only one of"),
+        ({"num_steps": 1, "steps": [StepVector()]}, "num_steps, steps"),
     ],
 )
 def test_bad_commands_are_refused(gait, message):
@@ -154,13 +148,6 @@ def in_place(count, first=Side.RIGHT):
     """Steps onto the spots where the feet stand."""
     sides = [first, first.other] * count
     return tuple(step(s, 0.0, 0.125 * s.sign) for s in sides[:count])
-
-
-def test_steps_within_reach_stay_the_same():
-    """Oracle: identity."""
-    steps = in_place(5)
-    taken = within_reach(steps, FEET, REACH)
-    assert all(a is b for a, b in zip(taken, steps, strict=True))
 
 
 @given(
@@ -219,15 +206,3 @@ def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
     displaced = FEET.with_foot(Side.LEFT, FootPose([-0.06, 0.125, 0.0]))
     (taken,) = within_reach((wanted,), displaced, REACH, landed)
     assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)
-
-
-def test_crossed_legs_uncross_and_come_back():
-    """Oracle: by hand, the left foot has crossed to y = -0.22."""
-    feet = FEET.with_foot(Side.LEFT, FootPose([0.2, -0.22, 0.0]))
-    steps = in_place(4)
-    landed = step(Side.LEFT, 0.0, 0.125)
-    first, second, third, _ = within_reach(steps, feet, REACH, landed)
-    # The right foot must go at least w_min to the right of the left foot.
-    assert first.pose.p_WF[1] <= -0.22 - 0.125 + 1e-9
-    assert second.pose == steps[1].pose  # the left foot is back in its place
-    assert third.pose == steps[2].pose

@@ -1,7 +1,7 @@
 """Oracles: the paper's linear system, RK4 of the ICP dynamics, symmetry."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
 from nadia_balance.core.gait import within_reach
 from nadia_balance.core.icp_plan import (
-    IcpPlan,
     IcpPlanParams,
-    IcpReference,
     plan_icp,
     reference_of,
     rows_at,
@@ -34,7 +32,6 @@ from tests.example_walks import (
     at_rest,
     moved,
     random_walks,
-    standing,
     successor,
     walk,
 )
@@ -54,14 +51,14 @@ def rows_with_rates(t, durations):
     return com, velocity, com - acceleration / w**2, velocity - jerk / w**2
 
 
-def paper_system(durations, ecmp, com_start, ecmp_velocity=None, icp_end=None):
+def paper_system(durations, ecmp, com_start, icp_end, velocity):
     """The 6N x 6N system below Eq. 4 and its right-hand side (6N, k)."""
     n = len(durations)
     com_0, velocity_0, ecmp_0, slope_0 = rows_with_rates(
         0.0 * durations, durations
     )
     com_T, velocity_T, ecmp_T, slope_T = rows_with_rates(durations, durations)
-    system, values = np.zeros((n, 6, n, 6)), np.zeros((n, 6, ecmp.shape[1]))
+    system, values = np.zeros((n, 6, n, 6)), np.zeros((n, 6, ecmp.shape[2]))
     i, j = np.arange(n), np.arange(n - 1)
     system[i, 0, i], system[i, 1, i] = ecmp_0, slope_0
     system[i, 2, i], system[i, 3, i] = ecmp_T, slope_T
@@ -69,13 +66,15 @@ def paper_system(durations, ecmp, com_start, ecmp_velocity=None, icp_end=None):
     system[j, 5, j], system[j, 5, j + 1] = velocity_T[:-1], -velocity_0[1:]
     system[-1, 4, -1] = com_T[-1] + velocity_T[-1] / OMEGA
     system[-1, 5, 0] = com_0[0]
-    slope = (ecmp[1:] - ecmp[:-1]) / durations[:, None]
-    velocity = [slope, slope] if ecmp_velocity is None else ecmp_velocity
-    values[:, 0], values[:, 1] = ecmp[:-1], velocity[0]
-    values[:, 2], values[:, 3] = ecmp[1:], velocity[1]
-    values[-1, 4] = ecmp[-1] if icp_end is None else icp_end
-    values[-1, 5] = com_start
+    values[:, 0], values[:, 1] = ecmp[0], velocity[0]
+    values[:, 2], values[:, 3] = ecmp[1], velocity[1]
+    values[-1, 4], values[-1, 5] = icp_end, com_start
     return system.reshape(6 * n, 6 * n), values.reshape(6 * n, -1)
+
+
+def linear(ecmp):
+    """The ends (2, N, k) of segments between the points (N + 1, k)."""
+    return np.stack([ecmp[:-1], ecmp[1:]])
 
 
 def backward_icp(durations, ecmp, omega):
@@ -88,43 +87,22 @@ def backward_icp(durations, ecmp, omega):
     return np.array(icp[::-1])
 
 
-@st.composite
-def problems(draw):
-    """Durations of 1 to 20 segments, an eCMP path, and a CoM."""
-    n = draw(st.integers(1, 20))
-    duration = st.floats(0.01, 2.0)
-    random = np.random.default_rng(draw(st.integers(0, 10**6)))
-    durations = np.array(draw(st.lists(duration, min_size=n, max_size=n)))
-    return (
-        durations,
-        random.uniform(-1, 1, (n + 1, 2)),
-        random.uniform(-1, 1, 2),
-    )
+@given(st.integers(1, 20), st.booleans(), st.integers(0, 10**6))
+def test_is_the_solution_of_the_papers_system(n, straight, seed):
+    """Oracle: numpy's solution of the 6N equations, by the rows of Eq. 4.
 
-
-@given(problems())
-def test_is_the_solution_of_the_papers_system(problem):
-    """Oracle: what is left of its 6N equations; some 1e-16 times 1e2.
-
-    The matrix is regular, so that there is no other solution.
+    The eCMP may be cubic and jump, and the ICP may end anywhere.
     """
-    durations, ecmp, com = problem
-    system, values = paper_system(durations, ecmp, com)
-    found = solve_segments(durations, ecmp, com, OMEGA).reshape(len(system), 2)
-    np.testing.assert_allclose(system @ found, values, rtol=0.0, atol=1e-12)
-    assert np.linalg.cond(system) < 1e10
-
-
-@given(problems(), st.integers(0, 10**6))
-def test_the_ecmp_may_be_cubic_and_the_icp_end_anywhere(problem, seed):
-    """Oracle: numpy's solution of the 6N equations, by the rows of Eq. 4."""
-    durations, ecmp, com = problem
     random = np.random.default_rng(seed)
-    velocity = random.uniform(-1, 1, (2, len(durations), 2))
-    icp_end = random.uniform(-1, 1, 2)
-    system, values = paper_system(durations, ecmp, com, velocity, icp_end)
+    durations = random.uniform(0.01, 2.0, n)
+    ecmp, velocity = random.uniform(-1, 1, (2, 2, n, 2))
+    com, icp_end = random.uniform(-1, 1, (2, 2))
+    if straight:
+        velocity[:] = (ecmp[1] - ecmp[0]) / durations[:, None]
+    system, values = paper_system(durations, ecmp, com, icp_end, velocity)
     expected = np.linalg.solve(system, values).reshape(-1, 6, 2)
-    found = solve_segments(durations, ecmp, com, OMEGA, velocity, icp_end)
+    given = None if straight else velocity
+    found = solve_segments(durations, ecmp, com, icp_end, OMEGA, given)
     for c, d, T in zip(expected, found, durations, strict=True):
         for t in 0.0, 0.3 * T, T:
             rows = rows_at(t, T, OMEGA)
@@ -136,7 +114,9 @@ def test_very_short_and_very_long_segments_cost_little_accuracy(duration):
     """Oracle: the recursion, to the 1e-8 that planning needs."""
     durations = np.array([0.3, duration, 0.3, duration, 10.0])
     ecmp = np.array([0.0, 0.1, 0.3, 0.2, 0.4, 0.4])[:, None]
-    solution = solve_segments(durations, ecmp, np.zeros(1), OMEGA)
+    solution = solve_segments(
+        durations, linear(ecmp), np.zeros(1), ecmp[-1], OMEGA
+    )
     expected = backward_icp(durations, ecmp, OMEGA)
     for i, T in enumerate(durations):
         for t, icp in (0.0, expected[i]), (T, expected[i + 1]):
@@ -145,7 +125,6 @@ def test_very_short_and_very_long_segments_cost_little_accuracy(duration):
 
 
 PARAMS = IcpPlanParams()
-AS_PRINTED = IcpPlanParams(continuous=False)
 WALKS = [
     pytest.param({"length": 0.3}, id="forward"),
     pytest.param({"length": 0.0, "sideways": 0.1}, id="sideways"),
@@ -157,9 +136,21 @@ def plan_of(schedule, params=PARAMS):
     return plan_icp(schedule, params, MODEL)
 
 
-def rows_of(reference):
-    """All fields of a reference, as one array."""
-    return np.array([getattr(reference, f.name) for f in fields(IcpReference)])
+def as_printed(schedule):
+    """The plan whose ICP starts where the waypoints lead it."""
+    path = cop_waypoints(schedule, PARAMS.cop, SOLE)
+    points = path.points
+    return replace(
+        plan_of(schedule),
+        coefficients=solve_segments(
+            path.durations,
+            linear(points),
+            schedule.start.com,
+            points[-1],
+            OMEGA,
+        ),
+        offset=np.zeros(2),
+    )
 
 
 def rk4(rate, state, start, end, steps=200):
@@ -214,13 +205,15 @@ def test_a_small_bend_is_shared():
     bent = range(1, 6)  # of the swing, and of the transfer after it
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
-    made = solve_segments(path.durations, unit, start, OMEGA)[0]
+    made = solve_segments(path.durations, linear(unit), start, unit[-1], OMEGA)[
+        0
+    ]
     row = rows_at(0.0, path.durations[0], OMEGA)[1] @ made
     shift = np.array([-0.002, 0.001])
     root = np.sqrt(0.1 ** np.arange(5.0))
     expected = np.linalg.lstsq((row * root)[None], shift[None])[0]
     expected *= root[:, None]
-    icp = plan_of(swing, AS_PRINTED).at(0.0).icp + shift
+    icp = as_printed(swing).at(0.0).icp + shift
     moved = replace(at_rest(icp), cop=swing.start.cop)
     plan = plan_of(replace(swing, start=moved))
     ecmp = np.array([plan.at(t).ecmp for t in plan.knots])
@@ -306,7 +299,7 @@ def aimed(schedule, shift):
     return within_reach(moved, schedule.feet, MODEL.reach)[0]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_no_re_plan_asks_for_what_the_feet_cannot_do(seed):
     """Oracle: the ICP before, the measured ICP, shapely's hull of the soles."""
     for old, before, t, icp, new, then in random_re_plans(seed):
@@ -331,8 +324,8 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     icps = []
     for first in step, new:
         steps = (first, *schedule.footsteps[1:])
-        as_printed = plan_of(replace(schedule, footsteps=steps), AS_PRINTED)
-        icps.append(as_printed.at(t).icp)
+        other = as_printed(replace(schedule, footsteps=steps))
+        icps.append(other.at(t).icp)
     way, was = icps[1] - icps[0], plan.at(t).icp
     normal = np.array([-way[1], way[0]])
     for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
@@ -363,57 +356,6 @@ def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
             distance = math.dist(plan.at(now + found).icp, icp)
             assert distance < least + 1e-5
         schedule = successor(schedule, plan)
-
-
-def test_with_a_constant_ecmp_that_is_eq_16():
-    """Oracle: Eq. 16, beside the way, too; the ends of the phase."""
-    ecmp, T, aside = np.array([0.3, 0.1]), 0.7, 0.05
-    points = np.array([ecmp, ecmp])
-    plan = IcpPlan(
-        omega=OMEGA,
-        duration=T,
-        knots=np.array([0.0, T]),
-        cop_waypoints=points,
-        coefficients=solve_segments(
-            np.array([T]), points, ecmp, OMEGA, icp_end=ecmp + [0.2, 0.1]
-        ),
-        cop=PARAMS.cop,
-        offset=np.zeros(2),
-    )
-    now, end = plan.at(0.2).icp, plan.at(T).icp
-    way = end - now
-    normal = aside * np.array([-way[1], way[0]])
-    for fraction in 0.1, 0.5, 1.0:
-        icp = now + fraction * way + normal
-        ratio = np.linalg.norm(now + fraction * way - ecmp)
-        ratio /= np.linalg.norm(now - ecmp)
-        expected = math.log(ratio) / OMEGA
-        assert plan.time_to(icp, 0.2) == pytest.approx(expected, abs=1e-4)
-    assert plan.time_to(now - way, 0.2) == 0.0
-    assert plan.time_to(end + way, 0.2) == pytest.approx(T - 0.2, abs=1e-12)
-
-
-def test_the_place_of_rest_is_never_bent():
-    """Oracle: the waypoints of the end, and the start."""
-    start = ReferencePoint([0.03, 0.02], [0.1, -0.1], [0.03, 0.0])
-    plan = plan_of(standing(start=start))
-    np.testing.assert_allclose(plan.at(0.0).com_velocity, [0.1, -0.1])
-    for t in plan.knots[-2:]:
-        np.testing.assert_allclose(plan.at(t).cop, 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("kwargs", WALKS)
-def test_no_reference_jumps_in_a_walk(kwargs):
-    """Oracle: the plan before; the feet land early, on a long walk."""
-    schedule = walk(num_steps=7, **kwargs)
-    while schedule.phase is not Phase.STANDING:
-        plan = plan_of(schedule)
-        early = 0.9 if schedule.phase is Phase.SWING else 1.0
-        t = early * schedule.duration
-        schedule = successor(schedule, plan, t)
-        np.testing.assert_allclose(
-            rows_of(plan_of(schedule).at(0.0)), rows_of(plan.at(t)), atol=1e-10
-        )
 
 
 @given(random_walks())

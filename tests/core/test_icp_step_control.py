@@ -33,8 +33,8 @@ from nadia_balance.core.walking import (
 from nadia_balance.core.walking_state_machine import (
     Measurement,
     Proposal,
+    StateMachine,
     WalkingStateMachineParams,
-    advance,
 )
 from tests.example_walks import MODEL, random_walks, standing, swing, walk
 
@@ -55,13 +55,10 @@ def feedback(state, icp, params=PARAMS, on=True, qp=None):
 
 def next_tick(state, adjustment):
     """The walking state that the state machine makes of it."""
-    return advance(
+    return StateMachine(WalkingStateMachineParams(), MODEL, 1e-9).advance(
         state,
         plan_of(state),
         Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
-        WalkingStateMachineParams(),
-        MODEL,
-        1e-9,
         Proposal(adjustment=adjustment),
     )
 

@@ -25,6 +25,9 @@ class Whole:
     time: float = bounded(0.5, unit="s")
     rate: float = bounded(math.inf, unit="m/s", finite=False)
     force: float | None = bounded(None, unit="N")
+    weight: float = bounded(8.0, unit="1/m^2")
+    stiffness: float = bounded(8.0, unit="1/s^2")
+    moment: float = bounded(8.0, unit="rad/m^3")
     tick: float = bounded(0.002, unit="s", of="")
     angle: float = bounded(1.0, unit="rad")
     parts: list[Part] = dataclasses.field(
@@ -33,11 +36,19 @@ class Whole:
 
 
 def test_scales_what_has_a_unit_and_was_not_given():
-    """Oracle: lengths double, times grow by sqrt(2), what is given stays."""
+    """Oracle: lengths double, times grow by sqrt(2), what is given stays.
+
+    Per square metre it is a quarter, per square second (m/s^2 stays) a half.
+    """
     given = {"length": 0.3, "parts": [{"count": 3}, {"toe": 0.1}]}
     found = scaled(Whole(force=2.0), DOUBLE, given)
     assert found == Whole(
-        time=0.5 * math.sqrt(2.0), force=16.0, parts=[Part(toe=0.2), Part()]
+        time=0.5 * math.sqrt(2.0),
+        force=16.0,
+        weight=2.0,
+        stiffness=4.0,
+        moment=1.0,
+        parts=[Part(toe=0.2), Part()],
     )
     assert scaled(Whole(), DOUBLE).length == 0.6
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import shapely
 
-from nadia_balance.core.courses import COURSES
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.swing_clearance import edges_on_way, touching_heights
 from nadia_balance.core.swing_detour import SwingDetourParams
@@ -24,6 +23,7 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
+from nadia_balance.diagrams.terrain import Terrain
 from tests.core.test_ground import square
 from tests.example_walks import MODEL, SOLE, standing
 
@@ -36,7 +36,7 @@ GRID = np.stack(
 
 
 def ground_of(course):
-    return Ground(tuple(COURSES[course](0)), SOLE)
+    return Terrain(name=course).ground(SOLE)
 
 
 def ground_height(ground, points):

@@ -11,14 +11,12 @@ from hypothesis import strategies as st
 from nadia_balance.core.icp_plan import IcpReference
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.time_adjustment import (
+    Timing,
     TimingAdapterParams,
     fraction_done,
     gamma,
     is_leaving,
-    least_remaining_time,
-    time_adjustment,
     time_ahead,
-    time_to_return,
 )
 from nadia_balance.core.walking import (
     Adjustment,
@@ -43,7 +41,6 @@ from tests.example_walks import (
 PERIOD = 0.002
 PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
 DETOUR = replace(IDEAL_DETOUR, max_acceleration=30.0)
-WITH_DETOUR = replace(MODEL, detour=DETOUR)
 # Nothing but Eq. 15: almost no threshold, and as little as possible that
 # limits a swing of 1 s.
 FREE = TimingAdapterParams(
@@ -68,20 +65,16 @@ def swing(**gait):
     return schedule, planned(schedule)
 
 
+def timing_of(params=PARAMS, detour=DETOUR):
+    return Timing(params, replace(MODEL, detour=detour), PERIOD)
+
+
 def adjustment(
     icp, plan, state, params=PARAMS, feet=None, detour=DETOUR, on=ALL
 ):
     feet = feet or state.schedule.feet
-    return time_adjustment(
-        np.array(icp),
-        plan,
-        state,
-        feet,
-        params,
-        replace(MODEL, detour=detour),
-        PERIOD,
-        on,
-    ).now
+    timing = timing_of(params, detour)
+    return timing.adjustment(state, plan, np.array(icp), feet, on).now
 
 
 @pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
@@ -96,14 +89,6 @@ def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
     icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
     found = time_ahead(fraction_done(icp, icp_r, end), 0.7, OMEGA)
     assert found == pytest.approx(advance, abs=1e-12)
-
-
-def test_an_icp_behind_or_past_the_end_is_at_the_next_end_of_the_way():
-    """Oracle: by hand; the clock is never turned back."""
-    start, end = np.zeros(2), np.array([0.2, 0.0])
-    assert fraction_done(np.array([-0.1, 0.3]), start, end) == 0.0
-    assert fraction_done(np.array([0.3, 0.3]), start, end) == 1.0
-    assert time_ahead(1.0, 0.4, OMEGA) == pytest.approx(0.4, abs=1e-12)
 
 
 def test_a_way_that_vanishes_is_not_followed():
@@ -147,7 +132,7 @@ def test_the_swing_foot_gets_the_time_that_it_needs(
     state = WalkingState(schedule, elapsed, elapsed)
     target = schedule.footsteps[0].pose
     foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
-    found = least_remaining_time(state, foot, np.zeros(2), PARAMS, WITH_DETOUR)
+    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
     assert found == pytest.approx(expected, abs=1e-12)
 
 
@@ -167,7 +152,7 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
         adjustment=Adjustment(step, foot),
     )
     error = np.array([size, 0.0])
-    found = least_remaining_time(state, foot, error, PARAMS, WITH_DETOUR)
+    found = timing_of().least_remaining_time(state, foot, error)
     origin = np.zeros(2)
     way = step.pose.p_WF[:2] - foot.p_WF[:2]
 
@@ -189,7 +174,7 @@ def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
     goal = FootPose(stance + [0.34, 0.1, 0.0])
     step = replace(schedule.footsteps[0], pose=goal)
     state = WalkingState(replace(schedule, footsteps=(step,)), 0.6, 0.6)
-    found = least_remaining_time(state, foot, np.zeros(2), PARAMS, WITH_DETOUR)
+    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
     length = math.hypot(DETOUR.ahead, 0.25 - DETOUR.beside)
     length += math.hypot(0.34 - DETOUR.ahead, 0.1 + DETOUR.beside)
     assert found == pytest.approx(2.0 * math.sqrt(length / 30.0), abs=1e-12)
@@ -213,8 +198,8 @@ def test_a_foot_that_goes_down_a_step_gets_the_time(lifted, height, descent):
     feet = schedule.feet.with_foot(Side.RIGHT, stood)
     state = WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
     foot = FootPose(schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height])
-    model = replace(MODEL, detour=detour)
-    found = least_remaining_time(state, foot, np.zeros(2), PARAMS, model)
+    timing = timing_of(detour=detour)
+    found = timing.least_remaining_time(state, foot, np.zeros(2))
     assert found == pytest.approx(0.4 + descent, abs=1e-12)
 
 
@@ -235,7 +220,8 @@ def test_a_foot_near_its_foothold_lands():
     )
     for distance, lands in ((0.075, True), (0.085, False)):
         foot = FootPose(target - [distance, 0.0, 0.0])
-        assert (time_to_return(state, foot, slow, PARAMS) == 0.0) is lands
+        late = timing_of(detour=slow).time_to_return(state, foot)
+        assert (late == 0.0) is lands
 
 
 @pytest.mark.parametrize(
@@ -256,7 +242,7 @@ def test_time_is_given_back_if_the_foothold_moves_away(
     target = schedule.footsteps[0].pose
     foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, foot)
-    found = time_to_return(state, foot, DETOUR, PARAMS)
+    found = timing_of().time_to_return(state, foot)
     assert found == pytest.approx(expected, abs=1e-12)
     reference = plan.at(0.9).icp
     proposed = adjustment(reference, plan, state, feet=feet)

@@ -34,13 +34,6 @@ LIMIT = {
     **{0: 1.86, 30: 1.58, 60: 0.95, 90: 0.82, 120: 0.71, 150: 1.15},
     **{180: 1.86, 210: 2.00, 240: 1.75, 270: 1.56, 300: 1.79, 330: 2.00},
 }
-# The march: where it begins, ends at the latest, and its steps [m/s].  Faster
-# pushes than TOP tell the mechanisms apart no better, but take long.
-FIRST, TOP, STEP = 0.2, 1.5, 0.2
-# How unsharp the edge between recovered and not recovered is [m/s].
-RAGGED = 0.03
-
-
 PUSH = """
 gait: {num_steps: %d}
 duration: %d
@@ -92,35 +85,25 @@ def recovers(
     return found["recovered"] and found["steps_after_push"] >= num_steps
 
 
-def march(mechanisms: str, direction: float, delta_v: float) -> float:
-    """Returns the largest push [m/s] recovered from, to half a STEP.
-
-    It goes on from `delta_v`, that is recovered from.
-    """
-    while delta_v < TOP and recovers(mechanisms, direction, delta_v + STEP):
-        delta_v += STEP
-    half = delta_v + 0.5 * STEP
-    if delta_v < TOP and recovers(mechanisms, direction, half):
-        return half
-    return delta_v
-
-
-@pytest.mark.parametrize("direction", LIMIT)
+@pytest.mark.parametrize("direction", [30, 90, 150, 210, 270, 330])
 def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
     """Oracle: 0.85 of the physical limit, and 8 more steps."""
     assert recovers(ALL, direction, 0.85 * LIMIT[direction], 8)
 
 
-@pytest.mark.parametrize("direction", [90, 180, 270])
-def test_more_mechanisms_never_recover_less(direction):
-    """Oracle: the mechanisms before, which are a part of these."""
-    largest = {name: 0.0 for name in MECHANISMS}
-    delta_v = FIRST
-    for name in MECHANISMS:
-        assert recovers(name, direction, delta_v), (name, delta_v, largest)
-        largest[name] = march(name, direction, delta_v)
-        delta_v = largest[name] - RAGGED
-    assert largest[ALL] >= largest["icp_only"] + 0.3
+@pytest.mark.parametrize(
+    ("direction", "delta_v", "fewest"),
+    [(270, 0.4, "step"), (90, 0.6, "step_swing"), (90, 0.8, ALL)],
+)
+def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
+    """Oracle: the order of the mechanisms, of which each adds one.
+
+    `fewest` is the first that recovers, `icp_only` never does: its limits are
+    0.3 and 0.22 m/s, the feet and the hips in place.
+    """
+    names = list(MECHANISMS)
+    found = [name for name in names if recovers(name, direction, delta_v)]
+    assert found == names[names.index(fewest) :]
 
 
 @pytest.mark.parametrize(
@@ -156,7 +139,7 @@ def commanded_steps(num_steps: int):
     return pushed(ALL, 0.0, 0.0, num_steps).start(model).schedule.footsteps
 
 
-@pytest.mark.parametrize("direction", range(0, 360, 60))
+@pytest.mark.parametrize("direction", [0, 120, 240])
 def test_goes_back_to_the_commanded_footholds(direction):
     """Oracle: the gait as it was commanded; 3 cm, from the 6th step on."""
     log = moderate(direction).logs
@@ -174,7 +157,7 @@ def test_goes_back_to_the_commanded_footholds(direction):
     assert max(away[5:]) < 0.03
 
 
-@pytest.mark.parametrize("direction", [60, 120, 240, 300])
+@pytest.mark.parametrize("direction", [120, 240])
 def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction):
     """Oracle: the mirror; rounding alone tells left from right."""
     scenario = mirrored(pushed(ALL, direction, 0.6 * LIMIT[direction]))
@@ -238,7 +221,7 @@ def test_noise_moves_no_foothold_and_hurries_no_clock():
     assert ticks[ticking] == pytest.approx(0.002, abs=1e-12)
 
 
-@pytest.mark.parametrize("direction", [60, 120, 240, 300])
+@pytest.mark.parametrize("direction", [120, 240])
 def test_noise_makes_no_rule_flicker_after_a_push(direction):
     """Oracle: the same push without noise: the same rules in every swing.
 

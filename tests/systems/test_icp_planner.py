@@ -99,15 +99,6 @@ def test_plans_a_schedule_once_whatever_the_clock_says(planner, planned):
     assert [id(s) for s in planned] == [id(schedule), id(swing)]
 
 
-def test_plans_again_for_an_equal_but_other_schedule(planner, planned):
-    """Oracle: object identity is what counts."""
-    context = asked(planner)
-    for _ in range(2):
-        fix(planner, context, walking_state=WalkingState(walk()))
-        plan(planner, context)
-    assert len(planned) == 2
-
-
 def test_contexts_do_not_share_their_memory(planner, planned):
     """Oracle: fresh contexts; the original, which a clone does not disturb."""
     state = WalkingState(walk(), 0.1)

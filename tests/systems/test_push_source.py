@@ -212,17 +212,19 @@ def test_each_click_is_one_push_with_the_sliders_as_they_were():
         assert forces[k : k + 50] == pytest.approx(np.tile(expected, (50, 1)))
 
 
-def test_a_click_during_a_live_push_starts_it_anew():
-    """Oracle: 50 ticks from the last click on."""
-    forces = run([], 100, live_at=lambda k: [(k >= 5) + (k >= 20), 0.3, 0.0])
-    assert active(forces) == list(range(5, 70))
-
-
-def test_a_count_that_begins_anew_is_no_push():
-    """Oracle: none; the next click is one."""
-    counts = [3] * 60 + [0] * 60 + [1] * 60
-    forces = run([], 180, live_at=lambda k: [counts[k], 0.3, 0.0])
-    assert active(forces) == [*range(0, 50), *range(120, 170)]
+@pytest.mark.parametrize(
+    ("counts", "ticks"),
+    [
+        # During a live push, a click starts it anew: 50 ticks from then on.
+        ([0] * 5 + [1] * 15 + [2] * 80, [*range(5, 70)]),
+        # A count that begins anew is no push; the next click is one.
+        ([3] * 60 + [0] * 60 + [1] * 60, [*range(50), *range(120, 170)]),
+    ],
+)
+def test_whenever_the_count_increases_a_live_push_begins(counts, ticks):
+    """Oracle: by hand."""
+    forces = run([], len(counts), live_at=lambda k: [counts[k], 0.3, 0.0])
+    assert active(forces) == ticks
 
 
 def test_refuses_a_live_push_that_is_not_finite():
@@ -329,15 +331,6 @@ def test_a_live_push_lasts_as_long_as_it_is_told():
         assert signal.delta_v == pytest.approx(0.3 if newtons else 0.0)
 
 
-def test_a_live_push_has_the_number_after_the_others():
-    """Oracle: by hand; nobody waits for it."""
-    source = PushSource([Push(force=1.0, at="9 s")], MASS, PERIOD)
-    context = asked(source, live_push=[1, 0.3, 0.0, 0.1])
-    signal = signal_of(source, advanced(source, 3.5, context))
-    assert (signal.number, signal.waiting) == (2, 1)
-    assert signal.delta_v == pytest.approx(0.3)
-
-
 def test_copies_of_one_context_can_be_pushed_in_different_ways():
     """Oracle: the sources that were built with those pushes."""
     built = Push(delta_v=0.1, at="0.02 s", direction_deg=10.0)
@@ -357,16 +350,11 @@ def test_copies_of_one_context_can_be_pushed_in_different_ways():
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("duration", 0.0015, "duration = 0.0015: must be a multiple"),
-        ("delay", 0.001, "delay = 0.001: must be a multiple"),
-        ("body", "tail", "body = 'tail': must be a body"),
-        ("force", -1.0, "force = -1.0: must be in .0, 100000."),
-    ],
+    ("field", "value"),
+    [("duration", 0.0015), ("delay", 0.001), ("body", "tail"), ("force", -1.0)],
 )
-def test_refuses_bad_pushes(field, value, message):
-    """Oracle: field, value, what is allowed."""
+def test_refuses_bad_pushes(field, value):
+    """Oracle: the message names the field."""
     push = replace(Push(force=1.0, at="0.0 s"), **{field: value})
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=f"{field} = "):
         PushSource([push], MASS, PERIOD, free_body(), "base")

@@ -15,7 +15,7 @@ from nadia_balance.core.swing_foot import (
 )
 from nadia_balance.core.walking import Phase, WalkingState
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
-from tests.blocks import answer, asked, running, tick
+from tests.blocks import answer, asked
 from tests.core.test_ground import square
 from tests.example_walks import MODEL, walk
 
@@ -45,17 +45,6 @@ def test_continues_from_the_last_reference(planner):
     found = answer(planner, context, OUTPUT)
     expected = velocity_now(expected.as_vector(), LEAD)
     assert found == pytest.approx(expected, abs=1e-15)
-
-
-def test_remembers_what_it_said(planner):
-    """Oracle: x+ = y, in each of three ticks, and no sooner."""
-    simulator, context = running(planner, walking_state=swing(0.002))
-    before = np.zeros(12)
-    for _ in range(3):
-        state = context.get_discrete_state_vector().value()[:12]
-        assert np.array_equal(state, before)
-        before = answer(planner, context, OUTPUT).copy()
-        tick(simulator, PERIOD)
 
 
 def test_lifts_the_foot_over_the_edges_of_its_model():

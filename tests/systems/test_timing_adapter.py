@@ -1,17 +1,11 @@
 """Oracles: core.time_adjustment, called with the same values; Eq. 16."""
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.time_adjustment import (
-    TimingAdapterParams,
-    time_adjustment,
-)
+from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from tests.blocks import answer, asked, fix
@@ -49,37 +43,11 @@ def gain(values, params=PARAMS, period=PERIOD):
 def test_proposes_what_the_core_says(ahead):
     """Oracle: the core function, to the last bit."""
     values = inputs(ahead)
-    expected = time_adjustment(*values.values(), PARAMS, MODEL, PERIOD, ALL)
+    icp, plan, state, feet = values.values()
+    timing = Timing(PARAMS, MODEL, PERIOD)
+    expected = timing.adjustment(state, plan, icp, feet, ALL)
     np.testing.assert_array_equal(gain(values), expected)
     assert (expected.now > 0.0) is (ahead > 0.0)
-
-
-@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
-@pytest.mark.parametrize(
-    ("transfer", "ahead", "time_constant"),
-    [(False, 0.4, 0.01898), (True, 0.1, 0.003915)],
-)
-def test_makes_up_for_its_time_at_any_period(
-    transfer, ahead, time_constant, period
-):
-    """Oracle: the exponential, times all the time that the ICP is ahead.
-
-    And that time, as far as it can be made up for.
-    """
-    values = inputs(ahead, transfer)
-    icp, plan, state, _ = values.values()
-    whole = plan.time_to(icp, NOW)
-    assert whole == pytest.approx(ahead, abs=1e-4)
-    share = 1.0 - math.exp(-period / time_constant)
-    params = replace(
-        PARAMS,
-        swing_time_constant=time_constant,
-        transfer_time_constant=time_constant,
-    )
-    found = gain(values, params, period)
-    # Of 0.6 s of the swing, its least duration takes 0.25 s.
-    most = 0.2 if transfer else 0.35
-    assert found == pytest.approx([share * whole, min(whole, most)])
 
 
 @pytest.mark.parametrize("transfer", [False, True])

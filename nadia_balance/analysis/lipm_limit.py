@@ -1,24 +1,29 @@
-"""Upper bound on recoverable pushes of the linear inverted pendulum.
+"""N-step capturability of the linear inverted pendulum under a push.
 
-The bound uses the robot's parameters and holds for any controller: one that
+The limits use the robot's parameters and hold for any controller: one that
 knows the push at its start, and chooses CoP, footholds and touchdown times.  To
 come to rest, the ICP must be the mean of all future eCMPs with the weights
 w e^-wt (the ICP dynamics, Nadia paper, Eq. 3, integrated): for given step
-times, the largest push is a linear program.
+times, the largest push is a linear program.  The regions C_N of the paper's
+Sec. IV are its feasible next footholds.
 """
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core.capturability import lift_off_time
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import convex_hull, halfspaces, minkowski_sum
+from nadia_balance.core.polygon import (
+    convex_hull,
+    halfspaces,
+    minkowski_sum,
+    support_polygon,
+)
 from nadia_balance.core.qp import largest_first
 from nadia_balance.core.reachability import circle, step_regions, total_region
 from nadia_balance.core.time_adjustment import TimingAdapterParams
@@ -29,6 +34,8 @@ from nadia_balance.core.walking import (
     WalkingState,
     rectangle,
 )
+
+LOST = -1  # no number of steps captures the robot
 
 _MOST_STEPS = 4
 # Tried delays of each landing after the earliest one, in 1 / omega.  With
@@ -65,7 +72,7 @@ class Capture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
-    """The largest pushes at one instant, in `state`, with the `icp` (2,) [m].
+    """Steps and pushes at one instant, in `state`, with the `icp` (2,) [m].
 
     The swing foot is at `foot` (2,) [m] when the push begins; its mean speed on
     the straight line to its foothold is limited to model.detour.max_speed, as
@@ -75,7 +82,7 @@ class LipmLimit:
     planned ones.
 
     Raises:
-        ValueError: no steps remain, or `kappa` is negative.
+        ValueError: `kappa` is negative.
     """
 
     state: WalkingState
@@ -88,8 +95,6 @@ class LipmLimit:
     push_duration: float = 0.1  # [s]
 
     def __post_init__(self) -> None:
-        if not self._steps:
-            raise ValueError("footsteps = (): must have one to take")
         if not self.kappa >= 0.0:
             raise ValueError(f"kappa = {self.kappa}: must be >= 0 m")
 
@@ -112,18 +117,41 @@ class LipmLimit:
     def largest_push(self, direction_deg: float) -> Capture:
         """Returns the largest push in a direction, 0 forward, 90 left [deg].
 
+        With `on.step` all smaller step counts are tried, as the robot may stop.
+        """
+        angle = math.radians(direction_deg)
+        way = np.array([math.cos(angle), self._side * math.sin(angle)])
+        most = len(self._steps)
+        return self._best(way, range(0 if self.on.step else most, most + 1))
+
+    def least_steps(self) -> int:
+        """Returns the least n such that n steps capture the ICP, or LOST.
+
+        No push follows; n = 0 if the ICP is in the support polygon.
+        """
+        way = np.array([1.0, 0.0])
+        for n in range(len(self._steps) + 1):
+            if self._best(way, [n], most=0.0).delta_v >= -_BETTER:
+                return n
+        return LOST
+
+    def _best(
+        self, way: Array, step_counts: Iterable[int], most: float = math.inf
+    ) -> Capture:
+        """Returns the largest push along `way` (2,), up to `most` [m/s].
+
         It is the maximum over step counts, timings and regions, with one linear
         program each.  Regions are branched on only if the LP with their hull
         exceeds the best push found (branch and bound).
         """
-        angle = math.radians(direction_deg)
-        way = np.array([math.cos(angle), self._side * math.sin(angle)])
         best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
-        for swings in self._swings():
+        for swings in itertools.chain.from_iterable(
+            map(self._swings, step_counts)
+        ):
             undecided = [(_HULL,) * len(swings)]
             while undecided:
                 regions = undecided.pop()
-                found = self._solve(way, swings, regions)
+                found = self._solve(way, swings, regions, most)
                 if found is None or found.delta_v < best.delta_v + _BETTER:
                     continue
                 if _HULL not in regions:
@@ -143,7 +171,7 @@ class LipmLimit:
 
     @property
     def _side(self) -> int:
-        return self._steps[0].side.sign
+        return self.state.schedule.support_side.other.sign
 
     @cached_property
     def _foot(self) -> Array:
@@ -151,13 +179,16 @@ class LipmLimit:
         schedule = self.state.schedule
         if schedule.phase is Phase.SWING:
             return self._local(self.foot)
-        return self._local(schedule.feet[self._steps[0].side].p_WF[:2])
+        return self._local(schedule.feet[schedule.support_side.other].p_WF[:2])
 
-    def _local(self, point: Array) -> Array:
-        """Returns `point` (2,) of W in the sole frame, y to the swing side."""
+    def _local(self, points: Array) -> Array:
+        """Returns points (..., 2) of W in the sole frame, y to the swing side.
+
+        The sole is that of the stance foot.
+        """
         schedule = self.state.schedule
         stance = schedule.feet[schedule.support_side]
-        return np.asarray(stance.to_sole(point[None])[0] * [1.0, self._side])
+        return stance.to_sole(points) * [1.0, self._side]
 
     @cached_property
     def _regions(self) -> dict[str, Array]:
@@ -190,9 +221,19 @@ class LipmLimit:
     @cached_property
     def _ecmps(self) -> Halfplanes:
         """Half-planes of the eCMP about a sole's centre."""
+        return self._around(self.model.sole)
+
+    @cached_property
+    def _support(self) -> Halfplanes:
+        """Half-planes of the eCMP on the present contacts, see `_local`."""
+        soles = support_polygon(self.state.schedule, self.model.sole)
+        return self._around(self._local(soles))
+
+    def _around(self, corners: Array) -> Halfplanes:
+        """Half-planes of the hull of `corners` (n, 2), widened by kappa."""
+        hull = convex_hull(corners)
         square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
-        sole = convex_hull(self.model.sole)
-        return halfspaces(minkowski_sum(sole, square) if self.kappa else sole)
+        return halfspaces(minkowski_sum(hull, square) if self.kappa else hull)
 
     @cached_property
     def _durations(self) -> tuple[list[float], list[float]]:
@@ -209,33 +250,41 @@ class LipmLimit:
 
     @cached_property
     def _rests(self) -> tuple[list[float], list[float]]:
-        """Like `_durations` [s], but the first ones are the remaining times."""
-        state, (swings, transfers) = self.state, self._durations
-        swing, schedule = swings[0], state.schedule
-        if schedule.phase is Phase.SWING:
-            swing = state.remaining_time
-            if self.on.swing:
-                rest = self.timing.least_rest_of_swing(
-                    schedule.duration, state.elapsed
-                )
-                swing = min(rest, swing)
-        lift_off = lift_off_time(state, self.timing, self.on)
-        return [swing, *swings[1:]], [lift_off, *transfers[1:]]
+        """Like `_durations` [s], but the first ones are the remaining times.
 
-    def _swings(self) -> Iterator[tuple[float, ...]]:
-        """Yields the tried durations [s] of the swings, fast ones first.
-
-        With `on.step` all smaller step counts are tried, as the robot may stop.
+        The first transfer has passed in a swing; when standing, the rest of it
+        is added.
         """
-        swings, most = self._rests[0], len(self._steps)
-        for n in range(0 if self.on.step else most, most + 1):
-            tried = [
-                [s + wait / self.model.omega for wait in waits]
-                if self.on.swing
-                else [s]
-                for s, waits in zip(swings[:n], _WAITS, strict=False)
-            ]
-            yield from itertools.product(*tried)
+        state, (swings, transfers) = self.state, self._durations
+        if not self._steps:
+            return [], []
+        phase, left = state.schedule.phase, state.remaining_time
+        match phase:
+            case Phase.STANDING:
+                return swings, [left + transfers[0], *transfers[1:]]
+            case Phase.TRANSFER:
+                if self.on.transfer:
+                    least = self.timing.min_transfer_duration - state.elapsed
+                    left = min(max(least, 0.0), left)
+                return swings, [left, *transfers[1:]]
+        if self.on.swing:
+            rest = self.timing.least_rest_of_swing(
+                state.schedule.duration, state.elapsed
+            )
+            left = min(rest, left)
+        return [left, *swings[1:]], [0.0, *transfers[1:]]
+
+    def _swings(self, n: int) -> Iterator[tuple[float, ...]]:
+        """Yields the tried durations [s] of `n` swings, fast ones first."""
+        if not n:
+            return iter([()])
+        tried = [
+            [s + wait / self.model.omega for wait in waits]
+            if self.on.swing
+            else [s]
+            for s, waits in zip(self._rests[0][:n], _WAITS, strict=False)
+        ]
+        return itertools.product(*tried)
 
     def _behind(self) -> float:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
@@ -247,26 +296,31 @@ class LipmLimit:
         return share * (1.0 - _mean_decay(self.model.omega * rest))
 
     def _solve(
-        self, way: Array, swings: tuple[float, ...], regions: Sequence[str]
+        self,
+        way: Array,
+        swings: tuple[float, ...],
+        regions: Sequence[str],
+        most: float,
     ) -> Capture | None:
         """Returns the largest push along `way` (2,); None if infeasible.
 
-        The variables are delta_v and the step vectors (n, 2), each from one
-        foot to the other.
+        The variables are delta_v <= `most` [m/s] and the step vectors (n, 2),
+        each from one foot to the other.
         """
-        n, w, T = len(swings), self.model.omega, self.push_duration
-        transfers = self._rests[1][: n + 1]
-        landings = np.cumsum(swings) + np.cumsum(transfers[:n])
-        after = [*transfers[1:], transfers[-1]][:n]
-        weights = np.exp(-w * landings) * [_mean_decay(w * t) for t in after]
+        n, landings, weights = len(swings), *self._landings(swings)
+        w, T, foot = self.model.omega, self.push_duration, self._foot
         per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
-        foot = self._foot
-        ecmp = self._local(self.icp) - self._behind() * foot
+        ecmp, room = self._local(self.icp), self._support
+        if n:
+            ecmp, room = ecmp - self._behind() * foot, self._ecmps
         of_ecmp = np.column_stack(
             [per_speed * way, *(-weight * np.eye(2) for weight in weights)]
         )
         of_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
-        limits = [(of_ecmp, ecmp, self._ecmps)]
+        limits = [(of_ecmp, ecmp, room)]
+        if math.isfinite(most):
+            push = np.eye(1, 2 * n + 1)
+            limits.append((push, np.zeros(1), (np.eye(1), np.array([most]))))
         for k, (region, swing) in enumerate(zip(regions, swings, strict=True)):
             limits.append((of_step[k], _ZERO, self._reach[k][region]))
             if math.isfinite(speed := self.model.detour.max_speed):
@@ -281,6 +335,18 @@ class LipmLimit:
             return None
         footholds = np.cumsum(x[1:].reshape(n, 2), axis=0)
         return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
+
+    def _landings(self, swings: tuple[float, ...]) -> tuple[Array, Array]:
+        """Returns the ends (n,) [s] of the swings, and the weights (n,) [-].
+
+        The weights are those of the step vectors in the mean of the eCMPs.
+        """
+        n, w = len(swings), self.model.omega
+        landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
+        transfers = self._durations[1]
+        after = [*transfers[1:], *transfers[-1:]][:n]
+        loading = [_mean_decay(w * t) for t in after]
+        return landings, np.exp(-w * landings) * loading
 
 
 def _mean_decay(x: float) -> float:

@@ -1,0 +1,1 @@
+"""Limits of the model; no controller reads them."""
