@@ -20,7 +20,6 @@ from nadia_balance.core.whole_body_command import (
     WholeBodyModel,
     WholeBodyQpParams,
     crossing_turn,
-    velocity_now,
     whole_body_command,
 )
 from tests.example_walks import standing
@@ -213,10 +212,3 @@ def test_does_not_depend_on_which_foot_supports_nor_on_the_heading():
     turned = turn_of((0.3, 0.1), yaw=2.0)
     for same in transfer, other, turned:
         assert same == pytest.approx(swing, abs=1e-12)
-
-
-def test_a_reference_ahead_has_the_velocities_of_now():
-    """Oracle: by hand, 0.1 s at the accelerations, of the yaw as well."""
-    ahead = np.arange(1.0, 13.0)
-    expected = [1, 2, 3, 4 - 0.7, 5 - 0.8, 6 - 0.9, 7, 8, 9, 10, 11 - 1.2, 12]
-    assert velocity_now(ahead, 0.1) == pytest.approx(expected)
