@@ -27,7 +27,7 @@ from nadia_balance.results.summary import Run
 from nadia_balance.robot_params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
-from nadia_balance.scripts.envelope_sweep.plan import sweep_from
+from nadia_balance.scripts.envelope_sweep.flags import sweep_from
 from nadia_balance.typed_yaml import load_typed
 from tests import run_cache
 from tests.diagrams.simulated import run_of

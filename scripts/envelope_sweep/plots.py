@@ -19,14 +19,10 @@ from nadia_balance import palette
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.core.walking import Array, Side
 from nadia_balance.results.plots.style import FAINT, TEXT
-from nadia_balance.scripts.envelope_sweep.limits import (
-    Envelope,
-    Limit,
-    Scale,
-)
-from nadia_balance.scripts.envelope_sweep.plan import moment_of
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
 from nadia_balance.scripts.envelope_sweep.search import Situation
+from nadia_balance.scripts.envelope_sweep.sweep import moment_of
+from nadia_balance.scripts.envelope_sweep.table import LimitTable, Record, mark
 
 # Names of directions [deg], relative to the heading of the stance foot.
 WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
@@ -56,23 +52,23 @@ BEYOND = "#eceef2"
 HIPS_LINE = {"color": LIMIT, "ls": ":", "lw": 1.4}
 
 
-def title(envelope: Envelope, what: str) -> str:
-    """The figure's title, with robot and plant."""
-    plant = PLANTS.get(envelope.plant, envelope.plant)
-    return f"{what}   ·   {envelope.robot}, {plant}"
-
-
-def key_name(envelope: Envelope, mechanisms: str) -> str:
+def key_name(limits: LimitTable, mechanisms: str) -> str:
     """The mechanism added to the previous set; a name if a set is missing."""
     names = list(MECHANISMS)
     before = names[: names.index(mechanisms)] if mechanisms in names else []
-    stacked = set(before) <= set(envelope.mechanisms)
+    stacked = set(before) <= set(limits.mechanisms)
     return NAMES[mechanisms] if stacked else mechanisms
 
 
 def tint(color: str) -> list[float]:
     """Red, green and blue of a pale, opaque version of a colour."""
     return [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
+
+
+def _unit(limits: LimitTable) -> tuple[str, float]:
+    """The unit of the paper's figure, and its change of velocity [m/s]."""
+    protocol = limits.protocol
+    return (protocol.unit, protocol.unit_speed) if protocol else ("m/s", 1.0)
 
 
 def inward(at: str) -> float:
@@ -89,29 +85,29 @@ def direction_name(direction: float, at: str) -> str:
     return f"{word} ({side[direction]})" if direction in side else word
 
 
-def _draw_key(fig: Figure, envelope: Envelope, scale: Scale | None) -> None:
+def _draw_key(fig: Figure, limits: LimitTable) -> None:
     """One legend for the whole figure, to its right."""
     line = {"lw": 2, "marker": "o", "ms": 5}
     handles: list[Line2D | Patch] = [
-        Line2D([], [], color=COLORS[m], label=key_name(envelope, m), **line)
-        for m in envelope.mechanisms
+        Line2D([], [], color=COLORS[m], label=key_name(limits, m), **line)
+        for m in limits.mechanisms
     ]
-    if envelope.missing:
+    if not all(record.complete for record in limits.records):
         dot = {"ls": "none", "marker": "o", "ms": 5, "mfc": "white"}
         dot |= {"mec": FAINT, "mew": 1.4, "label": SEARCHED_LABEL}
         handles.append(Line2D([], [], **dot))
-    known = [s for s in envelope.situations if envelope.known(s).paper]
-    if protocol := envelope.protocol:
+    known = [s for s in limits.situations if limits.references[s].paper]
+    if protocol := limits.protocol:
         handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
-    if envelope.physical:
+    if limits.assumptions:
         patch = Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL)
         handles += [patch, Line2D([], [], label=HIPS_LABEL, **HIPS_LINE)]
-    if scale:
-        unit = envelope.unit_speed
-        text = f"1 {envelope.unit} is {unit * scale.mass:.3g} N s,\n"
-        text += f"{unit / scale.speed:.3f} $\\sqrt{{gz}}$"
+    if scale := limits.scale:
+        unit, speed = _unit(limits)
+        text = f"1 {unit} is {speed * scale.mass:.3g} N s,\n"
+        text += f"{speed / scale.speed:.3f} $\\sqrt{{gz}}$"
         handles.append(Line2D([], [], ls="none", label=text))
-    if len(known) < len(envelope.situations):
+    if len(known) < len(limits.situations):
         text = "\n".join(["the paper's: only for", *PROTOCOLS])
         handles.append(Line2D([], [], ls="none", label=text))
     fig.legend(
@@ -149,12 +145,12 @@ def point(direction: float, size: float) -> Array:
     return size * np.array([-math.sin(angle), math.cos(angle)])
 
 
-def _draw_rings(ax: Axes, envelope: Envelope, at: str) -> None:
+def _draw_rings(ax: Axes, limits: LimitTable, at: str) -> None:
     """Draws rings at round values; the outer ones have labels."""
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     (left, right), (_, top) = ax.get_xlim(), ax.get_ylim()
-    speed, unit = envelope.unit_speed, envelope.unit
+    unit, speed = _unit(limits)
     rings = top / speed
     gap = next((g for g in _RINGS if rings / g <= _MOST_RINGS), _RINGS[-1])
     angle = 90.0 + _RING_LABELS
@@ -216,15 +212,12 @@ _COLUMNS = 2  # columns of panels
 _MOST_NUMBERS = 16  # with more directions, limits are not written [-]
 
 
-def draw_envelope(envelope: Envelope, scale: Scale | None = None) -> Figure:
-    """Draws a panel for each situation, with its references.
-
-    With a `scale`, the legend converts the unit of the picture.
-    """
-    situations = envelope.situations
+def draw_envelope(limits: LimitTable) -> Figure:
+    """Draws a panel for each situation, with its references."""
+    situations = limits.situations
     columns = min(len(situations), _COLUMNS)
     rows = math.ceil(len(situations) / columns)
-    (left, right), (low, high) = _window(envelope)
+    (left, right), (low, high) = _window(limits)
     height = _HEIGHTS[0] if len(situations) == 1 else _HEIGHTS[1]
     width = height * (right - left) / (high - low)
     size = columns * width + _KEY, rows * (height + 0.25) + 0.4
@@ -233,60 +226,62 @@ def draw_envelope(envelope: Envelope, scale: Scale | None = None) -> Figure:
     for ax, situation in zip(grid, situations, strict=False):
         ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
         ax.set_title(str(situation), fontsize=10.5)
-        _draw_panel(ax, envelope, situation)
+        _draw_panel(ax, limits, situation)
     for ax in grid[len(situations) :]:
         ax.remove()
-    _draw_key(fig, envelope, scale)
-    what = f"Largest recovered push [{envelope.unit}], by direction"
-    what = title(envelope, what)
+    _draw_key(fig, limits)
+    plant = PLANTS.get(limits.identity["plant"], "")
+    what = f"Largest recovered push [{_unit(limits)[0]}], by direction   ·   "
+    what += f"{limits.identity['robot']}, {plant}"
     fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
     return fig
 
 
-def _window(envelope: Envelope) -> Array:
+def _window(limits: LimitTable) -> Array:
     """The limits (2, 2) of the x and y axes that contain all curves."""
-    most, curves = envelope.mechanisms[-1], []
-    for each in envelope.situations:
-        known = envelope.known(each)
+    most, curves = limits.mechanisms[-1], []
+    for each in limits.situations:
+        known = limits.references[each]
         curves += [curves.get(most, {}) for curves in known]
-        curves += [_recovered(envelope, m, each) for m in envelope.mechanisms]
+        curves += [
+            _recovered(limits.curve(name, each)) for name in limits.mechanisms
+        ]
     seen = np.vstack([np.zeros(2), *(points(c) for c in curves if c)])
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
-    half = max(0.5 * np.max(high - low), 2.0 * envelope.search.resolution)
+    half = max(0.5 * np.max(high - low), 2.0 * limits.identity["resolution"])
     left, right = np.maximum([-low[0], high[0]], 0.6 * half) + 0.45 * half
     top = max(-low[1], high[1], 0.6 * half) + 0.3 * half
     return np.array([[-left, right], [-top, top]])
 
 
-def _recovered(
-    envelope: Envelope, mechanisms: str, situation: Situation
-) -> Curve:
-    limits = envelope.curve(mechanisms, situation)
-    return {angle: limit.recovered for angle, limit in limits.items()}
+def _recovered(records: dict[float, Record]) -> Curve:
+    return {angle: record.recovered for angle, record in records.items()}
 
 
-def _draw_panel(ax: Axes, envelope: Envelope, situation: Situation) -> None:
-    known = envelope.known(situation)
-    most = envelope.mechanisms[-1]
+def _draw_panel(ax: Axes, limits: LimitTable, situation: Situation) -> None:
+    known = limits.references[situation]
+    most = limits.mechanisms[-1]
     if most in known.with_hips:
         ax.plot(*points(known.with_hips[most]).T, zorder=0.6, **HIPS_LINE)
     if most in known.limit:
         ax.set_facecolor(BEYOND)
         ax.fill(*points(known.limit[most]).T, fc="white", ec=LIMIT, zorder=0.5)
-    _draw_rings(ax, envelope, situation.at)
-    _draw_directions(ax, situation.at, envelope.directions)
-    for mechanisms in reversed(envelope.mechanisms):
-        if limits := envelope.curve(mechanisms, situation):
-            _draw_limits(ax, limits, mechanisms)
+    _draw_rings(ax, limits, situation.at)
+    _draw_directions(ax, situation.at, limits.directions)
+    for mechanisms in reversed(limits.mechanisms):
+        if records := limits.curve(mechanisms, situation):
+            _draw_limits(ax, records, mechanisms)
     if most in known.paper:
         ax.plot(*points(known.paper[most]).T, zorder=3.0, **PAPER_LINE)
-    _write_limits(ax, envelope, situation)
+    _write_limits(ax, limits, situation)
 
 
-def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
+def _draw_limits(
+    ax: Axes, records: dict[float, Record], mechanisms: str
+) -> None:
     """Draws a line through the limits; dots of incomplete ones are hollow."""
     color = COLORS[mechanisms]
-    curve = {angle: limit.recovered for angle, limit in limits.items()}
+    curve = _recovered(records)
     corners = points(curve)
     if not np.any(np.isnan(corners)):
         ax.fill(*corners.T, color=tint(color), lw=0, zorder=2.0)
@@ -295,24 +290,24 @@ def _draw_limits(ax: Axes, limits: dict[float, Limit], mechanisms: str) -> None:
     for complete, face in ((True, color), (False, "white")):
         dots = [
             point(angle, curve[angle])
-            for angle, limit in limits.items()
-            if limit.complete is complete
+            for angle, record in records.items()
+            if record.complete is complete
         ]
         if dots:
             dot = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 1.4}
             ax.plot(*np.array(dots).T, mfc=face, mec=color, zorder=3.1, **dot)
 
 
-def _write_limits(ax: Axes, envelope: Envelope, situation: Situation) -> None:
+def _write_limits(ax: Axes, limits: LimitTable, situation: Situation) -> None:
     """Writes the limits with the most mechanisms beside their dots, outward."""
-    most = envelope.mechanisms[-1]
-    limits = envelope.curve(most, situation)
-    if len(limits) > _MOST_NUMBERS:
+    most = limits.mechanisms[-1]
+    records, speed = limits.curve(most, situation), _unit(limits)[1]
+    if len(records) > _MOST_NUMBERS:
         return
-    for angle, limit in limits.items():
+    for angle, record in records.items():
         ax.annotate(
-            envelope.limit_words(limit, envelope.unit_speed),
-            point(angle, limit.recovered),
+            mark([record]) + limits.words(record.recovered / speed),
+            point(angle, record.recovered),
             xytext=point(angle, 13.0) * [1.25, 1.0],
             textcoords="offset points",
             ha="center",

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep.limits import Physical, Scale
+from nadia_balance.scripts.envelope_sweep.physical import Physical
 from nadia_balance.scripts.envelope_sweep.plots import (
     COLORS,
     HIPS_LABEL,
@@ -25,16 +25,17 @@ from nadia_balance.scripts.envelope_sweep.search import (
     SearchParams,
     Situation,
 )
+from nadia_balance.scripts.envelope_sweep.table import Scale
 from tests.scripts.envelope_sweep.made_up import (
     AT,
-    made_up_envelope,
+    made_up_table,
     paper_times,
 )
 
 ALL = "all_with_cross_over"
 LEFT = Situation("push", "left swing 25 %")
 SEARCH = SearchParams(resolution=0.1, stride=4)
-envelope_from = partial(made_up_envelope, search=SEARCH)
+envelope_from = partial(made_up_table, search=SEARCH)
 ROUND = {0.0: 0.8, 90.0: 0.3, 180.0: 0.6, 270.0: 0.5}
 CELLS = {Cell(ALL, AT, angle): value for angle, value in ROUND.items()}
 # Forward is up, left is left.
@@ -86,11 +87,12 @@ def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
     limits = Physical(
         limit={ALL: around | {0.0: 1.86}},
         with_hips={ALL: {angle: 2.1 for angle in around}},
-        assumptions="",
+        assumptions="a point mass",
     )
-    envelope = envelope_from(paper_times(1.1) | {Cell(ALL, LEFT, 0.0): 1.0})
-    envelope = replace(envelope, physical={AT: limits})
-    figure = draw_envelope(envelope, Scale(mass=90.0, speed=2.0))
+    cells = paper_times(1.1) | {Cell(ALL, LEFT, 0.0): 1.0}
+    envelope = envelope_from(cells, physical=limits)
+    scale = Scale(mass=90.0, speed=2.0)
+    figure = draw_envelope(replace(envelope, scale=scale))
     known, other = figure.axes
     (line,) = dashed(known)
     assert line.get_xydata()[0] == pytest.approx([0.0, 1.15])
@@ -112,7 +114,7 @@ def test_the_atlas_papers_figure_has_a_panel_for_each_gait():
     cells = {}
     for name in PROTOCOLS["atlas_fig6"].scenario_name.split(","):
         gait = Situation(name, "right swing 50 %")
-        cells |= paper_times(0.8, gait, "atlas", gait)
+        cells |= paper_times(0.8, gait, "atlas")
     figure = draw_envelope(envelope_from(cells, robot="atlas"))
     assert [ax.get_title() for ax in figure.axes] == sorted(
         f"{name}, right swing 50 %" for name in {c.situation[0] for c in cells}
