@@ -58,6 +58,7 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     opened,
 )
 from nadia_balance.scripts.envelope_sweep.run import (
+    Progress,
     progress_bar,
     progress_of,
     run_sweep,
@@ -212,10 +213,10 @@ def _prepare(
 def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
     folder, code = rows.path.parent, DONE
-    say(*_plan_lines(sweep, rows, slots))
+    start = progress_of(searches_of(sweep, rows.all()))
+    say(*_plan_lines(sweep, start, slots), f"into {folder}")
     with until_ctrl_c() as stopped:
         try:
-            start = progress_of(searches_of(sweep, rows.all()))
             with progress_bar(start) as show:
                 if not run_sweep(sweep, rows, executor, slots, show, stopped):
                     code = INTERRUPTED
@@ -232,9 +233,8 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     return code
 
 
-def _plan_lines(sweep: Sweep, rows: Rows, slots: int) -> list[str]:
-    """Lines with the numbers of limits and trials, and the folder."""
-    progress = progress_of(searches_of(sweep, rows.all()))
+def _plan_lines(sweep: Sweep, progress: Progress, slots: int) -> list[str]:
+    """Lines with the numbers of limits and trials."""
     limits = "limit" if progress.cells == 1 else "limits"
     numbers = (
         f"{name} {len(values)}"
@@ -249,7 +249,6 @@ def _plan_lines(sweep: Sweep, rows: Rows, slots: int) -> list[str]:
         f"{progress.cells} {limits} to find ({' x '.join(numbers)})",
         f"about {progress.total - progress.done} trials to run, {slots} at a "
         f"time; {progress.done} are there already",
-        f"into {rows.path.parent}",
     ]
 
 

@@ -168,7 +168,8 @@ def run_sweep(
     searches = searches_of(sweep, rows.all())
     running: dict[Future, tuple[CellSearch, Attempt]] = {}
     show(progress_of(searches))
-    ended = time.monotonic()
+    patience = NO_TRIAL + TRIES * sweep.timeout
+    latest = time.monotonic() + patience
     try:
         while not stopped():
             # One more than can run, so that no worker waits for the next one.
@@ -184,8 +185,8 @@ def run_sweep(
                 rows.add(row)
                 search.record(attempt, recovered(row))
                 show(progress_of(searches))
-                ended = time.monotonic()
-            if time.monotonic() > ended + NO_TRIAL + TRIES * sweep.timeout:
+                latest = time.monotonic() + patience
+            if time.monotonic() > latest:
                 raise RuntimeError("the workers are gone: no trial has ended")
         return False
     finally:

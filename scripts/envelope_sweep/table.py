@@ -173,32 +173,30 @@ def limit_table(
         {cell.situation for cell in limits}, key=lambda s: _rank(robot, s)
     )
     directions = sorted({cell.direction_deg for cell in limits})
-    references, assumptions = {}, {}
-    for situation in situations:
-        tried = dict.fromkeys(mechanisms, directions)
-        physical = _physical(identity, situation, tried, scenario_file)
-        protocol = protocol_of(robot, situation)
-        paper = protocol.curves(situation.scenario) if protocol else {}
-        references[situation] = References(paper, *physical[:2])
-        assumptions[physical.assumptions] = None
-    cells = [
-        Cell(name, situation, direction)
+    tried = dict.fromkeys(mechanisms, directions)
+    physical = {
+        situation: _physical(identity, situation, tried, scenario_file)
         for situation in situations
-        for name in mechanisms
-        for direction in directions
-    ]
+    }
+    references = {
+        situation: References(_paper(robot, situation), *found[:2])
+        for situation, found in physical.items()
+    }
     return LimitTable(
         identity=identity,
         rows=rows,
         records=[
-            _record(cell, rows, limits.get(cell), references[cell.situation])
-            for cell in cells
+            _record(cell, rows, limits.get(cell), references[situation])
+            for situation in situations
+            for name in mechanisms
+            for direction in directions
+            for cell in [Cell(name, situation, direction)]
         ],
         situations=situations,
         mechanisms=mechanisms,
         directions=directions,
         references=references,
-        assumptions=list(filter(None, assumptions)),
+        assumptions=sorted({p.assumptions for p in physical.values()} - {""}),
         scale=scale_of(robot),
     )
 
@@ -209,6 +207,11 @@ def _rank(robot: str, situation: Situation) -> tuple:
     unknown = protocol_of(robot, situation) is None
     when = phase and phase.value, swing.value, moment.fraction
     return unknown, situation.scenario, *when
+
+
+def _paper(robot: str, situation: Situation) -> Curves:
+    protocol = protocol_of(robot, situation)
+    return protocol.curves(situation.scenario) if protocol else {}
 
 
 def _physical(identity: dict, situation: Situation, *args) -> Physical:
