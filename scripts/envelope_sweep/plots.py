@@ -115,6 +115,7 @@ def _draw_directions(
     ax.set_title(str(situation), fontsize=10.5)
     ax.yaxis.set_major_formatter(lambda ring, _: f"{ring:g} {unit}")
     ax.tick_params(axis="y", labelcolor=FAINT, labelsize=8.5)
+    ax.set_rlabel_position(105.0)
     ax.grid(color=FAINT, lw=0.5, alpha=0.5)
     ax.spines[:].set_visible(False)
 
@@ -147,7 +148,7 @@ def _draw_curves(
     if most in known.paper:
         line = points(known.paper[most], speed)
         ax.plot(*line, zorder=3.0, **PAPER_LINE)
-    ax.set_rlim(0.0, max(1.2 * ax.get_rmax(), 1e-3))
+    ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
 
 
 def points(curve: Curve, speed: float = 1.0) -> Array:

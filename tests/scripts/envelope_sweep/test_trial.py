@@ -253,14 +253,3 @@ def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
         row = tried(walk, delta_v, 0.0)
         assert row["predicted_at_push"] == expected
         assert row["predicted_at_touchdowns"] == []
-
-
-def test_the_mirrored_push_has_the_same_predictions():
-    """Oracle: the mirror, of steps of the other foot."""
-    found = []
-    for swing, direction in ("right", 60.0), ("left", -60.0):
-        sweep = stepping_sweep(3.5)
-        sweep.scenarios["push"].gait.first_swing = swing
-        row = tried(walk_of(sweep, ALL, f"{swing} swing 25 %"), 0.4, direction)
-        found.append((row["predicted_at_push"], row["predicted_at_touchdowns"]))
-    assert found[0] == found[1]
