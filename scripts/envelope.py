@@ -24,6 +24,7 @@ import contextlib
 import os
 import shlex
 import sys
+from concurrent.futures import Executor
 from datetime import datetime
 from pathlib import Path
 
@@ -44,36 +45,35 @@ from nadia_balance.scripts.command_line import (
     program,
     say,
 )
-from nadia_balance.scripts.envelope_sweep.limits import Envelope, envelope_of
-from nadia_balance.scripts.envelope_sweep.physical import (
-    limit_lines,
-    with_limits,
-)
-from nadia_balance.scripts.envelope_sweep.plan import (
-    Sweep,
-    sweep_flags,
-    sweep_from,
-)
+from nadia_balance.scripts.envelope_sweep.flags import sweep_flags, sweep_from
+from nadia_balance.scripts.envelope_sweep.physical import limit_lines
 from nadia_balance.scripts.envelope_sweep.report import (
-    table_lines,
+    said_lines,
     write_report,
 )
+from nadia_balance.scripts.envelope_sweep.rows import (
+    DATABASE,
+    EXPORTS,
+    Rows,
+    opened,
+)
 from nadia_balance.scripts.envelope_sweep.run import (
-    agenda_of,
+    Progress,
     progress_bar,
+    progress_of,
     run_sweep,
+    searches_of,
 )
-from nadia_balance.scripts.envelope_sweep.search import Progress
+from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Sweep
+from nadia_balance.scripts.envelope_sweep.table import (
+    LimitTable,
+    found_limits,
+    limit_table,
+)
 from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
-from nadia_balance.scripts.envelope_sweep.trials_file import (
-    TrialsFile,
-    alone_in,
-    read_trials,
-    recovered,
-)
-from nadia_balance.scripts.envelope_sweep.workers import Workers, open_workers
+from nadia_balance.scripts.envelope_sweep.workers import open_workers
 
-TRIALS = "trials.csv"
+SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 
 
 @program
@@ -87,22 +87,18 @@ def main(argv: list[str] | None = None) -> int:
     args = _parser().parse_args(argv)
     args.command = shlex.join(["envelope.py", *argv])
     with contextlib.ExitStack() as stack:
-        return _main(args, stack)
-
-
-def _main(args: argparse.Namespace, stack: contextlib.ExitStack) -> int:
-    try:
-        if args.plot_only is not None:
-            return _plot_only(args.plot_only)
-        if args.limit:
-            return _limit(sweep_from(args))
-        job = _prepare(args, stack)
-    except (ValueError, OSError) as error:
-        return _complain(error, BAD_INPUT)
-    try:
-        return _run(*job)
-    except OSError as error:
-        return _complain(error, FAILED)
+        try:
+            if args.plot_only is not None:
+                return _plot_only(args.plot_only)
+            if args.limit:
+                return _limit(sweep_from(args))
+            job = _prepare(args, stack)
+        except (ValueError, OSError) as error:
+            return _complain(error, BAD_INPUT)
+        try:
+            return _run(*job)
+        except OSError as error:
+            return _complain(error, FAILED)
 
 
 def _complain(error: Exception, code: int) -> int:
@@ -125,8 +121,8 @@ def _parser() -> argparse.ArgumentParser:
         dest="known",
         type=place,
         metavar="FOLDER",
-        help="march up from 0.16 m/s below the limits that an earlier sweep "
-        "found in FOLDER, not from zero",
+        help=f"march up from {HEADROOM:g} m/s below the limits that an earlier "
+        "sweep found in FOLDER, not from zero",
     )
     group = parser.add_argument_group("running")
     cores = _cores()
@@ -151,13 +147,13 @@ def _parser() -> argparse.ArgumentParser:
         "--out",
         type=place,
         help="folder for the results (default: envelopes/<date>_<protocol>); "
-        "one with a trials.csv goes on",
+        f"one with a {DATABASE} goes on",
     )
     group.add_argument(
         "--plot-only",
         type=place,
         metavar="FOLDER",
-        help="only write what follows from FOLDER/trials.csv",
+        help=f"only write what follows from FOLDER/{DATABASE}",
     )
     group.add_argument(
         "--limit",
@@ -175,72 +171,70 @@ def _cores() -> int:
 
 def _prepare(
     args: argparse.Namespace, stack: contextlib.ExitStack
-) -> tuple[Sweep, TrialsFile, Workers]:
+) -> tuple[Sweep, Rows, Executor, int]:
     """Checks the flags, then opens the workers and the files of a run.
 
     Raises:
-        ValueError: a flag is invalid, or a trials.csv is of another sweep.
+        ValueError: a flag is invalid, or the rows are of another sweep.
         OSError: a file is missing, or cannot be written.
     """
     sweep = sweep_from(args)
     if args.known is not None:
-        envelope = envelope_of(*read_trials(_trials_in("from", args.known)))
-        sweep.known_limits = {
-            cell: limit.recovered for cell, limit in envelope.limits.items()
-        }
-    identity = sweep.identity()
+        with opened(_given("from", args.known)) as rows:
+            sweep.known_limits = {
+                cell: limit.recovered
+                for cell, limit in found_limits(
+                    rows.identity, rows.all()
+                ).items()
+                if limit is not None
+            }
     # Building a diagram checks the robot and the blocks, too.
     firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
     for cell in firsts.values():
         DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
-    workers = stack.enter_context(open_workers(args.workers, args.scheduler))
     out = args.out
     if out is None:
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         out = Path("envelopes") / f"{now}_{args.protocol}"
+    workers = open_workers(args.workers, args.scheduler)
+    executor, slots = stack.enter_context(workers)
     folder = prepare_folder(out)
-    stack.enter_context(alone_in(folder))
-    trials_file = TrialsFile(folder / TRIALS, identity)
+    rows = stack.enter_context(opened(folder, sweep.identity()))
     texts = (
         yaml_dump_typed(scenario, child_name=name)
         for name, scenario in sweep.scenarios.items()
     )
-    (folder / "scenario.yaml").write_text("".join(texts), encoding="utf-8")
-    with open(folder / "command.txt", "a", encoding="utf-8") as file:
+    (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
+    with open(folder / COMMAND, "a", encoding="utf-8") as file:
         file.write(f"{args.command}\n")
-    return sweep, trials_file, workers
+    return sweep, rows, executor, slots
 
 
-def _run(sweep: Sweep, trials_file: TrialsFile, workers: Workers) -> int:
+def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
-    folder, code = trials_file.path.parent, DONE
-    progress = agenda_of(sweep, trials_file).progress()
-    lines = _plan_lines(sweep, progress, workers.slots, folder)
-    say(*lines)
+    folder, code = rows.path.parent, DONE
+    start = progress_of(searches_of(sweep, rows.all()))
+    say(*_plan_lines(sweep, start, slots), f"into {folder}")
     with until_ctrl_c() as stopped:
         try:
-            with progress_bar(progress) as show:
-                if not run_sweep(sweep, trials_file, workers, show, stopped):
+            with progress_bar(start) as show:
+                if not run_sweep(sweep, rows, executor, slots, show, stopped):
                     code = INTERRUPTED
         except RuntimeError as error:
             code = _complain(error, FAILED)
-        trials_file.finish()
-        if rows := trials_file.rows():
-            if all(recovered(row) is None for row in rows):
-                why = f"no limit: of {len(rows)} trials none was decided: "
-                return _complain(ValueError(why + rows[0]["reason"]), UNDECIDED)
-            written = [TRIALS, "costs.csv", "scenario.yaml", "command.txt"]
-            if _report(folder, written).undecided and code == DONE:
-                code = UNDECIDED
+        if rows.all():
+            try:
+                if _report(rows, [SCENARIO, COMMAND]).undecided:
+                    code = code or UNDECIDED
+            except ValueError as error:  # no trial was decided
+                return _complain(error, UNDECIDED)
         if code in (FAILED, INTERRUPTED):
             say(f"the same flags and --out {folder} go on from here")
     return code
 
 
-def _plan_lines(
-    sweep: Sweep, progress: Progress, slots: int, folder: Path
-) -> list[str]:
-    """Lines with the numbers of limits and trials, and the folder."""
+def _plan_lines(sweep: Sweep, progress: Progress, slots: int) -> list[str]:
+    """Lines with the numbers of limits and trials."""
     limits = "limit" if progress.cells == 1 else "limits"
     numbers = (
         f"{name} {len(values)}"
@@ -255,22 +249,21 @@ def _plan_lines(
         f"{progress.cells} {limits} to find ({' x '.join(numbers)})",
         f"about {progress.total - progress.done} trials to run, {slots} at a "
         f"time; {progress.done} are there already",
-        f"into {folder}",
     ]
 
 
 def _plot_only(folder: Path) -> int:
-    _trials_in("plot_only", folder)
-    envelope = _report(prepare_folder(folder), [])
-    return UNDECIDED if envelope.undecided else DONE
+    with opened(_given("plot_only", folder)) as rows:
+        prepare_folder(folder)
+        return UNDECIDED if _report(rows, []).undecided else DONE
 
 
-def _trials_in(flag: str, folder: Path) -> Path:
-    if not (path := folder / TRIALS).is_file():
+def _given(flag: str, folder: Path) -> Path:
+    if not (folder / DATABASE).is_file():
         raise ValueError(
-            f"{flag} = {str(folder)!r}: must be a folder with a {TRIALS}"
+            f"{flag} = {str(folder)!r}: must be a folder with a {DATABASE}"
         )
-    return path
+    return folder
 
 
 def _limit(sweep: Sweep) -> int:
@@ -284,13 +277,19 @@ def _limit(sweep: Sweep) -> int:
     return DONE
 
 
-def _report(folder: Path, written: list[str]) -> Envelope:
-    """Writes the report; prints the table, and the names of all files."""
-    envelope = envelope_of(*read_trials(folder / TRIALS))
-    envelope = with_limits(envelope, folder / "scenario.yaml")
-    written = [*write_report(folder, envelope), *written]
-    say(*table_lines(envelope), f"wrote {folder}/{{{', '.join(written)}}}")
-    return envelope
+def _report(rows: Rows, written: list[str]) -> LimitTable:
+    """Writes the report; prints the table, and the names of all files.
+
+    Raises:
+        ValueError: no trial was decided.
+        OSError: a file cannot be written.
+    """
+    folder = rows.path.parent
+    rows.export(folder)
+    limits = limit_table(rows.identity, rows.all(), folder / SCENARIO)
+    written = [*write_report(folder, limits), DATABASE, *EXPORTS, *written]
+    say(*said_lines(limits), f"wrote {folder}/{{{', '.join(written)}}}")
+    return limits
 
 
 if __name__ == "__main__":

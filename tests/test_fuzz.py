@@ -27,11 +27,8 @@ from nadia_balance.scripts import (
     push,
     simulate,
 )
-from nadia_balance.scripts.envelope_sweep.trials_file import (
-    TrialsFile,
-    line_of,
-)
-from tests.scripts.envelope_sweep.test_trials_file import IDENTITY, ROWS
+from nadia_balance.scripts.envelope_sweep.rows import DATABASE, opened
+from tests.scripts.envelope_sweep.test_rows import IDENTITY, ROWS
 from tests.scripts.running import environment, run_script
 
 NUMBER = int(os.environ.get("BAD_INPUTS", "40"))
@@ -143,20 +140,18 @@ def bad_robot(rng, folder):
 
 
 def bad_rows(rng, folder):
-    path = folder / "trials.csv"
+    """A database of another protocol, of another program, or a torn one."""
+    path, damage = folder / DATABASE, rng.randrange(3)
     identity = dict(IDENTITY)
-    if rng.randrange(3) == 0:
-        name = rng.choice(["protocol", "resolution", "stride", "replicas"])
-        identity[name] = rng.choice([-1, 0, 10**9, "up", None])
-    file = TrialsFile(path, identity)
-    assert file.path == path
-    name = rng.choice(
-        ["outcome", "delta_v", "direction_deg", "replica", "at", "mechanisms"]
-        + ["steps_after_push", "qp_failures", "max_torque_ratio"]
-    )
-    bad = rng.choice(["bogus", -1, "nan", "1e400"])
-    with path.open("a") as text:
-        text.write(line_of({**ROWS[0], name: bad}))
+    if damage == 0:
+        identity["protocol"] = rng.choice([-1, 0, 10**9, "up", None])
+    with opened(folder, identity) as rows:
+        rows.add(ROWS[0])
+    whole = path.read_bytes()
+    if damage == 1:
+        path.write_bytes(rng.randbytes(100) + whole[100:])
+    elif damage == 2:
+        path.write_bytes(whole[: rng.randrange(5000)])
     return envelope, ["--plot-only", str(folder)]
 
 

@@ -1,9 +1,10 @@
 """Largest push that any controller can recover from, for a sweep."""
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.mechanisms import NAMED
@@ -11,14 +12,18 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.robot import load_robot
-from nadia_balance.scripts.envelope_sweep.limits import (
-    Curves,
-    Envelope,
-    Physical,
-)
+from nadia_balance.scripts.envelope_sweep.protocols import Curves
 from nadia_balance.scripts.envelope_sweep.search import Situation
 
 AROUND = tuple(15.0 * i for i in range(24))  # directions of a picture [deg]
+
+
+class Physical(NamedTuple):
+    """The limits of any controller in one situation (core.lipm_limit)."""
+
+    limit: Curves
+    with_hips: Curves
+    assumptions: str  # of `limit`
 
 
 def limits_of(
@@ -59,47 +64,34 @@ def limits_of(
     return limit, replace(limit, kappa=controller.balance.max_kappa)
 
 
-def with_limits(envelope: Envelope, scenario_file: Path) -> Envelope:
-    """Returns the envelope with the limits of any controller added.
-
-    Scenarios are those of the file, or of the package without it; a situation
-    whose scenario or robot does not exist any more gets no limits.
-    """
-    found = {}
-    file = scenario_file if scenario_file.is_file() else None
-    for situation in envelope.situations:
-        try:
-            scenario = load_scenario(
-                situation.scenario, file, robot=envelope.robot
-            )
-            limits = limits_of(scenario, situation, envelope.plant)
-        except (ValueError, OSError) as error:
-            print(f"{situation}: no limit to compare with, {error}")
-            continue
-        found[situation] = _physical(*limits, situation, envelope)
-    return replace(envelope, physical=found)
-
-
-def _physical(
-    limit: LipmLimit,
-    with_hips: LipmLimit,
+def physical_limits(
+    robot: str,
+    plant: str,
     situation: Situation,
-    envelope: Envelope,
+    tried: Mapping[str, Iterable[float]],
+    scenario_file: Path,
 ) -> Physical:
-    """Limits in tried directions; with the last mechanisms also in AROUND."""
-    tried = {
-        name: set(envelope.curve(name, situation))
-        for name in envelope.mechanisms
+    """Returns the limits in the directions [deg] that each mechanisms tried.
+
+    Those of the last mechanisms are also of AROUND.  The scenario is that of
+    the file, or of the package without it.
+
+    Raises:
+        ValueError, OSError: the scenario or the robot does not exist any more.
+    """
+    file = scenario_file if scenario_file.is_file() else None
+    scenario = load_scenario(situation.scenario, file, robot=robot)
+    limits = limits_of(scenario, situation, plant)
+    last = list(tried)[-1]
+    directions = {
+        name: {*angles, *(AROUND if name == last else ())}
+        for name, angles in tried.items()
     }
-    tried[envelope.mechanisms[-1]].update(AROUND)
-    return Physical(
-        limit=_curves(limit, tried),
-        with_hips=_curves(with_hips, tried),
-        assumptions=limit.assumptions,
-    )
+    limit, with_hips = (_curves(one, directions) for one in limits)
+    return Physical(limit, with_hips, limits[0].assumptions)
 
 
-def _curves(limit: LipmLimit, directions: dict[str, Iterable[float]]) -> Curves:
+def _curves(limit: LipmLimit, directions: Mapping[str, set[float]]) -> Curves:
     return {
         name: {
             direction: one.largest_push(direction).delta_v

@@ -1,47 +1,40 @@
-"""Report of a sweep: pictures and tables."""
+"""Report of a sweep: the table of its limits as text, picture and CSV."""
 
+import csv
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib as mpl
 
+from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep.limits import (
-    AT_LEAST,
-    UNSURE,
-    Envelope,
-    Rates,
-    Scale,
-    confusion,
-    mark,
-    scale_of,
-)
 from nadia_balance.scripts.envelope_sweep.plots import (
     NAMES,
     PLANTS,
     WORDS,
     draw_envelope,
 )
-from nadia_balance.scripts.envelope_sweep.search import (
-    Cell,
-    Limit,
-    Situation,
-)
-from nadia_balance.scripts.envelope_sweep.trials_file import (
+from nadia_balance.scripts.envelope_sweep.rows import (
     NO_ANSWER,
     OUTCOMES,
     UNDECIDED,
-    cell_of,
     recovered,
 )
+from nadia_balance.scripts.envelope_sweep.search import SearchParams, Situation
+from nadia_balance.scripts.envelope_sweep.table import (
+    AT_LEAST,
+    UNSURE,
+    LimitTable,
+    Record,
+    mark,
+)
 
-PICTURE = "envelope.png"
-TABLES = "tables.md"
+PICTURE, TABLES, LIMITS = "envelope.png", "tables.md", "limits.csv"
 NOTHING = "–"  # a missing value
 _MOST_REASONS = 10
 
@@ -51,73 +44,118 @@ A push changes the velocity of the robot's whole mass by so many m/s; direction
 push from which, as from every smaller one that was tried, the robot recovered
 (`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was
 decided), *fails at* the smallest from which it did not; z is the height of the
-centre of mass."""
+centre of mass. [`{LIMITS}`]({LIMITS}) has all digits."""
+_MOTION = {  # columns, and their names in a Record
+    "torso [deg]": "torso_deg",
+    "pelvis [deg]": "pelvis_deg",
+    "CoM sag [m]": "com_sag_m",
+    "power [W]": "power_w",
+}
+# Columns beside the limits, and their formats.
+_COLUMNS = {
+    **{
+        name: "{:.2f}"
+        for other in ("paper", "limit", "with hips")
+        for name in (f"{other} [m/s]", f"/ {other}")
+    },
+    **{"[N s]": "{:.0f}", "/ sqrt(g z)": "{:.3f}"},
+    **dict.fromkeys(_MOTION, "{:.0f}"),
+    "CoM sag [m]": "{:.2f}",
+}
 
 
-def write_report(folder: Path, envelope: Envelope) -> list[str]:
-    """Writes plots and tables into `folder`, and returns their names.
+def write_report(folder: Path, limits: LimitTable) -> list[str]:
+    """Writes picture, tables and CSV into `folder`, and returns their names.
 
     Raises:
         OSError: the folder cannot be written to.
     """
-    scale = scale_of(envelope.robot)
-    text = report_text(envelope, scale)
     with mpl.rc_context(RC), appearing(folder) as drafts:
-        draw_envelope(envelope, scale).savefig(drafts / PICTURE)
-        (drafts / TABLES).write_text(text, encoding="utf-8")
-    return [PICTURE, TABLES]
+        draw_envelope(limits).savefig(drafts / PICTURE)
+        (drafts / TABLES).write_text(report_text(limits), encoding="utf-8")
+        with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
+            records = list(map(asdict, limits.records))
+            lines = csv.DictWriter(file, records[0], lineterminator="\n")
+            lines.writeheader()
+            lines.writerows(records)
+    return [PICTURE, TABLES, LIMITS]
 
 
-def report_text(envelope: Envelope, scale: Scale | None) -> str:
+def report_text(limits: LimitTable) -> str:
     """Returns the text of tables.md."""
-    limits = LimitTables(envelope=envelope, scale=scale)
+    plant = PLANTS.get(limits.identity["plant"], "")
     parts = [
-        f"# Push-recovery envelope: {envelope.robot}, "
-        f"{PLANTS.get(envelope.plant, envelope.plant)}",
+        f"# Push-recovery envelope: {limits.identity['robot']}, {plant}",
         f"![envelope]({PICTURE})",
         _NOTES,
-        *_notes_on_the_paper(envelope),
-        *_notes_on_the_limit(envelope),
-        what_was_done(envelope),
-        "## Largest recovered pushes",
+        *_notes_on_references(limits),
+        what_was_done(limits),
     ]
-    for situation in envelope.situations:
-        parts += [f"### {situation}", limits.summary(situation)]
-        for name in envelope.mechanisms:
+    for situation in limits.situations:
+        parts += [f"## Largest recovered pushes [m/s], {situation}"]
+        parts += [overview(limits, situation)]
+        for name in limits.mechanisms:
             parts += [f"`{name}`: {NAMES[name]}"]
-            parts += [limits.details(name, situation)]
-    parts += ["## How the trials ended", outcomes_table(envelope)]
+            parts += [details(limits, limits.of(name, situation))]
+    parts += ["## How the trials ended", outcomes_table(limits)]
     parts += ["## Predictions of the point-mass limit"]
-    parts += [capturability_table(envelope)]
+    parts += [predictions_table(limits)]
     return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
 
 
-def _notes_on_the_paper(envelope: Envelope) -> list[str]:
-    if (protocol := envelope.protocol) is None:
-        return []
-    text = f"*paper* is {protocol.paper}"
-    if protocol.unit_speed != 1.0:
-        text += f": forces over the robot's {protocol.unit}, for 0.1 s; 1 is"
-        text += f"\n{protocol.unit_speed:g} m/s"
-    return [f"{text}."]
+def said_lines(limits: LimitTable) -> list[str]:
+    """Returns the limits for the terminal, and notes on the trials."""
+    lines = []
+    for situation in limits.situations:
+        lines += ["", f"largest recovered push [m/s], {situation}"]
+        lines += overview(limits, situation).splitlines()
+    marks = {mark([r]) for r in limits.records if r.recovered is not None}
+    counts = Counter(row["outcome"] for row in limits.rows)
+    odd = sum(counts[outcome] for outcome in NO_ANSWER)
+    whole = len(limits.rows)
+    for applies, text in (
+        (UNSURE in marks, f"{UNSURE} the search is not complete"),
+        (AT_LEAST in marks, f"{AT_LEAST} nothing larger was decided"),
+        (
+            odd,
+            f"{odd} of {whole} trials did not run to their end "
+            f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv",
+        ),
+        (
+            counts[UNDECIDED],
+            f"{counts[UNDECIDED]} of {whole} trials are undecided: see "
+            "`reason` in trials.csv; a longer --duration helps",
+        ),
+    ):
+        lines += [text] if applies else []
+    return [*lines, ""]
 
 
-def _notes_on_the_limit(envelope: Envelope) -> list[str]:
-    said = dict.fromkeys(p.assumptions for p in envelope.physical.values())
-    if not said:
-        return []
-    text = (
-        "*limit* is the largest push that any controller could recover from, "
-        f"computed for {'; or '.join(said)}. *with hips*: the eCMP may leave "
-        "the soles by as much as the controller's may."
-    )
-    return ["\n".join(textwrap.wrap(text, 80, break_on_hyphens=False))]
+def _notes_on_references(limits: LimitTable) -> list[str]:
+    notes = []
+    if protocol := limits.protocol:
+        text = f"*paper* is {protocol.paper}"
+        if protocol.unit_speed != 1.0:
+            text += f": forces over the robot's {protocol.unit}, for 0.1 s; "
+            text += f"1 is {protocol.unit_speed:g} m/s"
+        notes.append(f"{text}.")
+    if limits.assumptions:
+        notes.append(
+            "*limit* is the largest push that any controller could recover "
+            f"from, computed for {'; or '.join(limits.assumptions)}. *with "
+            "hips*: the eCMP may leave the soles by as much as the "
+            "controller's may."
+        )
+    return [
+        "\n".join(textwrap.wrap(note, 80, break_on_hyphens=False))
+        for note in notes
+    ]
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """Returns a table; the first column is aligned left, the others right."""
     lines = [
-        [cell.replace("|", "\\|") for cell in line] for line in (head, *rows)
+        [cell.replace("|", "\\|") for cell in line] for line in (head, *lines)
     ]
     widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
     text = []
@@ -130,136 +168,53 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([text[0], f"|{'|'.join(rules)}|", *text[1:]]) + "\n"
 
 
-def what_was_done(envelope: Envelope) -> str:
+def what_was_done(limits: LimitTable) -> str:
     """Table of the search parameters, its progress and the versions."""
-    search, row = envelope.search, envelope.rows[0]
-    cells, missing = len(envelope.cells), len(envelope.missing)
+    identity, records = limits.identity, limits.records
+    replicas = identity["replicas"]
+    required = SearchParams(replicas=replicas).required
     found = {
-        "scenario": ", ".join({s.scenario: 0 for s in envelope.situations}),
-        "limits": f"{cells - missing} of {cells} complete",
-        "trials": len(envelope.rows),
-        "resolution [m/s]": f"{search.resolution:g}",
-        "largest [m/s]": f"{search.largest:g}",
-        "replicas": f"{search.required} of {search.replicas} recover",
-    } | {name: row[name] for name in ("code", "parameters", "nadia_balance")}
-    found |= {name: row[name] for name in ("drake", "daqp", "numpy", "python")}
-    return table(
-        ["sweep", ""], [[name, str(value)] for name, value in found.items()]
-    )
+        "scenario": ", ".join({s.scenario: 0 for s in limits.situations}),
+        "limits": f"{sum(r.complete for r in records)} of {len(records)} "
+        "complete",
+        "trials": len(limits.rows),
+        "resolution [m/s]": f"{identity['resolution']:g}",
+        "largest [m/s]": f"{identity['largest']:g}",
+        "replicas": f"{required} of {replicas} recover",
+    }
+    for name in ("code", "parameters", "nadia_balance", "drake", "daqp"):
+        found[name] = identity[name]
+    found |= {name: identity[name] for name in ("numpy", "python")}
+    return table(["sweep", ""], [[name, str(x)] for name, x in found.items()])
 
 
-Words = Callable[[float], str]  # formats a value
+def overview(limits: LimitTable, situation: Situation) -> str:
+    """Table of the limits: directions by mechanisms, and the mean."""
+    columns = [limits.of(name, situation) for name in limits.mechanisms]
+    lines = [
+        [f"{group[0].direction_deg:g}", *(_limit(limits, [r]) for r in group)]
+        for group in zip(*columns, strict=True)
+    ]
+    lines.append(["mean", *(_limit(limits, column) for column in columns)])
+    return table(["direction", *limits.mechanisms], lines)
 
-_RECOVERED = "recovered [m/s]"
-# Motion of the body at the largest recovered push, its worst replica.
-_POSTURE: dict[str, tuple[str, Words]] = {
-    "torso [deg]": ("max_torso_tilt_deg", "{:.0f}".format),
-    "pelvis [deg]": ("max_pelvis_tilt_deg", "{:.0f}".format),
-    "CoM sag [m]": ("com_sag_m", "{:.2f}".format),
-    "power [W]": ("positive_power_w", "{:.0f}".format),
-}
 
-
-@dataclass(frozen=True, kw_only=True)
-class LimitTables:
-    """Writes tables of an `envelope`; without a `scale`, in m/s only."""
-
-    envelope: Envelope
-    scale: Scale | None
-
-    def summary(self, situation: Situation) -> str:
-        """Worst and mean over the directions, a row per set of mechanisms."""
-        columns, rows = self._columns(situation), []
-        for name in self.envelope.mechanisms:
-            limits = self.envelope.curve(name, situation)
-            lines = [
-                self._values(name, situation, direction, limit)
-                for direction, limit in limits.items()
-            ]
-            cells = [
-                _worst_and_mean([line[i] for line in lines], write)
-                for i, write in enumerate(columns.values())
-            ]
-            done = _complete(limits.values(), len(self.envelope.directions))
-            both = self._recovered(limits.values())
-            rows.append([f"`{name}`", both, *cells, done])
-        return table(["worst / mean", _RECOVERED, *columns, "complete"], rows)
-
-    def details(self, mechanisms: str, situation: Situation) -> str:
-        """Limits of one set of mechanisms, a row per direction."""
-        columns, rows = self._columns(situation), []
-        head = ["direction", _RECOVERED, "fails at", *columns]
-        head += [*_POSTURE, "complete"]
-        limits = self.envelope.curve(mechanisms, situation)
-        for direction in self.envelope.directions:
-            name = direction_words(direction)
-            limit = limits.get(direction)
-            if limit is None:
-                blank = [NOTHING] * (len(head) - 2)
-                rows.append([name, *blank, "no limit"])
-                continue
-            values = self._values(mechanisms, situation, direction, limit)
-            cells = [
-                self.envelope.limit_words(limit),
-                _text(limit.failed, self.envelope.words),
-                *map(_text, values, columns.values()),
-                *self._posture(Cell(mechanisms, situation, direction), limit),
-            ]
-            rows.append([name, *cells, "yes" if limit.complete else "no"])
-        return table(head, rows)
-
-    def _posture(self, cell: Cell, limit: Limit) -> Iterator[str]:
-        rows = [
-            row
-            for row in self.envelope.rows
-            if cell_of(row) == cell
-            and recovered(row)
-            and math.isclose(row["delta_v"], limit.recovered)
+def details(limits: LimitTable, records: Sequence[Record]) -> str:
+    """Table of all that is known of the limits of one set of mechanisms."""
+    values = [_values(limits, record) for record in records]
+    columns = [c for c in _COLUMNS if any(v[c] is not None for v in values)]
+    lines = [
+        [
+            direction_words(record.direction_deg),
+            _limit(limits, [record]),
+            NOTHING if record.failed is None else limits.words(record.failed),
+            *(_text(_COLUMNS[name], [value[name]]) for name in columns),
         ]
-        for name, write in _POSTURE.values():
-            known = [row[name] for row in rows if row[name] is not None]
-            yield _text(max(known, default=None), write)
-
-    def _recovered(self, limits: Collection[Limit]) -> str:
-        """The worst and the mean of the limits, with their marks."""
-        if not limits:
-            return NOTHING
-        worst = min(limits, key=lambda limit: limit.recovered)
-        mean = math.fsum(limit.recovered for limit in limits) / len(limits)
-        mean_words = f"{mark(limits)}{self.envelope.words(mean)}"
-        return f"{self.envelope.limit_words(worst)} / {mean_words}"
-
-    def _columns(self, situation: Situation) -> dict[str, Words]:
-        """Names and formats of the columns of references and scales."""
-        columns: dict[str, Words] = {}
-        for name, curves in self.envelope.known(situation)._asdict().items():
-            if curves:
-                name = name.replace("_", " ")
-                for column in (f"{name} [m/s]", f"/ {name}"):
-                    columns[column] = "{:.2f}".format
-        if self.scale:
-            columns["[N s]"] = "{:.0f}".format
-            columns["/ sqrt(g z)"] = "{:.3f}".format
-        return columns
-
-    def _values(
-        self,
-        mechanisms: str,
-        situation: Situation,
-        direction: float,
-        limit: Limit,
-    ) -> list[float | None]:
-        """The values of the columns; None if unknown."""
-        known = self.envelope.known(situation)
-        values: list[float | None] = []
-        for curves in filter(None, known):
-            other = curves.get(mechanisms, {}).get(direction)
-            share = limit.recovered / other if other else None
-            values += [other, share]
-        if self.scale:
-            pushed = limit.recovered
-            values += [pushed * self.scale.mass, pushed / self.scale.speed]
-        return values
+        for record, value in zip(records, values, strict=True)
+    ]
+    means = [_text(_COLUMNS[n], [v[n] for v in values]) for n in columns]
+    lines.append(["mean", _limit(limits, records), NOTHING, *means])
+    return table(["direction", "recovered [m/s]", "fails at", *columns], lines)
 
 
 def direction_words(direction: float) -> str:
@@ -267,70 +222,49 @@ def direction_words(direction: float) -> str:
     return " ".join(filter(None, (f"{direction:g}°", WORDS.get(direction))))
 
 
-def _text(value: float | None, write: Words) -> str:
-    return NOTHING if value is None else write(value)
+def _values(limits: LimitTable, record: Record) -> dict[str, float | None]:
+    """The values of _COLUMNS; None if unknown."""
+    values: dict[str, float | None] = dict.fromkeys(_COLUMNS)
+    if (pushed := record.recovered) is None:
+        return values
+    for name in ("paper", "limit", "with_hips"):
+        other, words = getattr(record, name), name.replace("_", " ")
+        values[f"{words} [m/s]"] = other
+        values[f"/ {words}"] = pushed / other if other else None
+    if limits.scale:
+        values["[N s]"] = pushed * limits.scale.mass
+        values["/ sqrt(g z)"] = pushed / limits.scale.speed
+    motion = record.torso_deg, record.pelvis_deg, record.com_sag_m
+    motion = dict(
+        zip(list(_COLUMNS)[-4:], (*motion, record.power_w), strict=True)
+    )
+    return values | motion
 
 
-def _complete(limits: Collection[Limit], cells: int) -> str:
-    """The number of complete limits among `cells`."""
-    return f"{sum(limit.complete for limit in limits)} of {cells}"
-
-
-def _worst_and_mean(values: Collection[float | None], write: Words) -> str:
-    """Worst and mean of the known values."""
+def _text(write: str, values: Iterable[float | None]) -> str:
+    """The mean of the known values."""
     known = [value for value in values if value is not None]
+    return write.format(math.fsum(known) / len(known)) if known else NOTHING
+
+
+def _limit(limits: LimitTable, records: Iterable[Record]) -> str:
+    """The mean of the known limits, with its mark."""
+    known = [record for record in records if record.recovered is not None]
     if not known:
         return NOTHING
-    return f"{write(min(known))} / {write(math.fsum(known) / len(known))}"
+    mean = math.fsum(record.recovered for record in known) / len(known)
+    return f"{mark(known)}{limits.words(mean)}"
 
 
-def table_lines(envelope: Envelope) -> list[str]:
-    """Returns a table for each situation, and notes on the trials."""
-    lines = []
-    for situation in envelope.situations:
-        columns = [["direction", *(f"{a:g}" for a in envelope.directions)]]
-        for name in envelope.mechanisms:
-            curve = envelope.curve(name, situation)
-            cells = [
-                envelope.limit_words(curve[a]) if a in curve else "-"
-                for a in envelope.directions
-            ]
-            columns.append([name, *cells])
-        widths = [max(map(len, column)) for column in columns]
-        lines += ["", f"largest recovered push [m/s], {situation}"]
-        lines += [
-            "  ".join(map(str.rjust, line, widths))
-            for line in zip(*columns, strict=True)
-        ]
-    marks = {mark([limit]) for limit in envelope.limits.values()}
-    if UNSURE in marks:
-        lines.append(f"{UNSURE} the search is not complete")
-    if AT_LEAST in marks:
-        lines.append(f"{AT_LEAST} nothing larger was decided")
-    odd = sum(row["outcome"] in NO_ANSWER for row in envelope.rows)
-    if odd:
-        lines.append(
-            f"{odd} of {len(envelope.rows)} trials did not run to their end "
-            f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv"
-        )
-    if short := sum(row["outcome"] == UNDECIDED for row in envelope.rows):
-        lines.append(
-            f"{short} of {len(envelope.rows)} trials are undecided: see "
-            "`reason` in trials.csv; a longer --duration helps"
-        )
-    return [*lines, ""]
-
-
-def outcomes_table(envelope: Envelope) -> str:
+def outcomes_table(limits: LimitTable) -> str:
     """Numbers of trials by outcome and mechanisms; reasons without a result."""
-    rows = envelope.rows
+    rows, lines = limits.rows, []
     counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
-    lines = []
     for outcome in OUTCOMES:
-        cells = [counts[outcome, name] for name in envelope.mechanisms]
+        cells = [counts[outcome, name] for name in limits.mechanisms]
         if any(cells):
             lines.append([outcome, *map(str, [*cells, sum(cells)])])
-    head = ["outcome", *(f"`{name}`" for name in envelope.mechanisms), "all"]
+    head = ["outcome", *(f"`{name}`" for name in limits.mechanisms), "all"]
     reasons = Counter(
         f"{row['outcome']}: {row['reason']}"
         for row in rows
@@ -343,26 +277,52 @@ def outcomes_table(envelope: Envelope) -> str:
     return f"{text}\n{table(['reason', 'trials'], odd)}" if odd else text
 
 
-def capturability_table(envelope: Envelope) -> str:
+def predictions_table(limits: LimitTable) -> str:
     """Table of the false predictions of the point-mass limit."""
     groups = {
-        f"`{name}`": [r for r in envelope.rows if r["mechanisms"] == name]
-        for name in envelope.mechanisms
+        f"`{name}`": [row for row in limits.rows if row["mechanisms"] == name]
+        for name in limits.mechanisms
     }
     lines = [
-        [name, when, *_rate_cells(rates)]
-        for name, rows in {**groups, "all": envelope.rows}.items()
-        for when, rates in confusion(rows).items()
+        [name, when, *_shares(predictions)]
+        for name, rows in {**groups, "all": limits.rows}.items()
+        for when, predictions in foretold(rows).items()
     ]
     head = ["mechanisms", "when"]
     head += ["predicted capturable", "of them did not recover"]
     return table([*head, "predicted lost", "of them recovered"], lines)
 
 
-def _rate_cells(rates: Rates) -> Iterator[str]:
-    for whole, false in (
-        (rates.capturable, rates.false_capturable),
-        (rates.lost, rates.false_lost),
-    ):
-        yield str(whole)
-        yield f"{false} ({100.0 * false / whole:.1f} %)" if whole else NOTHING
+def foretold(rows: Iterable[Mapping]) -> dict[str, list[tuple[bool, bool]]]:
+    """Returns pairs by instant: predicted capturable, and recovered.
+
+    Undecided trials and those without a result are left out.  The touchdowns of
+    one trial are not independent, and recovered trials have more of them.
+    """
+    told: dict[str, list[tuple[bool, bool]]] = {
+        "end of the push": [],
+        "first touchdown": [],
+        "every touchdown": [],
+    }
+    for row in rows:
+        if row["outcome"] in (UNDECIDED, *NO_ANSWER):
+            continue
+        success, push = recovered(row), row["predicted_at_push"]
+        landings = [
+            int(n) for n in row["predicted_at_touchdowns"].split(";") if n
+        ]
+        steps = ([] if push is None else [push], landings[:1], landings)
+        for found, predicted in zip(told.values(), steps, strict=True):
+            found += [(n != LOST, success) for n in predicted]
+    return told
+
+
+def _shares(predictions: Sequence[tuple[bool, bool]]) -> list[str]:
+    """Numbers of both predictions, each with how many were false."""
+    cells = []
+    for capturable in (True, False):
+        whole = [ok for predicted, ok in predictions if predicted is capturable]
+        false = whole.count(not capturable)
+        share = f"{false} ({100.0 * false / len(whole):.1f} %)" if whole else ""
+        cells += [str(len(whole)), share or NOTHING]
+    return cells

@@ -2,36 +2,121 @@
 
 import contextlib
 import sys
-from collections import deque
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     CancelledError,
+    Executor,
     Future,
     wait,
 )
+from dataclasses import dataclass
 
+from distributed import KilledWorker
 from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
-from nadia_balance.scripts.envelope_sweep.plan import Sweep
+from nadia_balance.scripts.envelope_sweep.rows import Rows, cell_of, recovered
 from nadia_balance.scripts.envelope_sweep.search import (
-    Agenda,
-    Progress,
-    Trial,
+    Attempt,
+    Cell,
+    attempts_left,
+    next_attempts,
 )
-from nadia_balance.scripts.envelope_sweep.trial import row_without_run
-from nadia_balance.scripts.envelope_sweep.trials_file import (
-    TrialsFile,
-    cell_of,
-    recovered,
+from nadia_balance.scripts.envelope_sweep.sweep import Sweep
+from nadia_balance.scripts.envelope_sweep.trial import (
+    row_without_run,
+    run_trial,
 )
-from nadia_balance.scripts.envelope_sweep.workers import Workers, run_task
 
-HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 LOOK = 0.2  # period of the checks whether to stop [s]
+# A cluster without workers makes no trial end.  Dask begins a trial four times
+# if its process dies, and each may take as long as the timeout.
+NO_TRIAL, TRIES = 300.0, 5  # [s], timeouts
 DIED = "crashed", "the process of the trial died"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """Progress of a sweep; its total is an estimate until the end."""
+
+    done: int  # trials
+    total: int  # trials done and expected
+    complete: int  # cells
+    cells: int
+
+
+class CellSearch:
+    """The search of one cell, given its trials so far."""
+
+    def __init__(self, sweep: Sweep, cell: Cell):
+        """Begins without any trial."""
+        self.cell = cell
+        self.known: dict[Attempt, bool | None] = {}  # -> recovered
+        self.waiting: list[Attempt] = []  # can run now
+        self.left = 0  # expected number of trials
+        self._search = sweep.search, sweep.first(cell)
+        self._running: set[Attempt] = set()
+
+    def go_on(self) -> None:
+        """Looks for the attempts that can run, given those that are known."""
+        needed = next_attempts(self.known, *self._search)
+        self.waiting = [a for a in needed if a not in self._running]
+        foreseen = attempts_left(self.known, *self._search)
+        self.left = max(len(needed), foreseen) if needed else 0
+
+    def begin(self) -> Attempt:
+        """Returns the next attempt, which runs from now on."""
+        attempt = self.waiting.pop(0)
+        self._running.add(attempt)
+        return attempt
+
+    def record(self, attempt: Attempt, recovered: bool | None) -> None:
+        """Records the outcome of an attempt that ran."""
+        self._running.remove(attempt)
+        self.known[attempt] = recovered
+        self.go_on()
+
+
+def searches_of(sweep: Sweep, rows: Iterable[dict]) -> list[CellSearch]:
+    """Returns the searches of all cells; ignores the rows of others."""
+    searches = {cell: CellSearch(sweep, cell) for cell in sweep.cells()}
+    for row in rows:
+        if (cell := cell_of(row)) in searches:
+            attempt = row["delta_v"], row["replica"]
+            searches[cell].known[attempt] = recovered(row)
+    for search in searches.values():
+        search.go_on()
+    return list(searches.values())
+
+
+def most_urgent(searches: Iterable[CellSearch]) -> CellSearch | None:
+    """Returns the search whose next attempt is to run first, if one can run.
+
+    Situations are processed one by one, because their trials share the walk to
+    the push.  Within a situation, first replicas come first, which gives a
+    coarse envelope early; then the cell with the fewest trials comes first.
+    """
+    ready = [search for search in searches if search.waiting]
+
+    def later(search: CellSearch) -> tuple[bool, bool, int]:
+        replica = search.waiting[0][1]
+        of_another = search.cell.situation != ready[0].cell.situation
+        return of_another, replica > 0, len(search.known)
+
+    return min(ready, key=later, default=None)
+
+
+def progress_of(searches: Sequence[CellSearch]) -> Progress:
+    """The progress of all searches."""
+    done = sum(len(search.known) for search in searches)
+    return Progress(
+        done=done,
+        total=done + sum(search.left for search in searches),
+        complete=sum(not search.left for search in searches),
+        cells=len(searches),
+    )
 
 
 @contextlib.contextmanager
@@ -60,148 +145,91 @@ def progress_bar(start: Progress) -> Iterator[Callable[[Progress], None]]:
         yield show
 
 
-def agenda_of(sweep: Sweep, trials_file: TrialsFile) -> Agenda:
-    """Returns the Agenda of `sweep`, with the trials of the file as known."""
-    known = []
-    for row in trials_file.rows():
-        cell = cell_of(row)
-        level = round(row["delta_v"] / sweep.search.resolution)
-        trial = Trial(cell=cell, level=level, replica=row["replica"])
-        known.append((trial, recovered(row)))
-    first = {
-        cell: round((speed - HEADROOM) / sweep.search.resolution)
-        for cell, speed in sweep.known_limits.items()
-    }
-    return Agenda(sweep.cells(), sweep.search, known, first)
-
-
 def run_sweep(
     sweep: Sweep,
-    trials_file: TrialsFile,
-    workers: Workers,
-    progress: Callable[[Progress], None] = lambda _: None,
+    rows: Rows,
+    executor: Executor,
+    slots: int,
+    show: Callable[[Progress], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Runs all trials that the file lacks; returns True if it is complete.
+    """Runs all trials that the rows lack; returns True if they are complete.
 
-    The rows depend neither on the number of workers nor on the order in which
-    trials end.  `progress` is called at the start and after every trial.
-    When `stopped` returns True, running trials are abandoned.
+    The executor runs `slots` trials at a time.  The rows depend neither on
+    their number nor on the order in which trials end.  `show` is called at the
+    start and after every trial.  When `stopped` returns True, running trials
+    are abandoned.
 
     Raises:
-        RuntimeError: the workers are lost, or a future raises: an error of a
-            worker, since errors of a trial are in its row.
-        OSError: the file cannot be written.
+        RuntimeError: the workers are lost, or one fails: errors of a trial are
+            in its row.
+        OSError: a row cannot be written.
     """
-    agenda = agenda_of(sweep, trials_file)
-    queue = _Queue(sweep, trials_file.identity, agenda, workers)
-    progress(agenda.progress())
+    searches = searches_of(sweep, rows.all())
+    running: dict[Future, tuple[CellSearch, Attempt]] = {}
+    show(progress_of(searches))
+    patience = NO_TRIAL + TRIES * sweep.timeout
+    latest = time.monotonic() + patience
     try:
         while not stopped():
-            queue.fill()
-            if not queue.running:
+            # One more than can run, so that no worker waits for the next one.
+            while len(running) <= slots and (search := most_urgent(searches)):
+                attempt = search.begin()
+                future = _submit(executor, sweep, rows, search.cell, attempt)
+                running[future] = search, attempt
+            if not running:
                 return True
-            for trial, result in queue.wait():
-                trials_file.append({**_labels(sweep, trial), **result})
-                agenda.record(trial, recovered(result))
-                progress(agenda.progress())
+            for future in wait(running, LOOK, FIRST_COMPLETED).done:
+                search, attempt = running.pop(future)
+                row = _labels(sweep, search.cell, attempt) | _result(future)
+                rows.add(row)
+                search.record(attempt, recovered(row))
+                show(progress_of(searches))
+                latest = time.monotonic() + patience
+            if time.monotonic() > latest:
+                raise RuntimeError("the workers are gone: no trial has ended")
         return False
     finally:
-        for future in queue.running:
+        for future in running:
             future.cancel()
 
 
-class _Queue:
-    """The running trials, and those that may have killed a process.
-
-    If a process dies, its trial is unknown.  All running trials are repeated
-    one by one: a trial whose process dies while it runs alone has crashed.
-    """
-
-    def __init__(
-        self, sweep: Sweep, identity: dict, agenda: Agenda, workers: Workers
-    ):
-        self._sweep, self._identity = sweep, identity
-        self._agenda, self._workers = agenda, workers
-        self.running: dict[Future, Trial] = {}
-        self._suspects: deque[Trial] = deque()
-
-    def fill(self) -> None:
-        """Starts trials until all workers are busy."""
-        if self._suspects:
-            if not self.running:
-                self._begin(self._suspects.popleft())
-            return
-        # One more than can run, so that no worker waits for the next one.
-        while len(self.running) <= self._workers.slots:
-            if (trial := self._agenda.pop()) is None:
-                return
-            self._begin(trial)
-
-    def wait(self) -> list[tuple[Trial, dict]]:
-        """Returns the trials that have ended, with their results."""
-        done, ended = wait(self.running, LOOK, FIRST_COMPLETED).done, []
-        try:
-            for future in done:
-                ended.append((self.running[future], _result(future)))
-                del self.running[future]
-        except BrokenExecutor:
-            ended += self._sort_out()
-        return ended
-
-    def _begin(self, trial: Trial) -> None:
-        sweep = self._sweep
-        walk = sweep.walk(trial.cell, trial.replica)
-        try:
-            future = self._workers.submit(
-                run_task,
-                self._identity,
-                yaml_dump_typed(walk),
-                sweep.plant,
-                sweep.delta_v(trial),
-                trial.cell.direction_deg,
-                sweep.timeout,
-            )
-        except BrokenExecutor as error:
-            future = Future()
-            future.set_exception(error)
-        self.running[future] = trial
-
-    def _sort_out(self) -> list[tuple[Trial, dict]]:
-        """Restarts the workers after a process has died."""
-        trials = list(self.running.values())
-        self.running.clear()
-        try:
-            self._workers.renew()
-        except BrokenExecutor as error:
-            raise RuntimeError("the workers are gone") from error
-        if len(trials) == 1:
-            return [(trials[0], row_without_run(*DIED))]
-        self._suspects.extend(trials)
-        return []
+def _submit(
+    executor: Executor, sweep: Sweep, rows: Rows, cell: Cell, attempt: Attempt
+) -> Future:
+    delta_v, replica = attempt
+    walk = yaml_dump_typed(sweep.walk(cell, replica))
+    return executor.submit(
+        run_trial,
+        rows.identity,
+        walk,
+        sweep.plant,
+        delta_v,
+        cell.direction_deg,
+        sweep.timeout,
+    )
 
 
-def _labels(sweep: Sweep, trial: Trial) -> dict:
-    """The cells of a row that describe the trial."""
+def _labels(sweep: Sweep, cell: Cell, attempt: Attempt) -> dict:
+    """The columns of a row that describe the trial."""
+    delta_v, replica = attempt
     return {
-        **trial.cell.situation._asdict(),
-        "mechanisms": trial.cell.mechanisms,
-        "direction_deg": trial.cell.direction_deg,
-        "delta_v": sweep.delta_v(trial),
-        "replica": trial.replica,
-        "seed": sweep.seed + trial.replica,
+        **cell.situation._asdict(),
+        "mechanisms": cell.mechanisms,
+        "direction_deg": cell.direction_deg,
+        "delta_v": delta_v,
+        "replica": replica,
+        "seed": sweep.common.seed + replica,
     }
 
 
 def _result(future: Future) -> dict:
     try:
         return future.result()
-    except BrokenExecutor:
-        raise
+    except KilledWorker:  # after some tries
+        return row_without_run(*DIED)
     except CancelledError as error:
         raise RuntimeError("the workers are gone") from error
     except Exception as error:
-        if type(error).__name__ == "KilledWorker":  # Dask's, after retries
-            return row_without_run(*DIED)
         reason = f"{type(error).__name__}: {error}"
         raise RuntimeError(f"a worker failed: {reason}") from error

@@ -1,5 +1,7 @@
 """One trial: the walk to the push, the push, and its result."""
 
+import functools
+import os
 import threading
 import time
 
@@ -21,6 +23,10 @@ from nadia_balance.diagrams.simulation import (
     walk_to_push,
 )
 from nadia_balance.results.summary import summarize
+from nadia_balance.scripts.envelope_sweep.fingerprint import (
+    robot_hash,
+    this_code,
+)
 from nadia_balance.typed_yaml import load_typed
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
@@ -36,22 +42,31 @@ FROM_SUMMARY = (
     "positive_power_w",
     "qp_failures",
 )
+GRACE = 10.0  # time after a trial's timeout at which its process exits [s]
 MOST_WALKS = 32  # walks that a thread keeps, about 10 MB each
 
 
 def run_trial(
-    walk: str, plant: str, delta_v: float, direction_deg: float, timeout: float
+    identity: dict,
+    walk: str,
+    plant: str,
+    delta_v: float,
+    direction_deg: float,
+    timeout: float,
 ) -> dict:
     """Simulates one push, and returns its row as plain JSON.
 
     The verdict is that of push.py, at the first instant at which it is certain:
     an improper contact, an exceeded limit, or a recovery.  `outcome` is
     recovered, fell, failed (upright, but not recovered), undecided (the run
-    ended too early), hung or error; `cpu_s` is the processor time [s], with
-    that of the walk in its first trial.  Errors are not raised but reported in
-    the row.
+    ended too early), hung or error.  Errors of the simulation are not raised
+    but reported in the row.  `cpu_s` is the processor time [s], with that of
+    the walk in its first trial, `wall_s` the wall time [s].
+
+    A process that does not notice the timeout itself is ended.
 
     Args:
+        identity: what the trial is of (see Sweep.identity)
         walk: the scenario (see Sweep.walk) as YAML, with a zero push
         plant: humanoid or lipm
         delta_v: size of the push [m/s]
@@ -59,9 +74,16 @@ def run_trial(
         timeout: wall time after which the trial counts as hung [s]
 
     Raises:
+        ValueError: the code of this process, or the robot's files, differ from
+            the `identity`.
         KeyboardInterrupt: the user interrupted the trial.
     """
-    began, latest = time.thread_time(), time.monotonic() + timeout
+    _check_identity(walk, frozenset(identity.items()))
+    cpu, began = time.thread_time(), time.monotonic()
+    latest = began + timeout
+    guard = threading.Timer(timeout + GRACE, os._exit, [1])
+    guard.daemon = True
+    guard.start()
     try:
         row = _walk(walk, plant, latest).push(delta_v, direction_deg, latest)
     except TimeoutError:
@@ -69,7 +91,24 @@ def run_trial(
     except Exception as error:
         text = " ".join(str(error).split())
         row = row_without_run("error", f"{type(error).__name__}: {text}")
-    return row | {"cpu_s": time.thread_time() - began}
+    finally:
+        guard.cancel()
+    return row | {
+        "cpu_s": time.thread_time() - cpu,
+        "wall_s": time.monotonic() - began,
+    }
+
+
+@functools.lru_cache
+def _check_identity(walk: str, identity: frozenset) -> None:
+    scenario, asked = load_typed(Scenario, "walk", data=walk), dict(identity)
+    ours = {**this_code(), "robot_files": robot_hash(scenario.robot)}
+    for name, value in ours.items():
+        if asked.get(name, value) != value:
+            raise ValueError(
+                f"{name} = {value}: must be {asked[name]}, as when the sweep "
+                "began"
+            )
 
 
 def row_without_run(outcome: str, reason: str) -> dict:
@@ -81,6 +120,7 @@ def row_without_run(outcome: str, reason: str) -> dict:
         "predicted_at_push": None,
         "predicted_at_touchdowns": [],
         "cpu_s": None,
+        "wall_s": None,
     }
 
 

@@ -1,47 +1,41 @@
 """Sweeps whose limits are known, without simulating, and quick real trials."""
 
+import copy
 import functools
 import random
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
+from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.scripts.envelope_sweep.limits import (
-    Envelope,
-    envelope_of,
-    paper_curves,
-)
-from nadia_balance.scripts.envelope_sweep.plan import PROTOCOL, Sweep
+from nadia_balance.scripts.envelope_sweep import table
+from nadia_balance.scripts.envelope_sweep.protocols import protocol_of
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
     Situation,
     next_batch,
 )
+from nadia_balance.scripts.envelope_sweep.sweep import PROTOCOL, Sweep
 from nadia_balance.typed_yaml import load_typed
 
 SEARCH = SearchParams()
 AT = Situation("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
-VERSIONS = {
-    "nadia_balance": "0.1.0",
-    "drake": "1.51.1",
-    "daqp": "0.11.0",
-    "numpy": "2.4.6",
-    "python": "3.11.2",
-}
-
-Limits = Mapping[Cell, float]  # [m/s]
+PATIENCE = 60.0  # with a machine that is busy [s]
+NOTHING = table.Physical({}, {}, "")
+ENDLESS = 999.0  # a run that no test waits for the end of [s]
 
 
 def paper_times(
-    factor: float, at: Situation = AT, robot: str = "nadia", of: Situation = AT
+    factor: float, at: Situation = AT, robot: str = "nadia"
 ) -> dict[Cell, float]:
-    """The limits of the paper's robot, scaled, in another situation."""
-    paper = paper_curves(robot, of)
+    """The limits of the paper's robot, scaled."""
+    reference = AT if robot == "nadia" else at
+    paper = protocol_of(robot, reference).curves(reference.scenario)
     return {
         Cell(mechanisms, at, direction): factor * value
         for mechanisms, curve in paper.items()
@@ -49,66 +43,72 @@ def paper_times(
     }
 
 
-def read_table(text: str) -> list[dict[str, str]]:
-    """The rows of a Markdown table, by the names of its columns."""
-    lines = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in text.strip().splitlines()
-    ]
-    return [dict(zip(lines[0], row, strict=True)) for row in lines[2:]]
-
-
-def identity_of(search: SearchParams = SEARCH) -> dict:
-    """What the first line of the file says."""
+def identity_of(search: SearchParams = SEARCH, robot: str = "nadia") -> dict:
+    """What all trials of a made-up sweep share."""
+    names = "nadia_balance", "drake", "daqp", "numpy", "python"
     return {
         "protocol": PROTOCOL,
-        "robot": "nadia",
+        "robot": robot,
         "scenario": "push",
         "plant": "humanoid",
         **asdict(search),
         "seed": 0,
         "parameters": "0123456789abcdef",
         "code": "fedcba9876543210",
-        **VERSIONS,
+        **dict.fromkeys(names, "1.2.3"),
     }
 
 
 def made_up_rows(
-    limits: Limits,
+    limits: Mapping[Cell, float],
     search: SearchParams = SEARCH,
-    robot: str = "nadia",
     is_unfinished: Callable[[Cell], bool] = lambda _: False,
 ) -> list[dict]:
     """The rows of all trials that the search asks for, cell by cell.
 
-    In a cell that `is_unfinished` the levels passed are not confirmed.
+    In a cell that `is_unfinished` the pushes passed are not confirmed.
     """
     rows = []
     for cell, largest in limits.items():
-        results: dict[tuple[int, int], bool] = {}
+        results: dict[tuple[float, int], bool] = {}
         while batch := next_batch(results, search):
             if is_unfinished(cell) and len(batch) > 1:
                 break
-            for level, replica in batch:
-                delta_v = round(level * search.resolution, 9)
+            for delta_v, replica in batch:
                 recovered = delta_v <= largest + 1e-9
-                results[level, replica] = recovered
-                rows.append(_row(cell, delta_v, replica, recovered, robot))
+                results[delta_v, replica] = recovered
+                rows.append(_row(cell, delta_v, replica, recovered))
     return rows
 
 
-def made_up_envelope(
-    limits: Limits, search: SearchParams = SEARCH, **options
-) -> Envelope:
-    """The envelope of the rows that made_up_rows gives."""
+def made_up_table(
+    limits: Mapping[Cell, float],
+    search: SearchParams = SEARCH,
+    robot: str = "nadia",
+    physical: table.Physical = NOTHING,
+    **options,
+) -> table.LimitTable:
+    """The table of the rows that made_up_rows gives.
+
+    The limits of any controller are `physical` in the paper's situation.
+    """
     rows = made_up_rows(limits, search, **options)
-    return envelope_of(identity_of(search), rows)
+    return table_of(rows, identity_of(search, robot), physical)
 
 
-def _row(
-    cell: Cell, delta_v: float, replica: int, recovered: bool, robot: str
-) -> dict:
-    upright = not recovered and round(100.0 * delta_v) % 3 == 0
+def table_of(rows, identity, physical=NOTHING):
+    """The table of these rows, without the search for physical limits."""
+    computed = table.physical_limits
+    table.physical_limits = lambda robot, plant, situation, *_: (
+        physical if situation == AT else NOTHING
+    )
+    try:
+        return table.limit_table(identity, rows, Path("nowhere"))
+    finally:
+        table.physical_limits = computed
+
+
+def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
     return {
         **cell.situation._asdict(),
         "mechanisms": cell.mechanisms,
@@ -116,14 +116,12 @@ def _row(
         "delta_v": delta_v,
         "replica": replica,
         "seed": replica,
-        "outcome": "recovered"
-        if recovered
-        else ("failed" if upright else "fell"),
+        "outcome": "recovered" if recovered else "fell",
         "reason": "" if recovered else "PELVIS_LINK - ground",
         "steps_after_push": 9 if recovered else 2,
         "max_icp_error_m": 0.125 * delta_v,
         "max_torque_ratio": 0.75,
-        "max_joint_speed": 6.5,
+        "max_joint_speed": None,
         "max_torso_tilt_deg": 20.0 + replica,
         "max_pelvis_tilt_deg": 10.0,
         "com_sag_m": 0.125,
@@ -131,11 +129,8 @@ def _row(
         "qp_failures": 0,
         "predicted_at_push": 2 if recovered else -1,
         "predicted_at_touchdowns": "2;1;0;0" if recovered else "-1;-1",
-        "robot": robot,
-        "plant": "humanoid",
-        "parameters": "0123456789abcdef",
-        "code": "fedcba9876543210",
-        **VERSIONS,
+        "cpu_s": 1.5,
+        "wall_s": 2.0,
     }
 
 
@@ -143,10 +138,13 @@ LIMITS = {"icp_only": 0.2, "step": 0.5}  # forward [m/s], of the robot below
 WEAKER = 0.04  # is every second replica [m/s]
 
 
+push_scenario = functools.cache(lambda: load_scenario("push"))
+
+
 def made_up_sweep(**changes) -> Sweep:
     """Six cells, coarsely."""
     fields = {
-        "scenarios": {"push": load_scenario("push")},
+        "scenarios": {"push": copy.deepcopy(push_scenario())},
         "directions": (0.0, 90.0, 210.0),
         "mechanisms": ("icp_only", "step"),
         "search": SearchParams(
@@ -154,9 +152,7 @@ def made_up_sweep(**changes) -> Sweep:
         ),
         "plant": "lipm",
     }
-    return Sweep(
-        **{**fields, **changes},
-    )
+    return Sweep(**{**fields, **changes})
 
 
 def largest(mechanisms: str, direction_deg: float) -> float:
@@ -171,23 +167,20 @@ def scenario_of(walk: str) -> Scenario:
 
 
 class MadeUpRobot:
-    """Workers that need no time; it recovers up to its limits.
+    """An executor whose robot recovers up to its limits.
 
     Trials are run in threads, each for a random while; `tried` keeps them:
     mechanisms, direction, delta_v, seed.
     """
 
     def __init__(
-        self,
-        slots: int,
-        spoil: Callable[[Scenario], None] = lambda scenario: None,
+        self, slots: int = 2, spoil: Callable[[Scenario], None] = lambda _: None
     ):
         """Before each trial, `spoil` may do what it likes."""
         self.slots, self._spoil = slots, spoil
         self._threads = ThreadPoolExecutor(slots)
         self._random = random.Random(slots)
         self.tried: list[tuple[str, float, float, int]] = []
-        self.renewed = 0
 
     def submit(
         self, function, identity, walk, plant, delta_v, direction, timeout
@@ -199,32 +192,19 @@ class MadeUpRobot:
         pause = self._random.uniform(0.0, 0.004)
         return self._threads.submit(self._run, scenario, trial, pause)
 
-    def renew(self) -> None:
-        self.renewed += 1
-
-    def close(self) -> None:
-        self._threads.shutdown()
-
     def _run(self, scenario: Scenario, trial: tuple, pause: float) -> dict:
         self._spoil(scenario)
         time.sleep(pause)
         mechanisms, direction, delta_v, seed = trial
         limit = largest(mechanisms, direction) - WEAKER * (seed % 2)
-        recovered = delta_v <= limit
         return {
-            "outcome": "recovered" if recovered else "fell",
-            "reason": "" if recovered else 'said "ouch", and\nfell',
-            "steps_after_push": 8 if recovered else 1,
+            "outcome": "recovered" if delta_v <= limit else "fell",
+            "reason": "" if delta_v <= limit else 'said "ouch", and\nfell',
             "max_icp_error_m": delta_v / 7.0,
-            "max_torque_ratio": None,
-            "qp_failures": 0,
             "predicted_at_push": -1,
             "predicted_at_touchdowns": [2, 1, 0],
             "cpu_s": pause,
         }
-
-
-ENDLESS = 999.0  # a run that no test waits for the end of [s]
 
 
 def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:

@@ -4,17 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot import load_robot
 from nadia_balance.scripts.envelope_sweep.physical import (
     limits_of,
-    with_limits,
+    physical_limits,
 )
-from nadia_balance.scripts.envelope_sweep.search import Cell, Situation
-from tests.scripts.envelope_sweep.made_up import AT, made_up_envelope
-
-ALL = "all_with_cross_over"
-NOWHERE = "there is no such file"
+from tests.scripts.envelope_sweep.made_up import AT
 
 
 def test_the_walk_has_the_limit_of_an_enumeration():
@@ -44,16 +41,14 @@ def test_every_robot_has_its_own():
         assert f"up to {model.detour.max_speed:g} m/s" in limit.assumptions
 
 
-def test_an_envelope_is_given_those_of_its_cells(tmp_path):
-    """Oracle: `limits_of`, of one direction; a gait that is unknown."""
-    unknown = Situation("gone", AT.at)
-    cells = {Cell("step", AT, 40.0): 0.3, Cell("step", unknown, 0.0): 0.3}
-    envelope = with_limits(made_up_envelope(cells), tmp_path / NOWHERE)
-    assert set(envelope.physical) == {AT}
-    curve = envelope.known(AT).limit["step"]
-    assert set(curve) == {40.0, *(15.0 * i for i in range(24))}
+def test_curves_are_of_what_was_tried_and_around(tmp_path):
+    """Oracle: `limits_of`, of one direction."""
+    tried = {"icp_only": [40.0], "step": [40.0]}
+    found = physical_limits("nadia", "humanoid", AT, tried, tmp_path / "none")
+    assert set(found.limit["icp_only"]) == {40.0}
+    around = {40.0, *(15.0 * i for i in range(24))}
+    assert set(found.limit["step"]) == set(found.with_hips["step"]) == around
     limit, _ = limits_of(load_scenario("push"), AT, "humanoid")
-    one = replace(limit, on=replace(limit.on, swing=False, transfer=False))
-    one = replace(one, on=replace(one.on, cross_over=False))
-    assert curve[40.0] == pytest.approx(one.largest_push(40.0).delta_v)
-    assert set(envelope.known(AT).with_hips["step"]) == set(curve)
+    one = replace(limit, on=NAMED["step"])
+    largest = one.largest_push(40.0).delta_v
+    assert found.limit["step"][40.0] == pytest.approx(largest)

@@ -1,6 +1,7 @@
 """What is simulated, and what becomes of it: push.py is the oracle."""
 
 import json
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -13,17 +14,17 @@ from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import push
 from nadia_balance.scripts.envelope_sweep import trial as module
-from nadia_balance.scripts.envelope_sweep.plan import Sweep
+from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS, run_trial
 from nadia_balance.typed_yaml import load_typed
 from tests.diagrams import simulated
 from tests.scripts.envelope_sweep.made_up import (
     ENDLESS,
+    PATIENCE,
     stepping_sweep,
     walk_of,
 )
 
-PATIENCE = 60.0  # with a machine that is busy [s]
 ALL = "all_with_cross_over"
 # Its eight steps are taken before the end of the run.
 WHOLE = Sweep(scenarios={"push": load_scenario("push")}, plant="lipm")
@@ -36,7 +37,7 @@ def no_walk_of_another_test():
 
 def tried(walk, delta_v, direction=120.0, plant="lipm"):
     """The row of one trial."""
-    return run_trial(walk, plant, delta_v, direction, PATIENCE)
+    return run_trial({}, walk, plant, delta_v, direction, PATIENCE)
 
 
 def judged(walk, delta_v, direction=120.0, plant="lipm"):
@@ -48,11 +49,9 @@ def judged(walk, delta_v, direction=120.0, plant="lipm"):
     return run, simulated.judged(scenario, plant)
 
 
-@pytest.mark.parametrize("delta_v", [0.3, 1.5])
-def test_replica_0_is_what_push_runs_with_the_same_flags(
-    tmp_path, delta_v, monkeypatch
-):
+def test_replica_0_is_what_push_runs_with_the_same_flags(tmp_path, monkeypatch):
     """Oracle: the summary that push.py leaves behind."""
+    delta_v = 0.3
     monkeypatch.setattr(folder, "write_plots", lambda *_: [])
     words = "--plant lipm --no-meshcat --seed 3 --duration 4 --direction 120"
     push.main(
@@ -75,15 +74,14 @@ def test_replica_0_is_what_push_runs_with_the_same_flags(
         assert row[name] == summary[name]
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 1)])
-def test_a_row_does_not_depend_on_what_was_tried_before(order):
+def test_a_row_does_not_depend_on_what_was_tried_before():
     """Oracle: each of them from its own start to its own end.
 
     One walk for all; the run is too short to end before its time.
     """
     walk = walk_of(replica=1)
     sizes = [(0.1, 0.0), (0.45, 90.0), (2.5, 200.0)]
-    for i in order:
+    for i in (2, 0, 1, 1):
         row, (_, summary) = tried(walk, *sizes[i]), judged(walk, *sizes[i])
         assert (row["outcome"] == "recovered") is summary["recovered"]
         shared = set(row) & set(summary) - {"outcome"}
@@ -104,27 +102,22 @@ def test_the_robot_itself_gives_the_bits_of_one_run():
     assert row["max_torque_ratio"] == summary["max_torque_ratio"]
 
 
-@pytest.mark.parametrize(
-    ("delta_v", "outcome"), [(0.2, "recovered"), (2.5, "fell")]
-)
-def test_ends_as_soon_as_the_verdict_is_certain(delta_v, outcome):
+def test_ends_as_soon_as_the_verdict_is_certain():
     """Oracle: the run to its end has the same one, and takes more steps.
 
     Two whole steps are those from the first landing to the third.
     """
     walk = walk_of(WHOLE)
-    row, (_, summary) = tried(walk, delta_v), judged(walk, delta_v)
-    assert row["outcome"] == outcome
-    assert (outcome == "recovered") is summary["recovered"]
-    if summary["recovered"]:
-        assert row["steps_after_push"] == 3 < summary["steps_after_push"]
-        assert len(row["predicted_at_touchdowns"]) == 3
+    row, (_, summary) = tried(walk, 0.2), judged(walk, 0.2)
+    assert row["outcome"] == "recovered" == summary["outcome"]
+    assert row["steps_after_push"] == 3 < summary["steps_after_push"]
+    assert len(row["predicted_at_touchdowns"]) == 3
     assert row["max_icp_error_m"] == summary["max_icp_error_m"]
 
 
-@pytest.mark.parametrize("begin", [1.0, 2.0])
-def test_ends_with_the_first_improper_contact(monkeypatch, begin):
-    """Oracle: made up, before the push and after it; the log ends there."""
+def test_ends_with_the_first_improper_contact(monkeypatch):
+    """Oracle: made up, after the push; the log ends there."""
+    begin = 2.0
 
     def touches(_, context):
         return {"hand - ground"} if context.get_time() >= begin else set()
@@ -145,24 +138,16 @@ def test_ends_with_the_first_improper_contact(monkeypatch, begin):
 
 def test_who_was_not_pushed_is_undecided():
     """Oracle: the run ends before the swing in which the push should be."""
-    for delta_v in (0.3, 0.5):
-        row = tried(walk_of(stepping_sweep(1.2)), delta_v)
-        assert row["outcome"] == "undecided"
-        assert row["reason"].startswith("not pushed")
-        assert row["predicted_at_push"] is None
+    row = tried(walk_of(stepping_sweep(1.2)), 0.3)
+    assert row["outcome"] == "undecided"
+    assert row["reason"].startswith("not pushed")
+    assert row["predicted_at_push"] is None
 
 
-@pytest.mark.parametrize(
-    ("change", "plant", "reason"),
-    [
-        (("", ""), "lipn", "KeyError: 'lipn'"),
-        (("robot: nadia", "robot: nobody"), "lipm", "ValueError: robot = 'nob"),
-    ],
-)
-def test_an_error_is_a_row_like_any_other(change, plant, reason):
-    row = tried(walk_of().replace(*change), 0.3, plant=plant)
-    assert row["outcome"] == "error"
-    assert row["reason"].startswith(reason)
+def test_an_error_is_a_row_like_any_other():
+    """Oracle: the columns of a row without an error."""
+    row = tried(walk_of(), 0.3, plant="lipn")
+    assert (row["outcome"], row["reason"]) == ("error", "KeyError: 'lipn'")
     assert list(row) == list(tried(walk_of(stepping_sweep(0.1)), 0.1))
 
 
@@ -170,9 +155,19 @@ def test_a_trial_that_takes_too_long_has_hung():
     """Oracle: the clock on the wall; in the walk, and after the push."""
     still = walk_of(stepping_sweep(ENDLESS, ", calm_steps: 0"))
     for walk, timeout in ((walk_of(WHOLE, ALL), 1e-3), (still, 2.0)):
-        row = run_trial(walk, "lipm", 0.01, 0.0, timeout)
+        row = run_trial({}, walk, "lipm", 0.01, 0.0, timeout)
         assert row["outcome"] == "hung"
         assert row["reason"] == f"no result after {timeout:g} s"
+
+
+def test_a_process_that_forgets_the_clock_is_ended(monkeypatch):
+    """Oracle: the call that ends it; the trial does not look at the time."""
+    ended = threading.Event()
+    monkeypatch.setattr(module, "GRACE", 0.05)
+    monkeypatch.setattr(module.os, "_exit", lambda code: ended.set())
+    monkeypatch.setattr(module, "_walk", lambda *_: ended.wait(PATIENCE))
+    run_trial({}, "robot: nadia", "lipm", 0.1, 0.0, 0.05)
+    assert ended.is_set()
 
 
 def test_ctrl_c_gives_no_row(monkeypatch):
@@ -187,13 +182,15 @@ def test_ctrl_c_gives_no_row(monkeypatch):
 
 
 def test_keeps_the_walks_that_were_used_last(monkeypatch):
-    """Oracle: the walks that are made, by seed."""
+    """Oracle: the walks that are made, by seed; none is simulated."""
     made = []
 
-    class Counted(module.Walk):
+    class Counted:
         def __init__(self, scenario, *args):
             made.append(scenario.seed)
-            super().__init__(scenario, *args)
+
+        def push(self, *args):
+            return {}
 
     monkeypatch.setattr(module, "Walk", Counted)
     monkeypatch.setattr(module, "MOST_WALKS", 2)
@@ -205,11 +202,9 @@ def test_keeps_the_walks_that_were_used_last(monkeypatch):
 # What the capture regions foretell, beside what becomes of it.
 
 
-@pytest.mark.parametrize("mechanisms", ["icp_only", ALL])
-@pytest.mark.parametrize("at", ["right swing 25 %", "right transfer 25 %"])
-def test_tiny_and_huge_pushes_are_foretold(mechanisms, at):
+def test_tiny_and_huge_pushes_are_foretold():
     """Oracle: the run; 2 cm/s move the ICP by 6 mm; 4 m/s are too much."""
-    walk = walk_of(stepping_sweep(6.0), mechanisms, at)
+    walk = walk_of(stepping_sweep(4.5), ALL, "right transfer 25 %")
     row = tried(walk, 0.02, 0.0)
     assert row["outcome"] == "recovered"
     assert row["predicted_at_push"] in (0, 1)
@@ -238,14 +233,13 @@ def test_there_is_a_prediction_for_each_touchdown_after_the_push():
 
     None are required, so that it is seen to its end.
     """
-    walk = walk_of(stepping_sweep(6.0), ALL)
-    for direction, delta_v in (90.0, 0.5), (0.0, 0.02):
-        log = judged(walk, delta_v, direction)[0].logs
-        end = pushes(log)[-1].end
-        landed = [s for s in steps(log) if s.swing.end >= end - 1e-9]
-        row = tried(walk, delta_v, direction)
-        assert json.loads(json.dumps(row, allow_nan=False)) == row
-        assert len(row["predicted_at_touchdowns"]) == len(landed) >= 4
+    walk = walk_of(stepping_sweep(4.5), ALL)
+    log = judged(walk, 0.5, 90.0)[0].logs
+    end = pushes(log)[-1].end
+    landed = [s for s in steps(log) if s.swing.end >= end - 1e-9]
+    row = tried(walk, 0.5, 90.0)
+    assert json.loads(json.dumps(row, allow_nan=False)) == row
+    assert len(row["predicted_at_touchdowns"]) == len(landed) >= 3
 
 
 def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
@@ -259,17 +253,3 @@ def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
         row = tried(walk, delta_v, 0.0)
         assert row["predicted_at_push"] == expected
         assert row["predicted_at_touchdowns"] == []
-
-
-@pytest.mark.parametrize("delta_v", [0.4, 0.9])
-def test_the_mirrored_push_has_the_same_predictions(delta_v):
-    """Oracle: the mirror, of steps of the other foot."""
-    found = []
-    for swing, direction in ("right", 60.0), ("left", -60.0):
-        sweep = stepping_sweep(6.0)
-        sweep.scenarios["push"].gait.first_swing = swing
-        row = tried(
-            walk_of(sweep, ALL, f"{swing} swing 25 %"), delta_v, direction
-        )
-        found.append((row["predicted_at_push"], row["predicted_at_touchdowns"]))
-    assert found[0] == found[1]

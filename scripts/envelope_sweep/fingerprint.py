@@ -1,0 +1,112 @@
+"""Hashes of what a trial depends on: the code, the scenario, the robot."""
+
+import ast
+import copy
+import functools
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+
+from pydrake.common.yaml import yaml_dump_typed
+
+import nadia_balance
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.summary import versions
+from nadia_balance.robot import MODELS, RobotModel, load_robot
+
+# Modules of this package on which a row depends; not reports and plots.
+TRIAL_FILES = ("fingerprint.py", "search.py", "sweep.py", "trial.py")
+
+
+@functools.cache  # the files may change later
+def this_code() -> dict[str, str]:
+    """Returns the versions and the hash of the code of this process."""
+    return {**versions(), "code": code_hash()}
+
+
+def code_hash(
+    package: Path = Path(nadia_balance.__file__).parent,
+    others: Path = MODELS.parent,
+) -> str:
+    """Returns a hash (16 hex digits) of the code that trials use.
+
+    Comments and docstrings do not count; the hash depends on Python's version.
+    `package` is the folder of nadia_balance, `others` that of diagrams, models
+    and scripts: the checkout, or nadia_balance in an installation.
+    """
+    places = [
+        *((package, folder) for folder in ("", "core", "systems", "results")),
+        *((others, folder) for folder in ("diagrams", "models/*")),
+    ]
+    paths = {
+        path.relative_to(root).as_posix(): path
+        for root, folder in places
+        for ending in ("py", "yaml", "urdf")
+        for path in root.glob(f"{folder}/*.{ending}".lstrip("/"))
+    }
+    for name in TRIAL_FILES:
+        paths[name] = others / "scripts" / "envelope_sweep" / name
+    return _digest(
+        part
+        for name, path in sorted(paths.items())
+        for part in (
+            name.encode(),
+            without_words(path.read_bytes(), path.suffix == ".py"),
+        )
+    )
+
+
+@functools.cache
+def without_words(text: bytes, is_code: bool) -> bytes:
+    """Returns a file's bytes; Python code without docstrings and comments."""
+    if not is_code:
+        return text
+    tree = ast.parse(text)
+    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
+    for node in ast.walk(tree):
+        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return ast.dump(tree).encode()
+
+
+def parameters_hash(*scenarios: Scenario) -> str:
+    """Returns a hash (16 hex digits) of the parameters of all trials.
+
+    It covers `scenarios` and their robot, without the seed, the mechanisms, and
+    size, direction and time of the push, which a sweep varies.
+
+    Raises:
+        ValueError: the robot is unknown or invalid.
+        FileNotFoundError: a file of the robot is missing.
+    """
+    robot, texts = load_robot(scenarios[0].robot), []
+    for common in map(copy.deepcopy, scenarios):
+        common.description, common.robot, common.seed = "", robot.name, 0
+        common.mechanisms = ""
+        for push in common.pushes:
+            push.delta_v, push.force = 0.0, None
+            push.direction_deg, push.at = 0, ""
+        texts.append(yaml_dump_typed(common).encode())
+    return _digest([*texts, *_files(robot)])
+
+
+def robot_hash(name: str) -> str:
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths.
+
+    Raises:
+        ValueError: the robot is unknown or invalid.
+        FileNotFoundError: a file of the robot is missing.
+    """
+    return _digest(_files(load_robot(name)))
+
+
+def _files(robot: RobotModel) -> tuple[bytes, bytes]:
+    params, urdf = yaml_dump_typed(robot.params), robot.urdf
+    return params.encode(), urdf.read_text(encoding="utf-8").encode()
+
+
+def _digest(parts: Iterable[bytes]) -> str:
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(hashlib.sha256(part).digest())
+    return whole.hexdigest()[:16]

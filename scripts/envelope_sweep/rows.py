@@ -1,0 +1,197 @@
+"""The rows of a sweep: one per finished trial, in an SQLite database.
+
+A row is on the disk when `add` returns.  One process at a time has a folder.
+"""
+
+import contextlib
+import csv
+import json
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.scripts.envelope_sweep.search import (
+    Cell,
+    SearchParams,
+    Situation,
+)
+from nadia_balance.scripts.envelope_sweep.sweep import PROTOCOL
+
+DATABASE = "trials.sqlite"
+EXPORTS = ("trials.csv", "costs.csv")
+RECOVERED, UNDECIDED = "recovered", "undecided"
+# Outcomes without a result: a failure of the program, not of the robot.
+NO_ANSWER = ("error", "crashed", "hung")
+OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, *NO_ANSWER)
+
+_OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
+KEY = ("scenario", *_OWN)  # unique in a sweep
+RESULTS = (
+    *("seed", "outcome", "reason", "steps_after_push", "max_icp_error_m"),
+    *("max_torque_ratio", "max_joint_speed", "max_torso_tilt_deg"),
+    *("max_pelvis_tilt_deg", "com_sag_m", "positive_power_w", "qp_failures"),
+    *("predicted_at_push", "predicted_at_touchdowns"),
+)
+COSTS = ("cpu_s", "wall_s")  # differ between runs of the same trial
+_COLUMNS = (*KEY, *RESULTS, *COSTS)
+_SHARED = (  # of the identity, in every line of trials.csv
+    *("plant", "parameters", "code"),
+    *("nadia_balance", "drake", "daqp", "numpy", "python"),
+)
+_SCHEMA = (
+    "CREATE TABLE sweep (identity TEXT NOT NULL)",  # one row, JSON
+    f"CREATE TABLE trials ({', '.join(_COLUMNS)}, "
+    f"PRIMARY KEY ({', '.join(KEY)}))",
+)
+_HINTS = {
+    "protocol": " (limits are searched and judged in another way now)",
+    "parameters": " (the scenario, its duration or its robot differs)",
+    "code": " (the program has changed since)",
+}
+
+
+def cell_of(row: dict) -> Cell:
+    """The cell of a row's trial."""
+    situation = Situation(row["scenario"], row["at"])
+    return Cell(row["mechanisms"], situation, row["direction_deg"])
+
+
+def recovered(row: dict) -> bool | None:
+    """True if the robot recovered; None if the trial is undecided."""
+    return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
+
+
+def search_of(identity: dict) -> SearchParams:
+    """The parameters of the search of a sweep."""
+    return SearchParams(
+        **{field.name: identity[field.name] for field in fields(SearchParams)}
+    )
+
+
+class Rows:
+    """The rows in a folder, which is this process's until the end of `opened`.
+
+    `identity` is what all trials share, see Sweep.identity.
+    """
+
+    def __init__(self, path: Path, database: sqlite3.Connection):
+        self.path, self._database = path, database
+        (text,) = database.execute("SELECT identity FROM sweep").fetchone()
+        self.identity: dict = json.loads(text)
+
+    def all(self) -> list[dict]:
+        """All rows, sorted by scenario, mechanisms (fewer first), and so on."""
+        found = self._database.execute("SELECT * FROM trials")
+        names = [column[0] for column in found.description]
+        rows = [dict(zip(names, row, strict=True)) for row in found]
+        return sorted(rows, key=_place)
+
+    def add(self, row: dict) -> None:
+        """Adds a trial; missing values are None, lists become "1;2;3".
+
+        Raises:
+            ValueError: it is there already.
+            OSError: it cannot be written.
+        """
+        values = [_plain(row.get(name)) for name in _COLUMNS]
+        marks = ", ".join("?" * len(values))
+        try:
+            self._database.execute(
+                f"INSERT INTO trials VALUES ({marks})", values
+            )
+        except sqlite3.IntegrityError:
+            key = tuple(row[name] for name in KEY)
+            raise ValueError(f"trial = {key}: must not be repeated") from None
+        except sqlite3.Error as error:
+            raise OSError(f"{self.path}: {error}") from error
+
+    def export(self, folder: Path) -> None:
+        """Writes trials.csv, with the identity in its first line, and costs.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        common = {name: self.identity.get(name) for name in _SHARED}
+        columns = (*_OWN, *RESULTS, "robot", "scenario", *_SHARED)
+        common["robot"] = self.identity["robot"]
+        for name, head, names in zip(
+            EXPORTS,
+            (f"# {json.dumps(self.identity)}\n", ""),
+            (columns, (*KEY, *COSTS)),
+            strict=True,
+        ):
+            with open(folder / name, "w", encoding="utf-8", newline="") as file:
+                file.write(head)
+                lines = csv.DictWriter(
+                    file, names, extrasaction="ignore", lineterminator="\n"
+                )
+                lines.writeheader()
+                lines.writerows({**common, **row} for row in self.all())
+
+
+@contextlib.contextmanager
+def opened(folder: Path, identity: dict | None = None) -> Iterator[Rows]:
+    """Yields the rows in `folder`; with an `identity`, creates them if need be.
+
+    Raises:
+        ValueError: there are none, they are of another identity or protocol, or
+            another process has them.
+        OSError: they cannot be written.
+    """
+    path = folder / DATABASE
+    if identity is None and not path.is_file():
+        raise ValueError(
+            f"folder = {str(folder)!r}: must have a {DATABASE} of a sweep"
+        )
+    try:
+        # Each statement is a transaction; the first one takes the lock.
+        database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        with contextlib.closing(database):
+            database.execute("PRAGMA locking_mode = EXCLUSIVE")
+            database.execute("BEGIN EXCLUSIVE")
+            if identity is not None:
+                _create(database, identity)
+            database.execute("COMMIT")
+            rows = Rows(path, database)
+            _compare(path, rows.identity, identity)
+            yield rows
+    except (sqlite3.Error, TypeError, json.JSONDecodeError) as error:
+        if "locked" in str(error):
+            raise ValueError(
+                f"out = {str(folder)!r}: must not be in use by another sweep"
+            ) from None
+        raise ValueError(
+            f"trials = {path}: must be a {DATABASE} of this program ({error})"
+        ) from None
+
+
+def _create(database: sqlite3.Connection, identity: dict) -> None:
+    if not database.execute("SELECT * FROM sqlite_master").fetchone():
+        for table in _SCHEMA:
+            database.execute(table)
+        text = json.dumps(identity)
+        database.execute("INSERT INTO sweep VALUES (?)", [text])
+
+
+def _compare(path: Path, found: dict, asked: dict | None) -> None:
+    """Raises ValueError that names the first field that differs."""
+    asked = {**found, "protocol": PROTOCOL} if asked is None else asked
+    for name in {**asked, **found}:
+        if found.get(name) != asked.get(name):
+            raise ValueError(
+                f"{name} = {asked.get(name)}: must be {found.get(name)} as in "
+                f"{path}{_HINTS.get(name, '')}"
+            )
+
+
+def _place(row: dict) -> tuple:
+    scenario, mechanisms, *rest = (row[name] for name in KEY)
+    return scenario, list(NAMED).index(mechanisms), *rest
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return ";".join(map(str, value))
+    return " ".join(value.split()) if isinstance(value, str) else value

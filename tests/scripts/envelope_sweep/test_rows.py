@@ -1,0 +1,157 @@
+"""What is in the database stays there, and nothing else gets in."""
+
+import csv
+import json
+import platform
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+
+import pytest
+
+from nadia_balance.scripts.envelope_sweep.fingerprint import code_hash
+from nadia_balance.scripts.envelope_sweep.rows import (
+    DATABASE,
+    KEY,
+    Rows,
+    opened,
+)
+from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from tests.scripts.envelope_sweep.made_up import (
+    identity_of,
+    made_up_rows,
+    paper_times,
+)
+from tests.scripts.running import environment
+from tests.source_files import ROOT
+
+SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
+IDENTITY = identity_of(SEARCH)
+PUBLISHED = ROOT / "docs" / "results" / "fig10"
+ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
+
+
+def test_has_every_row_that_was_added(tmp_path):
+    """Oracle: the rows themselves; their order is forgotten."""
+    with opened(tmp_path, IDENTITY) as rows:
+        for row in random.Random(1).sample(ROWS, len(ROWS)):
+            rows.add(row)
+        with pytest.raises(ValueError, match="must not be repeated"):
+            rows.add(ROWS[7])
+    with opened(tmp_path) as rows:
+        assert rows.identity == IDENTITY
+        assert rows.all() == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
+
+
+def test_the_csv_is_the_published_one(tmp_path):
+    """Oracle: the file that was written before there was a database."""
+    (tmp_path / DATABASE).write_bytes((PUBLISHED / DATABASE).read_bytes())
+    with opened(tmp_path) as rows:
+        rows.export(tmp_path)
+        number = len(rows.all())
+    for name in "trials.csv", "costs.csv":
+        written = (tmp_path / name).read_bytes()
+        assert written == (PUBLISHED / name).read_bytes()
+    first, *lines = (tmp_path / "trials.csv").read_text().splitlines()
+    assert json.loads(first.removeprefix("# "))["protocol"] == 5
+    assert len(list(csv.DictReader(lines))) == number
+
+
+def test_lists_and_lines_become_one_line(tmp_path):
+    with opened(tmp_path, IDENTITY) as rows:
+        told = {"reason": 'a\r\n"b"', "predicted_at_touchdowns": [2, -1]}
+        rows.add({**ROWS[0], **told})
+        (row,) = rows.all()
+    assert (row["reason"], row["predicted_at_touchdowns"]) == ('a "b"', "2;-1")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("protocol", 6), ("resolution", 0.2), ("plant", "lipm"), ("code", "0")],
+)
+def test_refuses_the_rows_of_another_sweep(tmp_path, name, value):
+    with opened(tmp_path, IDENTITY):
+        pass
+    before = (tmp_path / DATABASE).read_bytes()
+    with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
+        with opened(tmp_path, {**IDENTITY, name: value}):
+            raise AssertionError("accepted")
+    assert (tmp_path / DATABASE).read_bytes() == before
+
+
+def test_refuses_rows_of_an_older_protocol(tmp_path):
+    with opened(tmp_path, {**IDENTITY, "protocol": 4}) as rows:
+        rows.add(ROWS[0])
+    with pytest.raises(ValueError, match="^protocol = 5: must be 4 as in"):
+        with opened(tmp_path):
+            raise AssertionError("accepted")
+
+
+@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\x89PNG\r\n\xff"])
+def test_another_kind_of_file_is_refused_and_kept(tmp_path, content):
+    (tmp_path / DATABASE).write_bytes(content)
+    with pytest.raises(ValueError, match=f"trials = .*{DATABASE}"):
+        with opened(tmp_path):
+            raise AssertionError("accepted")
+    assert (tmp_path / DATABASE).read_bytes() == content
+
+
+def test_a_full_disk_is_told_and_nothing_is_lost(tmp_path):
+    """Oracle: SQLite's own limit of a file's size."""
+    with opened(tmp_path, IDENTITY) as rows:
+        rows.add(ROWS[0])
+        rows._database.execute("PRAGMA max_page_count = 1")
+        with pytest.raises(OSError, match="full"):
+            rows.add({**ROWS[1], "reason": "x" * 100_000})
+        assert rows.all() == ROWS[:1]
+
+
+WRITER = """
+import itertools, sys
+from pathlib import Path
+from nadia_balance.scripts.envelope_sweep.rows import opened
+from tests.scripts.envelope_sweep.test_rows import IDENTITY, ROWS
+with opened(Path(sys.argv[1]), IDENTITY) as rows:
+    for replica in itertools.count():
+        rows.add({**ROWS[0], "replica": replica, "reason": "x" * 5000})
+        print(replica, flush=True)
+"""
+
+
+def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
+    """Oracle: what the process said was added before it was killed."""
+    child = subprocess.Popen(
+        [sys.executable, "-c", WRITER, tmp_path],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    for _ in range(5):
+        child.stdout.readline()
+    with pytest.raises(ValueError, match="^out = .*in use by another sweep"):
+        with opened(tmp_path, IDENTITY):
+            raise AssertionError("both are in")
+    child.send_signal(signal.SIGKILL)
+    said = 5 + len(child.stdout.readlines())
+    child.wait()
+    child.stdout.close()
+    with opened(tmp_path, IDENTITY) as rows:
+        replicas = [row["replica"] for row in rows.all()]
+    assert replicas == list(range(len(replicas)))
+    assert said <= len(replicas) <= said + 1
+
+
+def test_the_page_says_of_which_code_its_rows_are():
+    """Oracle: the rows, and the fingerprint of this code."""
+    path = f"file:{PUBLISHED / DATABASE}?immutable=1"  # asks for no lock
+    source = sqlite3.connect(path, uri=True)
+    rows = Rows(PUBLISHED / DATABASE, source)
+    page = (PUBLISHED.parent / "README.md").read_text(encoding="utf-8")
+    assert f"code `{rows.identity['code']}`" in page
+    assert f"{len(rows.all())} trials" in page
+    same_python = rows.identity["python"] == platform.python_version()
+    if same_python and rows.identity["code"] != code_hash():
+        assert "Newer code" in page
+    source.close()
