@@ -2,7 +2,9 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+import nadia_balance
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.model import LegGeometry
@@ -11,6 +13,14 @@ from nadia_balance.core.size import Size
 from nadia_balance.core.swing_detour import SwingDetourParams
 from nadia_balance.core.whole_body_command import WholeBodyQpParams
 
+# The folder `models` of a checkout or an installation.  `import models` would
+# also find a user's folder of that name.
+MODELS = next(
+    folder
+    for path in nadia_balance.__path__
+    if (folder := Path(path) / "models").is_dir()
+)
+
 
 @dataclass(kw_only=True)
 class SoleParams:
@@ -18,7 +28,7 @@ class SoleParams:
 
     x_min: float = 0.0  # heel [m]
     x_max: float = 0.0  # toe [m]
-    half_width: float = bounded(0.0, above=0.0, unit="m")
+    half_width: float = bounded(0.0, above=0.0, unit="m", of="")
     z: float = 0.0  # [m]
 
     def validate_more(self) -> None:
@@ -41,7 +51,7 @@ class RobotParams:
     right_foot_body: str = ""
     sole: SoleParams = field(default_factory=SoleParams)
     # Height of the CoM above the soles, standing [m].
-    com_height: float = bounded(0.0, above=0.0, unit="m")
+    com_height: float = bounded(0.0, above=0.0, unit="m", of="")
     # Distance between the sole centres, standing [m].
     step_width: float = bounded(0.0, above=0.0, unit="m")
     posture: dict[str, float] = field(default_factory=dict)  # [rad]
