@@ -99,7 +99,7 @@ class HumanoidDiagram(Diagram):
         start = scenario.start(scenario.point_mass(self.robot))
         # The controller's friction coefficient: a margin below the ground's.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * self.robot.whole_body.friction
+        friction = slip * self.robot.whole_body(params.whole_body).friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)

@@ -1,5 +1,6 @@
 """The balance controller: from a robot's state to its joint torques."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -11,6 +12,7 @@ from nadia_balance.capture_point_controller import (
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.whole_body_tasks import Task
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from nadia_balance.systems.friction_estimator import FrictionEstimator
@@ -58,12 +60,14 @@ class BalanceController(Diagram):
         *,
         start: WalkingState | None = None,
         ground: Ground | None = None,
+        tasks: Iterable[Task] = (),
         **blocks: System,
     ):
         """Begins with the walking state `start`, by default standing.
 
-        `ground` is the controller's model of the ground, None: flat.  `blocks`
-        replace blocks of the CapturePointController.
+        `ground` is the controller's model of the ground, None: flat.  `tasks`
+        are added to those of the whole-body QP.  `blocks` replace blocks of
+        the CapturePointController.
 
         Raises:
             ValueError: as CapturePointController.
@@ -71,6 +75,7 @@ class BalanceController(Diagram):
         super().__init__()
         check(params)
         period = params.control_period
+        whole_body = robot.whole_body(params.whole_body)
         model = replace(robot.point_mass, ground=ground)
         lead = 0.0
         if robot.drives is not None:  # each torque is held for a period
@@ -79,7 +84,9 @@ class BalanceController(Diagram):
         wire(
             builder,
             {
-                "centroidal_estimator": CentroidalEstimator(robot, lead),
+                "centroidal_estimator": CentroidalEstimator(
+                    robot, lead, whole_body.avoidance
+                ),
                 "capture_point_controller": CapturePointController(
                     params, model, start=start, **blocks
                 ),
@@ -87,10 +94,10 @@ class BalanceController(Diagram):
                     params.swing_foot, model, period, lead
                 ),
                 "friction_estimator": FrictionEstimator(
-                    robot.whole_body, robot.mass, period
+                    whole_body, model, period
                 ),
                 "whole_body_inverse_dynamics": WholeBodyInverseDynamics(
-                    robot.whole_body, robot, period, lead
+                    whole_body, robot, period, lead, tasks
                 ),
             },
             self.INPUTS,

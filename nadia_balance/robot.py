@@ -26,6 +26,7 @@ from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.ground_geometry import add_ground, default_plant_config
 from nadia_balance.inverse_kinematics import StandingKinematics
 from nadia_balance.robot_checks import (
@@ -35,7 +36,12 @@ from nadia_balance.robot_checks import (
     remarks_on,
 )
 from nadia_balance.robot_measures import with_lengths
-from nadia_balance.robot_params import MODELS, RobotParams, idealised
+from nadia_balance.robot_params import (
+    MODELS,
+    RobotParams,
+    idealised,
+    overridden,
+)
 from nadia_balance.typed_yaml import load_tree, load_typed
 from nadia_balance.urdf import add_urdf, check_urdf, naming
 
@@ -60,7 +66,7 @@ class RobotModel:
         """
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
-        self.whole_body, self.drives = params.whole_body, params.drives
+        self.drives = params.drives
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         feet = params.left_foot_body, params.right_foot_body
@@ -84,8 +90,13 @@ class RobotModel:
 
     @cached_property
     def max_joint_speeds(self) -> np.ndarray:
-        """Speed limits (nj,) [rad/s] of the joints, in the order of v."""
+        """Speed limits (nj,) [rad/s] of the joints, in the order of v.
+
+        Ideal drives have none: inf.
+        """
         speeds = self.control_plant().GetVelocityUpperLimits()[6:]
+        if self.drives is None:
+            return np.full(speeds.size, np.inf)
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
         )
@@ -102,6 +113,19 @@ class RobotModel:
             reach=self.params.reachability,
             detour=self.params.swing_detour,
         )
+
+    def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
+        """Returns `params` with the values that are this robot's own.
+
+        They are those of its robot.yaml that are not Nadia's, scaled.
+
+        Raises:
+            ValueError: values contradict each other.
+        """
+        usual = scaled(WholeBodyQpParams(), self.params.size)
+        params = overridden(params, self.params.whole_body, usual)
+        check(params, "whole_body")
+        return params
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the robot to a `plant` that is not finalized yet.
@@ -137,7 +161,7 @@ class RobotModel:
         self.add_to(plant)
         add_ground(plant, ground)
         plant.Finalize()
-        if self.drives is None:
+        if not self.params.self_collisions:
             self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
 

@@ -35,11 +35,11 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
+from nadia_balance.collision_avoidance import CollisionAvoidance
 from nadia_balance.core.qp import DenseQp
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
-from nadia_balance.link_distances import LinkDistances
 from nadia_balance.results.summary import versions
 from nadia_balance.robot import add_ground, load_robot
 from nadia_balance.scripts.command_line import (
@@ -127,7 +127,7 @@ def measure(scenario: Scenario, seconds: float) -> dict:
         timed(DenseQp, "solve", lambda qp, problem: problem.g.size > SMALL) as (
             qp
         ),
-        timed(LinkDistances, "calc") as distances,
+        timed(CollisionAvoidance, "calc") as distances,
     ):
         in_loop, blocks = tick_times(loop, plant, TICKS)
     return {

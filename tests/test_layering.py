@@ -30,7 +30,7 @@ LAYERS = (
     "nadia_balance.robot_checks",
     "nadia_balance.robot",
     "nadia_balance.reach",
-    "nadia_balance.link_distances",
+    "nadia_balance.collision_avoidance",
     "nadia_balance.whole_body_kinematics",
     "nadia_balance.mujoco_model",
     "nadia_balance.systems",

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import Side
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.robot import (
     MODELS,
     add_ground,
@@ -236,6 +239,33 @@ def test_loads_a_robot_of_ones_own(copy):
     own = load_robot(str(copy / "robot.yaml"))
     assert own.name == "own"
     assert own.mass == ROBOT.mass
+
+
+def test_a_robot_has_parameters_of_its_own(copy):
+    """Oracle: by hand; the scenario's others stay, also in the same group."""
+    change(
+        copy / "robot.yaml",
+        "whole_body:",
+        "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}",
+    )
+    scenario = WholeBodyQpParams(
+        rolling_step=0.5,
+        friction=0.4,
+        avoidance=CollisionAvoidanceParams(clearance=0.01, rate=20.0),
+    )
+    found = load_robot(str(copy / "robot.yaml")).whole_body(scenario)
+    assert found == replace(
+        scenario,
+        rolling_step=0.3,
+        avoidance=CollisionAvoidanceParams(clearance=0.03, rate=20.0),
+        joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
+    )
+    ideal = load_robot("nadia", "ideal")
+    assert ideal.whole_body(scenario).avoidance is None
+    assert ideal.whole_body(scenario).loading_time == 0.0
+    assert np.isinf(ideal.max_joint_speeds).all()
+    with pytest.raises(ValueError, match="whole_body.unloaded_force = 1.0"):
+        ROBOT.whole_body(WholeBodyQpParams(unloaded_force=1.0))
 
 
 @pytest.mark.parametrize(

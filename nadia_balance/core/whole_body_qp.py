@@ -2,11 +2,10 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nadia_balance.core.joint_drives import torque_limits
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
@@ -18,10 +17,15 @@ from nadia_balance.core.whole_body_command import (
     SOLES,
     WholeBodyCommand,
     WholeBodyModel,
-    WholeBodyQpParams,
     WholeBodyTerms,
 )
-from nadia_balance.core.whole_body_tasks import WholeBodyTasks
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_tasks import (
+    MomentumTask,
+    SwingFootTask,
+    Task,
+    TrunkTask,
+)
 
 NUM_CONE_ROWS = 16
 
@@ -71,8 +75,8 @@ class WholeBodyLimits:
 
     Wrenches [tau, f] and torques are per unit of the robot's mass; only soles
     in contact have wrenches.  Order of the rows: torques, joint accelerations,
-    the cone and the normal force of the left and of the right sole, distances
-    of near links.
+    the cone and the normal force of the left and of the right sole, avoidance
+    of self-collisions.
     """
 
     def __init__(
@@ -111,13 +115,10 @@ class WholeBodyLimits:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
 
-    def num_rows(self, num_soles: int) -> int:
-        """Returns the number of rows, without near links, for `num_soles`."""
-        return self._joint_rows.stop + num_soles * _FOOT_ROWS
-
-    def near(self, terms: WholeBodyTerms) -> NDArray[np.bool_]:
-        """Returns a mask (k,) of the link distances that have hard limits."""
-        return terms.distances < self._params.link_attention
+    def num_rows(self, num_soles: int, terms: WholeBodyTerms) -> int:
+        """Returns the number of rows with `num_soles` in contact."""
+        rows = self._joint_rows.stop + num_soles * _FOOT_ROWS
+        return rows + (len(terms.avoidance.limits) if terms.avoidance else 0)
 
     def fill(
         self,
@@ -149,13 +150,10 @@ class WholeBodyLimits:
                 most = command.max_normal_forces[side] / self._mass
                 bounds[1, rows.stop - 1] = max(most, self._least_force)
                 row, column = rows.stop, column + 6
-        if row < len(C):
-            near = self.near(terms)
-            C[row:, :nv] = of = terms.distance_rows[near]
-            bounds[0, row:] = self._params.link_braking(
-                terms.distances[near], of @ terms.v
-            )
-            bounds[1, row:] = np.inf
+        if row < len(C) and terms.avoidance:
+            limits = terms.avoidance.limits
+            C[row:, :nv] = limits[:, :-1]
+            bounds[0, row:], bounds[1, row:] = -limits[:, -1], np.inf
 
     def torque_bounds(
         self, speed: Array, last: Array | None, haste: float = 1.0
@@ -198,7 +196,7 @@ class WholeBodyLimits:
             torques = torques - terms.forces[6:, -1]
             lower[self.torque_rows], upper[self.torque_rows] = torques
             yield
-        if near := np.count_nonzero(self.near(terms)):
+        if terms.avoidance and (near := len(terms.avoidance.limits)):
             lower[-near:] = -np.inf
             yield
 
@@ -224,14 +222,21 @@ class WholeBodyLimits:
             self._params.joint_limit_horizon,
             self._params.max_joint_acceleration,
         )
-        ahead = terms.positions + horizon * terms.v[6:]
+        ahead = terms.q[7:] + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
-        if self._drives is not None:
-            room = self._speeds - terms.v[6:]
-            room /= self._params.speed_limit_horizon
-            bounds[0] = np.maximum(bounds[0], room[0])
-            bounds[1] = np.minimum(bounds[1], room[1])
+        room = self._speeds - terms.v[6:]
+        room /= self._params.speed_limit_horizon
+        bounds[0] = np.maximum(bounds[0], room[0])
+        bounds[1] = np.minimum(bounds[1], room[1])
         return np.asarray(np.minimum(np.maximum(bounds, -most), most))
+
+
+def _root(task: Task) -> Array:
+    """Returns the root of a task's weight, (1, 1) or (n, 1)."""
+    weight = np.atleast_1d(np.asarray(task.weight, dtype=float))
+    if not (weight >= 0.0).all():
+        raise ValueError(f"weight of {task.name} = {task.weight}: must be >= 0")
+    return np.asarray(np.sqrt(weight)[:, None])
 
 
 # Rows of J of the soles in contact, by (left, right).
@@ -276,11 +281,29 @@ class WholeBodyQp:
     """
 
     def __init__(
-        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
+        self,
+        params: WholeBodyQpParams,
+        model: WholeBodyModel,
+        period: float,
+        tasks: Iterable[Task] = (),
     ):
-        """Builds the QP for `model`, to be solved every `period` [s]."""
+        """Builds the QP for `model`, to be solved every `period` [s].
+
+        `tasks` are added to those of momentum, trunk and swing foot.
+
+        Raises:
+            ValueError: a task's weight is negative, or the margin leaves no
+                area of the sole.
+        """
         self._params, self._model = params, model
-        self._tasks = WholeBodyTasks(params, model)
+        all_tasks: list[Task] = [
+            MomentumTask(params, model),
+            TrunkTask("torso", params),
+            TrunkTask("pelvis", params),
+            SwingFootTask(params),
+            *tasks,
+        ]
+        self._tasks = [(task, _root(task)) for task in all_tasks]
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         self._qps = {
@@ -363,8 +386,7 @@ class WholeBodyQp:
         """Returns the matrices and bounds of the QP."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
         J, n = terms.rows[soles, :nv], sum(command.contacts)
-        near = int(np.count_nonzero(self._limits.near(terms)))
-        num_rows = self._limits.num_rows(n) + near
+        num_rows = self._limits.num_rows(n, terms)
         rows = np.zeros((6 * n + 6 + num_rows, nv + 6 * n))
         bounds = np.empty((2, len(rows)))
         A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
@@ -443,16 +465,23 @@ class WholeBodyQp:
         """Returns H and g of the cost of all soft tasks."""
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)
-        tasks = self._tasks.rows(terms, command)
-        far = terms.distances >= self._params.link_attention
-        if far.any():
-            tasks = np.concatenate((tasks, self._tasks.braking(terms, far)))
+        parts: list[Array] = []
+        for task, root in self._tasks:
+            motion = task.motion(terms, command)
+            if motion is not None:
+                rows = motion.rows.copy()
+                rows[:, -1] -= motion.acceleration
+                rows *= root
+                parts.append(rows)
+        if terms.avoidance:
+            parts.append(terms.avoidance.braking)
+        tasks = np.concatenate(parts)
         square = tasks.T @ tasks
         H, g = self._H[:n, :n].copy(), np.zeros(n)
         H[:nv, :nv] += square[:-1, :-1]
         g[:nv] = square[:-1, -1]
         g[6:nv] += (
-            self._posture_kp * (terms.positions - self._model.posture)
+            self._posture_kp * (terms.q[7:] - self._model.posture)
             + self._posture_kd * terms.v[6:]
         )
         return H, g

@@ -7,10 +7,11 @@ from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
+from nadia_balance.collision_avoidance import CollisionAvoidance
+from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
 from nadia_balance.core.whole_body_command import WholeBodyTerms
-from nadia_balance.link_distances import LinkDistances
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.ports import declare_output, entries, size
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
@@ -41,17 +42,25 @@ class CentroidalEstimator(LeafSystem):
         output_ports: [whole_body_terms, com_state, icp, foot_poses]
     """
 
-    def __init__(self, robot: RobotModel, lead: float = 0.0):
-        """Estimates with a private plant of `robot`, a `lead` [s] ahead."""
+    def __init__(
+        self,
+        robot: RobotModel,
+        lead: float = 0.0,
+        avoidance: CollisionAvoidanceParams | None = None,
+    ):
+        """Estimates with a private plant of `robot`, a `lead` [s] ahead.
+
+        The terms have the rows of `avoidance`, if given.
+        """
         super().__init__()
         self._lead = lead
-        # A private plant for the terms and the distances of the shapes.
+        # A private plant for the terms and the distances of the links.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
         self._kinematics = WholeBodyKinematics(robot, plant)
-        self._distances = None
-        if robot.drives is not None:
-            self._distances = LinkDistances(robot, plant, scene_graph)
+        self._avoidance = avoidance and CollisionAvoidance(
+            avoidance, robot, plant, scene_graph
+        )
         self._omega = robot.point_mass.omega
         self._estimated_state = self.DeclareVectorInputPort(
             "estimated_state", plant.num_multibody_states()
@@ -94,10 +103,9 @@ class CentroidalEstimator(LeafSystem):
         if self._lead:
             self._look_ahead(plant_context, state)
         terms = self._kinematics.calc(plant_context)
-        if self._distances is None:
+        if self._avoidance is None:
             return terms
-        distances, rows = self._distances.calc(plant_context)
-        return terms._replace(distances=distances, distance_rows=rows)
+        return terms._replace(avoidance=self._avoidance.calc(plant_context))
 
     def _look_ahead(self, plant_context, state: np.ndarray) -> None:
         nq = self._plant.num_positions()

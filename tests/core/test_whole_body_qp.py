@@ -12,7 +12,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from scipy.optimize import linprog
 
 from nadia_balance.core.walking import Side
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import (
     WholeBodyLimits,
     WholeBodyQp,
@@ -181,10 +181,13 @@ def bend(terms):
 def test_keeps_to_the_torque_speed_line():
     """Oracle: at 0.75 of the speed half the torque is left, by hand."""
     knee, terms = knee_at(9.0)
+    ideal = dataclasses.replace(
+        model(), drives=None, max_speed=np.full(23, np.inf)
+    )
     eager = WholeBodyQpParams(damping_ratio=0.0, speed_limit_horizon=0.002)
     found, free = (
         WholeBodyQp(eager, body, PERIOD).solve(terms, bend(terms))
-        for body in (model(), dataclasses.replace(model(), drives=None))
+        for body in (model(), ideal)
     )
     assert free.torques[knee - 6] > 200.0
     assert found.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
@@ -193,10 +196,11 @@ def test_keeps_to_the_torque_speed_line():
 def test_joints_stay_below_their_speed_limits():
     """Oracle: the speed that the horizon leads to, by hand."""
     params = WholeBodyQpParams(damping_ratio=0.0)
+    ideal = dataclasses.replace(model(), max_speed=np.full(23, 1e9))
     knee, terms = knee_at(11.0)
     found, free = (
         WholeBodyQp(params, body, PERIOD).solve(terms, bend(terms))
-        for body in (model(), dataclasses.replace(model(), drives=None))
+        for body in (model(), ideal)
     )
     ahead = 11.0 + params.speed_limit_horizon * found.vdot[knee]
     assert ahead <= 12.0 + 1e-9

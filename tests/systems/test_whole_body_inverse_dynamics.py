@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking import Phase, WalkingState
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyLimits, WholeBodyQp
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
