@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from pydrake.geometry import Role, Sphere
+from pydrake.geometry import Sphere
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
@@ -27,18 +27,10 @@ class Urdf:
             if joint.get("type") != "fixed"
         ]
 
-    def inertial(self, link: str) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mass, CoM (3,) and inertia (3, 3) of a link."""
-        found = self.root.find(f"link[@name='{link}']/inertial")
-        i = {k: float(v) for k, v in found.find("inertia").attrib.items()}
-        inertia = [
-            [i["ixx"], i["ixy"], i["ixz"]],
-            [i["ixy"], i["iyy"], i["iyz"]],
-            [i["ixz"], i["iyz"], i["izz"]],
-        ]
-        com = np.array(found.find("origin").get("xyz").split(), dtype=float)
-        mass = float(found.find("mass").get("value"))
-        return mass, com, np.array(inertia)
+    def mass(self, link: str) -> float:
+        """The mass of a link [kg]."""
+        mass = self.root.find(f"link[@name='{link}']/inertial/mass")
+        return float(mass.get("value"))
 
 
 class World:
@@ -177,32 +169,12 @@ def test_drake_parses_without_a_warning(name, caplog):
 
 
 @every_robot
-def test_the_ground_adds_neither_body_nor_mass(name):
-    """Oracle: the links of the URDF, and the mass of the robot alone."""
-    world = World(ROBOTS[name])
-    assert world.plant.num_bodies() == 1 + len(URDFS[name].links)
-    mass = world.plant.CalcTotalMass(world.context)
-    assert mass == pytest.approx(ROBOTS[name].mass, rel=1e-15)
-
-
-@every_robot
-def test_every_inertia_is_possible(name):
-    """Oracle: principal moments are positive and make a triangle."""
-    for link in URDFS[name].links:
-        mass, _, inertia = URDFS[name].inertial(link)
-        small, middle, large = np.linalg.eigvalsh(inertia)
-        assert mass > 0.0, link
-        assert small > 0.0, link
-        assert small + middle > large, link
-
-
-@every_robot
 def test_the_mass_is_that_of_the_robot(name):
     """Oracle: the public description."""
     total, links = MASSES[name]
     assert ROBOTS[name].mass == pytest.approx(total, abs=1e-3)
     for link, mass in links.items():
-        assert URDFS[name].inertial(link)[0] == mass
+        assert URDFS[name].mass(link) == mass
 
 
 @every_robot
@@ -246,18 +218,6 @@ def test_the_contact_spheres_end_at_the_corners_of_the_sole(name):
         assert sorted(np.round(lowest, 12).tolist()) == sorted(
             np.round(corners, 12).tolist()
         )
-
-
-@every_robot
-def test_every_link_can_be_seen_by_few_shapes(name):
-    """Oracle: a shape each; 60 at the most, so that a replay stays small."""
-    world, urdf = World(ROBOTS[name]), URDFS[name]
-    for link in urdf.links:
-        body = world.plant.GetBodyByName(link).index()
-        assert world.inspector.NumGeometriesForFrameWithRole(
-            world.plant.GetBodyFrameIdOrThrow(body), Role.kIllustration
-        ), link
-    assert len(list(urdf.root.iter("visual"))) <= 60
 
 
 @every_robot
@@ -339,33 +299,12 @@ def test_in_ideal_only_one_leg_touches_the_other(name):
     assert among_links == pairs - {frozenset(leg[FOOT] for leg in LEGS[name])}
 
 
-def test_nadias_left_and_right_mirror_each_other_where_published_so():
-    """Oracle: reflection in the x-z plane."""
-    for link in ("HIP_YAW", "HIP_ROLL", "THIGH", "ANKLE", "SHOULDER_ROLL"):
-        left, right = (f"{side}_{link}_LINK" for side in ("LEFT", "RIGHT"))
-        mass, com, inertia = URDFS["nadia"].inertial(left)
-        other_mass, other_com, other_inertia = URDFS["nadia"].inertial(right)
-        assert other_mass == mass
-        assert (other_inertia == MIRROR @ inertia @ MIRROR).all()
-        if link == "SHOULDER_ROLL":  # published with the wrong sign of x, too
-            com = com * [-1.0, 1.0, 1.0]
-        assert (other_com == MIRROR @ com).all()
-
-
 def test_nadias_mass_matrix_is_well_conditioned():
     """Oracle: 924 at the zero pose; without armature it would be 22 071."""
     plant = ROBOTS["nadia"].control_plant()
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, ROBOTS["nadia"].standing_positions())
     assert np.linalg.cond(plant.CalcMassMatrix(context)) < 2000.0
-
-
-def test_nadias_sole_is_that_of_the_robot():
-    """Oracle: the corners of the foot's mesh, x, y, z in the foot frame."""
-    corners = [[a, b, -0.088] for a in (-0.072, 0.178) for b in (-0.06, 0.06)]
-    for X_FS in ROBOTS["nadia"].X_FootSole.values():
-        sole = [X_FS @ [*corner, 0.0] for corner in ROBOTS["nadia"].sole]
-        assert sorted(np.round(sole, 12).tolist()) == corners
 
 
 def test_nadias_left_moves_as_the_mirror_of_right():
@@ -412,17 +351,3 @@ def test_the_legs_of_atlas_are_as_long_and_as_far_apart_as_published():
         frame = plant.GetJointByName(joint).frame_on_child()
         X_PF = frame.CalcPose(context, plant.GetFrameByName("pelvis"))
         assert X_PF.translation() == pytest.approx(expected, abs=1e-12)
-
-
-def test_left_and_right_of_atlas_stand_alike():
-    """Oracle: reflection in the x-z plane, but for the trunk's 2 mm of CoM."""
-    plant = ROBOTS["atlas"].control_plant()
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, ROBOTS["atlas"].standing_positions())
-    for link in URDFS["atlas"].links:
-        if link.startswith("l_"):
-            p_L, p_R = (
-                plant.GetBodyByName(name).EvalPoseInWorld(context).translation()
-                for name in (link, f"r_{link[2:]}")
-            )
-            assert p_L == pytest.approx(p_R * [1.0, -1.0, 1.0], abs=5e-3)

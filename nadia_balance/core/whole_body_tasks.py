@@ -1,6 +1,7 @@
 """Soft tasks of the whole-body QP."""
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -165,6 +166,48 @@ class SwingFootTask:
         wanted += self._kp * error
         wanted += self._kd * (velocity - terms.velocities[sole])
         return Motion(terms.rows[sole], wanted)
+
+
+def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
+    """Returns the tasks of the momentum, the trunk and the swing foot."""
+    return [
+        MomentumTask(params, model),
+        TrunkTask("torso", params),
+        TrunkTask("pelvis", params),
+        SwingFootTask(params),
+    ]
+
+
+class WeightedTasks:
+    """Tasks as rows [S, r], scaled by the roots of their weights.
+
+    The cost of S vdot + r is the sum of its squares.
+    """
+
+    def __init__(self, tasks: Iterable[Task]):
+        """Raises ValueError if a weight is negative."""
+        self._tasks = []
+        for task in tasks:
+            weight = np.atleast_1d(np.asarray(task.weight, dtype=float))
+            if not (weight >= 0.0).all():
+                raise ValueError(
+                    f"weight of {task.name} = {task.weight}: must be >= 0"
+                )
+            self._tasks.append((task, np.sqrt(weight)[:, None]))
+
+    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
+        """Returns [S, r] (n, nv + 1) of this tick, braking links last."""
+        parts = []
+        for task, root in self._tasks:
+            motion = task.motion(terms, command)
+            if motion is not None:
+                rows = motion.rows.copy()
+                rows[:, -1] -= motion.acceleration
+                rows *= root
+                parts.append(rows)
+        if terms.avoidance:
+            parts.append(terms.avoidance.braking)
+        return np.concatenate(parts)
 
 
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:

@@ -1,13 +1,12 @@
 """Oracles: WholeBodyQp, called by hand; the torques of the tick."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking import Phase, WalkingState
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.whole_body_limits import WholeBodyLimits
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyLimits, WholeBodyQp
+from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
@@ -132,20 +131,3 @@ def make_infeasible(monkeypatch):
         bounds[:, -2:] = [[1.0, -np.inf], [np.inf, -1.0]]
 
     monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
-
-
-def test_lifts_the_foot_that_swings(system):
-    """Oracle: no wrench on it, and the other one carries."""
-    swing = replace(example_walks.walk(), phase=Phase.SWING)
-    terms = terms_at(standing_state())
-    context = asked(
-        system,
-        whole_body_terms=terms,
-        momentum_rate=np.zeros(3),
-        swing_foot_reference=[*terms.sole_positions[1], *np.zeros(9)],
-        walking_state=WalkingState(swing),
-    )
-    _, wrenches, status = outputs(system, context)
-    assert QpStatus(status).solved
-    assert wrenches[6:] == pytest.approx(np.zeros(6), abs=1e-5)
-    assert wrenches[5] > 300.0
