@@ -56,13 +56,12 @@ class CollisionAvoidance:
         self._bodies = [plant.get_body(body) for body in sorted(bodies)]
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper = _upper_body(robot, plant)
-        attention = params.attention
         round_pairs, self._others = [], []
         for pair in candidates:
             shapes = [self._shapes[shape] for shape in pair]
-            far = attention
+            far = params.attention
             if any(shape.body.index() in upper for shape in shapes):
-                far = max(params.arm_attention, attention)
+                far = max(params.arm_attention, far)
             if all(shape.radius is not None for shape in shapes):
                 round_pairs.append((*shapes, far))
             else:
@@ -99,10 +98,7 @@ class CollisionAvoidance:
         near = distance < params.attention
         limits, braking = (
             np.column_stack(
-                (
-                    rows[of],
-                    -params.braking(distance[of], rows[of] @ v),
-                )
+                (rows[of], -params.braking(distance[of], rows[of] @ v))
             )
             for of in (near, ~near)
         )
@@ -143,8 +139,8 @@ class CollisionAvoidance:
             ).get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
         braking = self._params.braking(distance, rates)
-        counts = distance < self._params.attention
-        urgent = (counts | (braking > 0.0)).nonzero()[0]
+        near = distance < self._params.attention
+        urgent = (near | (braking > 0.0)).nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
         rows = np.empty((urgent.size, plant.num_velocities()))

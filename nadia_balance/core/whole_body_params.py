@@ -79,15 +79,15 @@ class WholeBodyQpParams:
     # Joint limits [rad] by name, tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     joint_upper_limits: dict[str, float] = field(default_factory=dict)
-    # Horizon of the joint position limits; `speed_limit_horizon` and
-    # `max_joint_acceleration` below complete them.
+    # Horizons of the joint position and speed limits, and the acceleration to
+    # which they are clipped.
     joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
+    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
+    max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Avoidance of self-collisions; null: none.
     avoidance: CollisionAvoidanceParams | None = field(
         default_factory=CollisionAvoidanceParams
     )
-    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
-    max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Damping of the joints while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
     # Shares of the actuators' limits; the speed reserve is for deviations of

@@ -13,6 +13,7 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 )
 from tests import example_walks
 from tests.blocks import answer, asked, fix, running, tick
+from tests.core.test_whole_body_tasks import ELBOW, JointTask
 from tests.whole_body_examples import (
     PERIOD,
     command,
@@ -59,6 +60,22 @@ def test_gives_what_the_core_function_gives(system):
     qp = found.qp
     expected = [1.0, float(qp.fallback), qp.solves, qp.violation, 0.0]
     assert status == pytest.approx(expected)
+
+
+def test_tasks_of_a_user_are_added():
+    """Oracle: WholeBodyQp with the same task, which changes the torques."""
+    terms, params = terms_at(standing_state()), WholeBodyQpParams()
+    task = JointTask(ELBOW, 40.0, 30.0)
+    system = WholeBodyInverseDynamics(params, nadia(), PERIOD, tasks=[task])
+    actuation, *_ = outputs(system, asked(system, **inputs()))
+    wish = command(terms, momentum_rate=PUSHED)
+    found, without = (
+        WholeBodyQp(params, model(), PERIOD, tasks).solve(terms, wish).torques
+        for tasks in ([task], [])
+    )
+    B = kinematics().plant.MakeActuationMatrix()
+    assert B[6:] @ actuation == pytest.approx(found, abs=1e-9)
+    assert np.abs(found - without).max() > 0.1
 
 
 def test_holds_the_torques_of_a_tick_until_the_next(system):
