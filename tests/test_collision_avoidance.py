@@ -242,27 +242,20 @@ def moving(joint, speed):
     ],
 )
 def test_an_arm_is_seen_from_afar_if_it_has_to_brake(joint, speed, seen):
-    """Oracles: brute force, now and a moment before and after; Drake.
+    """Oracle: brute force, now and a moment before and after.
 
-    Drake's distances of capsules are up to 2e-4 m too large, as it finds them
-    by iteration.  Legs may pass each other as closely, and as fast.
+    Legs may pass each other as closely, and as fast.
     """
     q, v, step = standing_positions(), moving(joint, speed), 1e-5
     found, rows = NADIA.said(q, 0.08, v)
     assert len(found) == seen
     way = step * NADIA.plant.MapVelocityToQDot(NADIA.at(q), v)
     now, after, before = NADIA.true([q, q + way, q - way])
-    port = NADIA.plant.get_geometry_query_input_port()
-    pairs = port.Eval(NADIA.at(q)).ComputeSignedDistancePairwiseClosestPoints(
-        FAR
-    )
-    by_drake = np.array([pair.distance for pair in pairs])
     for d, rate in zip(found, rows @ v, strict=True):
         k = np.argmin(np.abs(now - d))
         assert d == pytest.approx(now[k], abs=1e-9)
         expected = (after[k] - before[k]) / (2.0 * step)
         assert rate == pytest.approx(expected, rel=1e-6)
-        assert min(abs(by_drake - d)) < 2e-4
         assert d > 0.08 and 2.0 * rate + 25.0 * (d - 0.02) < 0.0
 
 
@@ -307,22 +300,3 @@ def test_links_are_kept_apart(speed):
     assert towards @ found.vdot == pytest.approx(expected, rel=1e-3)
     if speed:
         assert towards @ free.vdot < least
-
-
-def test_an_arm_brakes_early_as_much_as_that_weighs():
-    """Oracle: by hand: (d/dt + 25)^2 (distance - 2 cm) = 0, the nearer the
-    more it weighs.
-    """
-    terms = terms_at(random_state(0, 0.0))
-    towards = moving("LEFT_SHOULDER_X", 1.0)
-    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
-    found = []
-    for weight in 0.0, 3.0, 1e4:
-        params = replace(PARAMS, arm_weight=weight)
-        far = with_link(terms, 0.25, towards, -8.0 * towards, params)
-        solution = qp.solve(far, command(terms))
-        assert solution.qp.solved
-        found.append(towards @ solution.vdot)
-    demanded = 25.0 * (2.0 * 8.0 - 25.0 * 0.23)
-    assert found[0] < found[1] < found[2]
-    assert found[2] == pytest.approx(demanded, rel=1e-2)

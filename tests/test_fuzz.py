@@ -1,7 +1,7 @@
 """Bad input at random: one line, exit code 2, and nothing is simulated.
 
 Every input is bad by its making, which is the oracle.  BAD_INPUTS in the
-environment says how many are tried; by default a small part of 300.
+environment says how many are tried.
 """
 
 import dataclasses
@@ -20,41 +20,11 @@ import pytest
 
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot import MODELS
-from nadia_balance.scripts import (
-    benchmark,
-    capture_regions,
-    command_line,
-    envelope,
-    picture,
-    push,
-    simulate,
-)
-from nadia_balance.scripts.envelope_sweep.trials_file import (
-    TrialsFile,
-    line_of,
-)
-from tests.scripts.envelope_sweep.test_trials_file import IDENTITY, ROWS
+from nadia_balance.scripts import command_line, push
 from tests.scripts.running import environment, run_script
 
-NUMBER = int(os.environ.get("BAD_INPUTS", "21"))
+NUMBER = int(os.environ.get("BAD_INPUTS", "16"))
 HUGE = (".nan", "-.inf", "1.0e+12", "-1.0e+12", "[1]", "{a: 1}", "up", "true")
-WORDS = ("nan", "inf", "-1e12", "1e12", "", "up", "\0", "é", "--", "1:30")
-SCRIPTS = {
-    push: "delta-v direction at shape random seed duration realtime-rate port "
-    "robot mechanisms fidelity scenario_name scenario_file plant out",
-    simulate: "seed duration robot scenario_file",
-    envelope: "directions at resolution stride replicas largest workers "
-    "timeout protocol plot-only scenario_name",
-    picture: "run times azimuth distance width",
-    capture_regions: "figure out",
-    benchmark: "seconds scenario_name mechanisms",
-}
-# What is not bad for these flags.
-ALLOWED = {
-    "out": {"nan", "inf", "-1e12", "1e12", "up", "é", "1:30"},
-    "direction": {"1e12", "-1e12"},
-    "at": {""},
-}
 
 
 def leaves(params: object, path: str = "") -> Iterator[tuple[str, object]]:
@@ -68,16 +38,6 @@ def leaves(params: object, path: str = "") -> Iterator[tuple[str, object]]:
 
 
 FIELDS = list(leaves(Scenario()))
-
-
-def bad_flag(rng, folder):
-    script = rng.choice(list(SCRIPTS))
-    flag = rng.choice(SCRIPTS[script].split())
-    value = rng.choice([w for w in WORDS if w not in ALLOWED.get(flag, ())])
-    needed = {simulate: ["--scenario_name", "stand"]}.get(script, [])
-    if script is envelope and flag != "plot-only":
-        needed = ["--plant", "lipm", "--quick", "--out", str(folder / "out")]
-    return script, [*needed, f"--{flag}={value}"]
 
 
 def bad_yaml(rng, folder):
@@ -99,7 +59,7 @@ def bad_yaml(rng, folder):
         text = text.replace(name.rpartition(" ")[2], "xyzzy")
     elif damage == 2:
         text = f"{{{text}"
-    return push, ["--scenario_text", text]
+    return ["--scenario_text", text]
 
 
 def bad_push(rng, folder):
@@ -111,7 +71,7 @@ def bad_push(rng, folder):
     words = ("BOGUS", "7", "[]") if name in ("shape", "at", "body") else HUGE
     fields[name] = rng.choice(words)
     text = ", ".join(f"{key}: {value}" for key, value in fields.items())
-    return push, ["--scenario_text", f"pushes: [{{{text}}}]"]
+    return ["--scenario_text", f"pushes: [{{{text}}}]"]
 
 
 def bad_urdf(rng, folder):
@@ -127,7 +87,7 @@ def bad_urdf(rng, folder):
         bad = rng.choice(["nan", "-5", "inf", "up", ""])
         text = text[: spot.start()] + f'{spot[1]}="{bad}"' + text[spot.end() :]
     urdf.write_text(text)
-    return push, ["--robot", str(robot / "robot.yaml")]
+    return ["--robot", str(robot / "robot.yaml")]
 
 
 def bad_robot(rng, folder):
@@ -143,46 +103,10 @@ def bad_robot(rng, folder):
     i = rng.choice(spots)
     lines[i] = f"{lines[i].partition(':')[0]}: {rng.choice(HUGE)}"
     file.write_text("\n".join(lines))
-    return push, ["--robot", str(file)]
+    return ["--robot", str(file)]
 
 
-def bad_rows(rng, folder):
-    path = folder / "trials.csv"
-    identity = dict(IDENTITY)
-    if rng.randrange(3) == 0:
-        name = rng.choice(["protocol", "resolution", "stride", "replicas"])
-        identity[name] = rng.choice([-1, 0, 10**9, "up", None])
-    file = TrialsFile(path, identity)
-    assert file.path == path
-    name = rng.choice(
-        ["outcome", "delta_v", "direction_deg", "replica", "at", "mechanisms"]
-        + ["steps_after_push", "qp_failures", "max_torque_ratio"]
-    )
-    bad = rng.choice(["bogus", -1, "nan", "1e400"])
-    with path.open("a") as text:
-        text.write(line_of({**ROWS[0], name: bad}))
-    return envelope, ["--plot-only", str(folder)]
-
-
-def bad_disk(rng, folder):
-    file = folder / "file"
-    file.write_text("")
-    old = folder / "old"
-    old.mkdir()
-    (old / "summary.json").write_text("")
-    loop = folder / "loop"
-    loop.symlink_to(loop)
-    places = [file, old, loop, "/dev/null/x", "/proc/x", "x" * 300, ""]
-    script = rng.choice([push, simulate, capture_regions])
-    argv = ["--scenario_name", "stand"] if script is simulate else []
-    place = rng.choice(places)
-    if script is capture_regions:
-        (old / "figure_9.png").write_text("")
-        argv = ["--figure", "9"]
-    return script, [*argv, "--out", str(place)]
-
-
-MAKERS = (bad_flag, bad_yaml, bad_push, bad_urdf, bad_robot, bad_rows, bad_disk)
+MAKERS = (bad_yaml, bad_push, bad_urdf, bad_robot)
 
 
 @pytest.mark.parametrize("seed", range(NUMBER))
@@ -190,19 +114,14 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
     def accept(*args):
         raise AssertionError("accepted")
 
-    for module in (command_line, envelope, benchmark):
-        for name in ("advance", "measure", "_run"):
-            if hasattr(module, name):
-                monkeypatch.setattr(module, name, accept)
+    monkeypatch.setattr(command_line, "advance", accept)
     monkeypatch.chdir(tmp_path)
     rng = random.Random(seed)
-    script, argv = MAKERS[seed % len(MAKERS)](rng, tmp_path)
-    if script in (push, simulate):
-        argv = ["--no-meshcat", *argv]
-        if "--plant" not in str(argv) and seed % 2:
-            argv = ["--plant", "lipm", *argv]
+    argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
+    if seed % 2:
+        argv += ["--plant", "lipm"]
     began = time.monotonic()
-    outcome = run_script(script, argv, capsys)
+    outcome = run_script(push, argv, capsys)
     assert time.monotonic() - began < 60.0
     assert outcome.code == 2, (argv, outcome)
     assert len(outcome.err) == 1, (argv, outcome)
