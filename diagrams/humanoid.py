@@ -29,9 +29,10 @@ from nadia_balance.diagrams.signal_log import (
     region_logs,
 )
 from nadia_balance.diagrams.terrain import check_start, foot_beside
+from nadia_balance.ground_geometry import scale_friction
 from nadia_balance.results.scene import add_robot_view
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot import actuated_velocities, load_robot, scale_friction
+from nadia_balance.robot import actuated_velocities, load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
@@ -103,7 +104,7 @@ class HumanoidDiagram(Diagram):
         start = scenario.start(scenario.point_mass(self.robot))
         # The controller's friction coefficient: a margin below the ground's.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * self.robot.whole_body.friction
+        friction = slip * self.robot.whole_body(params.whole_body).friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
         self._standing = self.robot.standing_positions(scenario.gait.step_width)

@@ -1,5 +1,6 @@
 """The balance controller: from a robot's state to its joint torques."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -11,6 +12,7 @@ from nadia_balance.capture_point_controller import (
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.whole_body_tasks import Task
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from nadia_balance.systems.friction_estimator import FrictionEstimator
@@ -80,14 +82,16 @@ class BalanceController(Diagram):
         start: WalkingState | None = None,
         ground: Ground | None = None,
         delay: float = 0.0,
+        tasks: Iterable[Task] = (),
         **blocks: System | None,
     ):
         """Begins with the walking state `start`, by default standing.
 
         `ground` is the controller's model of the ground, None: flat; `delay`
-        [s] that of the measurements, a multiple of the period.  `blocks`
-        replace blocks of the table and of the CapturePointController by name;
-        None leaves one out.
+        [s] that of the measurements, a multiple of the period; `tasks` are
+        added to those of the whole-body QP.  `blocks` replace blocks of the
+        table and of the CapturePointController by name; None leaves
+        one out.
 
         Raises:
             ValueError: as CapturePointController.
@@ -95,6 +99,7 @@ class BalanceController(Diagram):
         super().__init__()
         check(params)
         period = params.control_period
+        whole_body = robot.whole_body(params.whole_body)
         model = replace(robot.point_mass, ground=ground)
         lead = 0.0
         if robot.drives is not None:  # each torque is held for a period
@@ -109,7 +114,7 @@ class BalanceController(Diagram):
                 ("predicted_state",),
             ),
             "centroidal_estimator": Role(
-                lambda: CentroidalEstimator(robot),
+                lambda: CentroidalEstimator(robot, whole_body.avoidance),
                 ("com_state", "icp", "foot_poses"),
             ),
             "capture_point_controller": Role(
@@ -125,12 +130,12 @@ class BalanceController(Diagram):
                 ("swing_foot_reference",),
             ),
             "friction_estimator": Role(
-                lambda: FrictionEstimator(robot.whole_body, robot.mass, period),
+                lambda: FrictionEstimator(whole_body, model, period),
                 ("friction",),
             ),
             "whole_body_inverse_dynamics": Role(
                 lambda: WholeBodyInverseDynamics(
-                    robot.whole_body, robot, period
+                    whole_body, robot, period, tasks
                 ),
                 ("actuation",),
             ),

@@ -16,6 +16,7 @@ from nadia_balance.core.swing_foot import SwingFootParams
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import WalkingStateMachineParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -30,7 +31,11 @@ from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 
 @dataclass(kw_only=True)
 class ControllerParams:
-    """The parameters of every algorithm; the robot's own are in robot.yaml."""
+    """The parameters of every algorithm.
+
+    A robot.yaml may override those of `whole_body` (see
+    `RobotModel.whole_body`).
+    """
 
     control_period: float = bounded(
         0.004, least=0.0005, most=0.02, unit="s", of=""
@@ -53,6 +58,7 @@ class ControllerParams:
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
     swing_foot: SwingFootParams = field(default_factory=SwingFootParams)
+    whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     def validate_more(self) -> None:
         """Raises ValueError if the QP moves more steps than are planned."""

@@ -5,11 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.math import RotationMatrix
-from pydrake.multibody.inverse_kinematics import (
-    ComPositionConstraint,
-    InverseKinematics,
-)
-from pydrake.solvers import SnoptSolver
 
 from nadia_balance.core.com_height import ComHeightParams, height_limit
 from nadia_balance.core.reachability import (
@@ -18,6 +13,7 @@ from nadia_balance.core.reachability import (
     step_regions,
 )
 from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.inverse_kinematics import StandingKinematics
 from nadia_balance.robot import RobotModel
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
@@ -39,40 +35,24 @@ def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
     limit = height_limit(FootPose(), other, params, model.legs)
     lowest = params.min_height_ratio * model.com_height
     height = min(max(limit, lowest), model.com_height)
+    feet = np.array([foothold, [0.0, 0.0]])  # left, right
+    names = [robot.foot_bodies[side] for side in Side]
+    soles = [robot.X_FootSole[side].translation() for side in Side]
     plant = robot.control_plant()
-    ik = InverseKinematics(plant)
-    prog, q, world = ik.prog(), ik.q(), plant.world_frame()
-    free = np.inf
-    for side, (x, y) in ((Side.RIGHT, (0.0, 0.0)), (Side.LEFT, foothold)):
-        foot = plant.GetFrameByName(robot.foot_bodies[side])
-        # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
-        for p_S, low, high in (
-            ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
-            ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
-            ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-        ):
-            p_F = robot.X_FootSole[side] @ p_S
-            ik.AddPositionConstraint(foot, p_F, world, low, high)
-    pelvis, upright = plant.GetFrameByName(robot.pelvis_body), RotationMatrix()
-    ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
-    com = prog.NewContinuousVariables(3)
-    feet = np.array([[0.0, 0.0], foothold])
-    prog.AddBoundingBoxConstraint(
+    ik = StandingKinematics(
+        plant,
+        dict(zip(names, soles, strict=True)),
+        dict(zip(names, feet, strict=True)),
         [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
         [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
-        com,
     )
-    prog.AddConstraint(
-        ComPositionConstraint(plant, None, world, ik.get_mutable_context()),
-        [*q, *com],
-    )
-    guess = robot.standing_positions()
-    guess[4:6] = 0.5 * foothold
+    pelvis, upright = plant.GetFrameByName(robot.pelvis_body), RotationMatrix()
+    world = plant.world_frame()
+    ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
+    guess, middle = robot.standing_positions(), 0.5 * foothold
+    guess[4:6] = middle
     guess[6] += height - model.com_height
-    prog.AddQuadraticErrorCost(0.01 * np.eye(len(q)), guess, q)
-    prog.SetInitialGuess(q, guess)
-    prog.SetInitialGuess(com, [*(0.5 * foothold), height])
-    return bool(SnoptSolver().Solve(prog).is_success())
+    return ik.nearest(guess, [*middle, height], weight=0.01) is not None
 
 
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:

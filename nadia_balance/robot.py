@@ -1,66 +1,49 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
-import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
-    Convex,
     GeometrySet,
-    RoleAssign,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.inverse_kinematics import (
-    ComPositionConstraint,
-    InverseKinematics,
-)
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     AddMultibodyPlantSceneGraph,
     ContactResults,
-    CoulombFriction,
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.solvers import SnoptSolver
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-import nadia_balance
-from nadia_balance import palette
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.ground_geometry import add_ground, default_plant_config
+from nadia_balance.inverse_kinematics import StandingKinematics
 from nadia_balance.robot_checks import (
     check_plant,
-    check_sizes,
     check_standing,
-    check_urdf,
-    effort_limits,
     improper_contacts,
     remarks_on,
 )
-from nadia_balance.robot_params import RobotParams, idealised
-from nadia_balance.typed_yaml import load_tree, load_typed
-
-# The folder `models` of a checkout or an installation.  `import models` would
-# also find a user's folder of that name.
-MODELS = next(
-    folder
-    for path in nadia_balance.__path__
-    if (folder := Path(path) / "models").is_dir()
+from nadia_balance.robot_measures import with_lengths
+from nadia_balance.robot_params import (
+    MODELS,
+    RobotParams,
+    idealised,
+    overridden,
 )
-
-
-_ROUGH = CoulombFriction(0.8, 0.8)  # as in flat.urdf
-_DEPTH = 0.5  # depth of the ground below its lowest point [m]
+from nadia_balance.typed_yaml import load_tree, load_typed
+from nadia_balance.urdf import add_urdf, check_urdf, naming
 
 # realistic: limits of a real robot.  ideal: any torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
@@ -75,16 +58,14 @@ class RobotModel:
     """
 
     def __init__(self, params: RobotParams, urdf: Path):
-        """Checks `params` against `urdf`.
+        """Takes `params` and `urdf` of `load_robot_params`.
 
         Raises:
-            ValueError: `urdf` lacks a part, or the robot cannot stand with
-                these parameters; names the field, its value and what is
-                allowed.
+            ValueError: the robot cannot stand with these parameters; names the
+                field, its value and what is allowed.
         """
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
-        self.whole_body = params.whole_body
         self.drives = params.drives
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
@@ -96,17 +77,9 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        with self._naming_the_urdf():
-            check_urdf(urdf)
-        # A plant with shapes; the controller's plant has none.
-        _, shaped, scene_graph = self.control_diagram()
-        plant = self.control_plant()
-        check_plant(plant, params)
-        with self._naming_the_urdf():
-            self.remarks = remarks_on(shaped, set(feet))
-        check_sizes(shaped, scene_graph.model_inspector(), params)
-        standing = self.standing_positions()
-        with self._naming_the_urdf():
+        plant, standing = self.control_plant(), self.standing_positions()
+        self.remarks = remarks_on(self.control_diagram()[1], set(feet))
+        with naming(f"urdf = {urdf}"):
             check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
 
     @cached_property
@@ -117,8 +90,13 @@ class RobotModel:
 
     @cached_property
     def max_joint_speeds(self) -> np.ndarray:
-        """Speed limits (nj,) [rad/s] of the joints, in the order of v."""
+        """Speed limits (nj,) [rad/s] of the joints, in the order of v.
+
+        Ideal drives have none: inf.
+        """
         speeds = self.control_plant().GetVelocityUpperLimits()[6:]
+        if self.drives is None:
+            return np.full(speeds.size, np.inf)
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
         )
@@ -136,19 +114,26 @@ class RobotModel:
             detour=self.params.swing_detour,
         )
 
+    def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
+        """Returns `params` with the values that are this robot's own.
+
+        They are those of its robot.yaml that are not Nadia's, scaled.
+
+        Raises:
+            ValueError: values contradict each other.
+        """
+        usual = scaled(WholeBodyQpParams(), self.params.size)
+        params = overridden(params, self.params.whole_body, usual)
+        check(params, "whole_body")
+        return params
+
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the robot to a `plant` that is not finalized yet.
 
         Raises:
-            ValueError: the URDF is malformed; Drake's warnings count as
-                errors, because Drake then substitutes values of its own.
+            ValueError: the URDF is malformed (see `add_urdf`).
         """
-        parser = Parser(plant)
-        parser.SetStrictParsing()
-        with self._naming_the_urdf():
-            instance = parser.AddModels(str(self.urdf))[0]
-            _add_actuators(plant, instance, effort_limits(self.urdf))
-        return instance
+        return add_urdf(plant, self.urdf)
 
     def add_plant_to(
         self,
@@ -176,7 +161,7 @@ class RobotModel:
         self.add_to(plant)
         add_ground(plant, ground)
         plant.Finalize()
-        if self.drives is None:
+        if not self.params.self_collisions:
             self._let_pass(plant, scene_graph)
         plant.SetDefaultPositions(self.standing_positions())
 
@@ -217,18 +202,12 @@ class RobotModel:
         """A plant of the robot alone, without geometry, finalized."""
         plant = MultibodyPlant(0.001)
         self.add_to(plant)
-        with self._naming_the_urdf():
-            plant.Finalize()
+        plant.Finalize()
         return plant
 
     def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
         """A diagram of a plant of the robot alone and its SceneGraph."""
-        builder = DiagramBuilder()
-        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
-        self.add_to(plant)
-        with self._naming_the_urdf():
-            plant.Finalize()
-        return builder.Build(), plant, scene_graph
+        return _shaped(self.urdf)
 
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: ContactResults
@@ -251,73 +230,37 @@ class RobotModel:
         width = self.params.step_width if step_width is None else step_width
         if not 0.0 < width < np.inf:
             raise ValueError(f"step_width = {width}: must be > 0 m")
-        plant = self.control_plant()
-        ik = InverseKinematics(plant)
-        prog, q, world = ik.prog(), ik.q(), plant.world_frame()
-        free = np.inf
-        for side in Side:
-            foot = plant.GetFrameByName(self.foot_bodies[side])
-            y = 0.5 * side.sign * width
-            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
-            for p_S, low, high in (
-                ([0.0, 0.0, 0.0], [0.0, y, 0.0], [0.0, y, 0.0]),
-                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
-                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-            ):
-                p_F = self.X_FootSole[side] @ p_S
-                ik.AddPositionConstraint(foot, p_F, world, low, high)
-        upright, over_origin = [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, self.com_height]
-        prog.AddBoundingBoxConstraint(upright, upright, q[:4])
-        com = prog.NewContinuousVariables(3, "com")
-        prog.AddBoundingBoxConstraint(over_origin, over_origin, com)
-        prog.AddConstraint(
-            ComPositionConstraint(plant, None, world, ik.get_mutable_context()),
-            [*q, *com],
-        )
+        plant, com = self.control_plant(), [0.0, 0.0, self.com_height]
+        soles, places = {}, {}
+        for side, foot in self.foot_bodies.items():
+            soles[foot] = self.X_FootSole[side].translation()
+            places[foot] = 0.0, 0.5 * side.sign * width
+        ik = StandingKinematics(plant, soles, places, com, com)
+        upright = [1.0, 0.0, 0.0, 0.0]
+        ik.prog().AddBoundingBoxConstraint(upright, upright, ik.q()[:4])
         nominal = np.zeros(plant.num_positions())
         nominal[0], nominal[6] = 1.0, self.com_height
         for joint, angle in self.posture.items():
             nominal[plant.GetJointByName(joint).position_start()] = angle
-        prog.AddQuadraticErrorCost(np.eye(len(q)), nominal, q)
-        prog.SetInitialGuess(q, nominal)
-        prog.SetInitialGuess(com, over_origin)
-        result = SnoptSolver().Solve(prog)
-        if not result.is_success():
-            legs = self.params.legs
-            highest = legs.length + legs.ankle_height + legs.com_above_hip
-            raise ValueError(
-                f"step_width = {width}, com_height = {self.com_height}: must "
-                f"be within reach of the legs of {self.name}, in m; with "
-                f"straight ones, the CoM is {highest:.3f} m high"
-            )
-        return result.GetSolution(q)
-
-    @contextlib.contextmanager
-    def _naming_the_urdf(self) -> Iterator[None]:
-        """Turns errors of its block into a ValueError that names the URDF."""
-        try:
-            yield
-        # SystemExit is how pydrake reports a condition of Drake's own code.
-        except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
-            reason = " ".join(str(error).split())
-            raise ValueError(f"urdf = {self.urdf}: {reason}") from error
+        if (q := ik.nearest(nominal, com)) is not None:
+            return q
+        legs = self.params.legs
+        highest = legs.length + legs.ankle_height + legs.com_above_hip
+        raise ValueError(
+            f"step_width = {width}, com_height = {self.com_height}: must "
+            f"be within reach of the legs of {self.name}, in m; with "
+            f"straight ones, the CoM is {highest:.3f} m high"
+        )
 
 
-def _add_actuators(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    effort_limits: dict[str, float],
-) -> None:
-    """Adds actuators to joints for which the URDF has no <transmission>."""
-    # All actuators: those of an instance are known only once it is finalized.
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    driven = [actuator.joint().index() for actuator in actuators]
-    if len(set(driven)) < len(driven):
-        raise ValueError("a joint must not have two <transmission>s")
-    for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
-        limit = effort_limits.get(joint.name())
-        if limit and joint.num_positions() and joint.index() not in driven:
-            plant.AddJointActuator(joint.name(), joint, limit)
+def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+    """A diagram of a plant of the robot in `urdf` alone and its SceneGraph."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    add_urdf(plant, urdf)
+    with naming(f"urdf = {urdf}"):
+        plant.Finalize()
+    return builder.Build(), plant, scene_graph
 
 
 def robot_names() -> list[str]:
@@ -346,10 +289,11 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
 def load_robot_params(name: str) -> tuple[RobotParams, Path]:
     """Returns the parameters of a robot.yaml, and the path of its URDF.
 
-    Parameters that it does not give are Nadia's, scaled to its `size`.
+    Lengths that it does not give are those of the URDF, other parameters are
+    Nadia's, scaled to its `size`.
 
     Raises:
-        ValueError, FileNotFoundError: as load_robot, but the URDF is not read.
+        ValueError, FileNotFoundError: as load_robot.
     """
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():
@@ -362,69 +306,29 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
     if not path.is_file():
         raise FileNotFoundError(f"{what}: no such file")
     params = load_typed(RobotParams, what, filename=path)
-    try:
-        check(params)
-    except ValueError as error:
-        raise ValueError(f"{what}: {error}") from None
+    given = load_tree(path.read_text(encoding="utf-8"))
     urdf = path.parent / params.urdf
+    with naming(what):
+        params.validate_more()
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    given = load_tree(path.read_text(encoding="utf-8"))
+    params = _measured(params, given, urdf)
+    with naming(what):
+        check(params)
     return scaled(params, params.size, given), urdf
+
+
+def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
+    """Returns `params` with lengths of the URDF, checked but for numbers."""
+    with naming(f"urdf = {urdf}"):
+        check_urdf(urdf)
+    _, plant, scene_graph = _shaped(urdf)
+    check_plant(plant, params)
+    with naming(f"urdf = {urdf}"):
+        return with_lengths(params, given, plant, scene_graph.model_inspector())
 
 
 def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
     """Index (nu,) in v of `plant` of each actuator's joint."""
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     return np.array([a.joint().velocity_start() for a in actuators])
-
-
-def default_plant_config() -> MultibodyPlantConfig:
-    """Point contact at 1 kHz: the fastest that is accurate enough."""
-    return MultibodyPlantConfig(
-        time_step=0.001,
-        contact_model="point",
-        discrete_contact_approximation="sap",
-        use_sampled_output_ports=False,
-    )
-
-
-def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
-    """Adds the ground to a `plant` that is not finalized yet.
-
-    The ground is flat, z = 0, unless `ground` is uneven: then each of its
-    regions is the visible top of a rigid prism with the same friction.
-    """
-    if ground is None or ground.is_level:
-        Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
-        return
-    tops = [
-        np.column_stack([r.polygon, r.heights(r.polygon)])
-        for r in ground.regions
-    ]
-    bottom = min(top[:, 2].min() for top in tops) - _DEPTH
-    for i, top in enumerate(tops):
-        below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
-        shape = Convex(np.vstack([top, below]).T, name := f"region {i}")
-        where = plant.world_body(), RigidTransform(), shape, name
-        plant.RegisterCollisionGeometry(*where, _ROUGH)
-        plant.RegisterVisualGeometry(*where, palette.rgba(palette.GROUND).rgba)
-
-
-def scale_friction(
-    plant: MultibodyPlant, scene_graph: SceneGraph, ratio: float
-) -> None:
-    """Multiplies all friction coefficients in a finalized `plant`."""
-    inspector = scene_graph.model_inspector()
-    for i in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(i))
-        for shape in plant.GetCollisionGeometriesForBody(body):
-            properties = inspector.GetProximityProperties(shape)
-            mu = properties.GetProperty("material", "coulomb_friction")
-            scaled_mu = CoulombFriction(
-                ratio * mu.static_friction(), ratio * mu.dynamic_friction()
-            )
-            properties.UpdateProperty("material", "coulomb_friction", scaled_mu)
-            scene_graph.AssignRole(
-                plant.get_source_id(), shape, properties, RoleAssign.kReplace
-            )

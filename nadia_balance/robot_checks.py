@@ -1,13 +1,9 @@
-"""Checks of a robot's URDF and robot.yaml, and of contacts."""
+"""Checks of a robot's plant against robot.yaml, and of its contacts."""
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
-from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -16,70 +12,14 @@ from pydrake.multibody.tree import (
     ModelInstanceIndex,
     world_index,
 )
-from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
-
-_JOINTS = ("revolute", "continuous", "fixed")
-_PITCH = 0.75  # least |y| of a pitch axis; also of slanted hips [-]
-
-
-def check_urdf(urdf: Path) -> None:
-    """Checks values that Drake accepts unchecked, or for which it aborts.
-
-    Raises:
-        ValueError: a value is out of range.
-        SyntaxError: `urdf` is no XML.
-    """
-    root = ElementTree.parse(urdf).getroot()
-    for link in root.iter("link"):
-        for mass in link.iter("mass"):
-            _positive(f"mass of {link.get('name')}", mass.get("value"), "kg")
-    for joint in root.findall("joint"):
-        name, kind = joint.get("name"), joint.get("type", "")
-        _require(
-            kind in _JOINTS and joint.find("mimic") is None,
-            f"joint {name}: must be one of {', '.join(_JOINTS)}, and no mimic "
-            f"(nadia-new-robot welds others); it is {kind}",
-        )
-        for limit in joint.iter("limit"):
-            velocity = limit.get("velocity", "1")
-            _positive(f"velocity limit of {name}", velocity, "rad/s")
-            low, high = limit.get("lower", "0"), limit.get("upper", "0")
-            _require(
-                not _number(low) > _number(high),
-                f"lower limit of {name} = {low}: must be <= its upper limit = "
-                f"{high}",
-            )
-
-
-def effort_limits(urdf: Path) -> dict[str, float]:
-    """The effort limit of each joint of a checked `urdf` that has one."""
-    limits = {
-        joint.get("name", ""): _number(limit.get("effort"))
-        for joint in ElementTree.parse(urdf).getroot().findall("joint")
-        for limit in joint.findall("limit")
-    }
-    return {name: effort for name, effort in limits.items() if effort > 0.0}
 
 
 def _require(fulfilled: bool, message: str) -> None:
     if not fulfilled:
         raise ValueError(message)
-
-
-def _number(text: str | None) -> float:
-    """The number in `text`; NaN if it is none, which Drake reports itself."""
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return math.nan
-
-
-def _positive(what: str, text: str | None, unit: str) -> None:
-    positive = 0.0 < _number(text) < math.inf
-    _require(positive, f"{what} = {text}: must be a number > 0 {unit}")
 
 
 def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
@@ -152,20 +92,13 @@ def _check_drives(
 
 
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
-    """Warnings about legal but suspicious settings of a plant with shapes.
-
-    Raises:
-        ValueError: a foot has no collision shape.
-    """
+    """Warnings about legal but suspicious settings of a plant with shapes."""
+    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
     shaped = {
         body.name()
-        for body in map(
-            plant.get_body, map(BodyIndex, range(plant.num_bodies()))
-        )
+        for body in bodies
         if plant.GetCollisionGeometriesForBody(body)
     }
-    for foot in sorted(feet):
-        _require(foot in shaped, f"foot {foot}: must have a collision shape")
     remarks = []
     if shaped == feet:
         remarks.append(
@@ -217,140 +150,6 @@ def check_standing(
             f"effort limit of {joint.name()} = {limit:g}: must be >= "
             f"{needed:.0f} N m, for the robot to stand",
         )
-
-
-# Tolerances between robot.yaml and URDF: soles [m]; legs and CoM [leg length].
-_SOLE_OFF, _LEG_OFF, _COM_OFF = 0.01, 0.03, 0.05
-
-
-def check_sizes(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    params: RobotParams,
-) -> None:
-    """Raises ValueError if sizes in `params` differ from the URDF.
-
-    Soles are compared with the collision shapes of either foot, legs with
-    their pitch axes if they have three.  `plant` contains only the robot, with
-    the shapes in `inspector`.
-    """
-    context = plant.CreateDefaultContext()
-    legs = {
-        foot: _leg(plant, context, foot)
-        for foot in (params.left_foot_body, params.right_foot_body)
-    }
-    unit = params.size.leg
-    for foot, leg in legs.items():
-        _check_sole(plant, inspector, params, foot)
-        if len(leg) == 3:
-            hip, knee, ankle = leg
-            unit = _apart(hip, knee) + _apart(knee, ankle)
-            _require_near(
-                "legs.length", params.legs.length, unit, _LEG_OFF * unit
-            )
-            p_WF = plant.GetBodyByName(foot).EvalPoseInWorld(context)
-            height = ankle[2] - p_WF.translation()[2] - params.sole.z
-            _require_near(
-                "legs.ankle_height",
-                params.legs.ankle_height,
-                height,
-                _LEG_OFF * unit,
-            )
-    left, right = (
-        plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()
-        for foot in legs
-    )
-    _require_near(
-        "legs.hip_width",
-        params.legs.hip_width,
-        left[1] - right[1],
-        2.0 * _LEG_OFF * unit,
-    )
-    for joint, angle in params.posture.items():
-        plant.GetJointByName(joint).set_angle(context, angle)
-    posed = [_leg(plant, context, foot) for foot in legs]
-    hips = [leg[0] for leg in posed if len(leg) == 3]
-    if not hips:  # oblique hip axes, as some robots have
-        return
-    com = plant.CalcCenterOfMassPositionInWorld(context)[2]
-    _require_near(
-        "legs.com_above_hip",
-        params.legs.com_above_hip,
-        com - float(np.mean([hip[2] for hip in hips])),
-        _COM_OFF * unit,
-    )
-
-
-def _require_near(field: str, value: float, urdf: float, off: float) -> None:
-    _require(
-        abs(value - urdf) <= off,
-        f"{field} = {value}: must be {urdf:.3f} m as in the URDF, to within "
-        f"{off:.3f} m",
-    )
-
-
-def _apart(a: np.ndarray, b: np.ndarray) -> float:
-    """Distance [m] of two pitch axes in the sagittal plane."""
-    return math.hypot(a[0] - b[0], a[2] - b[2])
-
-
-def _leg(
-    plant: MultibodyPlant, context: Context, foot: str
-) -> list[np.ndarray]:
-    """Positions (3,) [m] in W of the joints about y, from hip to `foot`."""
-    joints = map(plant.get_joint, plant.GetJointIndices())
-    above = {joint.child_body().name(): joint for joint in joints}
-    found, link = [], foot
-    while (joint := above.get(link)) and joint.num_positions() < 2:
-        X_WJ = joint.frame_on_child().CalcPoseInWorld(context)
-        if joint.num_positions() == 1 and joint.type_name() == "revolute":
-            axis = X_WJ.rotation() @ joint.revolute_axis()
-            if abs(axis[1]) > _PITCH:
-                found.append(X_WJ.translation())
-        link = joint.parent_body().name()
-    return found[::-1]
-
-
-def _check_sole(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    params: RobotParams,
-    foot: str,
-) -> None:
-    corners, off = [], _SOLE_OFF
-    for shape in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot)):
-        box = inspector.GetObbInGeometryFrame(shape)
-        if box is None:  # a half space
-            continue
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        X_FB = inspector.GetPoseInFrame(shape) @ box.pose()
-        corners.append(X_FB @ (signs * box.half_width()).T)
-    _require(
-        bool(corners),
-        f"urdf = {params.urdf}: {foot} must have collision shapes",
-    )
-    points = np.hstack(corners)
-    low, high = points.min(axis=1), points.max(axis=1)
-    sole, of = params.sole, f"m, where the shapes of {foot} end"
-    _require(
-        sole.x_min >= low[0] - off,
-        f"sole.x_min = {sole.x_min}: must be >= {low[0]:.3f} {of}",
-    )
-    _require(
-        sole.x_max <= high[0] + off,
-        f"sole.x_max = {sole.x_max}: must be <= {high[0]:.3f} {of}",
-    )
-    half_width = min(-low[1], high[1])
-    _require(
-        sole.half_width <= half_width + off,
-        f"sole.half_width = {sole.half_width}: must be <= {half_width:.3f} "
-        f"{of}",
-    )
-    _require(
-        abs(sole.z - low[2]) <= off,
-        f"sole.z = {sole.z}: must be {low[2]:.3f} m, the lowest of "
-        f"the shapes of {foot}, to within {off:.3f} m",
-    )
 
 
 def improper_contacts(

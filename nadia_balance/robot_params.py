@@ -1,15 +1,28 @@
 """The fields of robot.yaml: the parameters of a robot."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
+from pathlib import Path
+from typing import TypeVar
 
+import nadia_balance
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.model import LegGeometry
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.size import Size
 from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+
+T = TypeVar("T")
+
+# The folder `models` of a checkout or an installation.  `import models` would
+# also find a user's folder of that name.
+MODELS = next(
+    folder
+    for path in nadia_balance.__path__
+    if (folder := Path(path) / "models").is_dir()
+)
 
 
 @dataclass(kw_only=True)
@@ -18,7 +31,7 @@ class SoleParams:
 
     x_min: float = 0.0  # heel [m]
     x_max: float = 0.0  # toe [m]
-    half_width: float = bounded(0.0, above=0.0, unit="m")
+    half_width: float = bounded(0.0, above=0.0, unit="m", of="")
     z: float = 0.0  # [m]
 
     def validate_more(self) -> None:
@@ -41,7 +54,7 @@ class RobotParams:
     right_foot_body: str = ""
     sole: SoleParams = field(default_factory=SoleParams)
     # Height of the CoM above the soles, standing [m].
-    com_height: float = bounded(0.0, above=0.0, unit="m")
+    com_height: float = bounded(0.0, above=0.0, unit="m", of="")
     # Distance between the sole centres, standing [m].
     step_width: float = bounded(0.0, above=0.0, unit="m")
     posture: dict[str, float] = field(default_factory=dict)  # [rad]
@@ -54,6 +67,9 @@ class RobotParams:
     )
     # Null: ideal drives, with any torque at any speed, without lag.
     drives: JointDriveParams | None = field(default_factory=JointDriveParams)
+    # False: the robot's links pass through each other, but for its legs.
+    self_collisions: bool = True
+    # The robot's own values of the controller's parameters of that name.
     whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
 
     @property
@@ -74,11 +90,15 @@ class RobotParams:
 
 
 def idealised(params: RobotParams) -> RobotParams:
-    """The same robot with ideal drives and no limits on feet and loading."""
+    """The same robot with ideal drives and no limits on feet and loading.
+
+    Its arms pass through the rest of it.
+    """
     inf = math.inf
     return replace(
         params,
         drives=None,
+        self_collisions=False,
         swing_detour=replace(
             params.swing_detour,
             max_speed=inf,
@@ -86,5 +106,17 @@ def idealised(params: RobotParams) -> RobotParams:
             max_braking=inf,
             settling=0.0,
         ),
-        whole_body=replace(params.whole_body, loading_time=0.0),
+        whole_body=replace(params.whole_body, loading_time=0.0, avoidance=None),
     )
+
+
+def overridden(params: T, own: T, usual: T) -> T:
+    """Returns the dataclass `params` with the values of `own` not `usual`."""
+    values = {}
+    for name in vars(params):
+        parts = [getattr(each, name) for each in (params, own, usual)]
+        if all(map(is_dataclass, parts)):
+            values[name] = overridden(*parts)
+        elif parts[1] != parts[2]:
+            values[name] = parts[1]
+    return replace(params, **values)

@@ -14,6 +14,7 @@ from nadia_balance.core.whole_body_command import (
     WholeBodyModel,
     WholeBodyTerms,
 )
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.robot import RobotModel
 
 SIDES = (Side.LEFT, Side.RIGHT)
@@ -88,7 +89,7 @@ class WholeBodyKinematics:
             velocities=velocities,
             rotations=poses[:, :, :3],
             sole_positions=poses[:2, :, 3],
-            positions=state[7 : -v.size],
+            q=state[: -v.size],
             v=v,
             com_state=_com_state(state[4:7], rows, velocities),
         )
@@ -131,12 +132,11 @@ def _com_state(p_WB, rows, velocities) -> np.ndarray:
 
 
 def whole_body_model(
-    robot: RobotModel,
-    plant: MultibodyPlant,
-    joint_lower_limits: dict[str, float],
-    joint_upper_limits: dict[str, float],
+    robot: RobotModel, plant: MultibodyPlant, params: WholeBodyQpParams
 ) -> WholeBodyModel:
     """Returns the constants of `robot`, joints in the order of velocities.
+
+    Position limits are the tighter ones of `plant` and `params`.
 
     Raises:
         ValueError: a named joint does not exist.
@@ -147,10 +147,10 @@ def whole_body_model(
     posture = np.zeros(n)
     for joint, value in robot.posture.items():
         posture[_joint_index(plant, joint)] = value
-    for joint, value in joint_lower_limits.items():
+    for joint, value in params.joint_lower_limits.items():
         index = _joint_index(plant, joint)
         lower[index] = max(lower[index], value)
-    for joint, value in joint_upper_limits.items():
+    for joint, value in params.joint_upper_limits.items():
         index = _joint_index(plant, joint)
         upper[index] = min(upper[index], value)
     effort = np.zeros(n)
@@ -178,9 +178,9 @@ def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
     for body in robot.foot_bodies.values():
         J = plant.CalcJacobianSpatialVelocity(
             context,
-            JacobianWrtVariable.kV,
+            _V,
             plant.GetFrameByName(body),
-            np.zeros(3),
+            _ORIGIN,
             world,
             world,
         )

@@ -30,11 +30,11 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
+from nadia_balance.collision_avoidance import CollisionAvoidance
 from nadia_balance.core.qp import DenseQp
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
-from nadia_balance.link_distances import LinkDistances
 from nadia_balance.results.summary import versions
 from nadia_balance.robot import load_robot
 from nadia_balance.scripts import command_line
@@ -47,7 +47,7 @@ SMALL = 10  # QPs with more variables are those of the whole body
 # Methods that are timed inside of a tick, and which calls count.
 PARTS = {
     "whole_body_qp_program": (DenseQp, "solve", lambda _, p: p.g.size > SMALL),
-    "link_distances": (LinkDistances, "calc", lambda *_: True),
+    "link_distances": (CollisionAvoidance, "calc", lambda *_: True),
 }
 FLAGS = {
     "scenario_name": {"default": "walk_in_place", "help": "one of the package"},

@@ -1,11 +1,12 @@
 """Nadia, scaled: the same shape and density, in gravity as it is."""
 
+from dataclasses import asdict
 from pathlib import Path
 from xml.etree import ElementTree
 
 import yaml
 
-from nadia_balance.robot import MODELS
+from nadia_balance.robot import MODELS, load_robot_params
 
 _DRAKE = "http://drake.mit.edu"
 ElementTree.register_namespace("drake", _DRAKE)  # Drake knows this prefix
@@ -26,7 +27,7 @@ _POWERS = {
     ("limit", "velocity"): -0.5,
     (f"{{{_DRAKE}}}rotor_inertia", "value"): 5,
 }
-# Fields of robot.yaml that are lengths, or have them; all others are kept.
+# Fields of robot.yaml that are lengths, or have them.
 _LENGTHS = ("sole", "legs", "com_height", "step_width")
 
 
@@ -41,11 +42,9 @@ def scaled_nadia(ratio: float, folder: Path) -> Path:
                 element.set(field, " ".join(map(repr, numbers)))
     tree.write(folder / "nadia.urdf")
     robot = yaml.safe_load((source / "robot.yaml").read_text("utf-8"))
-    robot = {
-        name: _times(value, ratio) if name in _LENGTHS else value
-        for name, value in robot.items()
-        if name not in ("reachability", "swing_detour")
-    }
+    del robot["reachability"]
+    known = asdict(load_robot_params("nadia")[0])
+    robot |= {name: _times(known[name], ratio) for name in _LENGTHS}
     file = folder / "robot.yaml"
     file.write_text(yaml.safe_dump(robot), encoding="utf-8")
     return file

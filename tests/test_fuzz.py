@@ -1,7 +1,7 @@
 """Bad input at random: one line, exit code 2, and nothing is simulated.
 
 Every input is bad by its making, which is the oracle.  BAD_INPUTS in the
-environment says how many are tried; by default a small part of 300.
+environment says how many are tried.
 """
 
 import dataclasses
@@ -20,34 +20,11 @@ import pytest
 
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot import MODELS
-from nadia_balance.scripts import (
-    benchmark,
-    command_line,
-    envelope,
-    push,
-    simulate,
-)
-from nadia_balance.scripts.envelope_sweep.rows import DATABASE, opened
-from tests.scripts.envelope_sweep.test_rows import IDENTITY, ROWS
+from nadia_balance.scripts import command_line, push
 from tests.scripts.running import environment, run_script
 
-NUMBER = int(os.environ.get("BAD_INPUTS", "40"))
+NUMBER = int(os.environ.get("BAD_INPUTS", "16"))
 HUGE = (".nan", "-.inf", "1.0e+12", "-1.0e+12", "[1]", "{a: 1}", "up", "true")
-WORDS = ("nan", "inf", "-1e12", "1e12", "", "up", "\0", "é", "--", "1:30")
-SCRIPTS = {
-    push: "delta-v direction at shape random seed duration realtime-rate port "
-    "robot mechanisms fidelity scenario_name scenario_file plant out",
-    simulate: "seed duration robot scenario_file",
-    envelope: "directions at resolution stride replicas largest workers "
-    "timeout protocol plot-only scenario_name",
-    benchmark: "seconds scenario_name mechanisms",
-}
-# What is not bad for these flags.
-ALLOWED = {
-    "out": {"nan", "inf", "-1e12", "1e12", "up", "é", "1:30"},
-    "direction": {"1e12", "-1e12"},
-    "at": {""},
-}
 
 
 def leaves(params: object, path: str = "") -> Iterator[tuple[str, object]]:
@@ -61,16 +38,6 @@ def leaves(params: object, path: str = "") -> Iterator[tuple[str, object]]:
 
 
 FIELDS = list(leaves(Scenario()))
-
-
-def bad_flag(rng, folder):
-    script = rng.choice(list(SCRIPTS))
-    flag = rng.choice(SCRIPTS[script].split())
-    value = rng.choice([w for w in WORDS if w not in ALLOWED.get(flag, ())])
-    needed = {simulate: ["--scenario_name", "stand"]}.get(script, [])
-    if script is envelope and flag != "plot-only":
-        needed = ["--plant", "lipm", "--quick", "--out", str(folder / "out")]
-    return script, [*needed, f"--{flag}={value}"]
 
 
 def bad_yaml(rng, folder):
@@ -92,7 +59,7 @@ def bad_yaml(rng, folder):
         text = text.replace(name.rpartition(" ")[2], "xyzzy")
     elif damage == 2:
         text = f"{{{text}"
-    return push, ["--scenario_text", text]
+    return ["--scenario_text", text]
 
 
 def bad_push(rng, folder):
@@ -104,7 +71,7 @@ def bad_push(rng, folder):
     words = ("BOGUS", "7", "[]") if name in ("shape", "at", "body") else HUGE
     fields[name] = rng.choice(words)
     text = ", ".join(f"{key}: {value}" for key, value in fields.items())
-    return push, ["--scenario_text", f"pushes: [{{{text}}}]"]
+    return ["--scenario_text", f"pushes: [{{{text}}}]"]
 
 
 def bad_urdf(rng, folder):
@@ -120,7 +87,7 @@ def bad_urdf(rng, folder):
         bad = rng.choice(["nan", "-5", "inf", "up", ""])
         text = text[: spot.start()] + f'{spot[1]}="{bad}"' + text[spot.end() :]
     urdf.write_text(text)
-    return push, ["--robot", str(robot / "robot.yaml")]
+    return ["--robot", str(robot / "robot.yaml")]
 
 
 def bad_robot(rng, folder):
@@ -136,40 +103,10 @@ def bad_robot(rng, folder):
     i = rng.choice(spots)
     lines[i] = f"{lines[i].partition(':')[0]}: {rng.choice(HUGE)}"
     file.write_text("\n".join(lines))
-    return push, ["--robot", str(file)]
+    return ["--robot", str(file)]
 
 
-def bad_rows(rng, folder):
-    """A database of another protocol, of another program, or a torn one."""
-    path, damage = folder / DATABASE, rng.randrange(3)
-    identity = dict(IDENTITY)
-    if damage == 0:
-        identity["protocol"] = rng.choice([-1, 0, 10**9, "up", None])
-    with opened(folder, identity) as rows:
-        rows.add(ROWS[0])
-    whole = path.read_bytes()
-    if damage == 1:
-        path.write_bytes(rng.randbytes(100) + whole[100:])
-    elif damage == 2:
-        path.write_bytes(whole[: rng.randrange(5000)])
-    return envelope, ["--plot-only", str(folder)]
-
-
-def bad_disk(rng, folder):
-    file = folder / "file"
-    file.write_text("")
-    old = folder / "old"
-    old.mkdir()
-    (old / "summary.json").write_text("")
-    loop = folder / "loop"
-    loop.symlink_to(loop)
-    places = [file, old, loop, "/dev/null/x", "/proc/x", "x" * 300, ""]
-    script = rng.choice([push, simulate])
-    argv = ["--scenario_name", "stand"] if script is simulate else []
-    return script, [*argv, "--out", str(rng.choice(places))]
-
-
-MAKERS = (bad_flag, bad_yaml, bad_push, bad_urdf, bad_robot, bad_rows, bad_disk)
+MAKERS = (bad_yaml, bad_push, bad_urdf, bad_robot)
 
 
 @pytest.mark.parametrize("seed", range(NUMBER))
@@ -177,19 +114,14 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
     def accept(*args):
         raise AssertionError("accepted")
 
-    for module in (command_line, envelope, benchmark):
-        for name in ("advance", "measure", "_run"):
-            if hasattr(module, name):
-                monkeypatch.setattr(module, name, accept)
+    monkeypatch.setattr(command_line, "advance", accept)
     monkeypatch.chdir(tmp_path)
     rng = random.Random(seed)
-    script, argv = MAKERS[seed % len(MAKERS)](rng, tmp_path)
-    if script in (push, simulate):
-        argv = ["--no-meshcat", *argv]
-        if "--plant" not in str(argv) and seed % 2:
-            argv = ["--plant", "lipm", *argv]
+    argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
+    if seed % 2:
+        argv += ["--plant", "lipm"]
     began = time.monotonic()
-    outcome = run_script(script, argv, capsys)
+    outcome = run_script(push, argv, capsys)
     assert time.monotonic() - began < 60.0
     assert outcome.code == 2, (argv, outcome)
     assert len(outcome.err) == 1, (argv, outcome)

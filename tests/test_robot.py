@@ -2,21 +2,20 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    CoulombFriction,
-    MultibodyPlant,
-)
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.walking import Side
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.robot import (
     MODELS,
     add_ground,
@@ -80,7 +79,7 @@ def test_standing_is_the_posture():
         assert height == pytest.approx(ROBOT.com_height, abs=1e-3)
 
 
-def test_legs_are_as_long_as_robot_yaml_says():
+def test_legs_are_as_long_as_measured():
     """Oracle: forward kinematics, to 1 mm."""
     plant, context = plant_at()
     com = plant.CalcCenterOfMassPositionInWorld(context)
@@ -107,19 +106,6 @@ def test_legs_are_as_long_as_robot_yaml_says():
     assert max(lengths) == pytest.approx(legs.length, **near)
 
 
-def test_plant_and_controller_get_the_same_robot():
-    """Oracle: the mass matrix, armature included, bit by bit."""
-    plant = MultibodyPlant(0.001)
-    ROBOT.add_to(plant)
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-    q = ROBOT.standing_positions()
-    plant.SetPositions(context, q)
-    own, own_context = plant_at(q)
-    mass_matrix = own.CalcMassMatrix(own_context)
-    assert (plant.CalcMassMatrix(context) == mass_matrix).all()
-
-
 @pytest.mark.parametrize("width", [2.0, np.nan])
 def test_refuses_a_step_width_out_of_reach(width):
     """Oracle: two legs of 0.88 m and 0.26 m between them, all in a line."""
@@ -134,13 +120,6 @@ def test_refuses_an_unknown_name_and_lists_the_known(tmp_path):
         load_robot("adam")
     with pytest.raises(FileNotFoundError, match="robot.yaml: no such file"):
         load_robot(str(tmp_path / "robot.yaml"))
-
-
-def test_refuses_an_unknown_fidelity():
-    """Oracle: the message, by hand."""
-    message = "^fidelity = 'true': must be one of realistic, ideal$"
-    with pytest.raises(ValueError, match=message):
-        load_robot("nadia", "true")
 
 
 @pytest.fixture
@@ -231,114 +210,90 @@ def test_shapes_are_missed(copy):
             assert remark.startswith("only the feet have collision shapes")
 
 
-def test_loads_a_robot_of_ones_own(copy):
-    change(copy / "robot.yaml", "name: nadia", "name: own")
-    own = load_robot(str(copy / "robot.yaml"))
-    assert own.name == "own"
-    assert own.mass == ROBOT.mass
+def test_a_robot_has_parameters_of_its_own(copy):
+    """Oracle: by hand; the scenario's others stay, also in the same group."""
+    change(
+        copy / "robot.yaml",
+        "whole_body:",
+        "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}",
+    )
+    scenario = WholeBodyQpParams(
+        rolling_step=0.5,
+        friction=0.4,
+        avoidance=CollisionAvoidanceParams(clearance=0.01, rate=20.0),
+    )
+    found = load_robot(str(copy / "robot.yaml")).whole_body(scenario)
+    assert found == replace(
+        scenario,
+        rolling_step=0.3,
+        avoidance=CollisionAvoidanceParams(clearance=0.03, rate=20.0),
+        joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
+    )
+    ideal = load_robot("nadia", "ideal")
+    assert ideal.whole_body(scenario).avoidance is None
+    assert ideal.whole_body(scenario).loading_time == 0.0
+    assert np.isinf(ideal.max_joint_speeds).all()
+    with pytest.raises(ValueError, match="whole_body.unloaded_force = 1.0"):
+        ROBOT.whole_body(WholeBodyQpParams(unloaded_force=1.0))
 
 
 @pytest.mark.parametrize(
-    "old, new, message",
+    "old, new, named",
     [
-        ("urdf: nadia.urdf", "urdf: none.urdf", "urdf = .*: no such file"),
-        ("name: nadia", "nam: nadia", "robot.yaml: nam: unknown field"),
-        ("com_height: 0.888", "com_height: .nan", "com_height = nan: must"),
-        ("com_height: 0.888", "com_height: 2.0", "com_height = 2.0: .*reach"),
-        ("name: nadia", "", "robot.yaml: name = '': must not be empty"),
-        ("legs: {", "# {", "legs.length = 0.0: must be > 0 m"),
-        ("max: 0.178", "max: -0.1", "sole.x_max = -0.1: must be > x_min"),
-        ("TORSO_LINK", "TRUNK", "torso_body = 'TRUNK': must be a link"),
-        (
-            "pelvis_body: PELVIS",
-            "pelvis_body: TORSO",
-            "pelvis_body = 'TORSO_LINK': must .*: PELVIS_LINK$",
-        ),
-        (
-            "right_foot_body: RIGHT",
-            "right_foot_body: LEFT",
-            "left_foot_body = .* must be left of right_foot_body",
-        ),
-        (
-            "{LEFT_KNEE_Y: 0.1",
-            "{KNEE: 0.1",
-            "joint_lower_limits.KNEE = 0.1: must be one of the joints",
-        ),
-        (
-            "LEFT_KNEE_Y: 0.552",
-            "LEFT_KNEE_Y: -0.5",
-            r"posture.LEFT_KNEE_Y = -0.5: must be in \[0.0, 2.62\] rad",
-        ),
+        ("urdf: nadia.urdf", "urdf: none.urdf", "urdf"),
+        ("name: nadia", "nam: nadia", "nam"),
+        ("name: nadia", "name: a\ncom_height: .nan", "com_height = nan"),
+        ("name: nadia", "name: a\ncom_height: 2.0", "com_height = 2.0"),
+        ("name: nadia", "", "name"),
+        ("name: nadia", "name: a\nlegs: {length: -1}", "legs.length"),
+        ("name: nadia", "name: a\nsole: {x_max: -0.1}", "sole.x_max"),
+        ("TORSO_LINK", "TRUNK", "torso_body"),
+        ("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
+        ("right_foot_body: RIGHT", "right_foot_body: LEFT", "left_foot_body"),
+        ("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
+        ("LEFT_KNEE_Y: 0.552", "LEFT_KNEE_Y: -0.5", "posture.LEFT_KNEE_Y"),
     ],
 )
-def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, message):
+def test_a_bad_robot_yaml_is_refused_on_one_line(copy, old, new, named):
     change(copy / "robot.yaml", old, new)
-    with pytest.raises((ValueError, FileNotFoundError), match=message) as error:
+    with pytest.raises((ValueError, FileNotFoundError), match=named) as error:
         load_robot(str(copy / "robot.yaml"))
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    "old, new, message",
+    "old, new, named",
     [
         ("</robot>", "", "no element found"),
         ("</robot>", "<link/></robot>", "name"),
-        (
-            'value="19.0917"',
-            'value="0"',
-            "mass of PELVIS_LINK = 0: must be a number > 0 kg",
-        ),
+        ('value="19.0917"', 'value="0"', "mass of PELVIS_LINK"),
         ('ixx="0.0942"', 'ixx="-0.0942"', "inertia"),
-        ('"0 0.115 -0.07185"', '"0 nan 0"', "xyz got 0 nan 0"),
-        (
-            'lower="-0.7854" upper="0.7854"',
-            'lower="1" upper="-1"',
-            "lower limit of LEFT_HIP_Z = 1: must be <= its upper limit = -1",
-        ),
-        (
-            'velocity="12"',
-            'velocity="-1"',
-            "velocity limit of SPINE_Z = -1: must be a number > 0 rad/s",
-        ),
-        (
-            ' velocity="12"',
-            "",
-            "joint SPINE_Z: must have a velocity limit, or robot.yaml a max_jo",
-        ),
-        (
-            'rotor_inertia value="0.001"',
-            'rotor_inertia value="-0.001"',
-            "LEFT_HIP_Z = -0.1: must be >= 0 kg m.2",
-        ),
-        ('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "must not have two"),
-        (' effort="350"', "", "LEFT_KNEE_Y: must have an effort limit"),
+        ('"0 0.115 -0.07185"', '"0 nan 0"', "xyz"),
+        ('lower="-0.7854"', 'lower="1"', "lower limit of LEFT_HIP_Z"),
+        ('velocity="12"', 'velocity="-1"', "velocity limit of SPINE_Z"),
+        (' velocity="12"', "", "SPINE_Z"),
+        ('rotor_inertia value="0', 'rotor_inertia value="-0', "LEFT_HIP_Z"),
+        ('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "two <transmission>s"),
+        (' effort="350"', "", "LEFT_KNEE_Y"),
+        ('effort="350"', 'effort="20"', "effort limit of LEFT_KNEE_Y"),
         (
             'name="SPINE_Z" type="revolute"',
             'name="SPINE_Z" type="prismatic"',
-            "joint SPINE_Z: must be one of revolute, continuous, fixed, and no "
-            "mimic .*; it is prismatic",
+            "SPINE_Z",
         ),
         (
             '<joint name="SPINE_X" type="revolute">',
             '<joint name="SPINE_X" type="revolute"><mimic joint="SPINE_Z"/>',
-            "joint SPINE_X: must be one of .*, and no mimic",
-        ),
-        (
-            'effort="350"',
-            'effort="20"',
-            "effort limit of LEFT_KNEE_Y = 20: must be >= 24 N m, for the rob",
+            "SPINE_X",
         ),
         # Only a plant with shapes, such as the simulated one, reads these.
         ('<sphere radius="0.005"/>', '<sphere radius="-1"/>', "radius = -1"),
         ('child link="TORSO_LINK"', 'child link="PELVIS_LINK"', "loops"),
     ],
 )
-def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, message):
-    urdf = copy / "nadia.urdf"
-    text = urdf.read_text()
-    assert old in text
-    urdf.write_text(text.replace(old, new, 1))
-    with pytest.raises(ValueError, match="urdf = .*(" + message + ")") as error:
+def test_a_bad_urdf_is_refused_on_one_line(copy, old, new, named):
+    change(copy / "nadia.urdf", old, new)
+    with pytest.raises(ValueError, match=f"urdf = .*{named}") as error:
         load_robot(str(copy / "robot.yaml"))
     assert "\n" not in str(error.value)
 

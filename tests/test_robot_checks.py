@@ -1,7 +1,5 @@
 """Improper contacts, of boxes that lie on the ground and on each other."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pydrake.geometry import Box
@@ -10,7 +8,6 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.robot import RobotModel, load_robot_params
 from nadia_balance.robot_checks import improper_contacts
 from tests.boxes import ground, register
 
@@ -72,24 +69,3 @@ def test_names_what_is_not_foot_and_ground(contact_model, positions, expected):
     """Oracle: where the boxes were put."""
     positions = {k: np.array(p, dtype=float) for k, p in positions.items()}
     assert contacts(contact_model, positions) == expected
-
-
-@pytest.mark.parametrize(
-    "part, field, value, message",
-    [
-        ("sole", "half_width", 0.6, "must be <= 0.065 m"),
-        ("sole", "x_max", 0.3, "must be <= 0.183 m"),
-        ("sole", "z", 0.0, "must be -0.088 m"),
-        ("legs", "length", 7.82, "must be 0.782 m"),
-        ("legs", "ankle_height", 0.2, "must be 0.098 m"),
-        ("legs", "hip_width", 0.1, "must be 0.260 m"),
-        ("legs", "com_above_hip", 0.2, "must be 0.040 m"),
-    ],
-)
-def test_sizes_are_those_of_the_urdf(part, field, value, message):
-    """Oracle: the figures that nadia.urdf tells, by hand."""
-    params, urdf = load_robot_params("nadia")
-    wrong = replace(getattr(params, part), **{field: value})
-    with pytest.raises(ValueError) as error:
-        RobotModel(replace(params, **{part: wrong}), urdf)
-    assert f"{part}.{field} = {value}: {message}" in str(error.value)

@@ -8,9 +8,9 @@ import numpy as np
 from nadia_balance.core.whole_body_command import (
     WholeBodyCommand,
     WholeBodyModel,
-    WholeBodyQpParams,
     WholeBodyTerms,
 )
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.robot import RobotModel, load_robot
 from nadia_balance.whole_body_kinematics import (
@@ -42,7 +42,8 @@ def kinematics() -> WholeBodyKinematics:
 
 
 def model(**joint_lower_limits) -> WholeBodyModel:
-    return whole_body_model(nadia(), kinematics().plant, joint_lower_limits, {})
+    params = WholeBodyQpParams(joint_lower_limits=joint_lower_limits)
+    return whole_body_model(nadia(), kinematics().plant, params)
 
 
 def random_state(seed: int, size: float = 1.0) -> np.ndarray:

@@ -16,11 +16,13 @@ class LegGeometry:
     """Dimensions of the legs."""
 
     # Distance from the hip pitch axis to the ankle with a straight knee.
-    length: float = bounded(0.0, above=0.0, unit="m")
-    ankle_height: float = bounded(0.0, above=0.0, unit="m")  # above the sole
+    length: float = bounded(0.0, above=0.0, unit="m", of="")
+    ankle_height: float = bounded(
+        0.0, above=0.0, unit="m", of=""
+    )  # above the sole
     com_above_hip: float = 0.0  # vertical, in the nominal posture [m]
     # Lateral distance of the hip pitch axes.
-    hip_width: float = bounded(0.0, above=0.0, unit="m")
+    hip_width: float = bounded(0.0, above=0.0, unit="m", of="")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,17 +1,19 @@
-"""The command of the whole-body QP for a walking state."""
+"""Terms and command of the whole-body QP, for a walking state."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.bounds import bounded
-from nadia_balance.core.friction import SlipParams
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
+from nadia_balance.core.whole_body_params import (
+    CrossingTurnParams,
+    WholeBodyQpParams,
+)
 
 # Rows of WholeBodyTerms; the joints' rows follow BASE.
 LEFT_SOLE = slice(0, 6)
@@ -20,127 +22,9 @@ BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
 SOLES = (LEFT_SOLE, RIGHT_SOLE)
-MAX_PAIRS = 8  # largest number of link pairs with a distance limit
-_NO_ROWS = np.empty((0, 0))
 # Distance of the rolling axis from the sole's edge, in sole margins: inside the
 # wrench cone, not on its boundary.
 _ROLLING_MARGINS = 2.0
-
-
-@dataclass(kw_only=True)
-class CrossingTurnParams:
-    """Pelvis yaw when the feet come close, and cross."""
-
-    # Lateral distance of the soles below which the pelvis turns.
-    width: float = bounded(0.25, least=0.0, unit="m")
-    # Turn per squared closeness and step length.
-    gain: float = bounded(20.0, least=0.0, unit="rad/m^3")
-    # Asymptotic bound of the turn.
-    max_turn_deg: float = bounded(30.0, above=0.0, most=60.0, unit="deg")
-
-
-@dataclass(kw_only=True)
-class WholeBodyQpParams:
-    """Parameters of the whole-body QP.
-
-    Weights multiply squared accelerations of the CoM [m/s^2], of bodies
-    [rad/s^2], [m/s^2] and of joints [rad/s^2].  Forces and moments are per
-    unit of the robot's mass, [m/s^2] and [m^2/s^2], so that the same weights
-    suit robots of any mass.  Gains are kp [1/s^2].
-    """
-
-    # Soft tasks: direction of the force, vertical momentum / mass, angular
-    # momentum about the CoM / mass, orientation of pelvis and torso.
-    momentum_weight: float = bounded(1e3, least=0.0)
-    height_weight: float = bounded(300.0, least=0.0)
-    angular_momentum_weight: float = bounded(0.1, least=0.0, unit="1/m^2")
-    angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
-    pelvis_weight: float = bounded(0.5, least=0.0, unit="m^2")
-    torso_weight: float = bounded(0.5, least=0.0, unit="m^2")
-    orientation_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
-    swing_position_weight: float = bounded(100.0, least=0.0)
-    swing_position_gain: float = bounded(300.0, least=0.0, unit="1/s^2")
-    swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
-    swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")
-    # Posture of arms and spine: low, so that they assist balance, yet return.
-    posture_weight: float = bounded(0.1, above=0.0, unit="m^2")
-    # Posture of the legs, which resolves redundancy only: pelvis and feet
-    # determine the leg joints.
-    leg_posture_weight: float = bounded(1e-4, above=0.0, unit="m^2")
-    posture_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
-    # Damping ratio of the above tasks: kd = 2 ratio sqrt(kp).
-    damping_ratio: float = bounded(1.0, least=0.0)
-    # Regularisation of sole moments, horizontal and normal forces / mass: it
-    # distributes the load with small sole moments.  The normal force weight
-    # biases the height.
-    moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
-    tangential_weight: float = bounded(1e-3, above=0.0)
-    normal_weight: float = bounded(1e-6, above=0.0)
-    acceleration_weight: float = bounded(
-        1e-4, above=0.0, unit="m^2"
-    )  # of all vdot
-    # Soles in contact: damping of the sole's velocity, and gain of its tilt.
-    stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    stance_tilt_gain: float = bounded(100.0, least=0.0, unit="1/s^2")
-    # Step length above which the trailing foot may roll over toes or heel.
-    rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
-    friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
-    slip: SlipParams = field(default_factory=SlipParams)
-    # Margin of the CoP to the sole's edge.
-    sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # Lower bound on the normal force of a foot in contact.
-    min_normal_force: float = bounded(2.0, least=0.0, unit="N")
-    # Last share of a transfer in which the trailing foot is unloaded, and the
-    # force bound at its end.
-    unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
-    unloaded_force: float = bounded(50.0, least=0.0, unit="N")
-    # Time in which the force bound of a landed foot rises to the weight: full
-    # load while it bounces causes impacts.
-    loading_time: float = bounded(0.02, least=0.0, unit="s")
-    # Joint limits [rad] by name, tighter than those of the URDF.
-    joint_lower_limits: dict[str, float] = field(default_factory=dict)
-    joint_upper_limits: dict[str, float] = field(default_factory=dict)
-    # Horizon of the joint position limits; `speed_limit_horizon` and
-    # `max_joint_acceleration` below complete them.
-    joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
-    # Links closer than `link_attention` are kept `link_clearance` apart, as a
-    # hard limit: their distance d decreases no faster than with the dynamics
-    # (d/dt + link_rate)^2 (d - link_clearance) = 0.
-    link_attention: float = bounded(0.08, above=0.0, unit="m")
-    # Upper body links closer than this brake early, by a soft task: late
-    # braking saturates the arm torques and disturbs the legs.
-    arm_attention: float = bounded(0.4, above=0.0, unit="m")
-    arm_weight: float = bounded(3.0, least=0.0)
-    link_clearance: float = bounded(0.02, least=0.0, unit="m")
-    link_rate: float = bounded(25.0, above=0.0, unit="1/s")
-    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
-    max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
-    # Damping of the joints while the QP has no solution.
-    failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Shares of the actuators' limits; the speed reserve is for deviations of
-    # the robot from the model.
-    max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
-    max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
-    crossing_turn: CrossingTurnParams = field(
-        default_factory=CrossingTurnParams
-    )
-
-    def link_braking(self, distances: Array, rates: Array) -> Array:
-        """Returns the least accelerations (k,) [m/s^2] of link distances.
-
-        They solve (d/dt + link_rate)^2 (d - link_clearance) = 0 for the
-        `distances` d (k,) [m] of links and their `rates` (k,) [m/s].
-        """
-        room = self.link_rate * (distances - self.link_clearance)
-        return -self.link_rate * (2.0 * rates + room)
-
-    def validate_more(self) -> None:
-        """Raises ValueError if the unloaded force is below the minimum."""
-        if not self.unloaded_force > self.min_normal_force:
-            raise ValueError(
-                f"unloaded_force = {self.unloaded_force}: must be > "
-                f"min_normal_force = {self.min_normal_force} N"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +33,8 @@ class WholeBodyModel:
 
     `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
     `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
-    sole size [m].  Without `drives`, torques have no speed or rate limits.
+    sole size [m].  Without `drives`, torques have no speed or rate limits; a
+    `max_speed` may be infinite.
     """
 
     mass: float
@@ -169,6 +54,17 @@ class WholeBodyModel:
         return self.posture.size
 
 
+class Avoidance(NamedTuple):
+    """Rows [A, a] (k, nv + 1) of link pairs, with A vdot + a [m/s^2].
+
+    It is >= 0 for `limits`, as a hard limit, and 0 for `braking`, as a soft
+    task whose rows are scaled by the root of its weight.
+    """
+
+    limits: Array
+    braking: Array
+
+
 class WholeBodyTerms(NamedTuple):
     """Kinematics and dynamics; nv = 6 + nj, v = [w_WB, v_WB, joints].
 
@@ -181,20 +77,19 @@ class WholeBodyTerms(NamedTuple):
     M vdot + bias with gravity and damping, are per unit of the robot's mass.
 
     `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
-    `sole_positions` (2, 3) [m] in W; `positions` (nj,) [rad]; `com_state` (6,)
-    = [p_WC, v_WC] [m, m/s] of the centre of mass.  `distances` (k,) [m] are
-    those of braking or near links, with the rates `distance_rows` (k, nv) v.
+    `sole_positions` (2, 3) [m] in W; `q` (7 + nj,), the joints last [rad];
+    `com_state` (6,) = [p_WC, v_WC] [m, m/s] of the centre of mass.  `avoidance`
+    has the rows of near or braking links; None: self-collisions are ignored.
     """
 
     rows: Array
     velocities: Array
     rotations: Array
     sole_positions: Array
-    positions: Array
+    q: Array
     v: Array
     com_state: Array
-    distances: Array = _NO_ROWS[0:0, 0:0].ravel()
-    distance_rows: Array = _NO_ROWS
+    avoidance: Avoidance | None = None
 
     @property
     def forces(self) -> Array:

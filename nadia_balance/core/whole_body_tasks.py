@@ -1,9 +1,10 @@
-"""Soft tasks of the whole-body QP: desired accelerations and their rows."""
+"""Soft tasks of the whole-body QP."""
 
 import math
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, tilt
@@ -14,129 +15,199 @@ from nadia_balance.core.whole_body_command import (
     TORSO,
     WholeBodyCommand,
     WholeBodyModel,
-    WholeBodyQpParams,
     WholeBodyTerms,
 )
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 
-# Row indices of the tasks.
-_LINEAR = slice(0, 3)
-_HORIZONTAL = slice(0, 2)
-_ANGULAR = slice(3, 6)
-_TORSO = slice(6, 9)
-_PELVIS = slice(9, 12)
-_SWING_TURN = slice(12, 15)
-_SWING_MOVE = slice(15, 18)
-_NUM_ROWS = 18
-
-_MOMENT = slice(BASE.start, BASE.start + 3)
-_FORCE = slice(BASE.start + 3, BASE.stop)
-_NOTHING = (0.0,) * 6  # the momentum has no error, and no desired velocity
+_MOMENT, _FORCE = slice(0, 3), slice(3, 6)  # columns of the base's rows
 
 
-class WholeBodyTasks:
-    """Rows [S, r] of the soft tasks S vdot + r = 0.
+class Motion(NamedTuple):
+    """The task J vdot + b = a, of n rows.
 
-    Order of the rows: linear momentum and angular momentum about the CoM, per
-    mass, the orientations of torso and pelvis, and in a swing the pose of the
-    swing sole.  Each task is a PD law.
+    `rows` are [J, b] (n, nv + 1), as in WholeBodyTerms; `acceleration` is the
+    desired a (n,).
     """
 
+    rows: Array
+    acceleration: Array
+
+
+class Task(Protocol):
+    """A soft task: the QP minimises weight * |J vdot + b - a|^2.
+
+    `name` is for messages, `weight` a number or (n,), constant.  A task must
+    not remember anything from one tick to the next.
+    """
+
+    @property
+    def name(self) -> str:
+        """The name of the task."""
+
+    @property
+    def weight(self) -> float | Array:
+        """The weight of its squared error."""
+
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion | None:
+        """Returns the motion wanted in this tick; None: any."""
+
+
+class MomentumTask:
+    """Linear momentum, and angular momentum about the CoM, per mass.
+
+    The task for the horizontal force is its direction, from the eCMP to the
+    CoM, at any magnitude.  With a task for the horizontal force itself, a
+    sinking robot would tilt, and a braking one would jump.  Angular momentum
+    is damped.
+    """
+
+    name = "momentum"
+
     def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """Builds the tasks of `model` with weights and gains of `params`."""
-        self._params, self._mass = params, model.mass
-        # Selection of the tasks from the rows of WholeBodyTerms.
-        trunk = np.zeros((_NUM_ROWS, 24 + model.num_joints))
-        weights, kp = np.zeros(_NUM_ROWS), np.zeros(_NUM_ROWS)
-        p = params
-        for task, picked, weight, gain in (
-            (_LINEAR, _FORCE, p.momentum_weight, 0.0),
-            (_ANGULAR, _MOMENT, p.angular_momentum_weight, 0.0),
-            (_TORSO, TORSO, p.torso_weight, p.orientation_gain),
-            (_PELVIS, PELVIS, p.pelvis_weight, p.orientation_gain),
-        ):
-            trunk[task, picked] = np.eye(3)
-            weights[task], kp[task] = weight, gain
-        weights[_LINEAR.stop - 1] = p.height_weight
-        weights[_SWING_TURN] = p.swing_orientation_weight
-        weights[_SWING_MOVE] = p.swing_position_weight
-        kp[_SWING_TURN] = p.swing_orientation_gain
-        kp[_SWING_MOVE] = p.swing_position_gain
-        self._weights, self._kp = np.sqrt(weights)[:, None], kp
-        self._kd = 2.0 * p.damping_ratio * np.sqrt(kp)
-        self._kd[_ANGULAR] = p.angular_momentum_damping
-        # Selections without a swing sole, and with the left or right one.
-        self._trunk = trunk[: _SWING_TURN.start]
-        self._trunk_and_sole = [trunk.copy(), trunk.copy()]
-        for selection, sole in zip(self._trunk_and_sole, SOLES, strict=True):
-            selection[_SWING_TURN.start :, sole] = np.eye(6)
+        """Reads the weights of `params` and the mass of `model`."""
+        horizontal, angular = (
+            params.momentum_weight,
+            params.angular_momentum_weight,
+        )
+        self.weight = np.array(
+            [horizontal] * 2 + [params.height_weight] + [angular] * 3
+        )
+        self._damping, self._mass = params.angular_momentum_damping, model.mass
+        self._selection: Array = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
-    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
-        """Returns [S, r] (n, nv + 1), scaled by the roots of the weights.
-
-        n is 18, or 12 without a swing.
-        """
-        if all(command.contacts):
-            selection = self._trunk.copy()
-        else:
-            swing = command.contacts.index(False)
-            selection = self._trunk_and_sole[swing].copy()
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion:
+        """Returns the rows (6, nv + 1) of force and moment about the CoM."""
+        selection, base = self._selection.copy(), terms.rows[BASE]
         # The moment about the CoM: minus the lever arm times the force.  The
         # arm is in M, since the base's velocity is expressed in W.
-        selection[_ANGULAR, _FORCE] = -terms.rows[_MOMENT, 3:6]
-        # The task is the direction of the force, from the eCMP to the CoM, at
-        # any magnitude.  With a task for the horizontal force itself, a sinking
-        # robot would tilt, and a braking one would jump.
+        selection[3:, _FORCE] = -base[:3, 3:6]
         share = command.momentum_rate[:2] / (self._mass * GRAVITY)
-        selection[_HORIZONTAL, _FORCE.stop - 1] -= share
-        rows = selection @ terms.rows
-        error, velocity, acceleration = self._wanted(terms, command)
-        kp, kd = self._kp[: error.size], self._kd[: error.size]
-        rows[:, -1] -= (
-            acceleration
-            + kp * error
-            + kd * (velocity - selection @ terms.velocities)
-        )
-        rows *= self._weights[: error.size]
-        return rows
-
-    def braking(self, terms: WholeBodyTerms, far: NDArray[np.bool_]) -> Array:
-        """Returns [S, r], as in `rows`, of the early braking of links.
-
-        The mask `far` (k,) selects from the distances of `terms`.
-        """
-        of, params = terms.distance_rows[far], self._params
-        least = params.link_braking(terms.distances[far], of @ terms.v)
-        rows = np.concatenate((of, -least[:, None]), axis=1)
-        return np.asarray(math.sqrt(params.arm_weight) * rows)
-
-    def _wanted(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> Array:
-        """Returns [error, velocity, acceleration] (3, n) of all tasks."""
-        z = float(command.momentum_rate[2]) / self._mass
-        yaw, rate, acceleration = command.heading
-        turn, turn_rate, turn_acceleration = command.turn
-        error = [
-            *_NOTHING,
-            *rotation_error(yaw, terms.rotations[2]),
-            *rotation_error(yaw + turn, terms.rotations[3]),
-        ]
-        velocity = [*_NOTHING, 0.0, 0.0, rate, 0.0, 0.0, rate + turn_rate]
+        selection[:2, -1] -= share
+        acceleration = np.zeros(6)
         # The force also carries the weight, which is no rate of momentum.
-        wanted = [0.0, 0.0, z + GRAVITY, 0.0, 0.0, 0.0]
-        wanted += 0.0, 0.0, acceleration
-        wanted += 0.0, 0.0, acceleration + turn_acceleration
-        if not all(command.contacts):
-            side = command.contacts.index(False)
-            p, v, a, foot_yaw = command.swing.reshape(4, 3).tolist()
-            px, py, pz = terms.sole_positions[side].tolist()
-            R_WT = tilt(command.normals[side])
-            R_TF = R_WT.T @ terms.rotations[side]
-            error += (R_WT @ rotation_error(foot_yaw[0], R_TF)).tolist()
-            error += p[0] - px, p[1] - py, p[2] - pz
-            velocity += 0.0, 0.0, foot_yaw[1], *v
-            wanted += 0.0, 0.0, foot_yaw[2], *a
-        return np.array((error, velocity, wanted))
+        acceleration[2] = command.momentum_rate[2] / self._mass + GRAVITY
+        acceleration[3:] = -self._damping * (
+            selection[3:] @ terms.velocities[BASE]
+        )
+        return Motion(selection @ base, acceleration)
+
+
+class TrunkTask:
+    """PD law for the orientation of torso or pelvis: upright, by the heading.
+
+    The pelvis is turned relative to the heading (see crossing_turn).
+    """
+
+    def __init__(self, name: str, params: WholeBodyQpParams):
+        """Reads weight and gains of the body `name`, torso or pelvis."""
+        self.name = name
+        self.weight: float = getattr(params, f"{name}_weight")
+        self._is_pelvis = name == "pelvis"
+        self._rows: slice = PELVIS if self._is_pelvis else TORSO
+        self._body = 3 if self._is_pelvis else 2  # of `rotations`
+        self._kp = params.orientation_gain
+        self._kd = 2.0 * params.damping_ratio * math.sqrt(self._kp)
+
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion:
+        """Returns the rows (3, nv + 1) of the angular acceleration."""
+        yaw, rate, acceleration = command.heading
+        if self._is_pelvis:
+            turn, turn_rate, turn_acceleration = command.turn
+            yaw, rate = yaw + turn, rate + turn_rate
+            acceleration += turn_acceleration
+        error = np.array(rotation_error(yaw, terms.rotations[self._body]))
+        velocity = np.array((0.0, 0.0, rate)) - terms.velocities[self._rows]
+        wanted = self._kp * error
+        wanted[2] += acceleration
+        wanted += self._kd * velocity
+        return Motion(terms.rows[self._rows], wanted)
+
+
+class SwingFootTask:
+    """PD laws for orientation and position of the swing sole."""
+
+    name = "swing_foot"
+
+    def __init__(self, params: WholeBodyQpParams):
+        """Reads weights and gains of `params`."""
+        self.weight = np.repeat(
+            [params.swing_orientation_weight, params.swing_position_weight], 3
+        )
+        self._kp = np.repeat(
+            [params.swing_orientation_gain, params.swing_position_gain], 3
+        )
+        self._kd = 2.0 * params.damping_ratio * np.sqrt(self._kp)
+
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion | None:
+        """Returns the rows (6, nv + 1) of the sole; None if both carry."""
+        if all(command.contacts):
+            return None
+        side = command.contacts.index(False)
+        sole = SOLES[side]
+        p, v, a, (yaw, rate, acceleration) = command.swing.reshape(4, 3)
+        R_WT = tilt(command.normals[side])
+        R_TF = R_WT.T @ terms.rotations[side]
+        error = np.concatenate(
+            (
+                R_WT @ rotation_error(float(yaw), R_TF),
+                p - terms.sole_positions[side],
+            )
+        )
+        velocity = np.array((0.0, 0.0, rate, *v.tolist()))
+        wanted = np.array((0.0, 0.0, acceleration, *a.tolist()))
+        wanted += self._kp * error
+        wanted += self._kd * (velocity - terms.velocities[sole])
+        return Motion(terms.rows[sole], wanted)
+
+
+def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
+    """Returns the tasks of the momentum, the trunk and the swing foot."""
+    return [
+        MomentumTask(params, model),
+        TrunkTask("torso", params),
+        TrunkTask("pelvis", params),
+        SwingFootTask(params),
+    ]
+
+
+class WeightedTasks:
+    """Tasks as rows [S, r], scaled by the roots of their weights.
+
+    The cost of S vdot + r is the sum of its squares.
+    """
+
+    def __init__(self, tasks: Iterable[Task]):
+        """Raises ValueError if a weight is negative."""
+        self._tasks = []
+        for task in tasks:
+            weight = np.atleast_1d(np.asarray(task.weight, dtype=float))
+            if not (weight >= 0.0).all():
+                raise ValueError(
+                    f"weight of {task.name} = {task.weight}: must be >= 0"
+                )
+            self._tasks.append((task, np.sqrt(weight)[:, None]))
+
+    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
+        """Returns [S, r] (n, nv + 1) of this tick, braking links last."""
+        parts = []
+        for task, root in self._tasks:
+            motion = task.motion(terms, command)
+            if motion is not None:
+                rows = motion.rows.copy()
+                rows[:, -1] -= motion.acceleration
+                rows *= root
+                parts.append(rows)
+        if terms.avoidance:
+            parts.append(terms.avoidance.braking)
+        return np.concatenate(parts)
 
 
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:

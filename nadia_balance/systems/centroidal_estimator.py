@@ -6,10 +6,11 @@ from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
+from nadia_balance.collision_avoidance import CollisionAvoidance
+from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
 from nadia_balance.core.whole_body_command import WholeBodyTerms
-from nadia_balance.link_distances import LinkDistances
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.ports import (
     VectorInput,
@@ -43,16 +44,23 @@ class CentroidalEstimator(LeafSystem):
         output_ports: [whole_body_terms, com_state, icp, foot_poses]
     """
 
-    def __init__(self, robot: RobotModel):
-        """Estimates with a private plant of `robot`."""
+    def __init__(
+        self,
+        robot: RobotModel,
+        avoidance: CollisionAvoidanceParams | None = None,
+    ):
+        """Estimates with a private plant of `robot`.
+
+        The terms have the rows of `avoidance`, if given.
+        """
         super().__init__()
         # A private plant for the terms and the distances of the shapes.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
         self._kinematics = WholeBodyKinematics(robot, plant)
-        self._distances = None
-        if robot.drives is not None:
-            self._distances = LinkDistances(robot, plant, scene_graph)
+        self._avoidance = avoidance and CollisionAvoidance(
+            avoidance, robot, plant, scene_graph
+        )
         self._omega = robot.point_mass.omega
         self._state = VectorInput(
             self, "predicted_state", plant.num_multibody_states()
@@ -87,10 +95,9 @@ class CentroidalEstimator(LeafSystem):
             plant_context, self._state(context)
         )
         terms = self._kinematics.calc(plant_context)
-        if self._distances is None:
+        if self._avoidance is None:
             return terms
-        distances, rows = self._distances.calc(plant_context)
-        return terms._replace(distances=distances, distance_rows=rows)
+        return terms._replace(avoidance=self._avoidance.calc(plant_context))
 
     def _calc_com_state(self, context, output):
         output.set_value(self._terms.Eval(context).com_state)

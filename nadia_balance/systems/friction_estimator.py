@@ -5,11 +5,9 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.friction import FrictionEstimate, friction_after
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.whole_body_command import (
-    SOLES,
-    WholeBodyQpParams,
-    WholeBodyTerms,
-)
+from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.whole_body_command import SOLES, WholeBodyTerms
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.systems.ports import ValueInput, VectorInput
 
 
@@ -30,14 +28,16 @@ class FrictionEstimator(LeafSystem):
         output_ports: [friction]
     """
 
-    def __init__(self, params: WholeBodyQpParams, mass: float, period: float):
-        """Updates every `period` [s], for a robot of `mass` [kg].
+    def __init__(
+        self, params: WholeBodyQpParams, model: PointMassModel, period: float
+    ):
+        """Updates every `period` [s], for a robot of the mass of `model`.
 
         The friction of `params` is the initial and the largest estimate.
         """
         super().__init__()
         self._params, self._period = params, period
-        self._weight = mass * GRAVITY
+        self._weight = model.mass * GRAVITY
         self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
         self._wrenches = VectorInput(self, "foot_wrenches", 12)
         self.DeclareDiscreteState(FrictionEstimate(params.friction, 0.0, 0.0))

@@ -1,15 +1,18 @@
 """Whole-body inverse dynamics: joint torques from a momentum rate."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.whole_body_command import (
-    WholeBodyQpParams,
     WholeBodyTerms,
     whole_body_command,
 )
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
+from nadia_balance.core.whole_body_tasks import Task
 from nadia_balance.robot import RobotModel, actuated_velocities
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.ports import (
@@ -60,21 +63,19 @@ class WholeBodyInverseDynamics(LeafSystem):
         params: WholeBodyQpParams,
         robot: RobotModel,
         period: float,
+        tasks: Iterable[Task] = (),
     ):
         """Solves every `period` [s], for this `robot`.
+
+        `tasks` are added to those of the QP (see Task).
 
         Raises ValueError for `params` that are out of range.
         """
         super().__init__()
         plant = robot.control_plant()
-        model = whole_body_model(
-            robot,
-            plant,
-            params.joint_lower_limits,
-            params.joint_upper_limits,
-        )
+        model = whole_body_model(robot, plant, params)
         self._params, self._model = params, model
-        self._qp = WholeBodyQp(params, model, period)
+        self._qp = WholeBodyQp(params, model, period, tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)

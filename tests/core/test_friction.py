@@ -63,19 +63,6 @@ def test_it_never_counts_on_less_than_any_ground_has_and_comes_back():
     assert then.friction == USUAL
 
 
-def test_less_than_any_ground_has_is_left_as_it_is():
-    """Oracle: the user's own figure."""
-    found = friction_after(
-        FrictionEstimate(0.2, 1.0, 1.0),
-        np.array([(0.0, 0.25, 1.0), (0.0, 0.25, 1.0)]),
-        np.array([FAST, FAST]),
-        0.2,
-        SLIP,
-        PERIOD,
-    )
-    assert found.friction == 0.2
-
-
 @pytest.mark.parametrize("ground", [0.35, 0.45, 0.55])
 def test_a_block_stops_to_slip(ground):
     """Oracle: Coulomb's law in one dimension, on ground of that friction."""

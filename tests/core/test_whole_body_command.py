@@ -16,11 +16,13 @@ from nadia_balance.core.walking import (
     WalkingState,
 )
 from nadia_balance.core.whole_body_command import (
-    CrossingTurnParams,
     WholeBodyModel,
-    WholeBodyQpParams,
     crossing_turn,
     whole_body_command,
+)
+from nadia_balance.core.whole_body_params import (
+    CrossingTurnParams,
+    WholeBodyQpParams,
 )
 from tests.example_walks import standing
 

@@ -1,14 +1,21 @@
 """Oracles: PD laws written out; Drake's momentum by finite differences."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_command import BASE, RIGHT_SOLE
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.core.whole_body_tasks import WholeBodyTasks, rotation_error
+from nadia_balance.core.whole_body_tasks import (
+    MomentumTask,
+    Motion,
+    rotation_error,
+)
+from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -105,7 +112,7 @@ def momentum_at(state):
 def test_momentum_rows_are_its_rate(contacts, seed=1):
     """Oracle: finite differences of Drake's spatial momentum.
 
-    S vdot + r is the rate minus what is wished for: for the horizontal part
+    J vdot + b - a is the rate minus what is wished for: for the horizontal part
     a share of the vertical force, for the angular momentum the damping.
     """
     unweighted = WholeBodyQpParams(
@@ -113,7 +120,7 @@ def test_momentum_rows_are_its_rate(contacts, seed=1):
     )
     state, plant = random_state(seed), kinematics().plant
     terms, wish = terms_at(state), np.array([10.0, -20.0, 30.0])
-    rows = WholeBodyTasks(unweighted, model()).rows(
+    rows, wanted = MomentumTask(unweighted, model()).motion(
         terms, command(terms, contacts, wish)
     )
     vdot = np.random.default_rng(seed).normal(size=29)
@@ -130,28 +137,101 @@ def test_momentum_rows_are_its_rate(contacts, seed=1):
     damping = unweighted.angular_momentum_damping
     missing[3:] += damping * momentum_at(state)[3:]
     # Truncation and rounding at this step both leave about 1e-8.
-    assert (rows @ np.append(vdot, 1.0))[:6] == pytest.approx(missing, abs=1e-6)
+    assert rows @ np.append(vdot, 1.0) - wanted == pytest.approx(
+        missing, abs=1e-6
+    )
 
 
-def test_weights_are_those_of_the_squares():
-    """Oracle: the rows of a task, with its weight and without."""
+class JointTask:
+    """A user's task: the angular acceleration of one joint."""
+
+    name = "joint"
+
+    def __init__(self, column, acceleration, weight):
+        self.weight = weight
+        self._row = np.zeros((1, 30))
+        self._row[0, column] = 1.0
+        self._acceleration = np.array([acceleration])
+
+    def motion(self, terms, command):
+        if command.contacts[0] and not command.contacts[1]:
+            return None
+        return Motion(self._row, self._acceleration)
+
+
+ELBOW = 28  # column of a joint that no other task needs
+
+
+@pytest.mark.parametrize("weight", [0.5, 30.0, 1e6])
+def test_a_users_task_counts_by_its_weight(weight):
+    """Oracles: weight (vdot - 40)^2 / 2 in H and g, by hand; quadprog."""
+    terms, params = terms_at(random_state(0)), WholeBodyQpParams()
+    wish = command(terms)
+    task = JointTask(ELBOW, 40.0, weight)
+    qp = WholeBodyQp(params, model(), PERIOD, [task])
+    bare = WholeBodyQp(params, model(), PERIOD).problem(terms, wish)
+    found = qp.problem(terms, wish)
+    added = np.zeros_like(bare.H)
+    added[ELBOW, ELBOW] = weight
+    assert found.H - bare.H == pytest.approx(added, rel=1e-9, abs=1e-9)
+    assert found.g - bare.g == pytest.approx(
+        -40.0 * added[ELBOW], rel=1e-9, abs=1e-9
+    )
+    solution = qp.solve(terms, wish)
+    assert solution.vdot == pytest.approx(by_quadprog(found)[:29], abs=1e-6)
+    if weight > 1e5:
+        assert solution.vdot[ELBOW] == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_task_may_rest():
+    """Oracle: bits of the QP without it."""
     terms = terms_at(random_state(0))
-    wish = command(terms, (True, False), (10.0, -20.0, 30.0))
-    names = (
-        "momentum_weight",
-        "height_weight",
-        "angular_momentum_weight",
-        "torso_weight",
-        "pelvis_weight",
-        "swing_orientation_weight",
-        "swing_position_weight",
+    wish = command(terms, (True, False))
+    with_task, without = (
+        WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, tasks)
+        for tasks in ([JointTask(ELBOW, 40.0, 1.0)], [])
     )
-    ones, weights = dict.fromkeys(names, 1.0), WholeBodyQpParams()
-    weighted, plain = (
-        WholeBodyTasks(params, model()).rows(terms, wish)
-        for params in (weights, WholeBodyQpParams(**ones))
+    assert np.array_equal(
+        with_task.solve(terms, wish).torques, without.solve(terms, wish).torques
     )
-    for name, row in zip(names, (0, 2, 3, 6, 9, 12, 15), strict=True):
-        assert weighted[row] @ weighted[row] == pytest.approx(
-            getattr(weights, name) * (plain[row] @ plain[row])
-        )
+
+
+def test_refuses_a_negative_weight():
+    task = JointTask(ELBOW, 0.0, -1.0)
+    with pytest.raises(ValueError, match="joint = -1.0"):
+        WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, [task])
+
+
+@pytest.mark.parametrize(
+    "name, row",
+    [
+        ("momentum_weight", BASE.start + 3),
+        ("height_weight", BASE.start + 5),
+        ("angular_momentum_weight", None),
+        ("torso_weight", -6),
+        ("pelvis_weight", -3),
+        ("swing_orientation_weight", RIGHT_SOLE.start),
+        ("swing_position_weight", RIGHT_SOLE.start + 3),
+    ],
+)
+def test_weights_are_those_of_the_squares(name, row):
+    """Oracle: twice the weight adds weight J'J to H, J the rows of the terms.
+
+    That of the angular momentum is about the CoM.
+    """
+    terms = terms_at(random_state(0))
+    wish, params = command(terms, (True, False)), WholeBodyQpParams()
+    weight = getattr(params, name)
+    twice = dataclasses.replace(params, **{name: 2.0 * weight})
+    once, more = (
+        WholeBodyQp(each, model(), PERIOD).problem(terms, wish).H[:29, :29]
+        for each in (params, twice)
+    )
+    if name == "momentum_weight":
+        J = terms.rows[row : row + 2, :-1]
+    elif row is None:
+        moment, force = terms.rows[BASE, :-1].reshape(2, 3, 29)
+        J = moment - moment[:, 3:6] @ force
+    else:
+        J = terms.rows[row : row + (1 if "height" in name else 3) or None, :-1]
+    assert more - once == pytest.approx(weight * J.T @ J, abs=1e-9 * weight)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from pydrake.math import RollPitchYaw
 
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.systems.friction_estimator import FrictionEstimator
 from tests.blocks import answer, running, tick
 from tests.whole_body_examples import nadia, standing_state, terms_at
@@ -12,17 +13,23 @@ PERIOD = 0.002
 WEIGHT = nadia().mass * 9.81
 
 
-def estimated(f_y, speed, ticks):
-    """The friction while the right sole bears the weight and f_y [weights]."""
+def estimated(force, velocity, ticks, rpy=(0.0, 0.0, 0.0)):
+    """The friction while the right sole, turned by `rpy`, bears the weight.
+
+    `force` (3,) [weights] and `velocity` (3,) [m/s] are in its frame.
+    """
     terms = terms_at(standing_state())
-    velocities = terms.velocities.copy()
-    velocities[9] = speed  # of the right sole, forward
+    R_WF = RollPitchYaw(*rpy).ToRotationMatrix().matrix()
+    velocities, rotations = terms.velocities.copy(), terms.rotations.copy()
+    velocities[9:12], rotations[1] = R_WF @ velocity, R_WF
     wrenches = np.zeros(12)
-    wrenches[10:] = WEIGHT * np.array([f_y, 1.0])
-    system = FrictionEstimator(WholeBodyQpParams(), nadia().mass, PERIOD)
+    wrenches[9:] = WEIGHT * (R_WF @ force)
+    system = FrictionEstimator(WholeBodyQpParams(), nadia().point_mass, PERIOD)
     simulator, context = running(
         system,
-        whole_body_terms=terms._replace(velocities=velocities),
+        whole_body_terms=terms._replace(
+            velocities=velocities, rotations=rotations
+        ),
         foot_wrenches=wrenches,
     )
     for _ in range(ticks):
@@ -30,8 +37,16 @@ def estimated(f_y, speed, ticks):
     return answer(system, context, "friction")[0]
 
 
-def test_a_sole_that_slips_lowers_the_friction_once_it_has_settled():
-    """Oracle: 0.9 of 0.5, after 15 ticks of 2 ms; no slip, no change."""
-    assert estimated(0.5, 0.4, 10) == 0.6
-    assert estimated(0.5, 0.4, 20) == pytest.approx(0.45)
-    assert estimated(0.5, 0.1, 20) == 0.6
+@pytest.mark.parametrize(
+    "rpy", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.7), (0.4, -0.3, 2.0)]
+)
+def test_a_sole_that_slips_lowers_the_friction_once_it_has_settled(rpy):
+    """Oracle: 0.9 of 0.5, after 15 ticks of 2 ms; no slip, no change.
+
+    Both are in the frame of the sole, however it is turned: what it moves along
+    its normal is no slip.
+    """
+    sideways, forward = [0.1, 0.5, 1.0], [0.4, 0.0, 0.1]
+    assert estimated(sideways, forward, 10, rpy) == 0.6
+    assert estimated(sideways, forward, 20, rpy) == pytest.approx(0.45)
+    assert estimated(sideways, [0.1, 0.0, 0.4], 20, rpy) == 0.6

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.robot import load_robot
 from nadia_balance.systems.joint_drives import JointDrives
 from tests.blocks import answer, running
 from tests.whole_body_examples import nadia, standing_state
@@ -46,8 +45,3 @@ def test_what_drives_a_joint_fades_with_its_speed(speed, most):
     assert found == pytest.approx(drives)
     found = torques_after(100, -2.0 * LIMITS, state)
     assert found == pytest.approx(-LIMITS)
-
-
-def test_an_ideal_robot_has_none():
-    with pytest.raises(ValueError, match="^fidelity = 'ideal': must be real"):
-        JointDrives(PLANT, load_robot("nadia", "ideal"))

@@ -1,19 +1,19 @@
 """Oracles: WholeBodyQp, called by hand; the torques of the tick."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking import Phase, WalkingState
-from nadia_balance.core.whole_body_command import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyLimits, WholeBodyQp
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.whole_body_limits import WholeBodyLimits
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.systems.momentum_qp import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
 from tests import example_walks
 from tests.blocks import answer, asked, fix, running, tick
+from tests.core.test_whole_body_tasks import ELBOW, JointTask
 from tests.whole_body_examples import (
     PERIOD,
     command,
@@ -60,6 +60,22 @@ def test_gives_what_the_core_function_gives(system):
     qp = found.qp
     expected = [1.0, float(qp.fallback), qp.solves, qp.violation, 0.0]
     assert status == pytest.approx(expected)
+
+
+def test_tasks_of_a_user_are_added():
+    """Oracle: WholeBodyQp with the same task, which changes the torques."""
+    terms, params = terms_at(standing_state()), WholeBodyQpParams()
+    task = JointTask(ELBOW, 40.0, 30.0)
+    system = WholeBodyInverseDynamics(params, nadia(), PERIOD, tasks=[task])
+    actuation, *_ = outputs(system, asked(system, **inputs()))
+    wish = command(terms, momentum_rate=PUSHED)
+    found, without = (
+        WholeBodyQp(params, model(), PERIOD, tasks).solve(terms, wish).torques
+        for tasks in ([task], [])
+    )
+    B = kinematics().plant.MakeActuationMatrix()
+    assert B[6:] @ actuation == pytest.approx(found, abs=1e-9)
+    assert np.abs(found - without).max() > 0.1
 
 
 def test_holds_the_torques_of_a_tick_until_the_next(system):
@@ -132,20 +148,3 @@ def make_infeasible(monkeypatch):
         bounds[:, -2:] = [[1.0, -np.inf], [np.inf, -1.0]]
 
     monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
-
-
-def test_lifts_the_foot_that_swings(system):
-    """Oracle: no wrench on it, and the other one carries."""
-    swing = replace(example_walks.walk(), phase=Phase.SWING)
-    terms = terms_at(standing_state())
-    context = asked(
-        system,
-        whole_body_terms=terms,
-        momentum_rate=np.zeros(3),
-        swing_foot_reference=[*terms.sole_positions[1], *np.zeros(9)],
-        walking_state=WalkingState(swing),
-    )
-    _, wrenches, status = outputs(system, context)
-    assert QpStatus(status).solved
-    assert wrenches[6:] == pytest.approx(np.zeros(6), abs=1e-5)
-    assert wrenches[5] > 300.0

@@ -11,6 +11,7 @@ from nadia_balance.core.whole_body_command import (
     RIGHT_SOLE,
     TORSO,
 )
+from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.whole_body_kinematics import (
     WholeBodyKinematics,
     whole_body_model,
@@ -150,13 +151,14 @@ def test_constants_are_in_the_order_of_velocities():
 def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
-        whole_body_model(nadia(), kinematics().plant, {"TAIL": 0.1}, {})
+        model(TAIL=0.1)
 
 
 def test_upper_limits_only_tighten():
     """Oracle: those of the URDF, 2.62 and 0.698132 rad."""
     limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
-    constants = whole_body_model(nadia(), kinematics().plant, {}, limits)
+    params = WholeBodyQpParams(joint_upper_limits=limits)
+    constants = whole_body_model(nadia(), kinematics().plant, params)
     plant, upper = kinematics().plant, constants.position_upper
     knee, ankle = (
         plant.GetJointByName(name).velocity_start() - 6 for name in limits

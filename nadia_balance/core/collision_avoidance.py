@@ -1,10 +1,40 @@
-"""Distances of many pairs of capsules and spheres at once."""
+"""Braking of links that approach each other, and distances of capsules."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.bounds import bounded
 from nadia_balance.core.walking import Array
 
 _TINY = 1e-12  # lower bound of divisors, for spheres and parallel segments
+
+
+@dataclass(kw_only=True)
+class CollisionAvoidanceParams:
+    """Avoidance of self-collisions.
+
+    Links closer than `attention` are kept `clearance` apart, as a hard limit:
+    their distance d decreases no faster than with the dynamics
+    (d/dt + rate)^2 (d - clearance) = 0.
+    """
+
+    attention: float = bounded(0.08, above=0.0, unit="m")
+    # Upper body links closer than this brake early, by a soft task: late
+    # braking saturates the arm torques and disturbs the legs.
+    arm_attention: float = bounded(0.4, above=0.0, unit="m")
+    arm_weight: float = bounded(3.0, least=0.0)
+    clearance: float = bounded(0.02, least=0.0, unit="m")
+    rate: float = bounded(25.0, above=0.0, unit="1/s")
+
+    def braking(self, distances: Array, rates: Array) -> Array:
+        """Returns the least accelerations (k,) [m/s^2] of link distances.
+
+        They solve (d/dt + rate)^2 (d - clearance) = 0 for the `distances` d
+        (k,) [m] of links and their `rates` (k,) [m/s].
+        """
+        room = self.rate * (distances - self.clearance)
+        return -self.rate * (2.0 * rates + room)
 
 
 class SegmentPairs:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.capsules import SegmentPairs, cross
+from nadia_balance.core.collision_avoidance import SegmentPairs, cross
 
 NUM_PAIRS = 200  # of each kind
 

@@ -1,6 +1,7 @@
-"""Distances between the robot's links, and their rates of change."""
+"""Avoidance of self-collisions: distances of links and rows of the QP."""
 
 import itertools
+import math
 
 import numpy as np
 from pydrake.geometry import Capsule, SceneGraph, SceneGraphInspector, Sphere
@@ -8,22 +9,28 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.capsules import SegmentPairs, cross
-from nadia_balance.core.whole_body_command import MAX_PAIRS
+from nadia_balance.core.collision_avoidance import (
+    CollisionAvoidanceParams,
+    SegmentPairs,
+    cross,
+)
+from nadia_balance.core.whole_body_command import Avoidance
 from nadia_balance.robot import RobotModel
 
+MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
 _TINY = 1e-9  # avoids division by zero if the axes of links meet [m]
 
 
-class LinkDistances:
-    """Computes the distances of links from the context of a plant with shapes.
+class CollisionAvoidance:
+    """Keeps links apart: (d/dt + rate)^2 (d - clearance) >= 0.
 
-    A pair counts if it is nearer than `link_attention`, or, with a link of the
-    upper body, if it is nearer than `arm_attention` and so fast that it must
-    brake.  Pairs of legs have no larger distance: legs pass each other closely,
-    and the swing foot's reference makes its own detour.
+    A pair counts if its distance d is less than `attention`, then as a hard
+    limit, or, with a link of the upper body, if it is less than `arm_attention`
+    and decreases so fast that it must brake, then as a soft task.  Pairs of
+    legs have no larger distance: legs pass each other closely, and the swing
+    foot's reference makes its own detour.
 
     Capsules and spheres are measured in closed form, all pairs at once; pairs
     with another shape are measured by the SceneGraph, one by one.
@@ -31,12 +38,13 @@ class LinkDistances:
 
     def __init__(
         self,
+        params: CollisionAvoidanceParams,
         robot: RobotModel,
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
     ):
         """Measures the links of `robot`, the only one in `plant`."""
-        self._plant, self._params = plant, robot.whole_body
+        self._plant, self._params = plant, params
         self._world = plant.world_frame()
         inspector = scene_graph.model_inspector()
         candidates = sorted(inspector.GetCollisionCandidates())
@@ -48,13 +56,12 @@ class LinkDistances:
         self._bodies = [plant.get_body(body) for body in sorted(bodies)]
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper = _upper_body(robot, plant)
-        attention = self._params.link_attention
         round_pairs, self._others = [], []
         for pair in candidates:
             shapes = [self._shapes[shape] for shape in pair]
-            far = attention
+            far = params.attention
             if any(shape.body.index() in upper for shape in shapes):
-                far = max(self._params.arm_attention, attention)
+                far = max(params.arm_attention, far)
             if all(shape.radius is not None for shape in shapes):
                 round_pairs.append((*shapes, far))
             else:
@@ -81,11 +88,26 @@ class LinkDistances:
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
 
-    def calc(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+    def calc(self, context: Context) -> Avoidance:
+        """Returns the rows of the pairs that need the largest decelerations.
+
+        They are at most MAX_PAIRS, and sorted, the most urgent first.
+        """
+        distance, rows = self.distances(context)
+        params, v = self._params, self._plant.GetVelocities(context)
+        near = distance < params.attention
+        limits, braking = (
+            np.column_stack(
+                (rows[of], -params.braking(distance[of], rows[of] @ v))
+            )
+            for of in (near, ~near)
+        )
+        return Avoidance(limits, math.sqrt(params.arm_weight) * braking)
+
+    def distances(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """Returns distances (k,) [m], and their rows (k, nv), k <= MAX_PAIRS.
 
-        Rows times v are the rates of the distances.  Pairs are sorted by the
-        deceleration that they need, the largest first.
+        Rows times v are the rates of the distances.
         """
         plant = self._plant
         X_WB = np.array(
@@ -116,9 +138,9 @@ class LinkDistances:
                 context, self._bodies[body]
             ).get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
-        braking = self._params.link_braking(distance, rates)
-        counts = distance < self._params.link_attention
-        urgent = (counts | (braking > 0.0)).nonzero()[0]
+        braking = self._params.braking(distance, rates)
+        near = distance < self._params.attention
+        urgent = (near | (braking > 0.0)).nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
         rows = np.empty((urgent.size, plant.num_velocities()))
