@@ -332,7 +332,7 @@ class HumanoidDiagram(Diagram):
 
     def passed_limit(self, context: Context) -> bool:
         """True if a joint speed or the torso's tilt is above its limit."""
-        if self.robot.drives is None:
+        if self.scenario.fidelity == "ideal":
             return False
         state = self._read(context, "state")
         torso, _ = self._poses.trunk_tilt(state)
@@ -357,11 +357,8 @@ class HumanoidDiagram(Diagram):
         logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
         logs["effort_limits"] = self.plant.GetEffortUpperLimits()
         velocities = actuated_velocities(self.plant)
-        logs["joint_speed_limits"] = (
-            np.full(velocities.size, np.inf)
-            if self.robot.drives is None
-            else self.robot.max_joint_speeds[velocities - 6]
-        )
+        limits = self.robot.max_joint_speeds[velocities - 6]
+        logs["joint_speed_limits"] = limits
         columns = self.plant.num_positions() + velocities
         logs["joint_speed_columns"] = columns
         logs |= region_logs(self.robot.point_mass.reach)
