@@ -189,8 +189,8 @@ class Landing(Immutable):
         p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
         nominal = wanted.nominal.pose
         if (
-            wanted.pose is current.pose
-            or wanted.pose is nominal
+            wanted.pose == current.pose
+            or not wanted.moved
             or self._is_in_time(q, time)
         ):
             return wanted
@@ -266,12 +266,11 @@ def adjust_foothold(
     The nominal foothold, not the last one, is projected onto the intersection
     of the capture region and the chosen reachability region, so that the
     foothold returns when the ICP does; a tick lasts `period` [s].
-    `on_arrival` is that of `choose_region`.  The result keeps the pose object
-    of `current`, or that of the nominal foothold, unless the foothold moves.
+    `on_arrival` is that of `choose_region`.
     """
     nominal = current.nominal.pose
     if _covered(nominal.p_WF[:2], capture_region, geometry, params):
-        holds = current.pose is nominal or contains(
+        holds = not current.moved or contains(
             current.pose.p_WF[:2], capture_region
         )
         return return_to_nominal(current, holds, params, period)
@@ -296,8 +295,7 @@ def adjust_foothold(
 
 def _chosen(current: Adjustment) -> str | None:
     """Returns the region chosen last; None if the foothold is nominal."""
-    adjusted = current.pose is not current.nominal.pose
-    return current.region if adjusted else None
+    return current.region if current.moved else None
 
 
 def _covered(
@@ -326,7 +324,7 @@ def return_to_nominal(
     nominal = current.nominal
     ticks = current.covered_ticks + 1
     if (
-        current.pose is nominal.pose
+        not current.moved
         or ticks >= number_of_ticks(params.return_time, period)
         or not holds
     ):

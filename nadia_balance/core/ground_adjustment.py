@@ -36,7 +36,7 @@ class GroundLanding(Landing):
         """
         nominal = current.nominal.pose
         if self._captures(nominal.p_WF[:2], params.margin):
-            holds = current.pose is nominal or self._captures(
+            holds = not current.moved or self._captures(
                 current.pose.p_WF[:2], 0.0
             )
             return return_to_nominal(current, holds, params, period)
@@ -119,7 +119,7 @@ class GroundLanding(Landing):
 
     def _is_last(self, place: Place, current: Adjustment) -> bool:
         return (
-            current.pose is not current.nominal.pose
+            current.moved
             and place.reach == current.region
             and contains(current.pose.p_WF[:2], place.polygon, ROUNDING)
         )
