@@ -9,14 +9,7 @@ import itertools
 
 import numpy as np
 
-from nadia_balance.core.capture_region import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
-    later_feet,
-    later_steps,
-    step_contractions,
-    swing_geometry,
-)
+from nadia_balance.core.capture_region import later_steps
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
@@ -30,6 +23,12 @@ from nadia_balance.core.polygon import (
 )
 from nadia_balance.core.reachability import in_world
 from nadia_balance.core.swing_detour import shortest_time, way_round
+from nadia_balance.core.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+    step_contractions,
+    swing_geometry,
+)
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import (
     Array,
@@ -125,14 +124,13 @@ def planned_offsets(
     """Returns D_1, ..., D_N [m] for steps to the planned footholds.
 
     The planned foothold replaces each region of `swing_geometry`: D_n is a
-    single point (1, 2), or with `params.finite_foot` a polygon.  They do not
-    nest, because a planned step is not skipped.
+    single point (1, 2).  They do not nest, because a planned step is not
+    skipped.
     """
     contractions = step_contractions(steps, params, model.omega)
     holds = [step.pose.p_WF[None, :2] for step in steps[: params.num_steps]]
     ways = [end - start for start, end in itertools.pairwise(holds)]
-    feet = later_feet(steps, params, model.sole)
-    return tuple(later_steps(ways, contractions, feet, planned=True))
+    return tuple(later_steps(ways, contractions, planned=True))
 
 
 def lift_off_time(

@@ -206,7 +206,8 @@ class Adjustment(Immutable):
     """The adjusted pose of the next foothold, with its nominal step.
 
     `region` names the reachability region that was chosen: base, forward or
-    backward; `covered_ticks` counts the ticks for which the capture region has
+    backward; `ground` is the index of the ground region, 0 if it is flat;
+    `covered_ticks` counts the ticks for which the capture region has
     covered the nominal foothold again; `later` adjusts the steps after it.
     """
 
@@ -215,6 +216,7 @@ class Adjustment(Immutable):
     region: str = "base"
     covered_ticks: int = 0
     later: tuple[Adjustment, ...] = ()
+    ground: int = 0
 
     @property
     def moved(self) -> bool:

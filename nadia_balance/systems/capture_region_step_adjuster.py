@@ -5,11 +5,6 @@ from typing import NamedTuple
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.capture_region import (
-    CaptureRegionStepAdjusterParams,
-    geometry_key,
-    swing_geometry,
-)
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -19,10 +14,13 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.ground_adjustment import GroundLanding
-from nadia_balance.core.ground_capture import footing
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    geometry_key,
+    swing_geometry,
+)
 from nadia_balance.core.walking import (
     Adjustment,
     FootPoses,
@@ -110,20 +108,18 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
+        if last is not None and key == last.key:
+            geometry = last.landing.geometry
+        else:
+            geometry = swing_geometry(
+                state.schedule, self._params, self._model, on
+            )
         foot = None
         if on.swing and (feet := self._feet(context)) is not None:
-            foot = feet[state.schedule.support_side.other].p_WF[:2]
-        touchdown = touchdown_interval(
-            state, float(self._time(context)[1]), self._params
-        )
-        now = self._icp(context), touchdown, foot
-        if last is not None and key == last.key:
-            return Tick(state, on, key, last.landing.at(*now))
-        of = state.schedule, self._params, self._model, on
-        geometry = swing_geometry(*of)
-        landing = Landing(geometry, *now)
-        if (ground := footing(*of, geometry)) is not None:
-            landing = GroundLanding(geometry, *now, footing=ground)
+            foot = feet[geometry.swing].p_WF[:2]
+        clock_gain = float(self._time(context)[1])
+        touchdown = touchdown_interval(state, clock_gain, self._params)
+        landing = Landing(geometry, self._icp(context), touchdown, foot)
         return Tick(state, on, key, landing)
 
     def _calc_adjustment(self, context) -> Adjustment | None:

@@ -19,12 +19,12 @@ from nadia_balance.core.capturability import (
     lift_off_time,
     swing_times,
 )
-from nadia_balance.core.capture_region import (
+from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.core.reachability import step_regions
+from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
-from nadia_balance.core.reachability import step_regions
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import Adjustment, FootPose, Phase, WalkingState
 from tests.example_walks import (

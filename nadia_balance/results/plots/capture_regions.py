@@ -12,13 +12,15 @@ from matplotlib.figure import Figure
 from nadia_balance import palette
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.capture_region import (
-    CaptureRegionStepAdjusterParams,
     capture_region,
     later_steps,
     one_step_region,
-    swing_geometry,
 )
-from nadia_balance.core.foothold_adjustment import adjust_foothold, unadjusted
+from nadia_balance.core.foothold_adjustment import (
+    Landing,
+    adjust_foothold,
+    unadjusted,
+)
 from nadia_balance.core.mechanisms import MECHANISMS
 from nadia_balance.core.model import LegGeometry, PointMassModel
 from nadia_balance.core.momentum_qp import (
@@ -39,6 +41,10 @@ from nadia_balance.core.reachability import (
     total_region,
 )
 from nadia_balance.core.swing_detour import SwingDetourParams
+from nadia_balance.core.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    swing_geometry,
+)
 from nadia_balance.core.walking import (
     Array,
     ContactSchedule,
@@ -283,11 +289,11 @@ def draw_rules() -> Figure:
     schedule = _schedule()
     geometry = swing_geometry(schedule, params, MODEL, on)
     for ax, (_, icp) in zip(axes, RULES, strict=True):
-        one_step = geometry.one_step_region(np.array(icp), TOUCHDOWN)
-        captures = geometry.capture_region(one_step)
+        landing = Landing(geometry, np.array(icp), TOUCHDOWN)
+        captures = landing.capture_region
         period = ControllerParams().control_period
         planned = unadjusted(schedule)
-        found = adjust_foothold(planned, captures, geometry, params, period)
+        found = adjust_foothold(planned, landing, params, period)
         for name, region in geometry.regions.items():
             if name != found.region:
                 fill(ax, region, palette.REACH, alpha=0.0, linewidth=0.8)
