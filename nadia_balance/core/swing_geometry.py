@@ -132,6 +132,7 @@ class Place(Immutable):
 class SwingGeometry(Immutable):
     """All polygons of one swing, (n, 2) [m] in W; constant during the swing."""
 
+    key: tuple[object, ...]  # `geometry_key` of the swing
     stance: FootPose
     swing: Side
     omega: float  # [rad/s]
@@ -224,6 +225,7 @@ def swing_geometry(
         for name, region in step_regions(model.reach, on.cross_over).items()
     }
     return SwingGeometry(
+        key=geometry_key(schedule, on),
         stance=stance,
         swing=step.side,
         omega=model.omega,

@@ -1,7 +1,5 @@
 """Step adjustment: moves the swing foot's foothold into capture regions."""
 
-from typing import NamedTuple
-
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
@@ -14,7 +12,6 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
@@ -34,21 +31,6 @@ from nadia_balance.systems.ports import (
     declare_cache,
     declare_output,
 )
-
-
-class Tick(NamedTuple):
-    """Inputs of one tick; in a swing also the geometry's key and the landing.
-
-    Outside of a swing, `key` and `landing` are empty.
-    """
-
-    state: WalkingState | None = None
-    on: Mechanisms | None = None
-    key: tuple[object, ...] = ()
-    landing: Landing | None = None
-
-    def __deepcopy__(self, memo: object) -> "Tick":
-        return self
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -92,10 +74,10 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._feet = ValueInput(self, "foot_poses", FootPoses, None)
         self._mechanisms = MechanismsInput(self)
-        self._tick = declare_cache(
-            self, "tick", self._calc_tick, {self.all_input_ports_ticket()}
+        needs = {self.all_input_ports_ticket()}
+        self._landing = declare_cache(
+            self, "landing", self._calc_landing, needs
         )
-        needs = {self._tick.ticket()}
         self._adjustment = declare_output(
             self, "adjustment", self._calc_adjustment, needs
         )
@@ -103,41 +85,36 @@ class CaptureRegionStepAdjuster(LeafSystem):
             self, "capture_regions", self._calc_capture_regions, needs
         )
 
-    def _calc_tick(self, context, last: Tick | None) -> Tick:
+    def _calc_landing(self, context, last: Landing | None) -> Landing | None:
+        """Returns the landing, None outside of a swing."""
         state, on = self._walking_state(context), self._mechanisms(context)
         if state.schedule.phase is not Phase.SWING:
-            return Tick(state, on)
+            return None
         key = geometry_key(state.schedule, on)
-        if last is not None and key == last.key:
-            geometry = last.landing.geometry
+        if last is not None and key == last.geometry.key:
+            geometry = last.geometry
         else:
-            geometry = swing_geometry(
-                state.schedule, self._params, self._model, on
-            )
-        foot = None
-        if on.swing and (feet := self._feet(context)) is not None:
+            of = state.schedule, self._params, self._model, on
+            geometry = swing_geometry(*of)
+        foot, feet = None, self._feet(context)
+        if on.swing and feet is not None:
             foot = feet[geometry.swing].p_WF[:2]
-        clock_gain = float(self._time(context)[1])
-        touchdown = touchdown_interval(state, clock_gain, self._params)
-        landing = Landing(geometry, self._icp(context), touchdown, foot)
-        return Tick(state, on, key, landing)
+        _, swing_gain = map(float, self._time(context))
+        touchdown = touchdown_interval(state, swing_gain, self._params)
+        return Landing(geometry, self._icp(context), touchdown, foot)
 
     def _calc_adjustment(self, context) -> Adjustment | None:
-        now = self._tick.Eval(context)
-        if not now.on.step:
+        state = self._walking_state(context)
+        if not self._mechanisms(context).step:
             return None
-        if now.landing is None:
-            return unadjusted(now.state.schedule)
-        return propose_adjustment(
-            now.state, now.landing, self._params, self._period
-        )
+        if not (landing := self._landing.Eval(context)):
+            return unadjusted(state.schedule)
+        return propose_adjustment(state, landing, self._params, self._period)
 
     def _calc_capture_regions(self, context) -> CaptureRegions:
-        now = self._tick.Eval(context)
-        if now.landing is None:
+        if not (landing := self._landing.Eval(context)):
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
-        adjustment = self._adjustment.Eval(context) or current_adjustment(
-            now.state
-        )
-        return capture_regions(now.landing, adjustment)
+        adjustment = self._adjustment.Eval(context)
+        state = self._walking_state(context)
+        return capture_regions(landing, adjustment or current_adjustment(state))
