@@ -1,5 +1,7 @@
 """Step adjustment: moves the swing foot's foothold into capture regions."""
 
+from typing import NamedTuple
+
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
@@ -12,6 +14,7 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
+from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
@@ -31,6 +34,17 @@ from nadia_balance.systems.ports import (
     declare_cache,
     declare_output,
 )
+
+
+class Tick(NamedTuple):
+    """The inputs of one tick; `landing` is None outside of a swing."""
+
+    state: WalkingState
+    on: Mechanisms
+    landing: Landing | None = None
+
+    def __deepcopy__(self, memo: object) -> "Tick":
+        return self
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -61,7 +75,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         model: PointMassModel,
         period: float,
     ):
-        """The state machine reads the proposal once per `period` [s].
+        """The proposal is read once per `period` [s].
 
         Raises ValueError for `params` that are out of range.
         """
@@ -74,47 +88,44 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._feet = ValueInput(self, "foot_poses", FootPoses, None)
         self._mechanisms = MechanismsInput(self)
-        needs = {self.all_input_ports_ticket()}
-        self._landing = declare_cache(
-            self, "landing", self._calc_landing, needs
-        )
+        inputs = {self.all_input_ports_ticket()}
+        self._tick = declare_cache(self, "tick", self._calc_tick, inputs)
+        needs = {self._tick.ticket()}
         self._adjustment = declare_output(
             self, "adjustment", self._calc_adjustment, needs
         )
-        declare_output(
-            self, "capture_regions", self._calc_capture_regions, needs
-        )
+        declare_output(self, "capture_regions", self._calc_regions, needs)
 
-    def _calc_landing(self, context, last: Landing | None) -> Landing | None:
-        """Returns the landing, None outside of a swing."""
+    def _calc_tick(self, context, last: Tick | None) -> Tick:
         state, on = self._walking_state(context), self._mechanisms(context)
         if state.schedule.phase is not Phase.SWING:
-            return None
+            return Tick(state, on)
         key = geometry_key(state.schedule, on)
-        if last is not None and key == last.geometry.key:
-            geometry = last.geometry
+        if last and last.landing and key == last.landing.geometry.key:
+            geometry = last.landing.geometry
         else:
             of = state.schedule, self._params, self._model, on
             geometry = swing_geometry(*of)
-        foot, feet = None, self._feet(context)
-        if on.swing and feet is not None:
+        foot = None
+        if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[geometry.swing].p_WF[:2]
-        _, swing_gain = map(float, self._time(context))
-        touchdown = touchdown_interval(state, swing_gain, self._params)
-        return Landing(geometry, self._icp(context), touchdown, foot)
+        clock_gain = float(self._time(context)[1])
+        touchdown = touchdown_interval(state, clock_gain, self._params)
+        landing = Landing(geometry, self._icp(context), touchdown, foot)
+        return Tick(state, on, landing)
 
     def _calc_adjustment(self, context) -> Adjustment | None:
-        state = self._walking_state(context)
-        if not self._mechanisms(context).step:
+        state, on, landing = self._tick.Eval(context)
+        if not on.step:
             return None
-        if not (landing := self._landing.Eval(context)):
+        if landing is None:
             return unadjusted(state.schedule)
         return propose_adjustment(state, landing, self._params, self._period)
 
-    def _calc_capture_regions(self, context) -> CaptureRegions:
-        if not (landing := self._landing.Eval(context)):
+    def _calc_regions(self, context) -> CaptureRegions:
+        state, _, landing = self._tick.Eval(context)
+        if landing is None:
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
-        adjustment = self._adjustment.Eval(context)
-        state = self._walking_state(context)
-        return capture_regions(landing, adjustment or current_adjustment(state))
+        proposed = self._adjustment.Eval(context)
+        return capture_regions(landing, proposed or current_adjustment(state))

@@ -656,6 +656,28 @@ def test_noise_does_not_move_the_foot_from_stone_to_stone():
         assert name == "ahead"
 
 
+@pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
+def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
+    """Oracle: by hand: two stones meet in front of the nominal foothold.
+
+    The right one is nearer by twice the shift; the hysteresis is 3 cm.
+    """
+    stones = (
+        square("left", -0.25 - shift, -0.2),
+        square("right", 0.25 - shift, -0.2),
+    )
+    case, ground = on_stones([0.0, -0.2], stones)
+    everywhere = convex_hull(rectangle(2.0, 2.0))
+    case = Given(case.geometry, case.icp, TOUCHDOWN, capture_region=everywhere)
+    for last, expected in (None, "right"), (0, kept), (1, "right"):
+        current = unadjusted(IN_PLACE)
+        if last is not None:
+            pose = FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
+            current = Adjustment(STEP, pose, BASE, ground=last)
+        found = adjust_foothold(current, case, ONE, TICK)
+        assert ground.region_under(found.pose).name == expected
+
+
 def test_without_a_stone_in_reach_the_foot_goes_on():
     """Oracle: the very same adjustment."""
     case, _ = on_stones([0.5, 0.0], (square("far", 5.0),))
