@@ -256,15 +256,12 @@ def goals(
         found, depth = _deepest(found, A, b, params.margin)
     if not found:
         return [_closest(landing, current, params)] if places else []
-    there = [goal.place for goal in found]
-    last = [
-        goal
-        for goal in places
-        if _is_last(goal.place, current)
-        and goal.place.reach == there[0].reach
-        and goal.place not in there
-    ]
-    return found + _clipped(last, A, b - _KEPT * depth)
+    chosen = [goal.place for goal in found]
+    last = [goal for goal in places if _is_last(goal.place, current)]
+    if last and last[0].place not in chosen:
+        kept = _clipped(last, A, b - _KEPT * depth)
+        found += [g for g in kept if g.place.reach == chosen[0].reach]
+    return found
 
 
 def _is_last(place: Place, current: Adjustment) -> bool:

@@ -6,14 +6,13 @@ forward, y toward the swing side.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import (
-    contains,
     convex_hull,
 )
 from nadia_balance.core.walking import Array, FootPose, Side
@@ -53,11 +52,9 @@ class ReachabilityParams:
     theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")
     # Largest step up or down, as in JSK's work.
     rise_max: float = bounded(0.25, above=0.0, unit="m")
-    # Vertices [x, y] [m] of a convex base region in place of the ellipse.
-    base_polygon: list[list[float]] = field(default_factory=list)
 
     def validate_more(self) -> None:
-        """Raises ValueError if widths or polygon define no region."""
+        """Raises ValueError if the widths define no region."""
         if not self.width_min < self.width_nominal < self.width_max:
             raise ValueError(
                 f"width_nominal = {self.width_nominal}: must be between "
@@ -71,26 +68,12 @@ class ReachabilityParams:
                     f"(-width_nominal, width_max] = "
                     f"(-{self.width_nominal}, {self.width_max}] m"
                 )
-        polygon = self.base_polygon
-        if any(len(vertex) != 2 for vertex in polygon):
-            raise ValueError(
-                f"base_polygon = {polygon}: must be a list of [x, y]"
-            )
-        if polygon and not (
-            3 <= len(convex_hull(np.array(polygon))) == len(polygon)
-        ):
-            raise ValueError(
-                f"base_polygon = {polygon}: must be convex, with 3 or more "
-                "corners"
-            )
 
     def in_base_region(self, x: float, y: float) -> bool:
         """True if the foothold x forward, y to the swing side [m] is reachable.
 
         The test uses the exact ellipse; `base_region` is an inner polygon.
         """
-        if self.base_polygon:
-            return contains(np.array([x, y]), base_region(self), _ROUNDING)
         length = self.length_forward if x > 0.0 else self.length_backward
         out = y - self.width_nominal
         width = (
@@ -102,8 +85,6 @@ class ReachabilityParams:
 
     def describe(self) -> str:
         """Describes the base region, for error messages."""
-        if self.base_polygon:
-            return f"the polygon {self.base_polygon}"
         return (
             f"[{-self.length_backward}, {self.length_forward}] m forward, "
             f"[{self.width_min}, {self.width_max}] m out (ellipse)"
@@ -112,8 +93,6 @@ class ReachabilityParams:
 
 def base_region(params: ReachabilityParams) -> Array:
     """Returns R_b, the region without crossing legs (Nadia paper, Fig. 5)."""
-    if params.base_polygon:
-        return convex_hull(np.array(params.base_polygon))
     middle = params.width_nominal
     vertices = []
     for angle in np.linspace(0.0, 2.0 * math.pi, 9):  # last equals first

@@ -8,7 +8,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.bounds import check
 from nadia_balance.core.polygon import area, contains, convex_hull
 from nadia_balance.core.reachability import (
     BACKWARD,
@@ -25,7 +24,6 @@ from nadia_balance.core.reachability import (
 from nadia_balance.core.walking import FootPose, Side
 
 PARAMS = ReachabilityParams()
-TRIANGLE = [[0.4, 0.2], [0.0, 0.5], [-0.4, 0.2]]
 
 
 def test_base_region_is_four_quarter_ellipses():
@@ -113,19 +111,6 @@ def test_the_total_region_is_the_hull_and_covers_the_stance_foot():
     assert contains(np.zeros(2), total_region(PARAMS, cross_over=True))
 
 
-def test_the_base_region_can_be_any_convex_polygon():
-    """Oracle: the polygon; a point in each of its parts."""
-    params = ReachabilityParams(base_polygon=TRIANGLE)
-    check(params)
-    assert shapely.Polygon(base_region(params)).equals(
-        shapely.Polygon(TRIANGLE)
-    )
-    assert params.in_base_region(0.0, 0.45)
-    assert params.in_base_region(0.4, 0.2)
-    assert not params.in_base_region(0.3, 0.45)
-    assert str(TRIANGLE) in params.describe()
-
-
 @pytest.mark.parametrize("swing", list(Side))
 def test_regions_lie_on_the_swing_side_of_the_stance_foot(swing):
     """Oracle: a foothold by hand, and back by FootPose.to_sole."""
@@ -160,17 +145,3 @@ def test_finds_the_closest_point_of_disjoint_polygons(left, right, gap, turn):
     point = shapely.Point(point)
     assert shapely.Polygon(left).distance(point) < 1e-12
     assert shapely.Polygon(right).distance(point) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
-    "polygon",
-    [
-        [[0.0, 0.1], [1.0, 0.2]],
-        [[0.0, 0.1], [1.0], [0.5, 0.5]],
-        [[0, 0], [1, 0], [1, 1], [0.9, 0.1]],
-    ],
-)
-def test_refuses_a_base_polygon_that_is_none(polygon):
-    """Oracle: two corners, a number, and a corner that is not convex."""
-    with pytest.raises(ValueError, match="^base_polygon = .*: must be"):
-        check(ReachabilityParams(base_polygon=polygon))
