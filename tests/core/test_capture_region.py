@@ -18,11 +18,9 @@ from nadia_balance.core.capture_region import (
 )
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import (
-    area,
     centroid,
     contains,
     convex_hull,
-    intersection,
     project,
 )
 from nadia_balance.core.reachability import (
@@ -84,20 +82,11 @@ def test_the_one_step_region_does_not_jump_at_the_edge_of_the_foot():
 
     The region with the circle of the paper jumps from a half-plane.
     """
-    inside, outside = np.array([0.1099, 0.01]), np.array([0.1101, 0.01])
-    regions = [
-        one_step_region(icp, FOOT, OMEGA, (0.3, 0.8))
-        for icp in (inside, outside)
-    ]
+    icps = np.array([[0.1099, 0.01], [0.1101, 0.01]])
+    regions = [one_step_region(p, FOOT, OMEGA, (0.3, 0.8)) for p in icps]
     most = 2.02e-4 * math.exp(OMEGA * 0.8)
     for first, second in regions, regions[::-1]:
         assert all(contains(p, second, most) for p in first)
-    disc = circle(1.5)
-    areas = [
-        area(intersection(one_step_region(icp, FOOT, OMEGA, (0.3, 9.0)), disc))
-        for icp in (inside, outside)
-    ]
-    assert areas[0] > 2.0 * areas[1]
 
 
 # More steps.
@@ -163,24 +152,6 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
         )
 
 
-# CoM at 1 m; steps of T [s], transfer included.
-@pytest.mark.parametrize(
-    ("T", "beyond"), [(1.0, 0.0), (0.5, 8.8e-3), (0.38, 36.0e-3)]
-)
-def test_the_other_foot_s_turn_is_not_left_out(T, beyond):
-    """Oracle: by hand: one step of w_min inward, then one of w_max back.
-
-    If a step could be left out, 1.5, 34.9 and 74.0 mm.
-    """
-    E = math.exp(-math.sqrt(9.81) * T)
-    assert max(E * (0.8 * E - 0.125), 0.0) == pytest.approx(beyond, abs=5e-5)
-    reaches = mirrored_reaches(base_region(REACH), 2)
-    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
-    three = capture_region(one_step, later_steps(reaches, [E, E])[-1])
-    inside = three[:, 1].min() - one_step[:, 1].min()
-    assert -inside == pytest.approx(max(E * (0.8 * E - 0.125), 0.0), abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("T", "excess"),
     [(1.0, (1.4, 2.4)), (0.5, (7.3, 30.6)), (0.38, (10.8, 44.3))],
@@ -225,14 +196,11 @@ def test_discs_grow_as_koolen_says():
 
 
 def test_without_the_stance_foot_the_paper_s_regions_do_not_nest():
-    """Oracles: w_min times E is lost on the inner side; shapely."""
+    """Oracle: by hand: w_min times E is lost on the inner side."""
     reach = convex_hull(in_world(base_region(REACH), FootPose(), Side.RIGHT))
     one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
     printed = capture_region(one_step, 0.2 * reach)
     ours = capture_region(one_step, later_steps([reach], [0.2])[1])
     lost = printed[:, 1].min() - one_step[:, 1].min()
     assert lost == pytest.approx(0.2 * 0.125)
-    within = shapely.Polygon(printed).covers
-    assert not all(within(shapely.Point(vertex)) for vertex in one_step)
-    within = shapely.Polygon(ours).buffer(1e-12).covers
-    assert all(within(shapely.Point(vertex)) for vertex in one_step)
+    assert all(contains(p, ours, 1e-12) for p in one_step)
