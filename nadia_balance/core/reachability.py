@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.polygon import (
-    convex_hull,
-)
+from nadia_balance.core.polygon import convex_hull
 from nadia_balance.core.walking import Array, FootPose, Side
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
