@@ -1,10 +1,9 @@
 """Foothold adjustment by capture regions (Nadia paper, Sec. IV and V).
 
-The foot lands in a place: one region of the ground within one reachability
-region.  Flat ground is one region.  Of the places, those of one reachability
-region are chosen by the paper's rules (`goals`), and of their footholds the one
-closest to the nominal foothold.  The dead bands and waiting times are not from
-the paper.
+The foot lands in a place: a region of the ground within a reachability region.
+Flat ground is one region.  The paper's rules choose the reachability region
+(`goals`); the foothold is the closest to the nominal one in its places.  Dead
+bands and waiting times are not from the paper.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ from nadia_balance.core.walking import (
 )
 
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
-_HALVINGS = 4  # bisection steps for a feasible margin [-]
+_HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]
 _KEPT = 0.5  # share of the margin that suffices on the previous ground [-]
 
 
@@ -191,9 +190,8 @@ def adjust_foothold(
     closest point counts; `distance_hysteresis` favors the previous ground.
     """
     nominal, region = current.nominal.pose, landing.capture_region
-    if contains(
-        nominal.p_WF[:2], region, -params.margin
-    ) and landing.geometry.allows(nominal):
+    covered = contains(nominal.p_WF[:2], region, -params.margin)
+    if covered and landing.geometry.allows(nominal):
         holds = contains(current.pose.p_WF[:2], region)
         return return_to_nominal(current, holds, params, period)
     options = goals(landing, current, params)
@@ -237,11 +235,10 @@ def goals(
 
     Rule 1: base if it intersects the capture region; rule 2: else the
     cross-over region that shares most area with it; rule 3: else the closest
-    place.  Goals are `margin` deep inside the capture region; if that is
-    infeasible, about as deep as possible.  On the previous place, half of it
-    suffices, so that noise does not move the foot to another ground region.
-    Rule 3 compares the gaps at the earliest times the foot can be there.
-    Empty if no ground is in reach.
+    place, at the earliest time the foot can be there.  Goals are `margin` deep
+    inside the capture region, or about as deep as possible.  On the previous
+    place, half of it suffices, so that noise does not move the foot to another
+    ground region.  Empty if no ground is in reach.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
     Its rule 3 compares all regions at the same time, but a cross-over step
@@ -298,10 +295,7 @@ def _preferred(
 def _deepest(
     options: list[Goal], A: Array, b: Array, margin: float
 ) -> tuple[list[Goal], float]:
-    """Returns the deepest parts of `options`, to within margin / 2^4.
-
-    And their depth [m] inside the capture region A p <= b.
-    """
+    """Returns the deepest parts within A p <= b, and their depth [m]."""
     best, low, high = options, 0.0, margin
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -376,10 +370,9 @@ def in_time(
 ) -> Adjustment:
     """Returns `wanted`, limited to what the foot can reach in `time` [s].
 
-    The foothold moves from that of `current` toward the wanted one only as
-    far as the swing foot can reach before touchdown; otherwise it would be
-    dragged along the ground.  The nominal foothold is always allowed.  This
-    limit is not in the papers.
+    The foothold moves on from that of `current` only as far as the swing foot
+    can be before touchdown; otherwise the foot would be dragged along the
+    ground.  The nominal foothold is always allowed.  Not in the papers.
     """
 
     def is_in_time(foothold: Array) -> bool:
