@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from nadia_balance.core.polygon import area, contains, convex_hull
 from nadia_balance.core.reachability import (
     BACKWARD,
-    BASE,
     FORWARD,
     ReachabilityParams,
     base_region,
@@ -85,16 +84,6 @@ def test_the_cross_over_regions_are_slices_of_a_pie(region, first, length):
     for x, y in polygon[np.linalg.norm(polygon - [0.0, 0.25], axis=1) > 1e-9]:
         width = inward if y < 0.25 else 0.55
         assert x**2 + ((y - 0.25) / width) ** 2 == pytest.approx(1.0)
-
-
-def test_without_cross_over_there_is_only_the_base_region():
-    """Oracle: the names."""
-    assert list(step_regions(PARAMS, cross_over=False)) == [BASE]
-    assert list(step_regions(PARAMS, cross_over=True)) == [
-        BASE,
-        FORWARD,
-        BACKWARD,
-    ]
 
 
 def test_the_total_region_is_the_hull_and_covers_the_stance_foot():

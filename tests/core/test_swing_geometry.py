@@ -151,13 +151,6 @@ def test_the_foot_is_cut_on_its_proper_sides():
     np.testing.assert_allclose(foot, corners, atol=1e-15)
 
 
-def test_some_of_the_sole_must_be_left():
-    """Oracle: 0.06 + 0.06 is all of 0.12 m."""
-    params = replace(PARAMS, foot_inside=0.06, foot_outside=0.06)
-    with pytest.raises(ValueError, match="foot_outside"):
-        params.usable_foot(rectangle(0.25, 0.12))
-
-
 # The ground.
 
 
