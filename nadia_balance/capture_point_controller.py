@@ -6,13 +6,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
 from nadia_balance.core.com_height import ComHeightParams
 from nadia_balance.core.icp_plan import IcpPlanParams
 from nadia_balance.core.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.momentum_qp import MomentumQpParams
 from nadia_balance.core.swing_foot import SwingFootParams
+from nadia_balance.core.swing_geometry import CaptureRegionStepAdjusterParams
 from nadia_balance.core.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.walking_state_machine import WalkingStateMachineParams

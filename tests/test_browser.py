@@ -20,7 +20,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
+from nadia_balance.core.swing_geometry import CaptureRegionStepAdjusterParams
 from nadia_balance.core.walking import (
     Adjustment,
     ContactSchedule,

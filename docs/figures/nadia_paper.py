@@ -21,10 +21,18 @@ from nadia_balance import palette
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core import capture_region as regions
 from nadia_balance.core import momentum_qp, reachability
-from nadia_balance.core.foothold_adjustment import adjust_foothold, unadjusted
+from nadia_balance.core.foothold_adjustment import (
+    Landing,
+    adjust_foothold,
+    unadjusted,
+)
 from nadia_balance.core.mechanisms import MECHANISMS
 from nadia_balance.core.polygon import intersection
 from nadia_balance.core.reachability import BACKWARD, BASE, FORWARD
+from nadia_balance.core.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    swing_geometry,
+)
 from nadia_balance.core.walking import Array, FootPose, FootPoses, Side
 from nadia_balance.results.plots.style import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot import load_robot
@@ -34,7 +42,7 @@ MODEL = load_robot("nadia").point_mass
 SOLE, REACH = MODEL.sole, MODEL.reach
 STANCE, SWING = FootPose(), Side.RIGHT
 NOMINAL = FootPose([0.0, -MODEL.step_width, 0.0])  # nominal foothold
-USABLE = regions.CaptureRegionStepAdjusterParams().usable_foot(SOLE)
+USABLE = CaptureRegionStepAdjusterParams().usable_foot(SOLE)
 
 # Fig. 3: reference of both CoP and eCMP, and ICP error [m].
 COP_R, ERROR = np.array([-0.06, -0.02]), np.array([0.05, 0.042])
@@ -248,17 +256,17 @@ def draw_rules() -> Figure:
     fig, axes = plan_views(
         *(title for title, _ in RULES), x=(-1.1, 1.3), y=(-0.9, 0.9)
     )
-    params = regions.CaptureRegionStepAdjusterParams()
+    params = CaptureRegionStepAdjusterParams()
     on = MECHANISMS["all_with_cross_over"]
     in_place = [NOMINAL, STANCE] * 2
     schedule = right_swing(FootPoses(STANCE, NOMINAL), in_place, 0.4, 0.1)
-    geometry = regions.swing_geometry(schedule, params, MODEL, on)
+    geometry = swing_geometry(schedule, params, MODEL, on)
     for ax, (_, icp) in zip(axes, RULES, strict=True):
-        one_step = geometry.one_step_region(np.array(icp), TOUCHDOWN)
-        captures = geometry.capture_region(one_step)
+        landing = Landing(geometry, np.array(icp), TOUCHDOWN)
+        captures = landing.capture_region
         period = ControllerParams().control_period
         planned = unadjusted(schedule)
-        found = adjust_foothold(planned, captures, geometry, params, period)
+        found = adjust_foothold(planned, landing, params, period)
         for name, region in geometry.regions.items():
             if name != found.region:
                 fill(ax, region, palette.REACH, alpha=0.0, linewidth=0.8)

@@ -1,29 +1,36 @@
 """Foothold adjustment by capture regions (Nadia paper, Sec. IV and V).
 
-The dead bands and waiting times are not from the paper.
+The foot lands in a place: a region of the ground within a reachability region.
+Flat ground is one region.  The paper's rules choose the reachability region
+(`goals`); the foothold is the closest to the nominal one in its places.  Dead
+bands and waiting times are not from the paper.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.capture_region import (
+from nadia_balance.core.polygon import (
+    area,
+    clip_all,
+    contains,
+    halfspaces,
+    project,
+)
+from nadia_balance.core.reachability import BASE, closest_point
+from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
+from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
+    Place,
+    ReachRulesParams,
     SwingGeometry,
 )
-from nadia_balance.core.polygon import contains, project
-from nadia_balance.core.reachability import (
-    BASE,
-    Choice,
-    choose_region,
-    closest_point,
-)
-from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.walking import (
     Adjustment,
     Array,
@@ -36,8 +43,9 @@ from nadia_balance.core.walking import (
     number_of_ticks,
 )
 
-ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
+_HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]
+_KEPT = 0.5  # share of the margin that suffices on the previous ground [-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +106,6 @@ class Landing(Immutable):
     touchdown: tuple[float, float]
     foot: Array | None = None
 
-    def at(
-        self,
-        icp: Array,
-        touchdown: tuple[float, float],
-        foot: Array | None = None,
-    ) -> Landing:
-        """Returns the same swing's landing as seen in another tick."""
-        return replace(self, icp=icp, touchdown=touchdown, foot=foot)
-
     @cached_property
     def one_step(self) -> Array:
         """C_1, for a foot without extent."""
@@ -136,85 +135,22 @@ class Landing(Immutable):
         """
         if self.foot is None:
             return self.capture_region
-        g = self.geometry
         goal, _ = closest_point(region, self.capture_region)
-        soonest = self._time_to(goal)
+        soonest = self.time_to(goal)
         if under_way:
             soonest *= UNDER_WAY
         soonest = max(soonest, least)
         first, last = self.touchdown
         times = soonest, soonest + last - first
-        return g.capture_region(g.one_step_region(self.icp, times))
+        one_step = self.geometry.one_step_region(self.icp, times)
+        return self.geometry.capture_region(one_step)
 
-    def _time_to(self, goal: Array) -> float:
+    def time_to(self, goal: Array) -> float:
         """Time [s] from rest to landing at `goal` (2,) [m]; 0 without foot."""
         if self.foot is None:
             return 0.0
         g = self.geometry
         return time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
-
-    def adjust(
-        self,
-        current: Adjustment,
-        params: CaptureRegionStepAdjusterParams,
-        period: float,
-    ) -> Adjustment:
-        """Returns the adjustment for this tick of `period` [s]."""
-        going = self.geometry.regions.get(_chosen(current) or "")
-
-        def on_arrival(region: Array) -> Array:
-            return self.on_arrival(
-                region, params.least_time_to_land, region is going
-            )
-
-        return adjust_foothold(
-            current,
-            self.capture_region,
-            self.geometry,
-            params,
-            period,
-            on_arrival,
-        )
-
-    def in_time(
-        self, current: Adjustment, wanted: Adjustment, time: float
-    ) -> Adjustment:
-        """Returns `wanted`, limited to what the foot can reach in `time` [s].
-
-        The foothold moves from that of `current` toward the wanted one only as
-        far as the swing foot can reach before touchdown; otherwise it would
-        be dragged along the ground.  The nominal foothold is always allowed.
-        This limit is not in the papers.
-        """
-        p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
-        nominal = wanted.nominal.pose
-        if (
-            wanted.pose is current.pose
-            or wanted.pose is nominal
-            or self._is_in_time(q, time)
-        ):
-            return wanted
-        pose, share = current.pose, 0.0
-        for part in _BISECTION:
-            point = p + (share + part) * (q - p)
-            if self._is_in_time(point, time) and (
-                found := self._foothold(point, nominal)
-            ):
-                pose, share = found, share + part
-        return replace(wanted, pose=pose)
-
-    def _is_in_time(self, foothold: Array, time: float) -> bool:
-        return UNDER_WAY * self._time_to(foothold) <= time
-
-    def _foothold(self, point: Array, nominal: FootPose) -> FootPose | None:
-        """Returns the foot at `point` (2,) [m] in W; None if not allowed."""
-        within = any(
-            contains(point, region, ROUNDING)
-            for region in self.geometry.regions.values()
-        )
-        if not within or self.geometry.blocked(point):
-            return None
-        return FootPose(np.append(point, nominal.p_WF[2]), nominal.yaw)
 
 
 def propose_adjustment(
@@ -236,81 +172,177 @@ def propose_adjustment(
         or landing.touchdown[0] < params.freeze_time
     ):
         return current
-    wanted = landing.adjust(current, params, period)
+    wanted = adjust_foothold(current, landing, params, period)
     time = state.remaining_time + state.gained_time
-    return landing.in_time(current, wanted, time)
-
-
-def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
-    """Returns the regions and footholds behind the proposed `adjustment`."""
-    regions = landing.geometry.regions
-    return CaptureRegions(
-        landing.capture_regions(),
-        # A region chosen before cross-over was switched off is missing.
-        regions.get(adjustment.region, regions[BASE]),
-        adjustment.nominal.pose,
-        adjustment.pose,
-    )
+    return in_time(current, wanted, landing, time)
 
 
 def adjust_foothold(
     current: Adjustment,
-    capture_region: Array,
-    geometry: SwingGeometry,
+    landing: Landing,
     params: CaptureRegionStepAdjusterParams,
     period: float,
-    on_arrival: Callable[[Array], Array] | None = None,
 ) -> Adjustment:
-    """Returns the adjustment that puts the foot into `capture_region` (n, 2).
+    """Returns the adjustment that puts the foot into the capture region.
 
-    The nominal foothold, not the last one, is projected onto the intersection
-    of the capture region and the chosen reachability region, so that the
-    foothold returns when the ICP does; a tick lasts `period` [s].
-    `on_arrival` is that of `choose_region`.  The result keeps the pose object
-    of `current`, or that of the nominal foothold, unless the foothold moves.
+    The nominal foothold, not the last one, is projected onto the `goals`, so
+    that the foothold returns when the ICP does; a tick lasts `period` [s].  The
+    closest point counts; `distance_hysteresis` favors the previous ground.
     """
-    nominal = current.nominal.pose
-    if _covered(nominal.p_WF[:2], capture_region, geometry, params):
-        holds = current.pose is nominal or contains(
-            current.pose.p_WF[:2], capture_region
-        )
+    nominal, region = current.nominal.pose, landing.capture_region
+    covered = contains(nominal.p_WF[:2], region, -params.margin)
+    if covered and landing.geometry.allows(nominal):
+        holds = contains(current.pose.p_WF[:2], region)
         return return_to_nominal(current, holds, params, period)
-    choice = choose_region(
-        geometry.regions,
-        capture_region,
-        _chosen(current),
-        params.rules,
-        params.margin,
-        on_arrival,
-    )
-    target = _target(nominal.p_WF[:2], choice, geometry)
-    if (
-        target is None
-        or math.dist(target, current.pose.p_WF[:2]) < params.dead_band
-    ):
-        pose = current.pose
-    else:
-        pose = FootPose(np.append(target, nominal.p_WF[2]), nominal.yaw)
-    return Adjustment(current.nominal, pose, choice.region)
+    options = goals(landing, current, params)
+    if not options:
+        return current
+
+    def cost(option: tuple[Place, Array]) -> float:
+        place, point = option
+        kept = _is_last(place, current) * params.rules.distance_hysteresis
+        return math.dist(point, nominal.p_WF[:2]) - kept
+
+    pose, place = current.pose, options[0].place
+    found = [
+        (goal.place, point)
+        for goal in options
+        if (point := _foothold(nominal, goal, landing.geometry)) is not None
+    ]
+    if found:
+        place, target = min(found, key=cost)
+        if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
+            pose = landing.geometry.foot_at(target, nominal)
+    return Adjustment(current.nominal, pose, place.reach, ground=place.ground)
 
 
-def _chosen(current: Adjustment) -> str | None:
-    """Returns the region chosen last; None if the foothold is nominal."""
-    adjusted = current.pose is not current.nominal.pose
-    return current.region if adjusted else None
+class Goal(NamedTuple):
+    """A place, and the part (n, 2) [m] of it that captures the ICP.
+
+    If none does, the part is the point (1, 2) closest to the capture region.
+    """
+
+    place: Place
+    part: Array
 
 
-def _covered(
-    nominal: Array,
-    capture_region: Array,
-    geometry: SwingGeometry,
+def goals(
+    landing: Landing,
+    current: Adjustment,
     params: CaptureRegionStepAdjusterParams,
-) -> bool:
-    """True if the nominal foothold is reachable and in the capture region."""
-    if not contains(nominal, capture_region, -params.margin):
-        return False
-    x, y = geometry.stance.to_sole(nominal).tolist()
-    return geometry.reach.in_base_region(x, geometry.swing.sign * y)
+) -> list[Goal]:
+    """Returns the goals of one reachability region (Nadia paper, Sec. V).
+
+    Rule 1: base if it intersects the capture region; rule 2: else the
+    cross-over region that shares most area with it; rule 3: else the closest
+    place, at the earliest time the foot can be there.  Goals are `margin` deep
+    inside the capture region, or about as deep as possible.  On the previous
+    place, half of it suffices, so that noise does not move the foot to another
+    ground region.  Empty if no ground is in reach.
+    Erratum: as printed, rule 1 prefers any sliver of base to a short step
+    across, and the choice flips with noise; hence margin and hysteresis.
+    Its rule 3 compares all regions at the same time, but a cross-over step
+    takes longer, while the ICP diverges.
+    """
+    A, b = halfspaces(landing.capture_region)
+    places = [Goal(place, place.polygon) for place in landing.geometry.places]
+    rules, depth = params.rules, params.margin
+    found = _preferred(_clipped(places, A, b - depth), current, rules)
+    if not found:
+        found = _preferred(_clipped(places, A, b), current, rules)
+        found, depth = _deepest(found, A, b, params.margin)
+    if not found:
+        return [_closest(landing, current, params)] if places else []
+    chosen = [goal.place for goal in found]
+    last = [goal for goal in places if _is_last(goal.place, current)]
+    if last and last[0].place not in chosen:
+        kept = _clipped(last, A, b - _KEPT * depth)
+        found += [g for g in kept if g.place.reach == chosen[0].reach]
+    return found
+
+
+def _is_last(place: Place, current: Adjustment) -> bool:
+    """True if the present, moved foothold was chosen in this place."""
+    last = current.region, current.ground
+    return current.moved and (place.reach, place.ground) == last
+
+
+def _clipped(options: Iterable[Goal], A: Array, b: Array) -> list[Goal]:
+    """Returns the parts of `options` with A p <= b that have an area."""
+    parts = (Goal(place, clip_all(part, A, b)) for place, part in options)
+    return [goal for goal in parts if len(goal.part)]
+
+
+def _preferred(
+    options: list[Goal], current: Adjustment, rules: ReachRulesParams
+) -> list[Goal]:
+    """Returns the options of one reachability region, by rules 1 and 2."""
+    by_reach: dict[str, list[Goal]] = {}
+    for goal in options:
+        by_reach.setdefault(goal.place.reach, []).append(goal)
+
+    def preference(reach: str) -> float:
+        shared = sum(area(goal.part) for goal in by_reach[reach])
+        if reach == BASE:
+            shared *= rules.area_margin
+        if current.moved and reach == current.region:
+            shared *= rules.hysteresis
+        return shared
+
+    return by_reach[max(by_reach, key=preference)] if by_reach else []
+
+
+def _deepest(
+    options: list[Goal], A: Array, b: Array, margin: float
+) -> tuple[list[Goal], float]:
+    """Returns the deepest parts within A p <= b, and their depth [m]."""
+    best, low, high = options, 0.0, margin
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if deeper := _clipped(options, A, b - middle):
+            best, low = deeper, middle
+        else:
+            high = middle
+    return best, low
+
+
+def _closest(
+    landing: Landing,
+    current: Adjustment,
+    params: CaptureRegionStepAdjusterParams,
+) -> Goal:
+    """Returns the goal of rule 3."""
+
+    def gap(place: Place) -> float:
+        is_last = _is_last(place, current)
+        captures = landing.on_arrival(
+            place.polygon, params.least_time_to_land, is_last
+        )
+        _, gap = closest_point(place.polygon, captures)
+        return gap - is_last * params.rules.distance_hysteresis
+
+    place = min(landing.geometry.places, key=gap)
+    nearest, _ = closest_point(place.polygon, landing.capture_region)
+    return Goal(place, nearest[None])
+
+
+def _foothold(
+    nominal: FootPose, goal: Goal, geometry: SwingGeometry
+) -> Array | None:
+    """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
+
+    If this point is on the stance foot, the closest point in front of, behind
+    or beside that foot is returned.
+    """
+    start = nominal.p_WF[:2]
+    target = project(start, goal.part)
+    if not geometry.blocked(target):
+        return target
+    free = goal.part
+    if len(free) == 1:  # the point closest to the capture region
+        start, free = target, goal.place.polygon
+    points = [project(start, part) for part in geometry.free_parts(free)]
+    return min(points, key=lambda p: math.dist(p, start), default=None)
 
 
 def return_to_nominal(
@@ -323,31 +355,48 @@ def return_to_nominal(
 
     `holds` means that the present foothold is in the capture region as well.
     """
-    nominal = current.nominal
     ticks = current.covered_ticks + 1
     if (
-        current.pose is nominal.pose
+        not current.moved
         or ticks >= number_of_ticks(params.return_time, period)
         or not holds
     ):
-        return Adjustment(nominal, nominal.pose)
-    return Adjustment(nominal, current.pose, current.region, ticks)
+        return Adjustment(current.nominal, current.nominal.pose)
+    return replace(current, covered_ticks=ticks)
 
 
-def _target(
-    nominal: Array, choice: Choice, geometry: SwingGeometry
-) -> Array | None:
-    """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
+def in_time(
+    current: Adjustment, wanted: Adjustment, landing: Landing, time: float
+) -> Adjustment:
+    """Returns `wanted`, limited to what the foot can reach in `time` [s].
 
-    If this point is on the stance foot, the closest point in front of, behind
-    or beside that foot is returned.
+    The foothold moves on from that of `current` only as far as the swing foot
+    can be before touchdown; otherwise the foot would be dragged along the
+    ground.  The nominal foothold is always allowed.  Not in the papers.
     """
-    target = project(nominal, choice.goal)
-    if not geometry.blocked(target):
-        return target
-    free = geometry.free_parts(choice.goal)
-    if len(choice.goal) == 1:  # the region point closest to the capture region
-        nominal = target
-        free = geometry.free_parts(geometry.regions[choice.region])
-    candidates = [project(nominal, part) for part in free]
-    return min(candidates, key=lambda p: math.dist(p, nominal), default=None)
+
+    def is_in_time(foothold: Array) -> bool:
+        return UNDER_WAY * landing.time_to(foothold) <= time
+
+    p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
+    if wanted.pose == current.pose or not wanted.moved or is_in_time(q):
+        return wanted
+    geometry, pose, share = landing.geometry, current.pose, 0.0
+    for part in _BISECTION:
+        point = p + (share + part) * (q - p)
+        if is_in_time(point) and geometry.has(point):
+            pose = geometry.foot_at(point, wanted.nominal.pose)
+            share += part
+    return replace(wanted, pose=pose)
+
+
+def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
+    """Returns the regions and footholds behind the proposed `adjustment`."""
+    regions = landing.geometry.regions
+    return CaptureRegions(
+        landing.capture_regions(),
+        # A region chosen before cross-over was switched off is missing.
+        regions.get(adjustment.region, regions[BASE]),
+        adjustment.nominal.pose,
+        adjustment.pose,
+    )

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -81,6 +82,14 @@ class Region:
         offsets = points - self.polygon.mean(axis=0)
         return np.asarray(self.height - offsets @ [x / z, y / z])
 
+    def between(self, polygon: Array, lowest: float, highest: float) -> Array:
+        """Returns the part of `polygon` (n, 2) [m] between two heights [m]."""
+        x, y, z = self.unit_normal.tolist()
+        slope = np.array([-x / z, -y / z])
+        at_origin = float(self.heights(np.zeros((1, 2)))[0])
+        limits = np.array([highest - at_origin, at_origin - lowest])
+        return clip_all(polygon, np.array([slope, -slope]), limits)
+
     def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
         """Returns the polygon (n, 2) [m] of sole centres, seen from above.
 
@@ -150,6 +159,20 @@ class Ground(Immutable):
             parts = [intersection(part, within) for part in parts]
         points = [project(point, part) for part in parts if len(part)]
         return min(points, key=lambda p: math.dist(p, point), default=None)
+
+    def footholds_within(
+        self, polygon: Array, yaw: float, lowest: float, highest: float
+    ) -> Iterator[tuple[int, Array]]:
+        """Yields the footholds within `polygon` (n, 2) [m] in W, by region.
+
+        Each is the index of a region, and the part (k, 2) [m] of its footholds
+        for this `yaw` [rad] at heights from `lowest` to `highest` [m].
+        """
+        for index, hold in enumerate(self.footholds(yaw)):
+            part = intersection(polygon, hold) if len(hold) else hold
+            part = self.regions[index].between(part, lowest, highest)
+            if len(part):
+                yield index, part
 
     def region_under(self, foot: FootPose) -> Region | None:
         """Returns the region that contains the whole sole, or None."""

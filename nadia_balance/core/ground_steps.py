@@ -26,13 +26,8 @@ def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
         ValueError: a foot is not on a single region.
     """
     for side in Side:
-        foot = feet[side]
-        if ground.region_under(foot) is None:
-            raise ValueError(
-                f"{side.value} foot at the start: {_beside(ground, foot)}"
-            )
-        pose = ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
-        feet = feet.with_foot(side, pose)
+        what = f"{side.value} foot at the start"
+        feet = feet.with_foot(side, _on_region(ground, feet[side], what))
     return feet
 
 
@@ -42,16 +37,10 @@ def given_on(ground: Ground, steps: Iterable[Footstep]) -> tuple[Footstep, ...]:
     Raises:
         ValueError: a step is not on a single region.
     """
-    found = []
-    for number, step in enumerate(steps, start=1):
-        if ground.region_under(step.pose) is None:
-            raise ValueError(
-                f"step {number} ({step.side.value}): "
-                f"{_beside(ground, step.pose)}"
-            )
-        pose = ground.pose(step.pose.p_WF[:2], step.pose.yaw, 0.0)
-        found.append(replace(step, pose=pose))
-    return tuple(found)
+    return tuple(
+        replace(step, pose=_on_region(ground, step.pose, _name(number, step)))
+        for number, step in enumerate(steps, start=1)
+    )
 
 
 def snapped_to(
@@ -74,9 +63,8 @@ def snapped_to(
         snapped = moved_to(ground, step, [region])
         if snapped is None:
             raise ValueError(
-                f"step {number} ({step.side.value}): must fit on a region "
-                f"within reach of the other foot; "
-                f"{_beside(ground, step.pose)}"
+                f"{_name(number, step)}: must fit on a region within reach of "
+                f"the other foot; {_beside(ground, step.pose)}"
             )
         feet = feet.with_foot(step.side, snapped.pose)
         found.append(snapped)
@@ -96,6 +84,17 @@ def moved_to(
         if point is not None:
             return replace(step, pose=ground.pose(point, yaw, float(p[2])))
     return None
+
+
+def _name(number: int, step: Footstep) -> str:
+    return f"step {number} ({step.side.value})"
+
+
+def _on_region(ground: Ground, foot: FootPose, what: str) -> FootPose:
+    """Returns the foot on its region; raises ValueError about `what`."""
+    if ground.region_under(foot) is None:
+        raise ValueError(f"{what}: {_beside(ground, foot)}")
+    return ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
 
 
 def _beside(ground: Ground, foot: FootPose) -> str:

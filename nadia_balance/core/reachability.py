@@ -1,4 +1,4 @@
-"""Reachability regions of the swing foot, and the rules to choose one.
+"""Reachability regions of the swing foot.
 
 Nadia paper, Sec. IV and V.  All regions are convex polygons (n, 2) [m],
 counter-clockwise, of footholds in the sole frame of the stance foot; x
@@ -6,26 +6,18 @@ forward, y toward the swing side.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.polygon import (
-    area,
-    clip_all,
-    contains,
-    convex_hull,
-    halfspaces,
-)
+from nadia_balance.core.polygon import convex_hull
 from nadia_balance.core.walking import Array, FootPose, Side
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 
 _ROUNDING = 1e-9  # on the edge of the base region [-], [m]
-_HALVINGS = 4  # bisection steps for a feasible margin [-]
 _COMPLEX = np.array([1.0, 1.0j])
 
 
@@ -58,11 +50,9 @@ class ReachabilityParams:
     theta_backward_deg: float = bounded(30.0, least=0.0, most=80.0, unit="deg")
     # Largest step up or down, as in JSK's work.
     rise_max: float = bounded(0.25, above=0.0, unit="m")
-    # Vertices [x, y] [m] of a convex base region in place of the ellipse.
-    base_polygon: list[list[float]] = field(default_factory=list)
 
     def validate_more(self) -> None:
-        """Raises ValueError if widths or polygon define no region."""
+        """Raises ValueError if the widths define no region."""
         if not self.width_min < self.width_nominal < self.width_max:
             raise ValueError(
                 f"width_nominal = {self.width_nominal}: must be between "
@@ -76,26 +66,12 @@ class ReachabilityParams:
                     f"(-width_nominal, width_max] = "
                     f"(-{self.width_nominal}, {self.width_max}] m"
                 )
-        polygon = self.base_polygon
-        if any(len(vertex) != 2 for vertex in polygon):
-            raise ValueError(
-                f"base_polygon = {polygon}: must be a list of [x, y]"
-            )
-        if polygon and not (
-            3 <= len(convex_hull(np.array(polygon))) == len(polygon)
-        ):
-            raise ValueError(
-                f"base_polygon = {polygon}: must be convex, with 3 or more "
-                "corners"
-            )
 
     def in_base_region(self, x: float, y: float) -> bool:
         """True if the foothold x forward, y to the swing side [m] is reachable.
 
         The test uses the exact ellipse; `base_region` is an inner polygon.
         """
-        if self.base_polygon:
-            return contains(np.array([x, y]), base_region(self), _ROUNDING)
         length = self.length_forward if x > 0.0 else self.length_backward
         out = y - self.width_nominal
         width = (
@@ -107,8 +83,6 @@ class ReachabilityParams:
 
     def describe(self) -> str:
         """Describes the base region, for error messages."""
-        if self.base_polygon:
-            return f"the polygon {self.base_polygon}"
         return (
             f"[{-self.length_backward}, {self.length_forward}] m forward, "
             f"[{self.width_min}, {self.width_max}] m out (ellipse)"
@@ -117,8 +91,6 @@ class ReachabilityParams:
 
 def base_region(params: ReachabilityParams) -> Array:
     """Returns R_b, the region without crossing legs (Nadia paper, Fig. 5)."""
-    if params.base_polygon:
-        return convex_hull(np.array(params.base_polygon))
     middle = params.width_nominal
     vertices = []
     for angle in np.linspace(0.0, 2.0 * math.pi, 9):  # last equals first
@@ -185,123 +157,6 @@ def in_world(region: Array, stance: FootPose, swing: Side) -> Array:
     if swing is Side.RIGHT:  # mirrored, and again counter-clockwise
         region = region[::-1] * [1.0, -1.0]
     return stance.to_world(region)
-
-
-@dataclass(kw_only=True)
-class ReachRulesParams:
-    """Preference of the base region, and hysteresis of the choice."""
-
-    # Least ratio of the area that a cross-over region shares with the capture
-    # region to that of the base region.
-    area_margin: float = bounded(5.0, least=1.0)
-    # The previous region is kept until another region shares this many times
-    # its area or, if none shares any, is this much closer.
-    hysteresis: float = bounded(1.3, least=1.0)
-    distance_hysteresis: float = bounded(0.03, least=0.0, unit="m")
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The region chosen for a step, and the goal within it.
-
-    `goal` (n, 2) [m] is the intersection of the region and the capture region
-    or, if it is empty, the point (1, 2) of the region closest to the latter.
-    """
-
-    region: str
-    goal: Array
-
-
-def choose_region(
-    regions: Mapping[str, Array],
-    capture_region: Array,
-    previous: str | None,
-    params: ReachRulesParams,
-    margin: float = 0.0,
-    on_arrival: Callable[[Array], Array] | None = None,
-) -> Choice:
-    """Returns the region to step into, by the Nadia paper's rules (Sec. V).
-
-    Rule 1: base if it intersects the capture region; rule 2: else the
-    cross-over region that shares most area with it; rule 3: else the closest.
-    `regions` has convex polygons (n, 2) [m] in the frame of `capture_region`
-    (m, 2), BASE among them; `previous` was chosen last.  `margin` [m] is the
-    desired depth of the goal inside the capture region; if it is infeasible,
-    the goal is about as deep as possible.  `on_arrival` returns, for a region,
-    the capture region at the earliest time the foot can be there: rule 3
-    compares the gaps at these times.
-    Erratum: as printed, rule 1 prefers any sliver of base to a short step
-    across, and the choice flips with noise; hence margin and hysteresis.
-    Its rule 3 compares all regions at the same time, but a cross-over step
-    takes longer, while the ICP diverges.
-    """
-    A, b = halfspaces(capture_region)
-    choice = _largest(regions, A, b - margin, previous, params)
-    if choice is None and margin > 0.0:
-        choice = _largest(regions, A, b, previous, params)
-        if choice is not None:
-            return Choice(choice.region, _deepest(choice.goal, A, b, margin))
-    if choice is not None:
-        return choice
-    return _closest(
-        regions,
-        capture_region,
-        previous,
-        params,
-        on_arrival or (lambda _: capture_region),
-    )
-
-
-def _largest(
-    regions: Mapping[str, Array],
-    A: Array,
-    b: Array,
-    previous: str | None,
-    params: ReachRulesParams,
-) -> Choice | None:
-    """Returns the choice of rules 1 and 2, or None; A p <= b is captured."""
-    found, most = None, 0.0
-    for name, region in regions.items():
-        shared = clip_all(region, A, b)
-        preference = area(shared)
-        if name == BASE:
-            preference *= params.area_margin
-        if name == previous:
-            preference *= params.hysteresis
-        if preference > most:
-            found, most = Choice(name, shared), preference
-    return found
-
-
-def _deepest(shared: Array, A: Array, b: Array, margin: float) -> Array:
-    """Returns the deepest part of `shared`, to within margin / 2^4."""
-    best, low, high = shared, 0.0, margin
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        part = clip_all(shared, A, b - middle)
-        if len(part):
-            best, low = part, middle
-        else:
-            high = middle
-    return best
-
-
-def _closest(
-    regions: Mapping[str, Array],
-    capture_region: Array,
-    previous: str | None,
-    params: ReachRulesParams,
-    on_arrival: Callable[[Array], Array],
-) -> Choice:
-    """Returns the choice of rule 3."""
-
-    def gap(name: str) -> float:
-        _, gap = closest_point(regions[name], on_arrival(regions[name]))
-        return gap - (name == previous) * params.distance_hysteresis
-
-    name = min(regions, key=gap)
-    nearest, _ = closest_point(regions[name], capture_region)
-    return Choice(name, nearest[None])
 
 
 def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:

@@ -2,7 +2,7 @@
 
 All values are frozen and their arrays read-only, because Drake passes the same
 object to every reader of an abstract port, and clones of a Context share it.
-Types that hold arrays compare by identity.
+Types that hold arrays compare by identity, except FootPose.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class FootPose(Immutable):
 
     The sole frame F is z-up with x along the foot and y to the left.  The
     rotation of a tilted sole with the unit `normal` (3,) is
-    R = tilt(normal) Rz(yaw); F itself stays level.
+    R = tilt(normal) Rz(yaw); F itself stays level.  Poses compare by value.
     """
 
     p_WF: Array = field(default_factory=lambda: np.zeros(3))
@@ -91,6 +91,18 @@ class FootPose(Immutable):
         object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
         if self.normal is not UPRIGHT:
             object.__setattr__(self, "normal", read_only(self.normal, 3))
+
+    @cached_property
+    def _values(self) -> tuple[float, ...]:
+        return (*self.p_WF.tolist(), self.yaw, *self.normal.tolist())
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        return isinstance(other, FootPose) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
 
     @cached_property
     def rotation(self) -> Array:
@@ -194,7 +206,8 @@ class Adjustment(Immutable):
     """The adjusted pose of the next foothold, with its nominal step.
 
     `region` names the reachability region that was chosen: base, forward or
-    backward; `covered_ticks` counts the ticks for which the capture region has
+    backward; `ground` is the index of the ground region, 0 if it is flat;
+    `covered_ticks` counts the ticks for which the capture region has
     covered the nominal foothold again; `later` adjusts the steps after it.
     """
 
@@ -203,6 +216,12 @@ class Adjustment(Immutable):
     region: str = "base"
     covered_ticks: int = 0
     later: tuple[Adjustment, ...] = ()
+    ground: int = 0
+
+    @property
+    def moved(self) -> bool:
+        """True if the pose differs from the nominal one."""
+        return self.pose != self.nominal.pose
 
 
 @dataclass(frozen=True)

@@ -259,7 +259,7 @@ def _adjusted(
         return state
     moved = False
     for i, new in enumerate((adjustment, *adjustment.later)):
-        if new.pose is not steps[i].pose:
+        if new.pose != steps[i].pose:
             steps[i], moved = replace(steps[i], pose=new.pose), True
     if moved:
         time = state.time_in_phase

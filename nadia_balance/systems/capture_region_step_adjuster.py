@@ -5,11 +5,6 @@ from typing import NamedTuple
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.bounds import check
-from nadia_balance.core.capture_region import (
-    CaptureRegionStepAdjusterParams,
-    geometry_key,
-    swing_geometry,
-)
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -19,10 +14,13 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.ground_adjustment import GroundLanding
-from nadia_balance.core.ground_capture import footing
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    geometry_key,
+    swing_geometry,
+)
 from nadia_balance.core.walking import (
     Adjustment,
     FootPoses,
@@ -39,14 +37,10 @@ from nadia_balance.systems.ports import (
 
 
 class Tick(NamedTuple):
-    """Inputs of one tick; in a swing also the geometry's key and the landing.
+    """The inputs of one tick; `landing` is None outside of a swing."""
 
-    Outside of a swing, `key` and `landing` are empty.
-    """
-
-    state: WalkingState | None = None
-    on: Mechanisms | None = None
-    key: tuple[object, ...] = ()
+    state: WalkingState
+    on: Mechanisms
     landing: Landing | None = None
 
     def __deepcopy__(self, memo: object) -> "Tick":
@@ -81,7 +75,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         model: PointMassModel,
         period: float,
     ):
-        """The state machine reads the proposal once per `period` [s].
+        """The proposal is read once per `period` [s].
 
         Raises ValueError for `params` that are out of range.
         """
@@ -94,54 +88,44 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
         self._feet = ValueInput(self, "foot_poses", FootPoses, None)
         self._mechanisms = MechanismsInput(self)
-        self._tick = declare_cache(
-            self, "tick", self._calc_tick, {self.all_input_ports_ticket()}
-        )
+        inputs = {self.all_input_ports_ticket()}
+        self._tick = declare_cache(self, "tick", self._calc_tick, inputs)
         needs = {self._tick.ticket()}
         self._adjustment = declare_output(
             self, "adjustment", self._calc_adjustment, needs
         )
-        declare_output(
-            self, "capture_regions", self._calc_capture_regions, needs
-        )
+        declare_output(self, "capture_regions", self._calc_regions, needs)
 
     def _calc_tick(self, context, last: Tick | None) -> Tick:
         state, on = self._walking_state(context), self._mechanisms(context)
         if state.schedule.phase is not Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
+        if last and last.landing and key == last.landing.geometry.key:
+            geometry = last.landing.geometry
+        else:
+            of = state.schedule, self._params, self._model, on
+            geometry = swing_geometry(*of)
         foot = None
         if on.swing and (feet := self._feet(context)) is not None:
-            foot = feet[state.schedule.support_side.other].p_WF[:2]
-        touchdown = touchdown_interval(
-            state, float(self._time(context)[1]), self._params
-        )
-        now = self._icp(context), touchdown, foot
-        if last is not None and key == last.key:
-            return Tick(state, on, key, last.landing.at(*now))
-        of = state.schedule, self._params, self._model, on
-        geometry = swing_geometry(*of)
-        landing = Landing(geometry, *now)
-        if (ground := footing(*of, geometry)) is not None:
-            landing = GroundLanding(geometry, *now, footing=ground)
-        return Tick(state, on, key, landing)
+            foot = feet[geometry.swing].p_WF[:2]
+        clock_gain = float(self._time(context)[1])
+        touchdown = touchdown_interval(state, clock_gain, self._params)
+        landing = Landing(geometry, self._icp(context), touchdown, foot)
+        return Tick(state, on, landing)
 
     def _calc_adjustment(self, context) -> Adjustment | None:
-        now = self._tick.Eval(context)
-        if not now.on.step:
+        state, on, landing = self._tick.Eval(context)
+        if not on.step:
             return None
-        if now.landing is None:
-            return unadjusted(now.state.schedule)
-        return propose_adjustment(
-            now.state, now.landing, self._params, self._period
-        )
+        if landing is None:
+            return unadjusted(state.schedule)
+        return propose_adjustment(state, landing, self._params, self._period)
 
-    def _calc_capture_regions(self, context) -> CaptureRegions:
-        now = self._tick.Eval(context)
-        if now.landing is None:
+    def _calc_regions(self, context) -> CaptureRegions:
+        state, _, landing = self._tick.Eval(context)
+        if landing is None:
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
-        adjustment = self._adjustment.Eval(context) or current_adjustment(
-            now.state
-        )
-        return capture_regions(now.landing, adjustment)
+        proposed = self._adjustment.Eval(context)
+        return capture_regions(landing, proposed or current_adjustment(state))

@@ -1,6 +1,7 @@
 """Oracles: shapely, planes in space, figures by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,40 +99,38 @@ def test_a_sole_across_an_edge_is_on_no_region():
     assert ground.region_under(FootPose()).name == "a"
 
 
-@pytest.mark.parametrize(
-    ("region", "message"),
-    [
-        (
-            Region(name="L", vertices=[[0, 0], [2, 0], [1, 0.5], [0, 2]]),
-            "must be convex",
-        ),
-        (Region(name="L", vertices=[[0, 0], [1, 1]]), "must be convex"),
-        (square("L", normal=[0.0, 0.1, -1.0]), "upside down"),
-        (square("L", height=math.nan), "must be finite"),
-    ],
-)
-def test_says_what_is_no_region(region, message):
-    """Oracle: by hand."""
-    with pytest.raises(ValueError, match=message):
-        check(region)
+L_SHAPE = [[0, 0], [2, 0], [1, 0.5], [0, 2]]
 
 
 @pytest.mark.parametrize(
-    ("regions", "message"),
+    ("field", "value"),
     [
-        ((square("a", side=0.2),), "region 'a': must be larger than the sole"),
-        (
-            (square("a"), square("b", 0.4, height=0.2)),
-            "regions 'a' and 'b', at heights 0 and 0.2 m: must not overlap",
-        ),
-        ((square("a"), square("a", 2.0)), "name = 'a'"),
-        ((square(""),), "name = ''"),
+        ("vertices", L_SHAPE),
+        ("vertices", [[0, 0], [1, 1]]),
+        ("vertices", [[0], [1, 1], [2, 0]]),
+        ("normal", [0.0, 0.1, -1.0]),
+        ("height", math.nan),
     ],
 )
-def test_says_which_regions_are_no_ground(regions, message):
-    """Oracle: by hand."""
-    with pytest.raises(ValueError, match=message):
-        check_ground(Ground(regions, SOLE))
+def test_refuses_what_is_no_region(field, value):
+    """Oracle: the message names the field."""
+    with pytest.raises(ValueError, match=field):
+        check(replace(square("L"), **{field: value}))
+
+
+@pytest.mark.parametrize(
+    ("name", "regions"),
+    [
+        ("'a'.*larger than the sole", [square("a", side=0.2)]),
+        ("'a' and 'b'.*overlap", [square("a"), square("b", 0.4, height=0.2)]),
+        ("name = 'a'", [square("a"), square("a", 2.0)]),
+        ("name = ''", [square("")]),
+    ],
+)
+def test_refuses_regions_that_are_no_ground(name, regions):
+    """Oracle: the message names the region."""
+    with pytest.raises(ValueError, match=name):
+        check_ground(Ground(tuple(regions), SOLE))
 
 
 def test_no_region_is_steeper_than_friction_allows():

@@ -48,7 +48,7 @@ def soles_at(robot, log, time):
     ("name", "text", "duration", "num_steps", "top"),
     [
         ("stairs", EARLY % f"footholds: {FOOTHOLDS}", 7.15, 4, 0.18),
-        ("cinder_blocks", "", 22.5, 16, 0.45),
+        ("cinder_blocks", "", 7.8, 5, 0.30),
         ("tilted_blocks", "", 7.8, 5, 0.30),
     ],
     ids=["18 cm up and down", "Fig. 11", "15 degrees"],

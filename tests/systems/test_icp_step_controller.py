@@ -19,7 +19,6 @@ from nadia_balance.core.icp_step_control import (
 )
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.reachability import (
-    ReachabilityParams,
     in_world,
 )
 from nadia_balance.core.walking import Phase, Side, WalkingState
@@ -140,19 +139,6 @@ def test_can_be_switched_off_and_on(controller):
     fix(controller, context, mechanisms=[1, 0, 0, 0], **inputs())
     again = answer(controller, context, "adjustment")
     np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)
-
-
-def test_takes_a_reach_of_any_polygon():
-    """Oracle: 60 corners in a circle; it steps as far as that allows."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
-    circle = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
-    corners = [0.0, 0.45] + circle
-    reach = ReachabilityParams(base_polygon=corners.tolist())
-    controller = IcpStepController(PARAMS, replace(MODEL, reach=reach), PERIOD)
-    context = asked(controller, **inputs())
-    found = answer(controller, context, "adjustment")
-    x, y = IN_PLACE.feet.left.to_sole(found.pose.p_WF[None, :2])[0]
-    assert np.hypot(x, -y - 0.45) == pytest.approx(0.3, rel=2e-3)
 
 
 @pytest.mark.parametrize(
