@@ -1,7 +1,8 @@
 """The replay in a real browser: offline, small, and with everything to see.
 
 A kinematic imitation of a walk takes the place of a simulation: it draws the
-same robot through the same visualizers, in a fraction of a second.
+same robot through the same visualizers, in a fraction of a second.  These are
+the tests of BalanceVisualizer and its overlay, too.
 """
 
 import io
@@ -19,8 +20,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
+from shapely import Point, Polygon, union_all
 
+from nadia_balance import palette
 from nadia_balance.core.capture_region import CaptureRegionStepAdjusterParams
+from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.ground import Ground
+from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
     ContactSchedule,
@@ -42,11 +48,19 @@ from nadia_balance.results.scene import (
     start_meshcat,
 )
 from nadia_balance.results.story import telling
-from nadia_balance.systems.balance_visualizer import MIDDLE, BalanceVisualizer
+from nadia_balance.systems.balance_visualizer import (
+    FOOTPRINTS,
+    MIDDLE,
+    RADIUS,
+    BalanceVisualizer,
+)
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
+from nadia_balance.systems.overlay import LINE, ChangingPolygon
 from nadia_balance.systems.ports import connect
+from tests.blocks import asked
+from tests.core.test_ground import square
 from tests.example_walks import MODEL, SOLE
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
@@ -58,7 +72,7 @@ PARTS = (
     *("footprints", "footsteps", "support_polygon"),
     *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
     *("capture_regions/c_1", "capture_regions/c_2", "capture_regions/c_3"),
-    *("capture_regions/reach", "capture_regions/nominal"),
+    *("capture_regions/reach", "capture_regions/nominal", "ground"),
 )
 
 
@@ -140,10 +154,10 @@ def legs(plant, context, time: float) -> None:
             plant.GetJointByName(name).set_angle(context, angle)
 
 
-def write_imitation(path: Path) -> None:
-    """Writes the replay of the imitated walk.
+def write_imitation(path: Path) -> dict[float, CaptureRegions]:
+    """Writes the replay of the imitated walk; returns the capture regions.
 
-    With capture regions in every frame: twice as often as in a simulation.
+    They are drawn in every frame: twice as often as in a simulation.
     """
     meshcat = start_meshcat()[0]
     builder = DiagramBuilder()
@@ -151,7 +165,10 @@ def write_imitation(path: Path) -> None:
     Parser(plant).AddModels(str(URDF))
     plant.Finalize()
     add_robot_view(builder, scene_graph, meshcat)
-    visualizer = builder.AddSystem(BalanceVisualizer(meshcat, SOLE))
+    stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
+    visualizer = builder.AddSystem(
+        BalanceVisualizer(meshcat, SOLE, Ground(tuple(stones), SOLE))
+    )
     adjuster = builder.AddSystem(
         CaptureRegionStepAdjuster(
             CaptureRegionStepAdjusterParams(), MODEL, period=0.002
@@ -168,10 +185,9 @@ def write_imitation(path: Path) -> None:
     inputs = visualizer.GetMyMutableContextFromRoot(root)
     pelvis = plant.GetBodyByName("PELVIS_LINK")
     set_scene(meshcat)
-    start_recording(meshcat)
-    diagram.ExecuteInitializationEvents(root)
-    for frame in range(round(DURATION * FRAMES_PER_SECOND) + 1):
-        time = frame / FRAMES_PER_SECOND
+    regions = {}
+
+    def draw(time: float) -> None:
         root.SetTime(time)
         plant.SetFloatingBaseBodyPoseInWorldFrame(
             robot, pelvis, RigidTransform(com(time))
@@ -183,7 +199,15 @@ def write_imitation(path: Path) -> None:
         for name, value in vectors(time).items():
             visualizer.GetInputPort(name).FixValue(inputs, value)
         diagram.ForcedPublish(root)
+        port = adjuster.GetOutputPort("capture_regions")
+        regions[time] = port.Eval(adjuster.GetMyContextFromRoot(root))
+
+    start_recording(meshcat)
+    diagram.ExecuteInitializationEvents(root)
+    for frame in range(round(DURATION * FRAMES_PER_SECOND) + 1):
+        draw(frame / FRAMES_PER_SECOND)
     write_replay(meshcat, path)
+    return regions
 
 
 @dataclass
@@ -191,6 +215,7 @@ class Replay:
     """A replay that is open in the browser."""
 
     page: Page
+    regions: dict[float, CaptureRegions]  # that were drawn, by their times [s]
     requests: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
 
@@ -217,13 +242,32 @@ class Replay:
             [path, visible],
         )
 
+    def visible(self, path: str) -> set[str]:
+        """Names of the visible objects at one level below `path`."""
+        script = """(path) => Object.entries(
+            viewer.scene_tree.find(path.split("/")).children)
+          .filter(([name, node]) => node.object.visible)
+          .map(([name, node]) => name)"""
+        return set(self.page.evaluate(script, path))
+
     def position(self, path: str) -> np.ndarray:
         """Where the browser has put the object at `path`, in W (3,) [m]."""
-        script = """(path) => {
-          const names = path.split("/").filter((name) => name);
-          return viewer.scene_tree.find(names).object.position.toArray();
-        }"""
+        script = """(path) =>
+          viewer.scene_tree.find(path.split("/")).object.position.toArray()"""
         return np.array(self.page.evaluate(script, path))
+
+    def triangles(self, path: str) -> np.ndarray:
+        """The triangles (n, 3, 3) [m] that are visible below `path`."""
+        script = """(path) => Object.values(
+            viewer.scene_tree.find(path.split("/")).children)
+          .filter((node) => node.object.visible)
+          .flatMap((node) => {
+            const {attributes, index} = (
+                node.children["<object>"] ?? node).object.geometry;
+            return Array.from(index.array).flatMap((i) =>
+                Array.from(attributes.position.array).slice(3 * i, 3 * i + 3));
+          })"""
+        return np.array(self.page.evaluate(script, path)).reshape(-1, 3, 3)
 
     def picture(self) -> np.ndarray:
         """A screenshot (height, width, 3)."""
@@ -232,19 +276,15 @@ class Replay:
 
 
 @pytest.fixture(scope="module")
-def html(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("replay") / "replay.html"
-    write_imitation(path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def replay(browser: Browser, html: Path) -> Iterator[Replay]:
+def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     """The replay, with every network blocked."""
+    html = tmp_path_factory.mktemp("replay") / "replay.html"
+    regions = write_imitation(html)
+    assert html.stat().st_size <= 5.0 * MEGABYTE, "for ten seconds"
     context = browser.new_context(
         viewport={"width": 640, "height": 480}, offline=True
     )
-    replay = Replay(context.new_page())
+    replay = Replay(context.new_page(), regions)
     page = replay.page
     page.on("request", lambda request: replay.requests.append(request.url))
     page.on("pageerror", lambda error: replay.errors.append(str(error)))
@@ -265,10 +305,6 @@ def replay(browser: Browser, html: Path) -> Iterator[Replay]:
 def changed_pixels(a: np.ndarray, b: np.ndarray) -> int:
     """How many pixels differ by more than the noise of a gradient."""
     return int(np.sum(np.max(np.abs(a - b), axis=2) > 12))
-
-
-def test_ten_seconds_are_no_more_than_five_megabytes(html):
-    assert html.stat().st_size <= 5.0 * MEGABYTE
 
 
 def test_the_replay_opens_offline_and_whole(replay):
@@ -305,42 +341,100 @@ def test_all_that_is_drawn_is_seen(replay):
 def test_the_overlay_moves_with_time(replay, time):
     """Oracle: the made-up trajectories, at the times of frames."""
     replay.seek(time)
-    assert replay.position("/overlay/icp")[:2] == pytest.approx(
-        icp(time), abs=1e-6
-    )
-    assert replay.position("/overlay/com") == pytest.approx(com(time), abs=1e-6)
-    first = foot(int(time) + 1)
-    path = f"/overlay/footsteps/{first[0].value}_0"
-    assert replay.position(path) == pytest.approx(first[1].p_WF, abs=1e-6)
+    given, footsteps = vectors(time), walking_state(time).schedule.footsteps
+    for name, expected in {
+        "com": com(time),
+        "com_ground": [*com(time)[:2], 0.0],
+        "icp": [*icp(time), 0.0],
+        "icp_reference": [*given["icp_reference"][:2], 0.0],
+        "cop": [*given["ecmp_command"][:2], 0.0],
+        "ecmp": [*given["ecmp_command"][2:], 0.0],
+        f"footsteps/{footsteps[0].side.value}_0": footsteps[0].pose.p_WF,
+        f"footsteps/{footsteps[2].side.value}_1": footsteps[2].pose.p_WF,
+    }.items():
+        found = replay.position(f"overlay/{name}")
+        assert found == pytest.approx(np.array(expected), abs=1e-6), name
 
 
-def arrow_pixels(replay, time):
+def drawn(replay: Replay, name: str) -> tuple[Polygon, float]:
+    """What is painted, in plan view, and how much of it twice [m^2]."""
+    found = replay.triangles(f"overlay/{name}")
+    turns = np.cross(*np.diff(found, axis=1).transpose(1, 0, 2))
+    # The outline of an edge that is shorter than its width is folded.
+    assert (turns[:, 2] > -2.0 * LINE**2).all(), "seen from above"
+    triangles = [Polygon(corners[:, :2]) for corners in found]
+    whole = union_all(triangles)
+    return whole, sum(t.area for t in triangles) - whole.area
+
+
+@pytest.mark.parametrize("time", [3.5, 3.875])
+def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
+    """Oracle: shapely; corners that move by less than 5 mm are not redrawn."""
     replay.seek(time)
-    arrow = "viewer.scene_tree.find(['overlay', 'push']).object.scale"
-    pictures = []
-    for scale in (0, 1):
-        replay.page.evaluate(f"{arrow}.setScalar({scale}); viewer.render()")
-        pictures.append(replay.picture())
-    return changed_pixels(*pictures)
+    expected = replay.regions[time]
+    stance = foot(int(time))[1].p_WF[:2]
+    assert len(expected.regions) >= 2
+    for i, region in enumerate(expected.regions[:3], start=1):
+        shape, twice = drawn(replay, f"capture_regions/c_{i}")
+        near = Polygon(region) & Point(stance).buffer(RADIUS)
+        off = 0.01 * near.length + 0.02 * near.area
+        assert shape.symmetric_difference(near).area < off
+        assert twice == pytest.approx(LINE * near.length, rel=0.1)
+    line, twice = drawn(replay, "capture_regions/reach")
+    ring = Polygon(expected.reach)
+    assert line.within(ring.exterior.buffer(3.0 * LINE))
+    assert line.area == pytest.approx(LINE * ring.length, rel=0.1)
+    landing = replay.position("overlay/capture_regions/nominal")
+    assert landing == pytest.approx(nominal(int(time) + 1).pose.p_WF, abs=1e-6)
+
+
+@pytest.mark.parametrize("time", [3.125, 3.5])
+def test_the_feet_in_contact_are_outlined_and_regions_seen_in_swings(
+    replay, time
+):
+    """Oracle: core.support_polygon, and shapely's distance to its border."""
+    replay.seek(time)
+    schedule = walking_state(time).schedule
+    line, _ = drawn(replay, "support_polygon")
+    border = Polygon(support_polygon(schedule, SOLE)).exterior
+    assert line.area == pytest.approx(LINE * border.length, rel=0.1)
+    assert line.hausdorff_distance(border) < 1.5 * LINE
+    swings = schedule.phase is Phase.SWING
+    assert ("capture_regions" in replay.visible("overlay")) == swings
 
 
 def test_the_push_is_seen_long_enough_and_not_before(replay):
-    """Oracle: pushed from 4.2 to 4.3 s; the arrow lingers for half a second."""
-    pixels = [arrow_pixels(replay, t) for t in (0.0, 4.0, 4.25, 4.7, 5.5)]
-    assert [n > 200 for n in pixels] == [False, False, True, True, False]
+    """Oracle: pushed from 4.2 to 4.3 s; the arrow lingers for half a second.
+
+    It points at the centre of mass, to the left.
+    """
+    for time, seen in (0.0, 0), (4.0, 0), (4.7, 1), (5.5, 0), (4.25, 1):
+        replay.seek(time)
+        assert ("push" in replay.visible("overlay")) == seen
+    assert replay.position("overlay/push") == pytest.approx(com(4.25), abs=1e-6)
+    tip = replay.page.evaluate(
+        """() => new (viewer.scene_tree.object.position.constructor)(0, 0, 1)
+             .applyQuaternion(viewer.scene_tree.find(["overlay", "push"])
+                 .object.quaternion).toArray()"""
+    )
+    assert tip == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
 
 
 def test_footprints_stay_and_future_ones_are_hidden(replay):
     """Oracle: at 4.5 s steps -1 to 4 have landed, 5 to 10 have not."""
     replay.seek(4.5)
-    visible = replay.page.evaluate(
-        """() => Object.entries(
-             viewer.scene_tree.find(["overlay", "footprints"]).children)
-           .filter(([name, node]) => node.object.visible)
-           .map(([name, node]) => name)"""
-    )
-    expected = [f"{foot(n)[0].value}_{n}" for n in range(-1, 5)]
-    assert sorted(visible) == sorted(expected)
+    expected = {f"{foot(n)[0].value}_{n}" for n in range(-1, 5)}
+    assert replay.visible("overlay/footprints") == expected
+    found = replay.position("overlay/footprints/left_4")
+    assert found[:2] == pytest.approx(foot(4)[1].p_WF[:2], abs=1e-6)
+
+
+def test_the_region_of_the_next_step_is_darker(replay):
+    """Oracle: steps 2 and 4, by hand; none where the foothold is on none."""
+    usual = {"0", "1"}
+    for time, more in (1.5, {"in_use_0"}), (2.5, set()), (3.5, {"in_use_1"}):
+        replay.seek(time)
+        assert replay.visible("overlay/ground") == usual | more
 
 
 def test_the_camera_follows_the_walk(replay):
@@ -358,8 +452,41 @@ def test_the_camera_follows_the_walk(replay):
 
 def test_the_legend_names_what_is_drawn(replay):
     text = replay.page.inner_text("#legend")
-    for name in ("ICP", "CoM", "CoP", "eCMP", "left foot", "push", "C₁"):
+    for name in (*palette.LEGEND, "foothold as adjusted"):
         assert name in text
+
+
+def test_a_long_walk_keeps_its_last_shapes_only():
+    """Oracle: Drake's Meshcat; less than STILL is no new shape."""
+    meshcat, kept = start_meshcat()[0], 5
+    polygon = ChangingPolygon(meshcat, "/p", palette.rgba("#000000"), 0.1)
+    polygon.KEPT = kept
+    for frame in range(kept + 3):
+        for move in 0.0, 0.004:
+            polygon.draw(SOLE + [frame, move], 0.0, 0.1 * frame)
+    there = [meshcat.HasPath(f"/p/{i}") for i in range(1, kept + 5)]
+    assert there == [False] * 3 + [True] * kept + [False]
+    polygon.forget()
+    assert not meshcat.HasPath("/p/8")
+
+
+def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
+    """Oracle: Drake's own Meshcat, which packs false as 0xc2."""
+    meshcat = start_meshcat()[0]
+    visualizer = BalanceVisualizer(meshcat, SOLE)
+    for time in 3.5, 7.5:
+        context = asked(visualizer, walking_state=walking_state(time))
+        visualizer.ExecuteInitializationEvents(context)
+        visualizer.ForcedPublish(context)
+        prints = [
+            n
+            for n in range(9)
+            if meshcat.HasPath(f"{FOOTPRINTS}/{foot(n)[0].value}_{n}")
+        ]
+        assert prints == [int(time)], "the other foot is in the air"
+    for name in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
+        packed = meshcat._GetPackedProperty(f"/overlay/{name}", "visible")
+        assert packed.endswith(b"\xc2"), name
 
 
 def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):

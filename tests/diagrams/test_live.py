@@ -19,7 +19,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results.scene import start_meshcat
 from nadia_balance.systems.balance_visualizer import FOOTPRINTS
 from nadia_balance.systems.live_controls import PUSH, SIZE
-from tests.fake_meshcat import click
+from tests.clicks import click
 
 
 class Session(LiveSession):

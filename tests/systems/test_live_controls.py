@@ -16,7 +16,7 @@ from nadia_balance.systems.live_controls import (
     SIZE,
     LiveControls,
 )
-from tests.fake_meshcat import click
+from tests.clicks import click
 
 PERIOD = 0.02
 ALL = MECHANISMS["all_with_cross_over"]
