@@ -104,12 +104,12 @@ def test_tells_a_push_and_the_recovery(session):
     session.ticks(250)
     pushed, stepped, recovered = session.told
     newtons = session._diagram.robot.mass * 6.0
-    push = f"0.60 m/s at 90 deg, {newtons:.0f} N, right transfer 0 %"
-    assert pushed == f"t=3.02 s  pushed {push}"
-    assert "  stepped (right) " in stepped and " and in 0.3" in stepped
+    push = f"push 0.60 m/s left, right transfer 0 %  F = {newtons:.0f} N"
+    assert pushed == f"t=3.02 s  {push}"
+    assert "  first step (right) " in stepped and " and in 0.3" in stepped
     assert recovered.endswith("  RECOVERED in 1 step")
     assert 6.0 < float(recovered[2:].split()[0]) < 7.02
-    assert session.status()[2:4] == [f"last push {push}", "RECOVERED in 1 step"]
+    assert session.status()[2:4] == [f"last {push}", "RECOVERED in 1 step"]
 
 
 def test_a_fall_begins_anew(session):
