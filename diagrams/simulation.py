@@ -82,7 +82,6 @@ def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
 def simulate(
     diagram: ClosedLoop,
     duration: float,
-    realtime_rate: float = 0.0,
     *,
     stop_at_failure: bool = False,
 ) -> Run:
@@ -90,7 +89,6 @@ def simulate(
     return advance(
         start(diagram),
         duration,
-        realtime_rate,
         stop_at_failure=stop_at_failure,
     )
 
@@ -150,14 +148,12 @@ def walk_to_push(
 def advance(
     simulator: Simulator,
     duration: float,
-    realtime_rate: float = 0.0,
     *,
     stop_at_failure: bool = False,
     until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
-    `realtime_rate` 1 runs at most at real time, 0 as fast as possible.
     `stop_at_failure` ends the run at the first improper contact or exceeded
     limit: either means that the robot does not recover.  `until` is called
     once a control period, before its update; True ends the run.
@@ -197,7 +193,6 @@ def advance(
             return EventStatus.ReachedTermination(diagram, "decided")
         return EventStatus.DidNothing()
 
-    simulator.set_target_realtime_rate(realtime_rate)
     with until_ctrl_c() as pressed:
         simulator.set_monitor(look)
         began = time.process_time()

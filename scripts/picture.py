@@ -28,12 +28,9 @@ import numpy as np
 from PIL import Image
 
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.results.folder import (
-    appearing,
-    legend_entries,
-    read_run,
-)
+from nadia_balance.results.folder import appearing, read_run
 from nadia_balance.results.log import pushes, steps
+from nadia_balance.results.pages import legend_entries
 from nadia_balance.scripts.command_line import (
     DONE,
     CommandLine,

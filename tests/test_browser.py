@@ -38,8 +38,11 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.results.folder import start_recording, write_replay
-from nadia_balance.results.replay_page import replay_status
+from nadia_balance.results.pages import (
+    replay_status,
+    start_recording,
+    write_replay,
+)
 from nadia_balance.results.scene import (
     FRAMES_PER_SECOND,
     ROBOT,

@@ -40,7 +40,7 @@ NUMBER = int(os.environ.get("BAD_INPUTS", "40"))
 HUGE = (".nan", "-.inf", "1.0e+12", "-1.0e+12", "[1]", "{a: 1}", "up", "true")
 WORDS = ("nan", "inf", "-1e12", "1e12", "", "up", "\0", "é", "--", "1:30")
 SCRIPTS = {
-    push: "delta-v direction at shape random seed duration realtime-rate port "
+    push: "delta-v direction at shape random seed duration port "
     "robot mechanisms fidelity scenario_name scenario_file plant out",
     simulate: "seed duration robot scenario_file",
     envelope: "directions at resolution stride replicas largest workers "

@@ -8,11 +8,11 @@ import pytest
 from nadia_balance.results.folder import (
     prepare_folder,
     read_run,
-    start_recording,
     write_plots,
     write_run,
 )
 from nadia_balance.results.log import signal
+from nadia_balance.results.pages import start_recording
 from nadia_balance.results.plots import effort
 from nadia_balance.results.scene import start_meshcat
 from tests.results.made_up_run import (

@@ -3,7 +3,7 @@
 import json
 import re
 
-from nadia_balance.results.replay_page import replay_status
+from nadia_balance.results.pages import replay_status
 from nadia_balance.results.story import telling
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
@@ -19,7 +19,7 @@ def test_the_page_tells_the_story_with_its_times():
     log = make_log(Recipe())
     summary = summary_of(log) | {"scenario": "</script>"}
     text = replay_status(log, summary)
-    assert text.count("</script>") == 1
+    assert text.count("</script>") == 2
     said = said_by(text)
     assert said["title"].startswith("</script>  ·  ")
     told = telling(log, summary)

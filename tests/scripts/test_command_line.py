@@ -28,7 +28,6 @@ from tests.scripts.running import (
     assert_refused,
     environment,
     run_script,
-    summary_of,
 )
 
 
@@ -161,30 +160,9 @@ def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
     assert_refused(run(capsys, *flags), message)
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"),
-    [
-        (["--open"], "open = True: must not come with --plant lipm: no Mesh"),
-        (
-            ["--realtime-rate", "-1"],
-            "realtime_rate = -1.0: must be in [0, 1",
-        ),
-        (["--graphviz", "/none/a.dot"], "graphviz = /none/a.dot: must be a f"),
-    ],
-)
-def test_refuses_output_flags_without_effect(argv, message, tmp_path, capsys):
-    assert_refused(run(capsys, *argv, "--out", tmp_path), message)
-
-
-def test_draws_the_diagram_and_says_of_which_plant(tmp_path, capsys):
-    """Oracle: Graphviz dot, with a node for each block."""
-    graph = tmp_path / "diagram.dot"
-    assert run(capsys, "--graphviz", graph, "--out", tmp_path).code == 0
-    text = graph.read_text()
-    assert text.startswith("digraph")
-    for name in ("capture_point_controller", "plant", "push_source"):
-        assert name in text
-    assert summary_of(tmp_path)["plant"] == "lipm"
+def test_refuses_output_flags_without_effect(tmp_path, capsys):
+    message = "open = True: must not come with --plant lipm: no Mesh"
+    assert_refused(run(capsys, "--open", "--out", tmp_path), message)
 
 
 def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
