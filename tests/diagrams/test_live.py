@@ -54,12 +54,12 @@ def test_walks_without_the_scripted_push_and_without_a_log(session):
 
     Nothing that was logged is kept.
     """
-    session.ticks(715)
-    assert session.context.get_time() == pytest.approx(14.3)
+    session.ticks(265)
+    assert session.context.get_time() == pytest.approx(5.3)
     state = session._diagram.GetOutputPort("walking_state").Eval(
         session.context
     )
-    assert state.steps_taken == 13
+    assert state.steps_taken == 4
     assert session.told == []
     assert session.status()[2] == "walks"
     assert len(session.times_logged()) == 0
@@ -153,9 +153,9 @@ def test_old_footprints_go(monkeypatch):
     """Oracle: Meshcat; of each foot the last two are there."""
     monkeypatch.setattr(live, "PRINTS", 2)
     session = Session()
-    session.ticks(500)
+    session.ticks(350)
     steps = session._steps
-    assert steps > 6
+    assert steps > 4
     for side in Side:
         there = [
             n

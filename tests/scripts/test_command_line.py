@@ -69,13 +69,6 @@ def test_finite_reads_finite_numbers():
             finite(text)
 
 
-def test_an_error_is_one_line(capsys):
-    """Oracle: argparse alone would print the usage as well."""
-    outcome = run(capsys, "--nonsense")
-    assert outcome.code == 2
-    assert outcome.err == ["job: unrecognized arguments: --nonsense"]
-
-
 def test_leaves_the_results_in_a_folder_of_its_own(
     tmp_path, monkeypatch, capsys
 ):
@@ -124,24 +117,6 @@ def test_an_early_end_writes_what_was_logged(
     with np.load(tmp_path / "log.npz") as log:
         assert log["t"][-1] == pytest.approx(0.3)
         assert len(log["icp"]) == len(log["t"]) == 31
-
-
-def test_fidelity_is_a_flag(monkeypatch, capsys):
-    """Oracles: the diagram that is asked for; the messages, by hand."""
-    seen = []
-
-    def look(diagram):
-        seen.append(diagram.scenario.fidelity)
-        raise ValueError("looked at")
-
-    monkeypatch.setattr(command_line, "start", look)
-    argv = ["--no-meshcat", "--fidelity", "realistic"]
-    assert_refused(run_script(Job, argv, capsys), "looked at")
-    assert seen == ["realistic"]
-    message = "fidelity = 'true': must be one of realistic, ideal"
-    assert_refused(
-        run_script(Job, ["--no-meshcat", "--fidelity", "true"], capsys), message
-    )
 
 
 def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):

@@ -90,16 +90,6 @@ def test_a_click_on_a_toggle_switches_its_mechanism(meshcat):
     assert len(meshcat.GetButtonNames()) == 5
 
 
-def test_toggles_clicked_in_one_period_all_count(meshcat):
-    """Oracle: one click switches, two do not; and once only."""
-    session = Session(meshcat)
-    for name in ("step adjustment", "cross-over", *2 * ["swing timing"]):
-        click(meshcat, f"{name}: on")
-    for _ in range(2):
-        session.poll()
-        assert session.output("mechanisms") == [0.0, 1.0, 1.0, 0.0]
-
-
 def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
     """Oracle: the sliders, in their steps of 0.01 and 5; no push, all on."""
     first = Session(meshcat)

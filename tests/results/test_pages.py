@@ -1,11 +1,57 @@
-"""Oracle: the run that was made up; the browser is in tests/test_browser.py."""
+"""The pages as text; tests/test_browser.py looks at them in a browser."""
 
 import json
 import re
 
-from nadia_balance.results.pages import replay_status
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform
+
+from nadia_balance.results.pages import (
+    replay_status,
+    start_recording,
+    write_replay,
+)
+from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
 from nadia_balance.results.story import telling
 from tests.results.made_up_run import Recipe, make_log, summary_of
+
+
+def test_a_recording_is_shown_meanwhile_only_if_it_is_live():
+    """Oracle: Drake's Meshcat: what it would send to a new browser."""
+    meshcat = start_meshcat()[0]
+    meshcat.SetObject("/ball", Sphere(0.1))
+    for x, live in (1.0, True), (2.0, False):
+        start_recording(meshcat, live=live)
+        recording = meshcat.get_mutable_recording()
+        assert recording.frames_per_second() == FRAMES_PER_SECOND
+        before = meshcat._GetPackedTransform("/ball")
+        meshcat.SetTransform("/ball", RigidTransform([x, 0.0, 0.0]), 0.5)
+        assert (meshcat._GetPackedTransform("/ball") != before) == live
+
+
+class Page:
+    """A page that has the end of a body in the text of a script."""
+
+    head, tail = '<body><script>"</body>"</script>', "</body>\n</html>\n"
+
+    def StopRecording(self):
+        pass
+
+    def PublishRecording(self):
+        pass
+
+    def StaticHtml(self):
+        return self.head + self.tail
+
+
+def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
+    """Oracle: the page as it was."""
+    write_replay(Page(), tmp_path / "replay.html", "said")
+    page = (tmp_path / "replay.html").read_text("utf-8")
+    assert page.startswith(Page.head)
+    assert page.endswith(f"said{Page.tail}")
+    added = page.removeprefix(Page.head).removesuffix(Page.tail)
+    assert added.count("<script>") == added.count("</script>") == 1
 
 
 def said_by(text):
