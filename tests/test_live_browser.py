@@ -60,8 +60,8 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
     mass = load_robot("nadia").mass
     assert "  push 0.30 m/s " in first
     assert first.endswith(f"  F = {mass * 3.0:.0f} N")
-    assert "  push 0.72 m/s backward, " in second
-    assert second.endswith(f"  F = {mass * 7.2:.0f} N")
+    assert "  push 0.20 m/s backward, " in second
+    assert second.endswith(f"  F = {mass * 2.0:.0f} N")
 
 
 def use(browser: Browser, program: subprocess.Popen) -> None:
@@ -87,11 +87,11 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
     wait_until(page, has_come("last push 0.30 m/s "))
     x = "viewer.controls.target.x"
     wait_until(page, lambda: page.evaluate(x) > 0.4)
-    set_slider(page, "size [m/s]", "0.72")
+    set_slider(page, "size [m/s]", "0.2")
     set_slider(page, "direction [deg]", "180")
     page.wait_for_timeout(200)
     page.keyboard.press("p")  # the key of the button
-    wait_until(page, has_come("last push 0.72 m/s backward"))
+    wait_until(page, has_come("last push 0.20 m/s backward"))
     click(page, "cross-over: on")
     page.get_by_text("cross-over: off", exact=True).wait_for()
     click(page, "Pause")

@@ -28,9 +28,14 @@ PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 def measure(log: Log) -> dict[str, Any]:
     """Returns all measurements as plain values, None if not available."""
     return {
-        name: function(log) if need in log else None
+        name: _plain(function(log)) if need in log else None
         for name, (need, function) in _MEASUREMENTS.items()
     }
+
+
+def _plain(value: Any) -> Any:
+    """The largest entry of an array; any other value as it is."""
+    return largest(value) if isinstance(value, np.ndarray) else value
 
 
 def largest(values: Array) -> float | None:
@@ -43,9 +48,17 @@ def duration(log: Log) -> float:
     return float(np.ptp(log["t"])) if len(log["t"]) else 0.0
 
 
+def _switches(log: Log) -> list[dict[str, Any]]:
+    return [{"time_s": time, "on": on} for time, on in switches(log)]
+
+
 def _rms_icp_error(log: Log) -> float | None:
     error = icp_error(log)
     return math.sqrt(np.mean(error**2)) if error.size else None
+
+
+def _pushes(log: Log) -> list[dict[str, float]]:
+    return [_push_measurements(log, push) for push in pushes(log)]
 
 
 def _push_measurements(log: Log, push: PushSpan) -> dict[str, float]:
@@ -88,9 +101,10 @@ def com_height(log: Log) -> Array:
     return height - np.minimum(soles.left[2], soles.right[2])
 
 
-def _com_sag(log: Log) -> float | None:
+def _com_sag(log: Log) -> Array:
+    """Drop (n,) [m] of the CoM since the start."""
     height = com_height(log)
-    return largest(height[:1] - height)
+    return height[:1] - height
 
 
 def torso_tilt(log: Log) -> Array:
@@ -98,6 +112,16 @@ def torso_tilt(log: Log) -> Array:
     if "trunk_tilt" not in log:
         return np.zeros(0)
     return np.degrees(signal(log, "trunk_tilt").torso)
+
+
+def _pelvis_tilt(log: Log) -> Array:
+    """Angle (n,) [deg] of the pelvis against the vertical."""
+    return np.degrees(signal(log, "trunk_tilt").pelvis)
+
+
+def _footstep_error(log: Log) -> Array:
+    """Distances [m] of achieved from adjusted footholds."""
+    return np.array([step.error for step in steps(log)])
 
 
 def _durations(log: Log, phase: Phase) -> list[float]:
@@ -139,6 +163,11 @@ def torque_ratio(log: Log) -> Array:
     return np.abs(log["actuation"]) / log["effort_limits"]
 
 
+def _torque_step(log: Log) -> Array:
+    """|change of commanded torque| (n - 1, nu) [N m] from tick to tick."""
+    return np.abs(np.diff(log["actuation"], axis=0))
+
+
 def joint_speed(log: Log) -> Array:
     """|joint speed| (n, nu) [rad/s]; empty without joints."""
     if "joint_speed_columns" not in log:
@@ -151,9 +180,32 @@ def joint_speed_ratio(log: Log) -> Array:
     return joint_speed(log) / log.get("joint_speed_limits", np.ones(0))
 
 
-def _power(log: Log) -> Array:
+def _powers(log: Log) -> Array:
     """Mechanical power (n, nu) [W] of each drive; negative while braking."""
     return log["torques"] * log["state"][:, log["joint_speed_columns"]]
+
+
+def _power(log: Log) -> Array:
+    """Net mechanical power (n,) [W]."""
+    return np.sum(_powers(log), axis=1)
+
+
+def _positive_power(log: Log) -> Array:
+    """Mechanical power (n,) [W] of the drives that do not brake."""
+    return np.sum(np.maximum(_powers(log), 0.0), axis=1)
+
+
+def _impact(log: Log) -> Array:
+    """Force on a foot / weight (n, 2) [-], each the mean of a tick."""
+    return log["foot_forces"] / log["weight"]
+
+
+def _swing_speed(log: Log) -> Array:
+    return np.concatenate([np.zeros(0), *_swing_speeds(log)])
+
+
+def _mean_swing_speed(log: Log) -> Array:
+    return np.array([np.mean(speed) for speed in _swing_speeds(log)])
 
 
 def _swing_speeds(log: Log) -> list[Array]:
@@ -201,6 +253,14 @@ def _qp_status(log: Log) -> list[Any]:
     return [signal(log, name) for name in present]
 
 
+def _qp_solves(log: Log) -> int:
+    return sum(len(qp.solved) for qp in _qp_status(log))
+
+
+def _qp_fallbacks(log: Log) -> int:
+    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qp_status(log))
+
+
 def _qp_failures(log: Log) -> int:
     return sum(
         int(max(np.sum(qp.solved < 0.5), qp.failures[-1]))
@@ -208,83 +268,44 @@ def _qp_failures(log: Log) -> int:
     )
 
 
-def _qp_violation(log: Log) -> float | None:
+def _qp_violation(log: Log) -> Array:
     all_of = [np.zeros(0), *(qp.violation for qp in _qp_status(log))]
     violation = np.concatenate(all_of)
-    return largest(violation[np.isfinite(violation)])
+    return violation[np.isfinite(violation)]
 
 
-# Name: a signal that the measurement needs, and a function of the log.
+# Name: a signal that is needed, and a function of the log; of an array the
+# largest entry counts.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "duration_s": ("t", duration),
-    "switched_mechanisms": (
-        "t",
-        lambda log: [{"time_s": t, "on": on} for t, on in switches(log)],
-    ),
-    "pushes": (
-        "t",
-        lambda log: [_push_measurements(log, push) for push in pushes(log)],
-    ),
-    "body_sway_deg": ("com_state", lambda log: largest(body_sway(log))),
-    "max_torso_tilt_deg": ("trunk_tilt", lambda log: largest(torso_tilt(log))),
-    "max_pelvis_tilt_deg": (
-        "trunk_tilt",
-        lambda log: largest(np.degrees(signal(log, "trunk_tilt").pelvis)),
-    ),
+    "switched_mechanisms": ("t", _switches),
+    "pushes": ("t", _pushes),
+    "body_sway_deg": ("com_state", body_sway),
+    "max_torso_tilt_deg": ("trunk_tilt", torso_tilt),
+    "max_pelvis_tilt_deg": ("trunk_tilt", _pelvis_tilt),
     "com_sag_m": ("com_state", _com_sag),
-    "max_icp_error_m": ("icp", lambda log: largest(icp_error(log))),
+    "max_icp_error_m": ("icp", icp_error),
     "rms_icp_error_m": ("icp", _rms_icp_error),
-    "footstep_error_m": (
-        "t",
-        lambda log: largest(np.array([step.error for step in steps(log)])),
-    ),
+    "footstep_error_m": ("t", _footstep_error),
     "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
     "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
     "steps_taken": ("t", lambda log: len(steps(log))),
     "steps_after_push": ("t", _steps_after_push),
     "calm_steps": ("t", calm_steps),
     "stance_slip_m": ("foot_poses", _stance_slip),
-    "max_torque_ratio": (
-        "effort_limits",
-        lambda log: largest(torque_ratio(log)),
-    ),
-    "max_torque_step": (
-        "actuation",
-        lambda log: largest(np.abs(np.diff(log["actuation"], axis=0))),
-    ),
-    "max_joint_speed": ("state", lambda log: largest(joint_speed(log))),
-    "max_joint_speed_ratio": (
-        "joint_speed_limits",
-        lambda log: largest(joint_speed_ratio(log)),
-    ),
-    # Braking drives count as negative, or not at all.
-    "max_power_w": ("torques", lambda log: largest(_power(log).sum(axis=1))),
-    "positive_power_w": (
-        "torques",
-        lambda log: largest(np.maximum(_power(log), 0.0).sum(axis=1)),
-    ),
-    "max_swing_foot_speed": (
-        "foot_poses",
-        lambda log: largest(np.concatenate([[], *_swing_speeds(log)])),
-    ),
-    "mean_swing_foot_speed": (
-        "foot_poses",
-        lambda log: largest(np.array([np.mean(v) for v in _swing_speeds(log)])),
-    ),
-    "max_impact_body_weights": (
-        "weight",
-        lambda log: largest(log["foot_forces"] / log["weight"]),
-    ),
+    "max_torque_ratio": ("effort_limits", torque_ratio),
+    "max_torque_step": ("actuation", _torque_step),
+    "max_joint_speed": ("state", joint_speed),
+    "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
+    "max_power_w": ("torques", _power),
+    "positive_power_w": ("torques", _positive_power),
+    "max_swing_foot_speed": ("foot_poses", _swing_speed),
+    "mean_swing_foot_speed": ("foot_poses", _mean_swing_speed),
+    "max_impact_body_weights": ("weight", _impact),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
-    "qp_solves": (
-        "t",
-        lambda log: sum(len(qp.solved) for qp in _qp_status(log)),
-    ),
+    "qp_solves": ("t", _qp_solves),
     "qp_failures": ("t", _qp_failures),
-    "qp_fallbacks": (
-        "t",
-        lambda log: sum(int(np.sum(qp.fallback)) for qp in _qp_status(log)),
-    ),
+    "qp_fallbacks": ("t", _qp_fallbacks),
     "max_qp_violation": ("t", _qp_violation),
 }

@@ -1,4 +1,4 @@
-"""The pages as text; tests/test_browser.py looks at them in a browser."""
+"""The pages as text; the replay in a browser."""
 
 import json
 import re
@@ -13,6 +13,7 @@ from nadia_balance.results.pages import (
 )
 from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
 from nadia_balance.results.story import telling
+from nadia_balance.systems.balance_visualizer import MIDDLE
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
@@ -91,3 +92,33 @@ def test_an_end_that_is_no_recovery_is_red():
         colors.append([int(color[i : i + 2], 16) for i in (1, 3, 5)])
     (red, green, _), (red_too, green_too, _) = colors
     assert green > 2 * red and red_too > 2 * green_too
+
+
+def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
+    """Oracle: the story of the made-up run, and the viewer's own clock."""
+    meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
+    start_recording(meshcat)
+    log = make_log(Recipe())
+    summary = summary_of(log)
+    end, _ = telling(log, summary)[-1]
+    for time in (0.0, end + 1.0):
+        meshcat.SetTransform(MIDDLE, RigidTransform([time, 0.0, 0.0]), time)
+    write_replay(meshcat, path, replay_status(log, summary))
+    page = browser.new_page(offline=True)
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.duration > 0")
+    for time, seen in ((end - 0.1, False), (end + 0.5, True)):
+        page.evaluate(
+            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }",
+            time,
+        )
+        clock = f"t = {time:.2f} s"
+        page.wait_for_function(
+            "(t) => document.body.innerText.includes(t)", arg=clock
+        )
+        assert ("RECOVERED" in page.inner_text("#status")) == seen
+    page.evaluate("viewer.animator.play()")
+    page.wait_for_function(
+        "(t) => viewer.animator.playing && viewer.animator.time < t", arg=end
+    )
+    page.close()

@@ -1,4 +1,4 @@
-"""Meshcat: its port.  tests/test_browser.py looks at the scene."""
+"""Meshcat: its port; its scene is seen in test_balance_visualizer."""
 
 import pytest
 

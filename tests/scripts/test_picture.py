@@ -14,7 +14,7 @@ from nadia_balance.results.log import pushes
 from nadia_balance.scripts import picture
 from tests.results.made_up_run import Recipe, make_log
 from tests.scripts.running import as_program, assert_refused, run_script
-from tests.test_browser import PUSH, write_imitation
+from tests.systems.test_balance_visualizer import PUSH, write_imitation
 
 WIDTH, HEIGHT = 300, 400
 
