@@ -8,10 +8,8 @@ from nadia_balance.core.walking import Side
 from nadia_balance.diagrams import live
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import (
-    PAUSE,
     RESET,
     SPEED,
-    STOP,
     LiveSession,
     endless,
 )
@@ -63,18 +61,6 @@ def test_walks_without_the_scripted_push_and_without_a_log(session):
     assert session.told == []
     assert session.status()[2] == "walks"
     assert len(session.times_logged()) == 0
-
-
-def test_a_pause_stops_the_time_until_the_next_click(session):
-    """Oracle: the clock."""
-    session.ticks(5)
-    click(session.meshcat, PAUSE)
-    session.ticks(5)
-    assert session.context.get_time() == pytest.approx(0.1)
-    assert session.status()[-1] == "PAUSED"
-    click(session.meshcat, PAUSE)
-    session.ticks(5)
-    assert session.context.get_time() == pytest.approx(0.2)
 
 
 def test_a_reset_begins_the_very_same_walk_with_what_is_on(session):
@@ -133,14 +119,6 @@ def test_begins_anew_after_the_last_step(monkeypatch):
     (line,) = session.told
     assert line.endswith("walked all its steps: begins anew")
     assert 0.0 < session.context.get_time() < 0.5
-
-
-def test_stop_ends_it(session):
-    """Oracle: not by Ctrl-C; what was shown last is the last status."""
-    click(session.meshcat, STOP)
-    shown = []
-    assert session.run(shown.append) is False
-    assert shown == [session.status()]
 
 
 def test_ctrl_c_ends_it_too(session):

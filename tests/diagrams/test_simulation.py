@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -208,10 +207,3 @@ def test_ctrl_c_is_a_question_at_first():
         assert pressed()
         signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_ctrl_c_is_not_for_another_thread():
-    """Oracle: Python's own rule: signals are of the main thread."""
-    with ThreadPoolExecutor() as pool:
-        diagram = diagram_of(plant="lipm")
-        assert not pool.submit(simulate, diagram, 0.1).result().interrupted

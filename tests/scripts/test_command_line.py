@@ -69,21 +69,6 @@ def test_finite_reads_finite_numbers():
             finite(text)
 
 
-def test_leaves_the_results_in_a_folder_of_its_own(
-    tmp_path, monkeypatch, capsys
-):
-    """Oracle: runs/<date>_<time>_<name>, in the present folder."""
-    monkeypatch.chdir(tmp_path)
-    outcome = run(capsys)
-    assert outcome.code == 0
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert folder.name.endswith("_stand")
-    last = outcome.out[-1]
-    assert last.startswith(f"wrote runs/{folder.name}/{{log.npz, ")
-    for name in last.partition("{")[2].rstrip("}").split(", "):
-        assert (folder / name).stat().st_size > 0
-
-
 @pytest.mark.parametrize(
     ("error", "code", "told", "reason"),
     [
