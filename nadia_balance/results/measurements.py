@@ -27,15 +27,14 @@ PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 def measure(log: Log) -> dict[str, Any]:
     """Returns all measurements as plain values, None if not available."""
-    return {
-        name: _plain(function(log)) if need in log else None
+    found = {
+        name: function(log) if need in log else None
         for name, (need, function) in _MEASUREMENTS.items()
     }
-
-
-def _plain(value: Any) -> Any:
-    """The largest entry of an array; any other value as it is."""
-    return largest(value) if isinstance(value, np.ndarray) else value
+    return {
+        name: largest(value) if isinstance(value, np.ndarray) else value
+        for name, value in found.items()
+    }
 
 
 def largest(values: Array) -> float | None:
@@ -43,25 +42,12 @@ def largest(values: Array) -> float | None:
     return float(np.max(values)) if values.size else None
 
 
-def duration(log: Log) -> float:
-    """Duration [s] of the log."""
-    return float(np.ptp(log["t"])) if len(log["t"]) else 0.0
-
-
-def _switches(log: Log) -> list[dict[str, Any]]:
-    return [{"time_s": time, "on": on} for time, on in switches(log)]
-
-
 def _rms_icp_error(log: Log) -> float | None:
     error = icp_error(log)
     return math.sqrt(np.mean(error**2)) if error.size else None
 
 
-def _pushes(log: Log) -> list[dict[str, float]]:
-    return [_push_measurements(log, push) for push in pushes(log)]
-
-
-def _push_measurements(log: Log, push: PushSpan) -> dict[str, float]:
+def _measure_push(log: Log, push: PushSpan) -> dict[str, float]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
@@ -101,27 +87,14 @@ def com_height(log: Log) -> Array:
     return height - np.minimum(soles.left[2], soles.right[2])
 
 
-def _com_sag(log: Log) -> Array:
-    """Drop (n,) [m] of the CoM since the start."""
-    height = com_height(log)
-    return height[:1] - height
+def trunk_tilts(log: Log) -> Array:
+    """Angles (2, n) [deg] of torso and pelvis against the vertical.
 
-
-def torso_tilt(log: Log) -> Array:
-    """Angle (n,) [deg] of the torso against the vertical; empty without one."""
+    Empty (2, 0) without them.
+    """
     if "trunk_tilt" not in log:
-        return np.zeros(0)
-    return np.degrees(signal(log, "trunk_tilt").torso)
-
-
-def _pelvis_tilt(log: Log) -> Array:
-    """Angle (n,) [deg] of the pelvis against the vertical."""
-    return np.degrees(signal(log, "trunk_tilt").pelvis)
-
-
-def _footstep_error(log: Log) -> Array:
-    """Distances [m] of achieved from adjusted footholds."""
-    return np.array([step.error for step in steps(log)])
+        return np.zeros((2, 0))
+    return np.degrees(log["trunk_tilt"].T)
 
 
 def _durations(log: Log, phase: Phase) -> list[float]:
@@ -163,11 +136,6 @@ def torque_ratio(log: Log) -> Array:
     return np.abs(log["actuation"]) / log["effort_limits"]
 
 
-def _torque_step(log: Log) -> Array:
-    """|change of commanded torque| (n - 1, nu) [N m] from tick to tick."""
-    return np.abs(np.diff(log["actuation"], axis=0))
-
-
 def joint_speed(log: Log) -> Array:
     """|joint speed| (n, nu) [rad/s]; empty without joints."""
     if "joint_speed_columns" not in log:
@@ -183,29 +151,6 @@ def joint_speed_ratio(log: Log) -> Array:
 def _powers(log: Log) -> Array:
     """Mechanical power (n, nu) [W] of each drive; negative while braking."""
     return log["torques"] * log["state"][:, log["joint_speed_columns"]]
-
-
-def _power(log: Log) -> Array:
-    """Net mechanical power (n,) [W]."""
-    return np.sum(_powers(log), axis=1)
-
-
-def _positive_power(log: Log) -> Array:
-    """Mechanical power (n,) [W] of the drives that do not brake."""
-    return np.sum(np.maximum(_powers(log), 0.0), axis=1)
-
-
-def _impact(log: Log) -> Array:
-    """Force on a foot / weight (n, 2) [-], each the mean of a tick."""
-    return log["foot_forces"] / log["weight"]
-
-
-def _swing_speed(log: Log) -> Array:
-    return np.concatenate([np.zeros(0), *_swing_speeds(log)])
-
-
-def _mean_swing_speed(log: Log) -> Array:
-    return np.array([np.mean(speed) for speed in _swing_speeds(log)])
 
 
 def _swing_speeds(log: Log) -> list[Array]:
@@ -248,45 +193,36 @@ def _edge_distances(log: Log) -> list[float]:
     ]
 
 
-def _qp_status(log: Log) -> list[Any]:
+def _qps(log: Log) -> list[Any]:
     present = [name for name in QP_STATUS if name in log and len(log["t"])]
     return [signal(log, name) for name in present]
 
 
-def _qp_solves(log: Log) -> int:
-    return sum(len(qp.solved) for qp in _qp_status(log))
-
-
-def _qp_fallbacks(log: Log) -> int:
-    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qp_status(log))
-
-
 def _qp_failures(log: Log) -> int:
     return sum(
-        int(max(np.sum(qp.solved < 0.5), qp.failures[-1]))
-        for qp in _qp_status(log)
+        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
     )
 
 
-def _qp_violation(log: Log) -> Array:
-    all_of = [np.zeros(0), *(qp.violation for qp in _qp_status(log))]
-    violation = np.concatenate(all_of)
-    return violation[np.isfinite(violation)]
-
-
 # Name: a signal that is needed, and a function of the log; of an array the
-# largest entry counts.
+# largest entry counts.  Units are in the names, or as of the functions.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
-    "duration_s": ("t", duration),
-    "switched_mechanisms": ("t", _switches),
-    "pushes": ("t", _pushes),
+    "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
+    "switched_mechanisms": (
+        "t",
+        lambda log: [{"time_s": t, "on": on} for t, on in switches(log)],
+    ),
+    "pushes": ("t", lambda log: [_measure_push(log, p) for p in pushes(log)]),
     "body_sway_deg": ("com_state", body_sway),
-    "max_torso_tilt_deg": ("trunk_tilt", torso_tilt),
-    "max_pelvis_tilt_deg": ("trunk_tilt", _pelvis_tilt),
-    "com_sag_m": ("com_state", _com_sag),
+    "max_torso_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[0]),
+    "max_pelvis_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[1]),
+    "com_sag_m": ("t", lambda log: com_height(log)[:1] - com_height(log)),
     "max_icp_error_m": ("icp", icp_error),
     "rms_icp_error_m": ("icp", _rms_icp_error),
-    "footstep_error_m": ("t", _footstep_error),
+    "footstep_error_m": (
+        "t",
+        lambda log: np.array([s.error for s in steps(log)]),
+    ),
     "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
     "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
     "steps_taken": ("t", lambda log: len(steps(log))),
@@ -294,18 +230,43 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "calm_steps": ("t", calm_steps),
     "stance_slip_m": ("foot_poses", _stance_slip),
     "max_torque_ratio": ("effort_limits", torque_ratio),
-    "max_torque_step": ("actuation", _torque_step),
+    # From tick to tick, of the commands [N m].
+    "max_torque_step": (
+        "actuation",
+        lambda log: np.abs(np.diff(log["actuation"], axis=0)),
+    ),
     "max_joint_speed": ("state", joint_speed),
     "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
-    "max_power_w": ("torques", _power),
-    "positive_power_w": ("torques", _positive_power),
-    "max_swing_foot_speed": ("foot_poses", _swing_speed),
-    "mean_swing_foot_speed": ("foot_poses", _mean_swing_speed),
-    "max_impact_body_weights": ("weight", _impact),
+    "max_power_w": ("torques", lambda log: _powers(log).sum(axis=1)),
+    "positive_power_w": (  # of the drives that do not brake
+        "torques",
+        lambda log: np.maximum(_powers(log), 0.0).sum(axis=1),
+    ),
+    "max_swing_foot_speed": (
+        "foot_poses",
+        lambda log: np.concatenate([np.zeros(0), *_swing_speeds(log)]),
+    ),
+    "mean_swing_foot_speed": (
+        "foot_poses",
+        lambda log: np.array([np.mean(speed) for speed in _swing_speeds(log)]),
+    ),
+    # Each force is the mean of a tick.
+    "max_impact_body_weights": (
+        "weight",
+        lambda log: log["foot_forces"] / log["weight"],
+    ),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
-    "qp_solves": ("t", _qp_solves),
+    "qp_solves": ("t", lambda log: sum(len(q.solved) for q in _qps(log))),
     "qp_failures": ("t", _qp_failures),
-    "qp_fallbacks": ("t", _qp_fallbacks),
-    "max_qp_violation": ("t", _qp_violation),
+    "qp_fallbacks": (
+        "t",
+        lambda log: sum(int(np.sum(q.fallback > 0.5)) for q in _qps(log)),
+    ),
+    "max_qp_violation": (
+        "t",
+        lambda log: np.concatenate(
+            [q.violation[np.isfinite(q.violation)] for q in _qps(log)] or [[]]
+        ),
+    ),
 }

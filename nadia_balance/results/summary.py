@@ -15,7 +15,7 @@ from nadia_balance.results.measurements import (
     largest,
     measure,
     torque_ratio,
-    torso_tilt,
+    trunk_tilts,
 )
 from nadia_balance.results.recovery import ICP_BACK, calm_steps, recovery_time
 from nadia_balance.systems.walking_state_machine import PHASES
@@ -78,6 +78,7 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
     outcome, reason = _judge(run, info)
     recovered, names = outcome == "recovered", [f.name for f in fields(info)]
     measurements = measure(run.logs)
+    measurements["duration_s"] = measurements["duration_s"] or 0.0  # no rows
     cpu_time = max(run.cpu_time, 1e-9)
     summary = {
         "outcome": outcome,
@@ -131,7 +132,7 @@ def _failure(run: Run, info: RunInfo) -> str:
         return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
-    tilt = largest(torso_tilt(log))
+    tilt = largest(trunk_tilts(log)[0])
     if tilt is not None and tilt > info.max_torso_tilt_deg:
         return f"tilted: the torso by {tilt:.0f} deg"
     return _overload(log)
