@@ -1,6 +1,5 @@
 """Live session: the robot walks until it is stopped; the user pushes it."""
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -14,14 +13,15 @@ from nadia_balance.diagrams.in_meshcat import CONTROLS
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import (
     ClosedLoop,
+    gait_and_error,
     push_signal,
     start,
     until_ctrl_c,
 )
-from nadia_balance.results.live_story import LiveStory, phase_text
 from nadia_balance.results.scene import move_floor
+from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.balance_visualizer import FOOTPRINTS
-from nadia_balance.systems.icp_planner import IcpReference
+from nadia_balance.systems.walking_state_machine import WalkingSignal
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
 MOST_STEPS = 1000  # the most that a Gait allows; then the session restarts
@@ -82,7 +82,7 @@ class LiveSession:
         lines = [f"t = {self.context.get_time():.2f} s, {self._phase}"]
         lines.append(f"ICP error {self._error:.3f} m")
         if self._story.last_push:
-            lines.append(f"last push {self._story.last_push}")
+            lines.append(f"last {self._story.last_push}")
         lines.append(self._story.result or "walks")
         if self.paused:
             return [*lines, "PAUSED"]
@@ -137,15 +137,17 @@ class LiveSession:
 
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
-        state, icp, reference = (
-            diagram.GetOutputPort(name).Eval(context)
-            for name in ("walking_state", "icp", "icp_reference")
+        state = diagram.GetOutputPort("walking_state").Eval(context)
+        _, self._error = gait_and_error(diagram, context)
+        controller = diagram.controller
+        port = controller.GetOutputPort("walking_signal")
+        walking = WalkingSignal(
+            port.Eval(controller.GetMyContextFromRoot(context))
         )
-        self._error = math.dist(icp, IcpReference(reference).icp)
-        self._phase = phase_text(state)
+        self._phase = moment_words(walking)
         push = push_signal(diagram, context)
         now = context.get_time()
-        for line in self._story.look(now, state, push, self._error):
+        for line in self._story.look(now, walking, push, self._error):
             self._tell_now(line)
         if state.steps_taken > self._steps:
             self._steps = state.steps_taken

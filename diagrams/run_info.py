@@ -7,6 +7,7 @@ from nadia_balance.results.log import Log, pushes, signal
 from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.robot import load_robot
 
+_FIELDS = "robot", "mechanisms", "fidelity", "engine", "seed"  # in RunInfo too
 PATIENCE = 8  # largest number of steps of a recovery
 
 
@@ -51,13 +52,9 @@ def run_info(
     if scenario.fidelity == "realistic":
         upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
     return RunInfo(
-        robot=scenario.robot,
-        mechanisms=scenario.mechanisms,
+        **{field: getattr(scenario, field) for field in _FIELDS},
         scenario=name,
         plant=plant,
-        fidelity=scenario.fidelity,
-        engine=scenario.engine,
-        seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
         calm_steps=calm_steps,

@@ -10,10 +10,11 @@ from typing import Protocol
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
+from pydrake.systems.framework import Context, EventStatus, System
 
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.summary import ICP_BACK, Run
+from nadia_balance.results.recovery import CalmSteps
+from nadia_balance.results.summary import Run
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.push_source import PushSignal, PushSource
 
@@ -30,6 +31,7 @@ class ClosedLoop(Protocol):
 
     scenario: Scenario
     push: PushSource  # one of its systems
+    controller: System  # one of its systems, with port walking_signal
 
     def set_initial_state(self, context: Context) -> None:
         """Sets the robot's initial state."""
@@ -80,7 +82,6 @@ def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
 def simulate(
     diagram: ClosedLoop,
     duration: float,
-    realtime_rate: float = 0.0,
     *,
     stop_at_failure: bool = False,
 ) -> Run:
@@ -88,7 +89,6 @@ def simulate(
     return advance(
         start(diagram),
         duration,
-        realtime_rate,
         stop_at_failure=stop_at_failure,
     )
 
@@ -103,26 +103,25 @@ class RecoveryWatch:
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
         """Watches `diagram`, from any time on."""
-        self._diagram = diagram
+        self._diagram, self._calm = diagram, CalmSteps()
         calm = diagram.scenario.calm_steps
-        self._landings = calm + 1 + more_steps if calm else math.inf
-        # Steps since the error is small, and since the start.
-        self._landed, self._steps = 0, 0
+        self._required = calm + more_steps if calm else math.inf
 
     def __call__(self, context: Context) -> bool:
         """True if the robot has recovered."""
-        diagram = self._diagram
-        state, icp, reference = (
-            diagram.GetOutputPort(name).Eval(context)
-            for name in ("walking_state", "icp", "icp_reference")
-        )
-        landed = state.steps_taken - self._steps
-        self._steps = state.steps_taken
-        self._landed += landed
-        error = math.dist(icp, IcpReference(reference).icp)
-        if error >= ICP_BACK or push_signal(diagram, context).waiting:
-            self._landed = 0
-        return self._landed >= self._landings
+        steps_taken, error = gait_and_error(self._diagram, context)
+        waiting = bool(push_signal(self._diagram, context).waiting)
+        calm = self._calm.look(context.get_time(), steps_taken, error, waiting)
+        return calm >= self._required
+
+
+def gait_and_error(diagram: ClosedLoop, context: Context) -> tuple[int, float]:
+    """The number of steps taken, and the ICP error [m]."""
+    state, icp, reference = (
+        diagram.GetOutputPort(name).Eval(context)
+        for name in ("walking_state", "icp", "icp_reference")
+    )
+    return state.steps_taken, math.dist(icp, IcpReference(reference).icp)
 
 
 def walk_to_push(
@@ -149,14 +148,12 @@ def walk_to_push(
 def advance(
     simulator: Simulator,
     duration: float,
-    realtime_rate: float = 0.0,
     *,
     stop_at_failure: bool = False,
     until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
     """Simulates until `duration` [s], or until the robot falls.
 
-    `realtime_rate` 1 runs at most at real time, 0 as fast as possible.
     `stop_at_failure` ends the run at the first improper contact or exceeded
     limit: either means that the robot does not recover.  `until` is called
     once a control period, before its update; True ends the run.
@@ -196,7 +193,6 @@ def advance(
             return EventStatus.ReachedTermination(diagram, "decided")
         return EventStatus.DidNothing()
 
-    simulator.set_target_realtime_rate(realtime_rate)
     with until_ctrl_c() as pressed:
         simulator.set_monitor(look)
         began = time.process_time()

@@ -9,11 +9,10 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Diagram
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.mechanisms import MECHANISMS, NAMED
@@ -29,19 +28,14 @@ from nadia_balance.diagrams.simulation import (
     start,
 )
 from nadia_balance.diagrams.terrain import COURSES, FLAT
-from nadia_balance.results.folder import (
-    new_folder,
-    start_recording,
-    write_run,
-)
-from nadia_balance.results.live_page import LivePage
+from nadia_balance.results.folder import new_folder, write_run
+from nadia_balance.results.pages import LivePage, start_recording
 from nadia_balance.results.scene import set_scene, start_meshcat
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import INTERRUPTED, interruptible
 
 DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
-FASTEST = 1000  # largest real-time rate [-]
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
 # Exit codes of main_job, for --help.
@@ -151,6 +145,58 @@ class CommandLine(argparse.ArgumentParser):
             self.error(str(error))
 
 
+Flags = dict[str, dict[str, Any]]  # name -> arguments of add_argument
+
+_SCENARIO_FLAGS: Flags = {
+    "scenario_file": {"type": place, "help": "YAML with named scenarios"},
+    "scenario_name": {"help": "one of the package, or of --scenario_file"},
+    "scenario_text": {"help": "YAML that overrides single fields"},
+    "robot": {"help": "a model's name, or a robot.yaml"},
+    "fidelity": {
+        "help": "realistic, or ideal: drives and feet as fast as need be"
+    },
+    "engine": {"help": "drake, or mujoco: what moves the robot"},
+    "mechanisms": {},
+    "terrain": {
+        "help": f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
+        "push.py takes the scenario of this name, if there is one"
+    },
+    "duration": {"type": finite, "help": "[s]"},
+    "seed": {"type": int, "help": "shifts the start by <= 10 um"},
+    "plant": {
+        "choices": ("humanoid", "lipm"),
+        "default": "humanoid",
+        "help": "the robot, or the point mass it stands for",
+    },
+}
+# Fields of a Scenario that a flag of the same name replaces.
+_FIELDS = "robot", "fidelity", "engine", "mechanisms", "duration", "seed"
+_OUTPUT_FLAGS: Flags = {
+    "out": {
+        "type": place,
+        "help": "folder for the results (default: "
+        "runs/<date>_<time>_<scenario>)",
+    },
+    "no-meshcat": {"action": "store_true", "help": "and no replay.html"},
+    "port": {"type": int, "help": "of Meshcat, from 7000 on"},
+    "open": {"action": "store_true", "help": "show Meshcat in a browser"},
+    "hold": {"action": "store_true", "help": "keep Meshcat until Enter"},
+    "live": {
+        "action": "store_true",
+        "help": "walk until it is stopped, pushed by the user; writes nothing",
+    },
+}
+
+
+def add_flags(
+    parser: argparse.ArgumentParser, group: str, flags: Flags, about: str = ""
+) -> None:
+    """Adds a group of flags to the `parser`."""
+    added = parser.add_argument_group(group, about or None)
+    for name, options in flags.items():
+        added.add_argument(f"--{name}", **options)
+
+
 def scenario_flags(
     parser: argparse.ArgumentParser,
     name: str | None,
@@ -161,76 +207,20 @@ def scenario_flags(
     `name` is the default scenario; None: the flag is required.  `mechanisms` is
     the help of that flag.
     """
-    group = parser.add_argument_group("scenario")
-    group.add_argument(
-        "--scenario_file", type=place, help="YAML with named scenarios"
-    )
-    group.add_argument(
-        "--scenario_name",
-        default=name,
-        required=name is None,
-        help="one of the package, or of --scenario_file"
-        + (f" (default: {name})" if name else ""),
-    )
-    group.add_argument(
-        "--scenario_text", help="YAML that overrides single fields"
-    )
-    group.add_argument("--robot", help="a model's name, or a robot.yaml")
-    group.add_argument(
-        "--fidelity",
-        help="realistic, or ideal: drives and feet as fast as need be",
-    )
-    group.add_argument(
-        "--engine", help="drake, or mujoco: what moves the robot"
-    )
-    group.add_argument("--mechanisms", help=mechanisms)
-    group.add_argument(
-        "--terrain",
-        help=f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
-        "push.py takes the scenario of this name, if there is one",
-    )
-    group.add_argument("--duration", type=finite, help="[s]")
-    group.add_argument("--seed", type=int, help="shifts the start by <= 10 um")
-    group.add_argument(
-        "--plant",
-        choices=("humanoid", "lipm"),
-        default="humanoid",
-        help="the robot, or the point mass it stands for",
-    )
+    named, default = _SCENARIO_FLAGS["scenario_name"], {"required": True}
+    if name is not None:
+        about = f"{named['help']} (default: {name})"
+        default = {"default": name, "help": about}
+    flags = _SCENARIO_FLAGS | {
+        "scenario_name": named | default,
+        "mechanisms": {"help": mechanisms},
+    }
+    add_flags(parser, "scenario", flags)
 
 
 def output_flags(parser: argparse.ArgumentParser) -> None:
     """Adds the flags of Meshcat and of the output files."""
-    group = parser.add_argument_group("output")
-    group.add_argument(
-        "--out",
-        type=place,
-        help="folder for the results (default: runs/<date>_<time>_<scenario>)",
-    )
-    group.add_argument(
-        "--no-meshcat", action="store_true", help="and no replay.html"
-    )
-    group.add_argument("--port", type=int, help="of Meshcat, from 7000 on")
-    group.add_argument(
-        "--open", action="store_true", help="show Meshcat in a browser"
-    )
-    group.add_argument(
-        "--hold", action="store_true", help="keep Meshcat until Enter"
-    )
-    group.add_argument(
-        "--live",
-        action="store_true",
-        help="walk until it is stopped, pushed by the user; writes nothing",
-    )
-    group.add_argument(
-        "--realtime-rate",
-        type=finite,
-        default=0.0,
-        help="1 is real time, 0 as fast as possible",
-    )
-    group.add_argument(
-        "--graphviz", type=place, help="write the diagram as Graphviz dot"
-    )
+    add_flags(parser, "output", _OUTPUT_FLAGS)
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
@@ -239,12 +229,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         args.scenario_name,
         args.scenario_file,
         args.scenario_text,
-        robot=args.robot,
-        fidelity=args.fidelity,
-        engine=args.engine,
-        mechanisms=args.mechanisms,
-        duration=args.duration,
-        seed=args.seed,
+        **{field: getattr(args, field) for field in _FIELDS},
     )
     if args.terrain is not None:
         scenario.terrain.name = args.terrain
@@ -270,27 +255,21 @@ def main_job(
         meshcat = _meshcat(args.port) if shown else None
         make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
         diagram = make(scenario, meshcat)
-        if args.graphviz:
-            _write_graph(diagram, args.graphviz)
         if not args.live:
             simulator = start(diagram)
             folder = new_folder(args.out, args.scenario_name)
-    for remark in diagram.robot.remarks:
-        print(f"robot: {remark}")
+    say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
     if args.live:
         return _live(diagram, meshcat, args)
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
-    run = advance(
-        simulator,
-        scenario.duration,
-        args.realtime_rate,
-        until=RecoveryWatch(diagram, more_steps=SHOWN_STEPS),
+    watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
+    run = advance(simulator, scenario.duration, until=watch)
+    summary = summarize(
+        run, run_info(scenario, run, args.plant, args.scenario_name)
     )
-    info = run_info(scenario, run, args.plant, args.scenario_name)
-    summary = summarize(run, info)
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
         written = write_run(folder, run.logs, summary, text, meshcat)
@@ -310,10 +289,6 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     Raises:
         ValueError: an output flag has no effect.
     """
-    if not 0.0 <= args.realtime_rate <= FASTEST:
-        raise ValueError(
-            f"realtime_rate = {args.realtime_rate}: must be in [0, {FASTEST}]"
-        )
     if args.live:
         for name in _NOT_LIVE:
             if (value := getattr(args, name, None)) not in (None, False):
@@ -329,15 +304,6 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     return not reason
 
 
-def _write_graph(diagram: Diagram, path: Path) -> None:
-    try:
-        path.write_text(diagram.GetGraphvizString(max_depth=2))
-    except OSError as error:
-        raise ValueError(
-            f"graphviz = {path}: must be a file to write to ({error.strerror})"
-        ) from error
-
-
 def _meshcat(port: int | None) -> Meshcat:
     """Starts Meshcat with its scene and prints its address."""
     meshcat, message = start_meshcat(port)
@@ -348,7 +314,7 @@ def _meshcat(port: int | None) -> Meshcat:
 
 def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
-    session = LiveSession(diagram, meshcat, say, args.realtime_rate or 1.0)
+    session = LiveSession(diagram, meshcat, say)
     with LivePage(meshcat) as page:
         say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")
         if args.open:

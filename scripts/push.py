@@ -23,6 +23,8 @@ from nadia_balance.scripts.command_line import (
     EXIT_CODES,
     ONE_OF,
     CommandLine,
+    Flags,
+    add_flags,
     finite,
     main_job,
     output_flags,
@@ -35,6 +37,28 @@ MOST_RANDOM = 100  # largest number of random pushes
 STANDING = "standing"
 # Directions [deg] relative to a left stance foot (a right swing).
 WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
+_FLAGS: Flags = {
+    "direction": {
+        "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
+        "outward, seen from the stance foot"
+    },
+    "delta-v": {
+        "type": finite,
+        "help": "change of the robot's velocity [m/s]",
+    },
+    "at": {
+        "help": 'when it begins: in a phase, such as "right swing 25 %%" (the '
+        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
+        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all'
+    },
+    "shape": {"help": f"of the force over time: {', '.join(SHAPES)}"},
+    "random": {
+        "type": int,
+        "metavar": "N",
+        "help": "N pushes instead, in directions at random, of up to "
+        "--delta-v, 1 to 3 s after each other; --seed gives others",
+    },
+}
 
 
 @program
@@ -48,44 +72,12 @@ def main(argv: list[str] | None = None) -> int:
         description=__doc__.partition("\n")[0],
         epilog=f"Exit code: 0 recovered, {EXIT_CODES}",
     )
-    _push_flags(parser)
+    about = "Of the scenario's first push.  Default: as in the scenario."
+    add_flags(parser, "push", _FLAGS, about)
     scenario_flags(parser, name="push", mechanisms=ONE_OF)
     parser.set_defaults(scenario_name=None)  # the terrain's, or push
     output_flags(parser)
     return main_job(parser, argv, _pushed_scenario)
-
-
-def _push_flags(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group(
-        "push", "Of the scenario's first push.  Default: as in the scenario."
-    )
-    group.add_argument(
-        "--direction",
-        help="degrees (0 forward, 90 left), or forward, backward, inward, "
-        "outward, seen from the stance foot",
-    )
-    group.add_argument(
-        "--delta-v",
-        type=finite,
-        help="change of the robot's velocity [m/s]",
-    )
-    group.add_argument(
-        "--at",
-        help='when it begins: in a phase, such as "right swing 25 %%" (the '
-        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
-        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
-    )
-
-    group.add_argument(
-        "--shape", help=f"of the force over time: {', '.join(SHAPES)}"
-    )
-    group.add_argument(
-        "--random",
-        type=int,
-        metavar="N",
-        help="N pushes instead, in directions at random, of up to --delta-v, "
-        "1 to 3 s after each other; --seed gives others",
-    )
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:

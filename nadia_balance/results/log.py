@@ -125,9 +125,7 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
     return [
         PhaseSpan(
             phase=PHASES[int(walking.phase[first])],
-            support=Side.LEFT
-            if walking.support_side[first] > 0
-            else Side.RIGHT,
+            support=support_side(signal(log, "walking_signal", first)),
             first=first,
             last=end - 1,
             start=float(t[first]),
@@ -207,17 +205,30 @@ def ground_regions(log: Log) -> list[np.ndarray]:
 
 def sole_pose(log: Log, row: int, side: Side) -> FootPose:
     """The pose of a sole in the schedule at this row, on the ground."""
-    return _pose(getattr(signal(log, "walking_signal", row), side.value))
+    return to_pose(getattr(signal(log, "walking_signal", row), side.value))
 
 
 def target_pose(log: Log, row: int) -> FootPose:
     """The foothold of the next step at this row; NaN if there is none."""
-    return _pose(signal(log, "walking_signal", row).target)
+    return to_pose(signal(log, "walking_signal", row).target)
 
 
-def _pose(x_y_yaw: np.ndarray) -> FootPose:
+def to_pose(x_y_yaw: np.ndarray) -> FootPose:
+    """The pose on the ground of (x, y, yaw) in W [m], [rad]."""
     x, y, yaw = x_y_yaw
     return FootPose(np.array([x, y, 0.0]), float(yaw))
+
+
+def support_side(walking: WalkingSignal) -> Side:
+    """The foot that carries, or that receives the weight, in one row."""
+    return Side.LEFT if walking.support_side > 0 else Side.RIGHT
+
+
+def push_direction(walking: WalkingSignal, force: np.ndarray) -> float:
+    """Direction of `force` (3,) in the support foot's frame, [0, 360) [deg]."""
+    yaw = getattr(walking, support_side(walking).value)[2]
+    angle = math.atan2(force[1], force[0]) - yaw
+    return round(math.degrees(angle), 6) % 360.0
 
 
 def icp_error(log: Log) -> np.ndarray:
@@ -256,16 +267,15 @@ def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
     force = push.force[:, rows]
     sizes = np.linalg.norm(force, axis=0)
     begins = force[:, 0] / max(sizes[0], 1e-9)
-    span = span_at(log, first)
-    angle = math.atan2(begins[1], begins[0])
-    angle -= sole_pose(log, first, span.support).yaw
     return PushSpan(
         first=first,
         start=float(t[first]),
         end=float(t[rows[-1] + 1 - _FELT]),
         force=begins * np.max(sizes),
         delta_v=float(push.delta_v[rows[0]]),
-        direction_deg=round(math.degrees(angle), 6) % 360.0,
+        direction_deg=push_direction(
+            signal(log, "walking_signal", first), begins
+        ),
         rows=rows,
     )
 

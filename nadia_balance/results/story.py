@@ -1,4 +1,4 @@
-"""The story of a run: one line for each event."""
+"""The story of a run, finished or live: one line for each event."""
 
 import math
 
@@ -9,16 +9,21 @@ from nadia_balance.results.log import (
     Log,
     PhaseSpan,
     PushSpan,
+    push_direction,
     pushes,
     signal,
-    span_at,
     steps,
+    support_side,
     switches,
+    to_pose,
 )
-from nadia_balance.results.summary import recovered_at
+from nadia_balance.results.recovery import CalmSteps, recovered_at
+from nadia_balance.systems.push_source import PushSignal
+from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
+QUIET = 1.0  # time of small ICP error to recover without steps [s]
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
@@ -44,24 +49,99 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     return [*told, (end, _tell_end(log, summary, end))]
 
 
-def _tell_push(log: Log, push: PushSpan) -> str:
-    what = (
-        f"push {push.delta_v:.2f} m/s {direction(log, push)}, "
-        f"{moment(log, push.first)}"
-    )
-    newtons = float(np.linalg.norm(push.force))
-    sizes = np.linalg.norm(signal(log, "push_signal", push.rows).force, axis=0)
-    sign = "=" if np.min(sizes) > 0.999 * newtons else "<="
-    seconds = push.end - push.start
-    return f"{what:<44}  F {sign} {newtons:.0f} N for {seconds:.2f} s"
+class LiveStory:
+    """Tells pushes, adjusted steps, recoveries and falls while they happen.
+
+    `last_push` and `result` are the line of the last push and its result.
+    """
+
+    def __init__(self, calm_steps: int):
+        """A recovery requires `calm_steps` full steps of small ICP error."""
+        self._required = calm_steps
+        self.last_push = self.result = ""
+        self._number = 0.0  # number of the push at the last call of look()
+        # Steps taken before the push; None: no push, or recovered.
+        self._pushed_after: int | None = None
+        self._calm = CalmSteps()
+        # The next step: steps taken before it, foothold at first, and now.
+        self._step: tuple[int, FootPose, FootPose] | None = None
+
+    def look(
+        self,
+        time: float,
+        walking: WalkingSignal,
+        push: PushSignal,
+        error: float,
+    ) -> list[str]:
+        """Returns lines about the events since the last call.
+
+        `error` [m] is the ICP error at `time` [s].
+        """
+        taken, told = int(walking.steps_taken), self._look_at_step(walking)
+        if push.number not in (0.0, self._number):
+            newtons = float(np.linalg.norm(push.force))
+            what = push_words(walking, push.force, push.delta_v)
+            self.last_push = f"{what}  F = {newtons:.0f} N"
+            self._pushed_after, self.result = taken, "pushed"
+            told.append(self.last_push)
+        self._number = float(push.number)
+        calm = self._calm.look(time, taken, error, push.number > 0.0)
+        if self._pushed_after is None:
+            return told
+        enough = time - self._calm.since >= QUIET
+        if self._required and walking.target_side != 0.0:
+            enough = calm >= self._required
+        if enough:
+            self.result = recovery_words(self._calm.taken - self._pushed_after)
+            self._pushed_after = None
+            told.append(self.result)
+        return told
+
+    def fell(self, reason: str) -> str:
+        """Records a fall and returns the line that reports it."""
+        self._pushed_after, self.result = None, f"FELL: {reason}"
+        return self.result
+
+    def _look_at_step(self, walking: WalkingSignal) -> list[str]:
+        """Returns a line if a step has landed on an adjusted foothold."""
+        told, last, self._step = [], self._step, None
+        taken = int(walking.steps_taken)
+        if last is not None and last[0] != taken:
+            _, commanded, adjusted = last
+            side = support_side(walking)
+            move = move_words(side, commanded, adjusted)
+            if move and self._pushed_after is not None:
+                number = taken - self._pushed_after
+                told.append(step_words(number, side, move))
+            last = None
+        if walking.target_side != 0.0:
+            target = to_pose(walking.target)
+            self._step = taken, target if last is None else last[1], target
+        return told
 
 
-def direction(log: Log, push: PushSpan) -> str:
-    """The direction of a push in the support foot's frame, in words."""
-    span, angle = span_at(log, push.first), push.direction_deg
-    inward = 90.0 * span.support.sign
+def moment_words(walking: WalkingSignal) -> str:
+    """The point of the gait in the syntax of --at: `right swing 25 %`."""
+    phase = PHASES[int(walking.phase)]
+    if phase is Phase.STANDING:
+        return "standing"
+    share = walking.time_in_phase / walking.duration
+    swing = support_side(walking).other
+    return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
+
+
+def push_words(walking: WalkingSignal, force: Array, delta_v: float) -> str:
+    """Describes a push, as it begins: size, direction, point of the gait."""
+    direction = direction_words(walking, force)
+    return f"push {delta_v:.2f} m/s {direction}, {moment_words(walking)}"
+
+
+def direction_words(walking: WalkingSignal, force: Array) -> str:
+    """The direction of a force (3,) in the support foot's frame."""
+    angle = push_direction(walking, force)
+    inward = 90.0 * support_side(walking).sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
-    if span.phase is Phase.SWING:
+    if PHASES[int(walking.phase)] is Phase.SWING:
         words = {"inward": inward, "outward": -inward, **words}
     for word, degrees in words.items():
         if abs((angle - degrees + 180.0) % 360.0 - 180.0) < 0.5:
@@ -69,36 +149,15 @@ def direction(log: Log, push: PushSpan) -> str:
     return f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg"
 
 
-def moment(log: Log, row: int) -> str:
-    """The point of the gait in the syntax of --at: `right swing 25 %`."""
-    span = span_at(log, row)
-    if span.phase is Phase.STANDING:
-        return "standing"
-    share = signal(log, "walking_signal", row).time_in_phase / span.planned
-    return f"{span.swing_side.value} {span.phase.value} {100 * share:.0f} %"
+def step_words(number: int, side: Side, changes: str) -> str:
+    """Describes the `number`-th step, counted from 1, and its `changes`."""
+    ordinal = _ORDINALS.get(number, f"{number}th")
+    return f"{ordinal} step ({side.value}) {changes}"
 
 
-def _tell_steps(log: Log) -> list[tuple[float, str]]:
-    """Times and lines of steps whose foothold or durations were changed."""
-    pushed = pushes(log)
-    begin = pushed[0].start if pushed else -math.inf
-    later = [step for step in steps(log) if step.swing.end > begin]
-    told = []
-    for number, step in enumerate(later, start=1):
-        changes = [told_move(step.side, step.commanded, step.adjustment)]
-        if step.transfer is not None and step.transfer.end > begin:
-            changes.append(_tell_time("transfer", step.transfer))
-        changes.append(_tell_time("swing", step.swing))
-        if text := ", ".join(filter(None, changes)):
-            name = _ORDINALS.get(number, f"{number}th")
-            told.append(
-                (step.swing.end, f"{name} step ({step.side.value}) {text}")
-            )
-    return told
-
-
-def told_move(side: Side, commanded: FootPose, move: Array) -> str:
-    """Describes the shift `move` (2,) [m] in W of a foothold, in its frame."""
+def move_words(side: Side, commanded: FootPose, adjusted: FootPose) -> str:
+    """Describes the shift of a foothold in the commanded one's frame."""
+    move = (adjusted.p_WF - commanded.p_WF)[:2]
     forward, left = commanded.rotation.T @ move
     out = left * side.sign
     parts = []
@@ -108,6 +167,39 @@ def told_move(side: Side, commanded: FootPose, move: Array) -> str:
     if abs(out) > TOLD_MOVE:
         parts.append(f"{'out' if out > 0 else 'in'} {abs(out):.2f} m")
     return " and ".join(parts)
+
+
+def recovery_words(count: int) -> str:
+    """Describes a recovery that took `count` steps."""
+    plural = "" if count == 1 else "s"
+    how = f"in {count} step{plural}" if count else "without a step"
+    return f"RECOVERED {how}"
+
+
+def _tell_push(log: Log, push: PushSpan) -> str:
+    walking = signal(log, "walking_signal", push.first)
+    what = push_words(walking, push.force, push.delta_v)
+    newtons = float(np.linalg.norm(push.force))
+    sizes = np.linalg.norm(signal(log, "push_signal", push.rows).force, axis=0)
+    sign = "=" if np.min(sizes) > 0.999 * newtons else "<="
+    seconds = push.end - push.start
+    return f"{what:<44}  F {sign} {newtons:.0f} N for {seconds:.2f} s"
+
+
+def _tell_steps(log: Log) -> list[tuple[float, str]]:
+    """Times and lines of steps whose foothold or durations were changed."""
+    pushed = pushes(log)
+    begin = pushed[0].start if pushed else -math.inf
+    later = [step for step in steps(log) if step.swing.end > begin]
+    told = []
+    for number, step in enumerate(later, start=1):
+        changes = [move_words(step.side, step.commanded, step.adjusted)]
+        if step.transfer is not None and step.transfer.end > begin:
+            changes.append(_tell_time("transfer", step.transfer))
+        changes.append(_tell_time("swing", step.swing))
+        if text := ", ".join(filter(None, changes)):
+            told.append((step.swing.end, step_words(number, step.side, text)))
+    return told
 
 
 def _tell_time(name: str, span: PhaseSpan) -> str:
@@ -127,7 +219,7 @@ def _end_time(log: Log, summary: dict) -> float:
 
 
 def _tell_end(log: Log, summary: dict, end: float) -> str:
-    figures = [_tell_outcome(log, summary, end)]
+    told = [_tell_outcome(log, summary, end)]
     for text, name, scale in (
         ("max ICP error {:.3f} m", "max_icp_error_m", 1.0),
         ("max torque {:.0f} %", "max_torque_ratio", 100.0),
@@ -135,13 +227,12 @@ def _tell_end(log: Log, summary: dict, end: float) -> str:
         ("real-time factor {:.1f}", "real_time_factor", 1.0),
     ):
         if summary[name] is not None:
-            figures.append(text.format(scale * summary[name]))
-    return "   ".join(figures).replace("e-0", "e-")
+            told.append(text.format(scale * summary[name]))
+    return "   ".join(told).replace("e-0", "e-")
 
 
 def _tell_outcome(log: Log, summary: dict, end: float) -> str:
-    pushed = pushes(log)
-    reason = summary["reason"]
+    pushed, reason = pushes(log), summary["reason"]
     if summary["outcome"] == "undecided":
         return f"UNDECIDED: {reason}"
     if not summary["recovered"]:
@@ -150,9 +241,6 @@ def _tell_outcome(log: Log, summary: dict, end: float) -> str:
     if pushed:
         taken = signal(log, "walking_signal").steps_taken
         row = min(np.searchsorted(log["t"], end), len(taken) - 1)
-        count = int(taken[row] - taken[pushed[-1].first])
-        plural = "" if count == 1 else "s"
-        how = f"in {count} step{plural}" if count else "without a step"
-        return f"RECOVERED {how}"
+        return recovery_words(int(taken[row] - taken[pushed[-1].first]))
     count = summary["steps_taken"]
     return f"WALKED {count} steps" if count else "STOOD"

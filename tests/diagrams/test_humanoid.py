@@ -27,6 +27,7 @@ from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.systems.walking_state_machine import PHASES
+from tests.clicks import click
 from tests.diagrams.simulated import (
     EARLY,
     SOON,
@@ -36,7 +37,6 @@ from tests.diagrams.simulated import (
     scenario_of,
     simulated,
 )
-from tests.fake_meshcat import click
 from tests.source_files import ROOT
 
 SWING = PHASES.index(Phase.SWING)

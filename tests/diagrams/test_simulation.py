@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from nadia_balance.diagrams.simulation import (
     until_ctrl_c,
     walk_to_push,
 )
-from nadia_balance.results.summary import calm_steps
+from nadia_balance.results.recovery import calm_steps
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002
@@ -24,7 +23,7 @@ PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
 
 
 @pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.61)])
-def test_ends_with_an_improper_contact_if_it_is_told_to(stops, end):
+def test_ends_with_a_failure_if_it_is_told_to(stops, end):
     """Oracle: the diagram, asked by hand; without being told, the fall."""
     diagram = diagram_of(plant="lipm")
     diagram.improper_contacts = lambda context: (
@@ -35,19 +34,16 @@ def test_ends_with_an_improper_contact_if_it_is_told_to(stops, end):
     )
     run = simulate(diagram, 1.0, stop_at_failure=stops)
     assert run.improper_contacts == ("hand - ground",)
+    assert not run.until
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
     assert run.fell_at == (None if stops else run.simulated_time)
     assert run.fall_reason == ("" if stops else "made up")
     assert run.logs["t"][-1] == pytest.approx(end, abs=2.01 * PERIOD)
     assert (run.error, run.interrupted) == ("", False)
-
-
-@pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.5)])
-def test_ends_where_a_limit_is_passed_if_it_is_told_to(stops, end):
-    """Oracle: the diagram, asked by hand."""
-    diagram = diagram_of(plant="lipm")
+    diagram.improper_contacts = lambda context: set()
     diagram.passed_limit = lambda context: context.get_time() >= 0.305
-    run = simulate(diagram, 0.5, stop_at_failure=stops)
+    run = simulate(diagram, 0.4, stop_at_failure=stops)
+    end = min(end, 0.4)
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
     assert (run.fell_at, run.until) == (None, False)
 
@@ -63,25 +59,29 @@ def test_until_is_asked_once_a_tick_whatever_the_plants_step(period):
     assert asked == pytest.approx(ticks, abs=1e-12)
 
 
-@pytest.mark.parametrize("more", [0, 1])
-def test_the_watch_sees_the_recovery_that_the_summary_finds(more):
+def test_the_watch_sees_the_recovery_that_the_summary_finds():
     """Oracle: calm_steps of the whole run's log, cut off row by row."""
     text = "{mechanisms: all_with_cross_over, gait: {num_steps: 12}, "
-    text += "calm_steps: 2, pushes: [{delta_v: 0.5, direction_deg: 270, "
-    text += "at: right swing 25 %}]}"
+    text += "calm_steps: 2, lipm_period: 0.01, pushes: [{delta_v: 0.5, "
+    text += "direction_deg: 270, at: right swing 25 %}]}"
     diagram = diagram_of(text, "lipm")
-    watch = RecoveryWatch(diagram, more_steps=more)
+    watches = [RecoveryWatch(diagram, more_steps=more) for more in (0, 1)]
+    seen = [0, 0]  # ticks without a recovery, and steps after it
+
+    def watch(context):
+        recovered = [watch(context) for watch in watches]
+        for i, now in enumerate(recovered):
+            seen[i] += not now
+        return all(recovered)
+
     run = advance(start(diagram), 9.0, until=watch)
     assert run.until
-    whole = simulate(diagram, 9.0).logs
-    n = len(whole["t"])
-    calm = [
-        calm_steps(
-            {k: a[:rows] if len(a) == n else a for k, a in whole.items()}
-        )
-        for rows in (len(run.logs["t"]) - 1, len(run.logs["t"]))
-    ]
-    assert calm == [1 + more, 2 + more]
+    for rows, calm in zip(seen, (2, 3), strict=True):
+        found = [
+            calm_steps({name: a[:end] for name, a in run.logs.items()})
+            for end in (rows, rows + 1)
+        ]
+        assert found == [calm - 1, calm]
 
 
 def test_ctrl_c_keeps_what_was_logged():
@@ -112,7 +112,6 @@ def test_ctrl_c_keeps_what_was_logged():
         )
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize(
     ("when", "row", "where"),
     [
@@ -121,7 +120,7 @@ def test_ctrl_c_keeps_what_was_logged():
         (0.3, 2, "momentum_qp: input port 'com_state'"),
     ],
 )
-def test_a_number_that_is_none_stops_the_point_mass(bad, when, row, where):
+def test_a_number_that_is_none_stops_the_point_mass(when, row, where):
     """Oracle: the first block that reads it; it is put into the state."""
     text = "{gait: {num_steps: 2}, mechanisms: all_with_cross_over}"
     simulator = start(diagram_of(text, "lipm"))
@@ -130,7 +129,7 @@ def test_a_number_that_is_none_stops_the_point_mass(bad, when, row, where):
 
     def poison(_):
         if context.get_time() >= when:
-            plant_context.get_mutable_discrete_state(0)[row] = bad
+            plant_context.get_mutable_discrete_state(0)[row] = np.nan
         return ""
 
     diagram.fall_reason = poison
@@ -163,16 +162,12 @@ def test_counts_the_pushes_that_did_not_come(when, missed):
 WALKS = {
     "at: right swing 25 %": 1.475,
     "at: right transfer 100 %": 1.3,
-    "at: 1.301 s": 1.302,
     "at: right swing 25 %, delay: 0.03": 1.475,
 }
 
 
-@pytest.mark.parametrize(
-    ("period", "when"),
-    [*((0.01, when) for when in WALKS), (0.002, "at: right swing 25 %")],
-)
-def test_from_a_walk_one_goes_on_as_in_one_go(when, period):
+@pytest.mark.parametrize("when", WALKS)
+def test_from_a_walk_one_goes_on_as_in_one_go(when, period=0.01):
     """Oracle: all arrays of the log of one run from start to end.
 
     From one walk, with a push of nothing, two pushes of different sizes.
@@ -203,19 +198,6 @@ def test_a_walk_may_come_to_no_push():
         assert run.simulated_time == end
 
 
-def test_ends_when_it_is_told_to_and_can_go_on():
-    """Oracle: the run in one go; the rows of the log, none of them twice."""
-    simulator = start(diagram_of(plant="lipm"))
-    first = advance(simulator, 0.5, until=lambda c: c.get_time() >= 0.2)
-    assert first.until
-    assert first.simulated_time == pytest.approx(0.2, abs=1.01 * PERIOD)
-    second = advance(simulator, 0.5)
-    assert not second.until
-    whole = simulate(diagram_of(plant="lipm"), 0.5)
-    for name in ("t", "icp"):
-        assert np.array_equal(second.logs[name], whole.logs[name])
-
-
 def test_ctrl_c_is_a_question_at_first():
     """Oracles: real signals; in the end, all is as before."""
     before = signal.getsignal(signal.SIGINT)
@@ -225,10 +207,3 @@ def test_ctrl_c_is_a_question_at_first():
         assert pressed()
         signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_ctrl_c_is_not_for_another_thread():
-    """Oracle: Python's own rule: signals are of the main thread."""
-    with ThreadPoolExecutor() as pool:
-        diagram = diagram_of(plant="lipm")
-        assert not pool.submit(simulate, diagram, 0.1).result().interrupted

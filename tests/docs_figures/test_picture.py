@@ -12,7 +12,7 @@ from playwright.sync_api import Error
 import picture
 from tests.results.made_up_run import Recipe, make_log
 from tests.scripts.running import assert_refused, run_script
-from tests.test_browser import PUSH, write_imitation
+from tests.systems.test_balance_visualizer import PUSH, write_imitation
 
 VIEW = picture.View(width=200, height=300)
 

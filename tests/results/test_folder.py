@@ -1,18 +1,16 @@
 """A run folder holds everything, and says so before it is too late."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from nadia_balance.results.folder import (
     prepare_folder,
     read_run,
-    start_recording,
     write_plots,
     write_run,
 )
 from nadia_balance.results.log import signal
+from nadia_balance.results.pages import start_recording
 from nadia_balance.results.plots import effort
 from nadia_balance.results.scene import start_meshcat
 from tests.results.made_up_run import (
@@ -92,14 +90,6 @@ def test_failures_show_in_the_effort_plot(log, tmp_path):
     for path, run in zip(pictures, (log, worse), strict=True):
         effort.draw(run, summary_of(log)).savefig(path)
     assert pictures[0].read_bytes() != pictures[1].read_bytes()
-
-
-def test_without_a_name_runs_go_below_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    folder = prepare_folder(None, "push")
-    assert folder.parent == Path("runs")
-    assert folder.name.endswith("_push")
-    assert folder.is_dir()
 
 
 @pytest.mark.parametrize("out", ["file/below", "file", "/proc/nowhere", "a\0b"])

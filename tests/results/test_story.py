@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.results.log import pushes, signal
-from nadia_balance.results.story import direction, telling_lines
+from nadia_balance.results.story import direction_words, telling_lines
 from tests.results.made_up_run import Recipe, cut, make_log, summary_of
 
 
@@ -98,4 +98,6 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
     felt, walking = signal(log, "push_signal"), signal(log, "walking_signal")
     felt.force[:2] = np.outer([np.cos(angle), np.sin(angle)], felt.force_y)
     walking.left_yaw[:] = walking.right_yaw[:] = 1.0
-    assert direction(log, pushes(log)[0]) == word
+    first = pushes(log)[0]
+    row = signal(log, "walking_signal", first.first)
+    assert direction_words(row, first.force) == word

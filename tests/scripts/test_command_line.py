@@ -28,7 +28,6 @@ from tests.scripts.running import (
     assert_refused,
     environment,
     run_script,
-    summary_of,
 )
 
 
@@ -70,28 +69,6 @@ def test_finite_reads_finite_numbers():
             finite(text)
 
 
-def test_an_error_is_one_line(capsys):
-    """Oracle: argparse alone would print the usage as well."""
-    outcome = run(capsys, "--nonsense")
-    assert outcome.code == 2
-    assert outcome.err == ["job: unrecognized arguments: --nonsense"]
-
-
-def test_leaves_the_results_in_a_folder_of_its_own(
-    tmp_path, monkeypatch, capsys
-):
-    """Oracle: runs/<date>_<time>_<name>, in the present folder."""
-    monkeypatch.chdir(tmp_path)
-    outcome = run(capsys)
-    assert outcome.code == 0
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert folder.name.endswith("_stand")
-    last = outcome.out[-1]
-    assert last.startswith(f"wrote runs/{folder.name}/{{log.npz, ")
-    for name in last.partition("{")[2].rstrip("}").split(", "):
-        assert (folder / name).stat().st_size > 0
-
-
 @pytest.mark.parametrize(
     ("error", "code", "told", "reason"),
     [
@@ -127,24 +104,6 @@ def test_an_early_end_writes_what_was_logged(
         assert len(log["icp"]) == len(log["t"]) == 31
 
 
-def test_fidelity_is_a_flag(monkeypatch, capsys):
-    """Oracles: the diagram that is asked for; the messages, by hand."""
-    seen = []
-
-    def look(diagram):
-        seen.append(diagram.scenario.fidelity)
-        raise ValueError("looked at")
-
-    monkeypatch.setattr(command_line, "start", look)
-    argv = ["--no-meshcat", "--fidelity", "realistic"]
-    assert_refused(run_script(Job, argv, capsys), "looked at")
-    assert seen == ["realistic"]
-    message = "fidelity = 'true': must be one of realistic, ideal"
-    assert_refused(
-        run_script(Job, ["--no-meshcat", "--fidelity", "true"], capsys), message
-    )
-
-
 def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
     """Oracles: what is left behind; the messages, by hand."""
     flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
@@ -161,30 +120,9 @@ def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
     assert_refused(run(capsys, *flags), message)
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"),
-    [
-        (["--open"], "open = True: must not come with --plant lipm: no Mesh"),
-        (
-            ["--realtime-rate", "-1"],
-            "realtime_rate = -1.0: must be in [0, 1",
-        ),
-        (["--graphviz", "/none/a.dot"], "graphviz = /none/a.dot: must be a f"),
-    ],
-)
-def test_refuses_output_flags_without_effect(argv, message, tmp_path, capsys):
-    assert_refused(run(capsys, *argv, "--out", tmp_path), message)
-
-
-def test_draws_the_diagram_and_says_of_which_plant(tmp_path, capsys):
-    """Oracle: Graphviz dot, with a node for each block."""
-    graph = tmp_path / "diagram.dot"
-    assert run(capsys, "--graphviz", graph, "--out", tmp_path).code == 0
-    text = graph.read_text()
-    assert text.startswith("digraph")
-    for name in ("capture_point_controller", "plant", "push_source"):
-        assert name in text
-    assert summary_of(tmp_path)["plant"] == "lipm"
+def test_refuses_output_flags_without_effect(tmp_path, capsys):
+    message = "open = True: must not come with --plant lipm: no Mesh"
+    assert_refused(run(capsys, "--open", "--out", tmp_path), message)
 
 
 def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):

@@ -104,27 +104,16 @@ TEXT = "--scenario_text"
 REFUSED = [
     (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
     (["--scenario_name", "stand"], "scenario_name = 'stand': must have a push"),
-    (["--scenario_file", "no.yaml"], "scenario_file = no.yaml: no such"),
     ([TEXT, "gait: {foo: 1}"], "scenario_text: gait.foo: unknown"),
-    ([TEXT, "gait: {step: {length: 2}}"], "step 1 (right): 2.000 m"),
-    (
-        [TEXT, "controller: {balance: {solver: x}}"],
-        "scenario_text: controller.balance.solver: unknown",
-    ),
     ([TEXT, "pushes: [{delta_v: 1,at: 1 s,body: X}]"], "body = 'X': m"),
-    (["--robot", "fred"], "robot = 'fred': must be one of atlas, nadia"),
-    (["--mechanisms", "luck"], "mechanisms = 'luck': must be one of icp_only"),
     (["--duration", "nan"], "argument --duration: 'nan': must be a finite"),
-    (["--duration", "-1"], "duration = -1.0: must be"),
     (["--seed", "1.5"], "argument --seed: invalid int value: '1.5'"),
     (["--delta-v", "-1"], "pushes[0].delta_v = -1.0: must be in [0, 100]"),
     (["--shape", "box"], "pushes[0].shape = 'box': must be one of rectangle"),
-    (["--shape", "sine"], "pushes[0].delta_v = 0.45: must be null for a sine"),
     (["--random", "0"], "random = 0: must be in [1, 100]"),
     (["--random", "3", "--at", "2 s"], "at = '2 s': must not come with --ran"),
     (["--out", ""], "argument --out: '': must be a path"),
     (["--direction", "up"], "direction = 'up': must be degrees, or one of for"),
-    (["--direction", "nan"], "direction = 'nan': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
     (["--live"], "no_meshcat = True: must not come with --live"),
@@ -132,13 +121,6 @@ REFUSED = [
     (
         ["--terrain", "stairs", "--scenario_name", "push", "--plant", "lipm"],
         "terrain.name = 'stairs': must be level, at height 0",
-    ),
-    (
-        [
-            *("--terrain", "slopes", "--scenario_name", "push"),
-            *(TEXT, "imperfections: {friction_ratio: 0.2}"),
-        ],
-        "region 'up': must be tilted by less than 6.8 deg, as friction is 0.12",
     ),
     (
         ["--terrain", "gap", TEXT, "gait: {step_width: 0.8}", "--plant=lipm"],
@@ -186,11 +168,6 @@ def test_refuses_what_has_no_meaning(argv, message, nothing_runs, capsys):
     assert not list(nothing_runs.iterdir())
 
 
-def test_refuses_an_impossible_port(nothing_runs, capsys):
-    outcome = run_script(push, ["--port", 80], capsys)
-    assert_refused(outcome, "port = 80: must be in [1024, 65535]")
-
-
 def test_the_program_refuses_a_bad_robot(tmp_path):
     """Oracle: what the shell sees; the path of the file at fault."""
     shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
@@ -227,25 +204,6 @@ def test_recovers_and_leaves_all_behind(tmp_path, capsys):
     assert names >= {"summary.json", "scenario.yaml", "log.npz"}
 
 
-@pytest.mark.parametrize(
-    ("at", "moment"),
-    [
-        ("right transfer 100 %", "right transfer 99 %"),
-        ("left swing 100 %", "left swing 100 %"),
-    ],
-)
-def test_a_push_may_come_at_the_very_end_of_a_phase(
-    at, moment, tmp_path, capsys
-):
-    """Oracle: it comes, and the story says when; in ticks of 2 ms."""
-    argv = [*QUICK, "--duration", 9, "--delta-v", 0.05, "--at", at]
-    argv += ["--scenario_text", "{lipm_period: 0.002, calm_steps: 1}"]
-    outcome = run_script(push, [*argv, "--out", tmp_path], capsys)
-    assert outcome.code == 0
-    assert f", {moment} " in outcome.out[0]
-    assert summary_of(tmp_path)["missed_pushes"] == 0
-
-
 def test_the_scenario_left_behind_gives_the_same_bits(tmp_path, capsys):
     """Oracle: all arrays of the log; flags and defaults are in the file."""
     first, second = tmp_path / "first", tmp_path / "second"
@@ -275,6 +233,7 @@ def test_the_scenario_left_behind_gives_the_same_bits(tmp_path, capsys):
         ),
         # A sweep begins at zero.
         (["--at", "standing", "--delta-v", 0, "--duration", 2], 0, "STOOD"),
+        (["--at", "standing", "--delta-v", 2], 1, "FELL: CoM out of reach of "),
     ],
 )
 def test_says_whether_it_has_recovered(argv, code, told, tmp_path, capsys):
@@ -283,20 +242,11 @@ def test_says_whether_it_has_recovered(argv, code, told, tmp_path, capsys):
     assert outcome.code == code
     assert f" s  {told}" in outcome.out[-2]
     summary = summary_of(tmp_path)
+    assert (summary["fell_at"] is not None) == told.startswith("FELL")
     assert summary["recovered"] is (code == 0)
     if told.startswith("RECOVERED"):
         assert (summary["reason"], summary["required_calm_steps"]) == ("", 2)
         assert summary["calm_steps"] == 5 < summary["steps_after_push"]
-
-
-def test_falls_with_exit_code_1(tmp_path, capsys):
-    argv = [*QUICK, "--at", "standing", "--delta-v", 2, "--out", tmp_path]
-    outcome = run_script(push, argv, capsys)
-    assert outcome.code == 1
-    assert "FELL: CoM out of reach of both feet" in outcome.out[-2]
-    summary = summary_of(tmp_path)
-    assert not summary["recovered"]
-    assert 1.0 < summary["fell_at"] < 2.0
 
 
 def test_a_busy_port_is_no_reason_to_stop(tmp_path, capsys):

@@ -1,237 +1,473 @@
-"""What is drawn, from inputs that are fixed by hand."""
+"""The replay in a real browser: offline, small, and with everything to see.
 
-from dataclasses import replace
+A kinematic imitation of a walk takes the place of a simulation: it draws the
+same robot through the same visualizers, in a fraction of a second.
+"""
+
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
+from playwright.sync_api import Browser, Page
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from shapely import Point, Polygon, union_all
 
+from nadia_balance import palette
 from nadia_balance.core.foothold_adjustment import CaptureRegions
+from nadia_balance.core.ground import Ground
 from nadia_balance.core.polygon import support_polygon
+from nadia_balance.core.swing_geometry import CaptureRegionStepAdjusterParams
 from nadia_balance.core.walking import (
+    Adjustment,
+    ContactSchedule,
     FootPose,
     FootPoses,
     Footstep,
     Phase,
+    ReferencePoint,
     Side,
     WalkingState,
-    rectangle,
 )
-from nadia_balance.results.scene import start_meshcat
-from nadia_balance.systems.balance_visualizer import BalanceVisualizer
-from tests.blocks import asked, fix, running
-from tests.example_walks import standing
-from tests.fake_meshcat import FakeMeshcat, drawn_edges, drawn_triangles
-
-SOLE = rectangle(0.25, 0.12)
-GROUND = 0.1
-COM = [0.2, 0.05, 1.0, 0.3, 0.0, 0.0]
-POINTS = {
-    "com_state": COM,
-    "icp": [0.3, 0.02],
-    "icp_reference": [0.29, 0.01, 0, 0, 0, 0, 0, 0],
-    "ecmp_command": [0.1, 0.11, 0.12, 0.13],
-}
-
-
-def foot(x, side, z=GROUND):
-    return FootPose([x, 0.125 * side.sign, z])
-
-
-def state(phase=Phase.SWING, steps_taken=1, num_footsteps=5):
-    """The left foot has just landed at 0.3; the right one is the next."""
-    sides = [Side.RIGHT, Side.LEFT] * 3
-    footsteps = tuple(
-        Footstep(side, foot(0.6 + 0.3 * i, side), 0.3, 0.7)
-        for i, side in enumerate(sides[:num_footsteps])
-    )
-    feet = FootPoses(foot(0.3, Side.LEFT), foot(0.0, Side.RIGHT))
-    schedule = replace(
-        standing(feet), phase=phase, duration=0.7, footsteps=footsteps
-    )
-    return WalkingState(schedule, steps_taken=steps_taken)
-
-
-def draw(walking, time=0.0, meshcat=None, **inputs):
-    """Draws one frame; returns the Meshcat that remembers it."""
-    meshcat = meshcat or FakeMeshcat()
-    visualizer = BalanceVisualizer(meshcat, SOLE)
-    context = asked(visualizer, walking_state=walking, **inputs)
-    context.SetTime(time)
-    visualizer.ForcedPublish(context)
-    return meshcat
-
-
-def shown(meshcat, prefix):
-    """Names of the visible things below `prefix`."""
-    return sorted(
-        path.removeprefix(f"/overlay/{prefix}/")
-        for (path, name), value in meshcat.live.items()
-        if name == "visible" and value and path.startswith(f"/overlay/{prefix}")
-    )
-
-
-def test_marks_each_point_where_the_port_says():
-    """Oracle: the columns of the ports, at the height of the soles."""
-    meshcat = draw(state(), **POINTS)
-    for marker, expected in {
-        "icp": [0.3, 0.02, GROUND],
-        "icp_reference": [0.29, 0.01, GROUND],
-        "cop": [0.1, 0.11, GROUND],
-        "ecmp": [0.12, 0.13, GROUND],
-        "com_ground": [0.2, 0.05, GROUND],
-        "com": [0.2, 0.05, 1.0],
-    }.items():
-        path = f"/overlay/{marker}"
-        assert meshcat.live[path, "visible"]
-        assert meshcat.live[path, "position"] == pytest.approx(expected)
-
-
-def test_draws_nothing_that_is_not_connected():
-    meshcat = draw(state())
-    for marker in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
-        assert not meshcat.live[f"/overlay/{marker}", "visible"]
-    assert shown(meshcat, "footprints") == ["left_1"]
-
-
-@pytest.mark.parametrize(
-    ("phase", "prints"),
-    [
-        (Phase.SWING, ["left_1"]),
-        (Phase.TRANSFER, ["left_1", "right_0"]),
-        (Phase.STANDING, ["left_1", "right_0"]),
-    ],
+from nadia_balance.results.pages import (
+    start_recording,
+    write_replay,
 )
-def test_feet_that_carry_leave_prints_and_are_in_the_polygon(phase, prints):
-    """Oracle: step 1 was the left foot's; core.support_polygon."""
-    meshcat = draw(state(phase))
-    assert shown(meshcat, "footprints") == prints
-    starts, _, _ = drawn_edges(meshcat, "/overlay/support_polygon", 0.0)
-    expected = support_polygon(state(phase).schedule, SOLE)
-    assert np.array(starts) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("count", "names"),
-    [
-        (0, []),
-        (3, ["left_0", "right_0", "right_1"]),
-        (5, ["left_0", "left_1", "right_0", "right_1"]),
-    ],
+from nadia_balance.results.scene import (
+    FRAMES_PER_SECOND,
+    ROBOT,
+    add_robot_view,
+    set_scene,
+    start_meshcat,
 )
-def test_outlines_the_next_footsteps_of_each_side(count, names):
-    """Oracle: two of each side at the most; the first is at 0.6."""
-    meshcat = draw(state(num_footsteps=count))
-    feet = [n for n in shown(meshcat, "footsteps") if "/" not in n]
-    assert feet == names
-    if count > 0:
-        X = meshcat.live["/overlay/footsteps/right_0", "transform"]
-        assert X[:3, 3] == pytest.approx([0.6, -0.125, GROUND])
+from nadia_balance.systems.balance_visualizer import (
+    FOOTPRINTS,
+    RADIUS,
+    BalanceVisualizer,
+)
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
+)
+from nadia_balance.systems.overlay import LINE
+from nadia_balance.systems.ports import connect
+from tests.blocks import asked
+from tests.core.test_ground import square
+from tests.example_walks import MODEL, SOLE
+
+URDF = Path(__file__).parents[2] / "models" / "nadia" / "nadia.urdf"
+DURATION, STEP_LENGTH, TRANSFER, SWING = 10.0, 0.2, 0.3, 0.7  # [s], [m]
+PUSH = (4.2, 4.3)  # [s]
+MEGABYTE = 1e6
+PARTS = (
+    *("footprints", "footsteps", "support_polygon"),
+    *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
+    *("capture_regions/c_1", "capture_regions/c_2", "capture_regions/c_3"),
+    *("capture_regions/reach", "capture_regions/nominal", "ground"),
+)
 
 
-@pytest.mark.parametrize("pushed", [True, False])
-def test_the_arrow_points_at_the_centre_of_mass_during_a_push(pushed):
-    """Oracle: the CoM, and the direction of the force."""
-    force = [0.0, 500.0 * pushed, 0.0]
-    meshcat = draw(state(), com_state=COM, push_force=force)
-    assert meshcat.live["/overlay/push", "visible"] == pushed
-    if pushed:
-        X = meshcat.live["/overlay/push", "transform"]
-        assert X[:3, 3] == pytest.approx(COM[:3])
-        assert X[:3, 2] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+def foot(step: int) -> tuple[Side, FootPose]:
+    """The foothold of this step; the even ones are left."""
+    side = Side.LEFT if step % 2 == 0 else Side.RIGHT
+    return side, FootPose([step * STEP_LENGTH, 0.125 * side.sign, 0.0])
 
 
-def test_every_frame_is_recorded_at_its_time():
-    """Oracle: frame 48 at 1.5 s; a new print is hidden the frame before."""
-    meshcat = draw(state(), time=1.5, **POINTS)
-    recorded = {
-        frame
-        for (path, name), track in meshcat.tracks.items()
-        for frame in track
-        if (path, name) != ("/overlay/footprints/left_1", "visible")
+def walking_state(time: float) -> WalkingState:
+    """A step a second; at time 0 the left foot has just landed."""
+    taken = int(time)
+    clock = time - taken
+    side, landed = foot(taken)
+    feet = FootPoses(landed, landed).with_foot(side.other, foot(taken - 1)[1])
+    swings = clock >= TRANSFER
+    schedule = ContactSchedule(
+        Phase.SWING if swings else Phase.TRANSFER,
+        side,
+        SWING if swings else TRANSFER,
+        feet,
+        tuple(Footstep(*foot(taken + i), TRANSFER, SWING) for i in range(1, 5)),
+        ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
+    )
+    if not swings:
+        return WalkingState(schedule, clock, steps_taken=taken)
+    clock -= TRANSFER
+    return WalkingState(
+        schedule,
+        clock,
+        clock,
+        steps_taken=taken,
+        adjustment=Adjustment(nominal(taken + 1), schedule.footsteps[0].pose),
+    )
+
+
+def nominal(step: int) -> Footstep:
+    """Where this step was to land: farther out."""
+    side, pose = foot(step)
+    out = np.array([0.0, 0.2 * side.sign, 0.0])
+    return Footstep(side, FootPose(pose.p_WF + out), TRANSFER, SWING)
+
+
+def com(time: float) -> np.ndarray:
+    """Position (3,) of the made-up centre of mass."""
+    sway = 0.05 * math.cos(math.pi * (time - 0.65))
+    return np.array([STEP_LENGTH * time, sway, 1.0])
+
+
+def icp(time: float) -> np.ndarray:
+    """Position (2,) of the made-up ICP."""
+    return com(time)[:2] + [0.08, 0.03 * math.sin(math.pi * time)]
+
+
+def vectors(time: float) -> dict[str, np.ndarray]:
+    """The vector inputs of the visualizer."""
+    pushed = PUSH[0] <= time < PUSH[1]
+    return {
+        "com_state": np.concatenate([com(time), np.zeros(3)]),
+        "icp_reference": np.concatenate([icp(time) + 0.02, np.zeros(6)]),
+        "ecmp_command": np.concatenate([icp(time) - 0.05, icp(time) - 0.1]),
+        "push_force": np.array([0.0, 500.0 * pushed, 0.0]),
     }
-    assert recorded == {48}
 
 
-REGION = np.array([0.3, 0.1]) + rectangle(0.6, 0.4)
-REGIONS = CaptureRegions(
-    (REGION, REGION), REGION, foot(0.3, Side.RIGHT), foot(0.6, Side.RIGHT)
-)
+def legs(plant, context, time: float) -> None:
+    """Bends the knee of the foot in the air."""
+    clock = time - int(time)
+    lift = 0.6 * math.sin(math.pi * max(0.0, clock - TRANSFER) / SWING)
+    swing = foot(int(time) + 1)[0]
+    for side in Side:
+        bend = lift if side is swing else 0.0
+        for joint, angle in (
+            ("HIP_Y", -0.35 - 0.5 * bend),
+            ("KNEE_Y", 0.7 + bend),
+            ("ANKLE_Y", -0.35 - 0.5 * bend),
+        ):
+            name = f"{side.name}_{joint}"
+            plant.GetJointByName(name).set_angle(context, angle)
 
 
-@pytest.mark.parametrize(
-    ("phase", "regions", "seen"),
-    [
-        (Phase.SWING, REGIONS, True),
-        (Phase.SWING, None, False),
-        (Phase.TRANSFER, REGIONS, False),
-    ],
-)
-def test_fills_capture_regions_in_swings_only(phase, regions, seen):
-    """Oracle: two rectangles, just above the soles."""
-    given = {} if regions is None else {"capture_regions": regions}
-    meshcat = draw(state(phase), **given)
-    path = "/overlay/capture_regions"
-    assert meshcat.live[path, "visible"] == seen
-    if seen:
-        for name, count in (("c_1", 10), ("c_2", 10), ("c_3", 0)):
-            found = drawn_triangles(meshcat, f"{path}/{name}", 0.0)
-            assert len(found) == count, "two, and eight of the border"
-            z = found[:, :, 2]
-            assert ((z > GROUND) & (z < GROUND + 0.006)).all()
-        X = meshcat.live[f"{path}/nominal", "transform"]
-        assert X[:3, 3] == pytest.approx([0.3, -0.125, GROUND])
+def write_imitation(path: Path) -> dict[float, CaptureRegions]:
+    """Writes the replay of the imitated walk; returns the capture regions.
 
-
-def test_capture_regions_vanish_with_the_frame_that_ends_the_swing():
-    """Oracle: the swing ends at 1/32 s, between two of their own frames."""
-    meshcat = FakeMeshcat()
-    visualizer = BalanceVisualizer(meshcat, SOLE)
-    simulator, context = running(
-        visualizer, walking_state=state(Phase.SWING), capture_regions=REGIONS
+    They are drawn in every frame: twice as often as in a simulation.
+    """
+    meshcat = start_meshcat()[0]
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    Parser(plant).AddModels(str(URDF))
+    plant.Finalize()
+    add_robot_view(builder, scene_graph, meshcat)
+    stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
+    visualizer = builder.AddSystem(
+        BalanceVisualizer(meshcat, SOLE, Ground(tuple(stones), SOLE))
     )
-    simulator.AdvanceTo(0.03)
-    fix(visualizer, context, walking_state=state(Phase.TRANSFER))
-    simulator.AdvanceTo(0.1)
-    path = "/overlay/capture_regions"
-    seen = [meshcat.at(path, "visible", k / 32.0) for k in range(4)]
-    assert seen == [True, False, False, False]
-
-
-def test_draws_32_times_a_second_and_capture_regions_16_times():
-    """Oracle: 33 and 17 frames in [0, 1] s, the first at 0."""
-    meshcat = FakeMeshcat()
-    visualizer = BalanceVisualizer(meshcat, SOLE)
-    simulator, context = running(
-        visualizer,
-        walking_state=state(),
-        capture_regions=REGIONS,
-        icp=POINTS["icp"],
-    )
-    simulator.AdvanceTo(1.0)
-    assert context.num_total_states() == context.num_abstract_states() == 0
-    tracks = meshcat.tracks
-    assert sorted(tracks["/overlay/icp", "position"]) == list(range(33))
-    nominal = tracks["/overlay/capture_regions/nominal", "transform"]
-    assert sorted(nominal) == list(range(0, 33, 2))
-
-
-def test_a_new_run_starts_with_a_clean_floor():
-    """Oracle: prints of the first run are gone when the second begins."""
-    meshcat = FakeMeshcat()
-    visualizer = BalanceVisualizer(meshcat, SOLE)
-    for steps_taken in (7, 1):
-        simulator, _ = running(
-            visualizer, walking_state=state(steps_taken=steps_taken)
+    adjuster = builder.AddSystem(
+        CaptureRegionStepAdjuster(
+            CaptureRegionStepAdjusterParams(), MODEL, period=0.002
         )
-        simulator.AdvanceTo(0.1)
-    prints = [p for p in meshcat.objects if "footprints" in p]
-    assert prints == ["/overlay/footprints/left_1"]
+    )
+    connect(builder, adjuster, visualizer, "capture_regions")
+    builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
+    builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
+    builder.ExportInput(visualizer.GetInputPort("icp"), "icp")
+    builder.ConnectInput("icp", adjuster.GetInputPort("icp"))
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    robot = plant.GetMyMutableContextFromRoot(root)
+    inputs = visualizer.GetMyMutableContextFromRoot(root)
+    pelvis = plant.GetBodyByName("PELVIS_LINK")
+    set_scene(meshcat)
+    regions = {}
+
+    def draw(time: float) -> None:
+        root.SetTime(time)
+        plant.SetFloatingBaseBodyPoseInWorldFrame(
+            robot, pelvis, RigidTransform(com(time))
+        )
+        legs(plant, robot, time)
+        port = diagram.GetInputPort("state")
+        port.FixValue(root, Value(walking_state(time)))
+        diagram.GetInputPort("icp").FixValue(root, icp(time))
+        for name, value in vectors(time).items():
+            visualizer.GetInputPort(name).FixValue(inputs, value)
+        diagram.ForcedPublish(root)
+        port = adjuster.GetOutputPort("capture_regions")
+        regions[time] = port.Eval(adjuster.GetMyContextFromRoot(root))
+
+    start_recording(meshcat)
+    diagram.ExecuteInitializationEvents(root)
+    for frame in range(round(DURATION * FRAMES_PER_SECOND) + 1):
+        draw(frame / FRAMES_PER_SECOND)
+    write_replay(meshcat, path)
+    return regions
 
 
-def test_draws_into_a_real_meshcat():
-    """Oracle: Drake's own Meshcat has the paths, and reports the values."""
-    meshcat = draw(state(), meshcat=start_meshcat()[0], **POINTS)
-    assert meshcat.HasPath("/overlay/footprints/left_1")
-    assert meshcat.HasPath("/overlay/footsteps/right_0/3")
-    packed = meshcat._GetPackedProperty("/overlay/icp", "visible")
-    assert packed.endswith(b"\xc3"), "true, in MessagePack"
+@dataclass
+class Replay:
+    """A replay that is open in the browser."""
+
+    page: Page
+    regions: dict[float, CaptureRegions]  # that were drawn, by their times [s]
+    requests: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+    def seek(self, time: float) -> None:
+        """Shows the frame at `time` [s]."""
+        self.page.evaluate(
+            """(time) => {
+              viewer.animator.pause();
+              viewer.animator.seek(time);
+              viewer.render();  // moves the camera, ...
+              viewer.render();  // ... and draws what it sees
+            }""",
+            time,
+        )
+
+    def show(self, path: str, visible: bool) -> None:
+        """Shows or hides all below `path`."""
+        self.page.evaluate(
+            """([path, visible]) => {
+              const names = path.split("/").filter((name) => name);
+              viewer.set_property(names, "visible", visible);
+              viewer.render();
+            }""",
+            [path, visible],
+        )
+
+    def visible(self, path: str) -> set[str]:
+        """Names of the visible objects at one level below `path`."""
+        script = """(path) => Object.entries(
+            viewer.scene_tree.find(path.split("/")).children)
+          .filter(([name, node]) => node.object.visible)
+          .map(([name, node]) => name)"""
+        return set(self.page.evaluate(script, path))
+
+    def position(self, path: str) -> np.ndarray:
+        """Where the browser has put the object at `path`, in W (3,) [m]."""
+        script = """(path) =>
+          viewer.scene_tree.find(path.split("/")).object.position.toArray()"""
+        return np.array(self.page.evaluate(script, path))
+
+    def triangles(self, path: str) -> np.ndarray:
+        """The triangles (n, 3, 3) [m] that are visible below `path`."""
+        script = """(path) => Object.values(
+            viewer.scene_tree.find(path.split("/")).children)
+          .filter((node) => node.object.visible)
+          .flatMap((node) => {
+            const {attributes, index} = (
+                node.children["<object>"] ?? node).object.geometry;
+            return Array.from(index.array).flatMap((i) =>
+                Array.from(attributes.position.array).slice(3 * i, 3 * i + 3));
+          })"""
+        return np.array(self.page.evaluate(script, path)).reshape(-1, 3, 3)
+
+    def picture(self) -> np.ndarray:
+        """A screenshot (height, width, 3)."""
+        png = io.BytesIO(self.page.screenshot())
+        return np.rint(255.0 * imread(png)[:, :, :3]).astype(int)
+
+
+@pytest.fixture(scope="module")
+def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
+    """The replay, with every network blocked."""
+    html = tmp_path_factory.mktemp("replay") / "replay.html"
+    regions = write_imitation(html)
+    assert html.stat().st_size <= 5.0 * MEGABYTE, "for ten seconds"
+    context = browser.new_context(
+        viewport={"width": 640, "height": 480}, offline=True
+    )
+    replay = Replay(context.new_page(), regions)
+    page = replay.page
+    page.on("request", lambda request: replay.requests.append(request.url))
+    page.on("pageerror", lambda error: replay.errors.append(str(error)))
+    page.on(
+        "console",
+        lambda message: (
+            replay.errors.append(message.text)
+            if message.type == "error"
+            else None
+        ),
+    )
+    page.goto(html.as_uri())
+    page.wait_for_function("viewer.animator.duration > 0")
+    yield replay
+    context.close()
+
+
+def changed_pixels(a: np.ndarray, b: np.ndarray) -> int:
+    """How many pixels differ by more than the noise of a gradient."""
+    return int(np.sum(np.max(np.abs(a - b), axis=2) > 12))
+
+
+def test_the_replay_opens_offline_and_whole(replay):
+    """Oracle: the browser asks for the file alone, and complains of nothing."""
+    remote = [
+        url
+        for url in replay.requests
+        if not url.startswith(("file:", "data:", "blob:"))
+    ]
+    assert remote == []
+    assert replay.errors == []
+    assert replay.page.evaluate("viewer.animator.duration") == DURATION
+
+
+def test_all_that_is_drawn_is_seen(replay):
+    """Oracle: control pictures of the same frame with the thing hidden.
+
+    About half of the pixels that were counted when the picture was right; the
+    points shine through the feet.
+    """
+    replay.seek(8.5)
+    with_it = replay.picture()
+    for path, pixels in {
+        **{ROBOT: 4000, "/overlay": 800, "/Floor": 20_000},
+        **{f"/overlay/{name}": 15 for name in PARTS},
+    }.items():
+        replay.show(path, False)
+        assert changed_pixels(with_it, replay.picture()) > pixels, path
+        replay.show(path, True)
+    assert changed_pixels(with_it, replay.picture()) == 0
+
+
+@pytest.mark.parametrize("time", [0.0, 3.25, 10.0])
+def test_the_overlay_moves_with_time(replay, time):
+    """Oracle: the made-up trajectories, at the times of frames."""
+    replay.seek(time)
+    given, footsteps = vectors(time), walking_state(time).schedule.footsteps
+    for name, expected in {
+        "com": com(time),
+        "com_ground": [*com(time)[:2], 0.0],
+        "icp": [*icp(time), 0.0],
+        "icp_reference": [*given["icp_reference"][:2], 0.0],
+        "cop": [*given["ecmp_command"][:2], 0.0],
+        "ecmp": [*given["ecmp_command"][2:], 0.0],
+        f"footsteps/{footsteps[0].side.value}_0": footsteps[0].pose.p_WF,
+        f"footsteps/{footsteps[2].side.value}_1": footsteps[2].pose.p_WF,
+    }.items():
+        found = replay.position(f"overlay/{name}")
+        assert found == pytest.approx(np.array(expected), abs=1e-6), name
+
+
+def drawn(replay: Replay, name: str) -> tuple[Polygon, float]:
+    """What is painted, in plan view, and how much of it twice [m^2]."""
+    found = replay.triangles(f"overlay/{name}")
+    turns = np.cross(*np.diff(found, axis=1).transpose(1, 0, 2))
+    # The outline of an edge that is shorter than its width is folded.
+    assert (turns[:, 2] > -2.0 * LINE**2).all(), "seen from above"
+    triangles = [Polygon(corners[:, :2]) for corners in found]
+    whole = union_all(triangles)
+    return whole, sum(t.area for t in triangles) - whole.area
+
+
+@pytest.mark.parametrize("time", [3.5, 3.875])
+def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
+    """Oracle: shapely; corners that move by less than 5 mm are not redrawn."""
+    replay.seek(time)
+    expected = replay.regions[time]
+    stance = foot(int(time))[1].p_WF[:2]
+    assert len(expected.regions) >= 2
+    for i, region in enumerate(expected.regions[:3], start=1):
+        shape, twice = drawn(replay, f"capture_regions/c_{i}")
+        near = Polygon(region) & Point(stance).buffer(RADIUS)
+        off = 0.01 * near.length + 0.02 * near.area
+        assert shape.symmetric_difference(near).area < off
+        assert twice == pytest.approx(LINE * near.length, rel=0.1)
+    line, twice = drawn(replay, "capture_regions/reach")
+    ring = Polygon(expected.reach)
+    assert line.within(ring.exterior.buffer(3.0 * LINE))
+    assert line.area == pytest.approx(LINE * ring.length, rel=0.1)
+    landing = replay.position("overlay/capture_regions/nominal")
+    assert landing == pytest.approx(nominal(int(time) + 1).pose.p_WF, abs=1e-6)
+
+
+@pytest.mark.parametrize("time", [3.125, 3.5])
+def test_the_feet_in_contact_are_outlined_and_regions_seen_in_swings(
+    replay, time
+):
+    """Oracle: core.support_polygon, and shapely's distance to its border."""
+    replay.seek(time)
+    schedule = walking_state(time).schedule
+    line, _ = drawn(replay, "support_polygon")
+    border = Polygon(support_polygon(schedule, SOLE)).exterior
+    assert line.area == pytest.approx(LINE * border.length, rel=0.1)
+    assert line.hausdorff_distance(border) < 1.5 * LINE
+    swings = schedule.phase is Phase.SWING
+    assert ("capture_regions" in replay.visible("overlay")) == swings
+
+
+def test_the_push_is_seen_long_enough_and_not_before(replay):
+    """Oracle: pushed from 4.2 to 4.3 s; the arrow lingers for half a second.
+
+    It points at the centre of mass, to the left.
+    """
+    for time, seen in (0.0, 0), (4.0, 0), (4.7, 1), (5.5, 0), (4.25, 1):
+        replay.seek(time)
+        assert ("push" in replay.visible("overlay")) == seen
+    assert replay.position("overlay/push") == pytest.approx(com(4.25), abs=1e-6)
+    tip = replay.page.evaluate(
+        """() => new (viewer.scene_tree.object.position.constructor)(0, 0, 1)
+             .applyQuaternion(viewer.scene_tree.find(["overlay", "push"])
+                 .object.quaternion).toArray()"""
+    )
+    assert tip == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+
+
+def test_footprints_stay_and_future_ones_are_hidden(replay):
+    """Oracle: at 4.5 s steps -1 to 4 have landed, 5 to 10 have not."""
+    replay.seek(4.5)
+    expected = {f"{foot(n)[0].value}_{n}" for n in range(-1, 5)}
+    assert replay.visible("overlay/footprints") == expected
+    found = replay.position("overlay/footprints/left_4")
+    assert found[:2] == pytest.approx(foot(4)[1].p_WF[:2], abs=1e-6)
+
+
+def test_the_region_of_the_next_step_is_darker(replay):
+    """Oracle: steps 2 and 4, by hand; none where the foothold is on none."""
+    usual = {"0", "1"}
+    for time, more in (1.5, {"in_use_0"}), (2.5, set()), (3.5, {"in_use_1"}):
+        replay.seek(time)
+        assert replay.visible("overlay/ground") == usual | more
+
+
+def test_the_camera_follows_the_walk(replay):
+    """Oracle: the robot walks 1.8 m; the view lags by the dead band at most."""
+    targets = []
+    for time in (0.0, 9.0):
+        replay.seek(time)
+        target = replay.page.evaluate("viewer.controls.target.toArray()")
+        targets.append(np.array(target))
+    way = com(9.0)[0] - com(0.0)[0]
+    moved = targets[1] - targets[0]
+    assert moved[0] == pytest.approx(way, abs=0.31)
+    assert abs(moved[1]) < 1e-9, "the height stays"
+
+
+def test_the_legend_names_what_is_drawn(replay):
+    text = replay.page.inner_text("#legend")
+    for name in (*palette.LEGEND, "foothold as adjusted"):
+        assert name in text
+
+
+def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
+    """Oracle: Drake's own Meshcat, which packs false as 0xc2."""
+    meshcat = start_meshcat()[0]
+    visualizer = BalanceVisualizer(meshcat, SOLE)
+    for time in 3.5, 7.5:
+        context = asked(visualizer, walking_state=walking_state(time))
+        visualizer.ExecuteInitializationEvents(context)
+        visualizer.ForcedPublish(context)
+        prints = [
+            n
+            for n in range(9)
+            if meshcat.HasPath(f"{FOOTPRINTS}/{foot(n)[0].value}_{n}")
+        ]
+        assert prints == [int(time)], "the other foot is in the air"
+    for name in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
+        packed = meshcat._GetPackedProperty(f"/overlay/{name}", "visible")
+        assert packed.endswith(b"\xc2"), name

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from nadia_balance import palette
 from nadia_balance.core.walking import Side
 from nadia_balance.results.log import QP_STATUS, Log, signal
+from nadia_balance.results.measurements import joint_speed, torque_ratio
 from nadia_balance.results.plots.style import TEXT, time_axes
-from nadia_balance.results.summary import joint_speed, torque_ratio
 
 # Patterns of joint names per group, for robots of several manufacturers.
 GROUPS = {

@@ -33,7 +33,7 @@ from nadia_balance.results.plots.style import (
     plan_view,
     title,
 )
-from nadia_balance.results.summary import recovered_at
+from nadia_balance.results.recovery import recovered_at
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
 _MOST_LISTED = 8  # largest number of steps in the legend [-]

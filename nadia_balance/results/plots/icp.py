@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from nadia_balance import palette
 from nadia_balance.results.log import Log, icp_error, signal
 from nadia_balance.results.plots.style import FAINT, time_axes
-from nadia_balance.results.summary import ICP_BACK
+from nadia_balance.results.recovery import ICP_BACK
 
 SMALLEST_RANGE = 0.1  # smallest range of an axis [m]
 

@@ -1,0 +1,272 @@
+"""Measurements of a run: a table of functions of its log."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nadia_balance.core.polygon import halfspaces, minkowski_sum, project
+from nadia_balance.core.walking import Array, FootPose, Phase, Side
+from nadia_balance.results.log import (
+    QP_STATUS,
+    Log,
+    PushSpan,
+    ground_regions,
+    icp_error,
+    phase_spans,
+    pushes,
+    signal,
+    steps,
+    switches,
+)
+from nadia_balance.results.recovery import calm_steps
+
+PASSING = 0.1  # soles pass each other if their heights differ by less [m]
+
+
+def measure(log: Log) -> dict[str, Any]:
+    """Returns all measurements as plain values, None if not available."""
+    found = {
+        name: function(log) if need in log else None
+        for name, (need, function) in _MEASUREMENTS.items()
+    }
+    return {
+        name: largest(value) if isinstance(value, np.ndarray) else value
+        for name, value in found.items()
+    }
+
+
+def largest(values: Array) -> float | None:
+    """The largest value; None if there is none."""
+    return float(np.max(values)) if values.size else None
+
+
+def _rms_icp_error(log: Log) -> float | None:
+    error = icp_error(log)
+    return math.sqrt(np.mean(error**2)) if error.size else None
+
+
+def _measure_push(log: Log, push: PushSpan) -> dict[str, float]:
+    """Data of one push, with its impulse and the work done on the CoM."""
+    felt = push.rows
+    before = np.maximum(felt - 1, 0)
+    force = signal(log, "push_signal", felt).force
+    impulses = force * (log["t"][felt] - log["t"][before])
+    com = signal(log, "com_state").velocity
+    work = np.sum(impulses * 0.5 * (com[:, before] + com[:, felt]))
+    return {
+        "time_s": push.start,
+        "duration_s": push.end - push.start,
+        "delta_v": push.delta_v,
+        "direction_deg": push.direction_deg,
+        "force_n": float(np.linalg.norm(push.force)),
+        "impulse_n_s": float(np.linalg.norm(np.sum(impulses, axis=1))),
+        "absorbed_energy_j": float(work),
+    }
+
+
+def body_sway(log: Log) -> Array:
+    """Tilt (n,) [deg] of the line from the midpoint of the soles to the CoM.
+
+    A foot in the air has its last pose on the ground; the height is
+    `com_height`.
+    """
+    feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
+    middle = 0.5 * (feet.left[:2] + feet.right[:2])
+    away = np.hypot(*(com[:2] - middle))
+    return np.degrees(np.arctan2(away, com_height(log)))
+
+
+def com_height(log: Log) -> Array:
+    """Height (n,) [m] of the CoM above the lower one of the soles."""
+    height = signal(log, "com_state").position[2]
+    if "foot_poses" not in log:
+        return height
+    soles = signal(log, "foot_poses")
+    return height - np.minimum(soles.left[2], soles.right[2])
+
+
+def trunk_tilts(log: Log) -> Array:
+    """Angles (2, n) [deg] of torso and pelvis against the vertical.
+
+    Empty (2, 0) without them.
+    """
+    if "trunk_tilt" not in log:
+        return np.zeros((2, 0))
+    return np.degrees(log["trunk_tilt"].T)
+
+
+def _durations(log: Log, phase: Phase) -> list[float]:
+    """Durations [s] of the completed phases of this kind."""
+    return [
+        round(span.duration, 6)
+        for span in phase_spans(log)
+        if span.phase is phase and span.complete
+    ]
+
+
+def _steps_after_push(log: Log) -> int:
+    """Number of landings since the last push began, or since the start."""
+    last = pushes(log)[-1:]
+    begin = last[0].start if last else -math.inf
+    return sum(step.swing.end > begin for step in steps(log))
+
+
+def _stance_slip(log: Log) -> float:
+    """Largest displacement [m] of a stance foot since its swing phase began.
+
+    In a run without a swing: of either foot, since its phase began.
+    """
+    spans = phase_spans(log)
+    swings = [s for s in spans if s.phase is Phase.SWING]
+    slips = [0.0]
+    for span in swings or spans:
+        feet = signal(log, "foot_poses", slice(span.first, span.last + 1))
+        for side in filter(span.carries, Side):
+            x, y, _ = getattr(feet, side.value)
+            slips.append(np.max(np.hypot(x - x[0], y - y[0])))
+    return float(np.max(slips))
+
+
+def torque_ratio(log: Log) -> Array:
+    """|torque| / limit (n, nu) [-]; empty without joints."""
+    if "effort_limits" not in log:
+        return np.zeros((0, 0))
+    return np.abs(log["actuation"]) / log["effort_limits"]
+
+
+def joint_speed(log: Log) -> Array:
+    """|joint speed| (n, nu) [rad/s]; empty without joints."""
+    if "joint_speed_columns" not in log:
+        return np.zeros((0, 0))
+    return np.abs(log["state"][:, log["joint_speed_columns"]])
+
+
+def joint_speed_ratio(log: Log) -> Array:
+    """|joint speed| / limit (n, nu) [-]; empty without joints."""
+    return joint_speed(log) / log.get("joint_speed_limits", np.ones(0))
+
+
+def _powers(log: Log) -> Array:
+    """Mechanical power (n, nu) [W] of each drive; negative while braking."""
+    return log["torques"] * log["state"][:, log["joint_speed_columns"]]
+
+
+def _swing_speeds(log: Log) -> list[Array]:
+    """Speeds [m/s] of the sole's centre, tick by tick, in each swing."""
+    speeds = []
+    for step in steps(log):
+        rows = slice(step.swing.first, step.swing.last + 2)
+        feet = signal(log, "foot_poses", rows)
+        ways = np.diff(getattr(feet, step.side.value))
+        speeds.append(np.linalg.norm(ways, axis=0) / np.diff(log["t"][rows]))
+    return speeds
+
+
+def _sole_distance(log: Log) -> float:
+    """Least distance [m] in plan view of soles that pass each other.
+
+    Soles pass each other if their heights differ by less than PASSING; 0 if
+    one is above the other.
+    """
+    poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
+    heights, least = poses[:, :, 2], math.inf
+    for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
+        left, right = (
+            FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet
+        )
+        gap = project(np.zeros(2), minkowski_sum(left, -right))
+        least = min(least, float(np.hypot(*gap)))
+    return least
+
+
+def _edge_distances(log: Log) -> list[float]:
+    """Distance [m] of each landed sole's nearest corner from its region's edge.
+
+    Negative outside of the region.
+    """
+    sides = [halfspaces(region) for region in ground_regions(log)]
+    soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
+    return [
+        float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
+    ]
+
+
+def _qps(log: Log) -> list[Any]:
+    present = [name for name in QP_STATUS if name in log and len(log["t"])]
+    return [signal(log, name) for name in present]
+
+
+def _qp_failures(log: Log) -> int:
+    return sum(
+        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
+    )
+
+
+# Name: a signal that is needed, and a function of the log; of an array the
+# largest entry counts.  Units are in the names, or as of the functions.
+_MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
+    "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
+    "switched_mechanisms": (
+        "t",
+        lambda log: [{"time_s": t, "on": on} for t, on in switches(log)],
+    ),
+    "pushes": ("t", lambda log: [_measure_push(log, p) for p in pushes(log)]),
+    "body_sway_deg": ("com_state", body_sway),
+    "max_torso_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[0]),
+    "max_pelvis_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[1]),
+    "com_sag_m": ("t", lambda log: com_height(log)[:1] - com_height(log)),
+    "max_icp_error_m": ("icp", icp_error),
+    "rms_icp_error_m": ("icp", _rms_icp_error),
+    "footstep_error_m": (
+        "t",
+        lambda log: np.array([s.error for s in steps(log)]),
+    ),
+    "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
+    "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
+    "steps_taken": ("t", lambda log: len(steps(log))),
+    "steps_after_push": ("t", _steps_after_push),
+    "calm_steps": ("t", calm_steps),
+    "stance_slip_m": ("foot_poses", _stance_slip),
+    "max_torque_ratio": ("effort_limits", torque_ratio),
+    # From tick to tick, of the commands [N m].
+    "max_torque_step": (
+        "actuation",
+        lambda log: np.abs(np.diff(log["actuation"], axis=0)),
+    ),
+    "max_joint_speed": ("state", joint_speed),
+    "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
+    "max_power_w": ("torques", lambda log: _powers(log).sum(axis=1)),
+    "positive_power_w": (  # of the drives that do not brake
+        "torques",
+        lambda log: np.maximum(_powers(log), 0.0).sum(axis=1),
+    ),
+    "max_swing_foot_speed": (
+        "foot_poses",
+        lambda log: np.concatenate([np.zeros(0), *_swing_speeds(log)]),
+    ),
+    "mean_swing_foot_speed": (
+        "foot_poses",
+        lambda log: np.array([np.mean(speed) for speed in _swing_speeds(log)]),
+    ),
+    # Each force is the mean of a tick.
+    "max_impact_body_weights": (
+        "weight",
+        lambda log: log["foot_forces"] / log["weight"],
+    ),
+    "min_sole_distance_m": ("foot_poses", _sole_distance),
+    "min_edge_distances_m": ("ground", _edge_distances),
+    "qp_solves": ("t", lambda log: sum(len(q.solved) for q in _qps(log))),
+    "qp_failures": ("t", _qp_failures),
+    "qp_fallbacks": (
+        "t",
+        lambda log: sum(int(np.sum(q.fallback > 0.5)) for q in _qps(log)),
+    ),
+    "max_qp_violation": (
+        "t",
+        lambda log: np.concatenate(
+            [q.violation[np.isfinite(q.violation)] for q in _qps(log)] or [[]]
+        ),
+    ),
+}

@@ -1,0 +1,288 @@
+"""Meshcat's pages: a replay with its story, and the page of a live session.
+
+Meshcat cannot show text (Drake 1.58), so its pages are changed: a status text,
+a legend, and a camera that follows the robot.
+"""
+
+import base64
+import contextlib
+import gzip
+import json
+import re
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Self
+from urllib.request import ProxyHandler, build_opener
+
+from pydrake.geometry import Meshcat
+
+from nadia_balance import palette
+from nadia_balance.core.walking import Phase, Side
+from nadia_balance.results.log import Log, phase_spans
+from nadia_balance.results.scene import FRAMES_PER_SECOND
+from nadia_balance.results.story import telling
+from nadia_balance.systems.balance_visualizer import MIDDLE
+
+# Lines are [text, colour]; those with a colour are bold.
+_STATUS = """
+<div id="status" style="position:fixed; left:14px; top:12px; max-width:46%;
+padding:8px 12px; border-radius:8px; background:#ffffffc8; color:#2f3440;
+font:14px/1.5 sans-serif; pointer-events:none"></div>
+<script>
+viewer.say = (lines) => document.getElementById("status").replaceChildren(
+  ...lines.map(([text, color]) => {
+    const line = document.createElement("div");
+    line.textContent = text;
+    line.style.color = color;
+    line.style.fontWeight = color ? "bold" : "";
+    return line;
+  }));
+</script>
+"""
+_LEGEND = (
+    '<div id="legend" style="position:fixed; left:14px; bottom:12px; '
+    "padding:8px 12px; border-radius:8px; background:#ffffffc8; "
+    "font:13px/1.45 sans-serif; color:#2f3440; "
+    'pointer-events:none">%s</div>'
+)
+# A long command to the viewer; the only one of a replay is its animation.
+_LONG = re.compile(
+    r'fetch\("data:application/octet-binary;base64,([^"]{100000,})"\)'
+    r"\s*\.then\(res => "
+)
+_INFLATE = """fetch("data:application/gzip;base64,%s")
+    .then(res => new Response(
+        res.body.pipeThrough(new DecompressionStream("gzip"))))
+    .then(res => """
+# Moves camera and target with the robot when it leaves a band about its last
+# position.  The user can still rotate and zoom.
+_FOLLOW = """
+<script>
+(() => {
+  const path = "@MIDDLE@".split("/").filter((name) => name);
+  const node = viewer.scene_tree.find(path);
+  const band = 0.15;
+  let last = null;
+  viewer.follow = () => {
+    const p = node.object.position;
+    last = last || [p.x, p.y];
+    const move = [p.x - last[0], p.y - last[1]].map(
+        (d) => Math.sign(d) * Math.max(Math.abs(d) - band, 0));
+    last = [last[0] + move[0], last[1] + move[1]];
+    // The camera's axes are y up: its z is our -y.
+    for (const v of [viewer.camera.position, viewer.controls.target]) {
+      v.x += move[0];
+      v.z -= move[1];
+    }
+  };
+  viewer.set_render_callback("() => viewer.follow()");
+})();
+</script>
+""".replace("@MIDDLE@", MIDDLE)
+# The viewer has no event for the time, so it is read in every frame.  The
+# animation restarts at its end unless it is paused.
+_REPLAY = """
+<script>
+(() => {
+  const {title, phases, story} = %s;
+  const animator = viewer.animator;
+  let played = animator.playing;
+  document.title = title;
+  const show = () => {
+    if (played && !animator.playing && animator.time >= animator.duration) {
+      animator.reset();
+      animator.play();
+    }
+    played = animator.playing;
+    // When it is paused and moved, only the actions know the time.
+    const moved = Math.max(0, ...animator.actions.map((one) => one.time));
+    const now = played ? animator.time : moved || animator.time;
+    const phase = phases.filter(([start]) => start <= now).pop();
+    const time = `t = ${now.toFixed(2)} s`;
+    viewer.say([
+      [title, "inherit"],
+      [phase ? `${time}, ${phase[1]}` : time, ""],
+      ...story.filter(([start]) => start <= now).map(([, ...line]) => line),
+    ]);
+    requestAnimationFrame(show);
+  };
+  show();
+})();
+</script>
+"""
+_POLLED = "/status"  # path of the live text, as a list of lines
+# The controls come before the folders of the scene.  Meshcat's own statistics
+# are hidden: the status text contains the real-time factor.
+_LIVE = """
+<style>
+.dg.main > ul { display: flex; flex-direction: column; }
+.dg.main > ul > li.folder { order: 1; }
+#stats-plot { display: none !important; }
+</style>
+<script>
+viewer.gui.open();
+viewer.gui.__folders.Scene.close();
+(async () => {
+  for (;;) {
+    try {
+      const lines = await (await fetch("%s")).json();
+      viewer.say(lines.map((text) => [text, ""]));
+    } catch {
+      viewer.say([["The program has ended.", ""]]);
+    }
+    await new Promise((done) => setTimeout(done, 150));
+  }
+})();
+</script>
+"""
+
+
+def start_recording(meshcat: Meshcat, live: bool = False) -> None:
+    """Starts the recording; if `live`, the scene is also shown meanwhile."""
+    meshcat.DeleteRecording()
+    meshcat.StartRecording(
+        frames_per_second=FRAMES_PER_SECOND,
+        set_visualizations_while_recording=live,
+    )
+
+
+def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
+    """Ends the recording and writes it, with a legend, to `path`.
+
+    The recording is also sent to browsers that show the scene.  `status` is
+    HTML (see replay_status).
+    """
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+    page = _LONG.sub(_compressed, meshcat.StaticHtml())
+    page = _extended(page, _LEGEND % legend_entries(), status)
+    path.write_text(page, encoding="utf-8")
+
+
+def _extended(page: str, *additions: str) -> str:
+    """Meshcat's `page`, which follows the robot, with HTML at its end."""
+    page, end, rest = page.rpartition("</body>")
+    return "".join([page, _FOLLOW, *additions, end, rest])
+
+
+def _compressed(command: re.Match) -> str:
+    """The command with compressed data, which the browser inflates."""
+    packed = gzip.compress(base64.b64decode(command[1]), mtime=0)
+    return _INFLATE % base64.b64encode(packed).decode()
+
+
+def legend_entries() -> str:
+    """The legend of the colours as HTML, each entry in a `tag`.
+
+    Full squares are filled shapes, empty squares outlines.
+    """
+
+    def square(color: str, outlined: bool) -> str:
+        return f'<b style="color:{color}">&#{9632 + outlined};</b>'
+
+    entries = [
+        f"{square(color, name in palette.OUTLINED)} {name}"
+        for name, color in palette.LEGEND.items()
+    ]
+    feet = "".join(square(palette.foot_color(side), True) for side in Side)
+    entries.append(f"{feet} foothold as adjusted")
+    return "".join(f"<{tag}>{entry}</{tag}>" for entry in entries)
+
+
+_GOOD, _BAD = "#1b7a3d", "#c01a2e"  # colours of the last line
+
+
+def replay_status(log: Log, summary: dict) -> str:
+    """Returns the HTML of the status text of a replay.
+
+    Each line of the story appears at its time; the last one, the result of the
+    run, is shortened to its first part.
+    """
+    told = telling(log, summary)
+    ends = _GOOD if summary["recovered"] else _BAD
+    story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
+    story += [[t, text.split("   ")[0], ends] for t, text in told[-1:]]
+    names = "scenario", "robot", "plant", "mechanisms"
+    said = {
+        "title": "  ·  ".join(str(summary[n]) for n in names if n in summary),
+        "phases": [
+            [
+                span.start,
+                "standing"
+                if span.phase is Phase.STANDING
+                else f"{span.swing_side.value} {span.phase.value}",
+            ]
+            for span in phase_spans(log)
+        ],
+        "story": story,
+    }
+    return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
+
+
+class LivePage:
+    """Serves Meshcat's page, with lines of text added, on localhost.
+
+    Its panel is open.  As a context manager it serves within its block.
+    """
+
+    def __init__(self, meshcat: Meshcat):
+        """Serves from a free port; see `url`."""
+        self._lines: list[str] = []
+        self._meshcat_url = meshcat.web_url()
+        self._fetch = build_opener(ProxyHandler({})).open
+        page = self._fetched("/").decode()
+        # The page still connects to Meshcat's websocket.
+        page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
+        self._page = _extended(page, _STATUS, _LIVE % _POLLED).encode()
+        self._server = ThreadingHTTPServer(("localhost", 0), self._handler())
+        self._server.daemon_threads = True
+
+    @property
+    def url(self) -> str:
+        """The URL of the page."""
+        return f"http://localhost:{self._server.server_address[1]}"
+
+    def show(self, lines: list[str]) -> None:
+        """Shows `lines` in the page."""
+        self._lines = lines
+
+    def __enter__(self) -> Self:
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+    def _fetched(self, path: str) -> bytes:
+        url = f"{self._meshcat_url}/{path.lstrip('/')}"
+        with self._fetch(url) as answer:
+            return answer.read()
+
+    def _answer(self, path: str) -> bytes:
+        if path == _POLLED:
+            return json.dumps(self._lines).encode()
+        if path.partition("?")[0] == "/":
+            return self._page
+        return self._fetched(path)
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        page = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                try:
+                    code, body = 200, page._answer(self.path)
+                except OSError:  # Meshcat has no such file
+                    code, body = 404, b""
+                with contextlib.suppress(OSError):  # the browser is gone
+                    self.send_response(code)
+                    self.send_header("Content-Length", str(len(body)))
+                    self.end_headers()
+                    self.wfile.write(body)
+
+            def log_message(self, *_: object) -> None:
+                """Suppresses the log of requests on the terminal."""
+
+        return Handler

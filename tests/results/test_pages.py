@@ -1,0 +1,124 @@
+"""The pages as text; the replay in a browser."""
+
+import json
+import re
+
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform
+
+from nadia_balance.results.pages import (
+    replay_status,
+    start_recording,
+    write_replay,
+)
+from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
+from nadia_balance.results.story import telling
+from nadia_balance.systems.balance_visualizer import MIDDLE
+from tests.results.made_up_run import Recipe, make_log, summary_of
+
+
+def test_a_recording_is_shown_meanwhile_only_if_it_is_live():
+    """Oracle: Drake's Meshcat: what it would send to a new browser."""
+    meshcat = start_meshcat()[0]
+    meshcat.SetObject("/ball", Sphere(0.1))
+    for x, live in (1.0, True), (2.0, False):
+        start_recording(meshcat, live=live)
+        recording = meshcat.get_mutable_recording()
+        assert recording.frames_per_second() == FRAMES_PER_SECOND
+        before = meshcat._GetPackedTransform("/ball")
+        meshcat.SetTransform("/ball", RigidTransform([x, 0.0, 0.0]), 0.5)
+        assert (meshcat._GetPackedTransform("/ball") != before) == live
+
+
+class Page:
+    """A page that has the end of a body in the text of a script."""
+
+    head, tail = '<body><script>"</body>"</script>', "</body>\n</html>\n"
+
+    def StopRecording(self):
+        pass
+
+    def PublishRecording(self):
+        pass
+
+    def StaticHtml(self):
+        return self.head + self.tail
+
+
+def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
+    """Oracle: the page as it was."""
+    write_replay(Page(), tmp_path / "replay.html", "said")
+    page = (tmp_path / "replay.html").read_text("utf-8")
+    assert page.startswith(Page.head)
+    assert page.endswith(f"said{Page.tail}")
+    added = page.removeprefix(Page.head).removesuffix(Page.tail)
+    assert added.count("<script>") == added.count("</script>") == 1
+
+
+def said_by(text):
+    """What the page's script is given."""
+    (found,) = re.findall(r"= (\{.*\});$", text, flags=re.MULTILINE)
+    return json.loads(found)
+
+
+def test_the_page_tells_the_story_with_its_times():
+    """Oracle: the story of the terminal, without the figures of its end."""
+    log = make_log(Recipe())
+    summary = summary_of(log) | {"scenario": "</script>"}
+    text = replay_status(log, summary)
+    assert text.count("</script>") == 2
+    said = said_by(text)
+    assert said["title"].startswith("</script>  ·  ")
+    told = telling(log, summary)
+    assert [line[0] for line in said["story"]] == [time for time, _ in told]
+    for (_, line, _), (_, text) in zip(said["story"], told, strict=True):
+        assert " ".join(text.split()).startswith(line)
+    push = next(line for _, line, _ in said["story"] if "push" in line)
+    assert re.search(r"push \d\.\d\d m/s .*F = \d+ N for", push)
+    assert said["story"][-1][1].split()[0] == "RECOVERED"
+    starts = [start for start, _ in said["phases"]]
+    assert starts == sorted(starts)
+    assert {"right swing", "left swing"} <= {name for _, name in said["phases"]}
+
+
+def test_an_end_that_is_no_recovery_is_red():
+    """Oracle: the colours, apart by far more red than green."""
+    log = make_log(Recipe())
+    colors = []
+    for recovered in True, False:
+        summary = summary_of(log) | {"recovered": recovered}
+        summary["reason"] = "" if recovered else "fell: too low"
+        color = said_by(replay_status(log, summary))["story"][-1][2]
+        colors.append([int(color[i : i + 2], 16) for i in (1, 3, 5)])
+    (red, green, _), (red_too, green_too, _) = colors
+    assert green > 2 * red and red_too > 2 * green_too
+
+
+def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
+    """Oracle: the story of the made-up run, and the viewer's own clock."""
+    meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
+    start_recording(meshcat)
+    log = make_log(Recipe())
+    summary = summary_of(log)
+    end, _ = telling(log, summary)[-1]
+    for time in (0.0, end + 1.0):
+        meshcat.SetTransform(MIDDLE, RigidTransform([time, 0.0, 0.0]), time)
+    write_replay(meshcat, path, replay_status(log, summary))
+    page = browser.new_page(offline=True)
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.duration > 0")
+    for time, seen in ((end - 0.1, False), (end + 0.5, True)):
+        page.evaluate(
+            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }",
+            time,
+        )
+        clock = f"t = {time:.2f} s"
+        page.wait_for_function(
+            "(t) => document.body.innerText.includes(t)", arg=clock
+        )
+        assert ("RECOVERED" in page.inner_text("#status")) == seen
+    page.evaluate("viewer.animator.play()")
+    page.wait_for_function(
+        "(t) => viewer.animator.playing && viewer.animator.time < t", arg=end
+    )
+    page.close()
