@@ -173,7 +173,7 @@ def _compressed(command: re.Match) -> str:
 
 
 def legend_entries() -> str:
-    """The legend of the colours as HTML, each entry in a `tag`.
+    """The legend of the colours as HTML, each entry in a div.
 
     Full squares are filled shapes, empty squares outlines.
     """
@@ -187,7 +187,7 @@ def legend_entries() -> str:
     ]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
     entries.append(f"{feet} foothold as adjusted")
-    return "".join(f"<{tag}>{entry}</{tag}>" for entry in entries)
+    return "".join(f"<div>{entry}</div>" for entry in entries)
 
 
 _GOOD, _BAD = "#1b7a3d", "#c01a2e"  # colours of the last line
