@@ -5,12 +5,7 @@ import math
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    System,
-)
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.lipm import GRAVITY

@@ -80,17 +80,10 @@ def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
 
 
 def simulate(
-    diagram: ClosedLoop,
-    duration: float,
-    *,
-    stop_at_failure: bool = False,
+    diagram: ClosedLoop, duration: float, *, stop_at_failure: bool = False
 ) -> Run:
     """Simulates `diagram` from its start for `duration` [s]; see advance."""
-    return advance(
-        start(diagram),
-        duration,
-        stop_at_failure=stop_at_failure,
-    )
+    return advance(start(diagram), duration, stop_at_failure=stop_at_failure)
 
 
 class RecoveryWatch:

@@ -13,12 +13,7 @@ from nadia_balance.core.ground import (
     check_ground,
 )
 from nadia_balance.core.ground_steps import standing_on
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPoses,
-    Side,
-)
+from nadia_balance.core.walking import Array, ContactSchedule, FootPoses, Side
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"

@@ -189,8 +189,7 @@ def _stabilisers(
             ("adjustment",),
         ),
         "momentum_qp": Role(
-            lambda: MomentumQp(params.balance, model, period),
-            ("ecmp_command",),
+            lambda: MomentumQp(params.balance, model, period), ("ecmp_command",)
         ),
     }
 

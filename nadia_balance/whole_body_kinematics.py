@@ -177,12 +177,7 @@ def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
     moves = np.zeros(plant.num_velocities(), dtype=bool)
     for body in robot.foot_bodies.values():
         J = plant.CalcJacobianSpatialVelocity(
-            context,
-            _V,
-            plant.GetFrameByName(body),
-            _ORIGIN,
-            world,
-            world,
+            context, _V, plant.GetFrameByName(body), _ORIGIN, world, world
         )
         moves |= np.any(J != 0.0, axis=0)
     return moves[6:]

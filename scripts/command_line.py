@@ -198,9 +198,7 @@ def add_flags(
 
 
 def scenario_flags(
-    parser: argparse.ArgumentParser,
-    name: str | None,
-    mechanisms: str = SEVERAL,
+    parser: argparse.ArgumentParser, name: str | None, mechanisms: str = SEVERAL
 ) -> None:
     """Adds the flags that choose and change the scenario.
 

@@ -47,10 +47,7 @@ from nadia_balance.scripts.command_line import (
 )
 from nadia_balance.scripts.envelope_sweep.flags import sweep_flags, sweep_from
 from nadia_balance.scripts.envelope_sweep.physical import limit_lines
-from nadia_balance.scripts.envelope_sweep.report import (
-    said_lines,
-    write_report,
-)
+from nadia_balance.scripts.envelope_sweep.report import said_lines, write_report
 from nadia_balance.scripts.envelope_sweep.rows import (
     DATABASE,
     EXPORTS,

@@ -42,10 +42,7 @@ _FLAGS: Flags = {
         "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
         "outward, seen from the stance foot"
     },
-    "delta-v": {
-        "type": finite,
-        "help": "change of the robot's velocity [m/s]",
-    },
+    "delta-v": {"type": finite, "help": "change of the robot's velocity [m/s]"},
     "at": {
         "help": 'when it begins: in a phase, such as "right swing 25 %%" (the '
         'right foot swings) or "left transfer 50 %%" (the left one will), at a '

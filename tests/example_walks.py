@@ -25,10 +25,7 @@ from nadia_balance.core.walking import (
 SOLE = rectangle(0.25, 0.12)
 # A foot that slides while it lands, and is as fast as its acceleration allows.
 IDEAL_DETOUR = SwingDetourParams(
-    max_speed=math.inf,
-    max_descent=math.inf,
-    max_braking=math.inf,
-    settling=0.0,
+    max_speed=math.inf, max_descent=math.inf, max_braking=math.inf, settling=0.0
 )
 MODEL = PointMassModel(
     mass=90.9,

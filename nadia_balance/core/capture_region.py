@@ -20,10 +20,7 @@ _ORIGIN = np.zeros((1, 2))
 
 
 def one_step_region(
-    icp: Array,
-    foot: Array,
-    omega: float,
-    touchdown: tuple[float, float],
+    icp: Array, foot: Array, omega: float, touchdown: tuple[float, float]
 ) -> Array:
     """Returns C_1 (n, 2) [m], the one-step capture region.
 

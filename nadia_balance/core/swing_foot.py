@@ -141,11 +141,7 @@ def _course(
         settling = max(settling, edges.drop / detour.max_descent)
     over = max(left - settling, min(left, _SOON))
     way = way_round(
-        start[0, XY],
-        goal.p_WF[:2],
-        schedule.feet[stance],
-        stance.other,
-        detour,
+        start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other, detour
     )
     end[:, XY], over = _within_limits(start[:, XY], way, over, detour)
     arrived = math.dist(start[0, XY], goal.p_WF[:2]) < params.descent_radius

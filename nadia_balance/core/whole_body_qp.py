@@ -19,11 +19,7 @@ from nadia_balance.core.whole_body_command import (
 )
 from nadia_balance.core.whole_body_limits import WholeBodyLimits
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_tasks import (
-    Task,
-    WeightedTasks,
-    usual_tasks,
-)
+from nadia_balance.core.whole_body_tasks import Task, WeightedTasks, usual_tasks
 
 # Rows of J of the soles in contact, by (left, right).
 _CARRYING = {

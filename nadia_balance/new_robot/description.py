@@ -16,10 +16,7 @@ from pydrake.geometry import GeometryId, Role, SceneGraph
 from pydrake.geometry import Shape as Geometry
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import (
-    AddMultibodyPlantSceneGraph,
-    MultibodyPlant,
-)
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 from pydrake.multibody.tree import Joint as DrakeJoint
 from pydrake.systems.framework import DiagramBuilder

@@ -75,10 +75,7 @@ class CentroidalEstimator(LeafSystem):
             prerequisites_of_calc={self.nothing_ticket()},
         )
         self._terms = declare_output(
-            self,
-            "whole_body_terms",
-            self._calc_terms,
-            {self._state.ticket()},
+            self, "whole_body_terms", self._calc_terms, {self._state.ticket()}
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(

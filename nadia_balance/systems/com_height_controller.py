@@ -14,11 +14,7 @@ from nadia_balance.core.momentum_qp import momentum_rate
 from nadia_balance.core.walking import ContactSchedule, WalkingState
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.momentum_qp import EcmpCommand
-from nadia_balance.systems.ports import (
-    ValueInput,
-    VectorInput,
-    declare_cache,
-)
+from nadia_balance.systems.ports import ValueInput, VectorInput, declare_cache
 
 
 class ComHeightController(LeafSystem):

@@ -36,8 +36,7 @@ class EcmpCommand(
 
 class QpStatus(
     namedview(
-        "QpStatus",
-        ["solved", "fallback", "solves", "violation", "failures"],
+        "QpStatus", ["solved", "fallback", "solves", "violation", "failures"]
     )
 ):
     """Status of a QP in this tick, with the number of failures until now.

@@ -14,11 +14,7 @@ from nadia_balance.core.walking import (
 )
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.momentum_qp import EcmpCommand
-from nadia_balance.systems.ports import (
-    ValueInput,
-    VectorInput,
-    declare_output,
-)
+from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
 from nadia_balance.systems.swing_foot_planner import SwingFootReference
 
 

@@ -59,12 +59,7 @@ class StateSensor(LeafSystem):
         delayed = {self.all_state_ticket()}
         for name, length, calc, port in (
             ("measured_state", size, self._calc_state, self._now),
-            (
-                "measured_foot_forces",
-                _FEET,
-                self._calc_forces,
-                self._forces,
-            ),
+            ("measured_foot_forces", _FEET, self._calc_forces, self._forces),
         ):
             depends = delayed if self._ticks else {port.ticket()}
             depends = depends | {self.time_ticket()}

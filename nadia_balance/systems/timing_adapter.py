@@ -7,11 +7,7 @@ from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import FootPoses, WalkingState
-from nadia_balance.systems.ports import (
-    MechanismsInput,
-    ValueInput,
-    VectorInput,
-)
+from nadia_balance.systems.ports import MechanismsInput, ValueInput, VectorInput
 
 
 class TimingAdapter(LeafSystem):

@@ -17,12 +17,7 @@ from nadia_balance.core.capture_region import (
     one_step_region,
 )
 from nadia_balance.core.lipm import icp_after
-from nadia_balance.core.polygon import (
-    centroid,
-    contains,
-    convex_hull,
-    project,
-)
+from nadia_balance.core.polygon import centroid, contains, convex_hull, project
 from nadia_balance.core.reachability import (
     base_region,
     circle,

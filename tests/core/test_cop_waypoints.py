@@ -15,13 +15,7 @@ from nadia_balance.core.cop_waypoints import (
     cop_waypoints,
 )
 from nadia_balance.core.walking import FootPose, Phase, Side
-from tests.example_walks import (
-    SOLE,
-    at_rest,
-    random_walks,
-    standing,
-    walk,
-)
+from tests.example_walks import SOLE, at_rest, random_walks, standing, walk
 
 INNER = Sole.with_margin(SOLE, 0.01)
 EXIT = CopPointParams(

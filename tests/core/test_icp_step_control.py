@@ -8,10 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.icp_plan import reference_of
 from nadia_balance.core.icp_step_control import (
     may_move,

@@ -8,11 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import LineString, box
 
-from nadia_balance.core.swing_detour import (
-    PEAK,
-    shortest_time,
-    way_round,
-)
+from nadia_balance.core.swing_detour import PEAK, shortest_time, way_round
 from nadia_balance.core.walking import FootPose, Side
 from tests.example_walks import IDEAL_DETOUR
 

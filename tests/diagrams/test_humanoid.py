@@ -56,10 +56,7 @@ def pushed(side, direction):
     )
 
 
-SHOVES = {
-    "inward": pushed("right", 90.0),
-    "backward": pushed("right", 180.0),
-}
+SHOVES = {"inward": pushed("right", 90.0), "backward": pushed("right", 180.0)}
 RUNS = {"stand": STAND, "in_place": IN_PLACE, "walk": WALK, **SHOVES}
 
 

@@ -188,10 +188,7 @@ BACKWARD = {"lower": "-2.3", "upper": "0.0"}
         (lambda e: e.balls("l_foot"), "foot l_foot: must have a shape with"),
         (lambda e: e.no_meshes(), "there is no package://biped_description/me"),
         (lambda e: e.moved("l_ankle", "0 0 -0.35"), "they are 0.750 and 0.780"),
-        (
-            lambda e: e.rod("chest", "l_foot"),
-            "link l_foot: must be held by on",
-        ),
+        (lambda e: e.rod("chest", "l_foot"), "link l_foot: must be held by on"),
         (lambda e: e.rod("chest", "pelvis"), "form one or more loops"),
         (lambda e: e.rod("chest", "tail"), "Could not find link named 'tail'"),
         (lambda e: e.without("waist"), "floating bases: must be one; these"),

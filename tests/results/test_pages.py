@@ -109,8 +109,7 @@ def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
     page.wait_for_function("viewer.animator.duration > 0")
     for time, seen in ((end - 0.1, False), (end + 0.5, True)):
         page.evaluate(
-            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }",
-            time,
+            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }", time
         )
         clock = f"t = {time:.2f} s"
         page.wait_for_function(

@@ -24,11 +24,7 @@ from nadia_balance.scripts.command_line import (
     scenario_flags,
     scenario_from,
 )
-from tests.scripts.running import (
-    assert_refused,
-    environment,
-    run_script,
-)
+from tests.scripts.running import assert_refused, environment, run_script
 
 
 def piped(script, *argv, cwd, stdout):

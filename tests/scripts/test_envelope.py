@@ -13,11 +13,7 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
-from nadia_balance.scripts.envelope_sweep.rows import (
-    DATABASE,
-    cell_of,
-    opened,
-)
+from nadia_balance.scripts.envelope_sweep.rows import DATABASE, cell_of, opened
 from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM
 from nadia_balance.scripts.envelope_sweep.table import found_limits
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts

@@ -49,11 +49,7 @@ def test_refuses_what_has_no_meaning(argv, message, capsys):
 
 @pytest.mark.parametrize(
     ("script", "flag"),
-    [
-        (benchmark, "--seconds"),
-        (push, "--at"),
-        (simulate, "--scenario_file"),
-    ],
+    [(benchmark, "--seconds"), (push, "--at"), (simulate, "--scenario_file")],
     ids=lambda value: getattr(value, "__name__", ""),
 )
 def test_help_has_the_flags_and_the_exit_codes(script, flag, capsys):

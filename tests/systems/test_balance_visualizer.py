@@ -37,10 +37,7 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.results.pages import (
-    start_recording,
-    write_replay,
-)
+from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.results.scene import (
     FRAMES_PER_SECOND,
     ROBOT,

@@ -17,12 +17,7 @@ from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPose,
-    Phase,
-    WalkingState,
-)
+from nadia_balance.core.walking import Adjustment, FootPose, Phase, WalkingState
 from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,

@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.cop_waypoints import CopWaypointParams
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp, reference_of
 from nadia_balance.core.walking import Phase, WalkingState

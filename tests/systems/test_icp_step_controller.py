@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from nadia_balance.core.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.icp_plan import reference_of
 from nadia_balance.core.icp_step_control import (
@@ -18,9 +15,7 @@ from nadia_balance.core.icp_step_control import (
     uncrossed_reach,
 )
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
-from nadia_balance.core.reachability import (
-    in_world,
-)
+from nadia_balance.core.reachability import in_world
 from nadia_balance.core.walking import Phase, Side, WalkingState
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario

@@ -27,11 +27,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Situation,
 )
 from nadia_balance.scripts.envelope_sweep.table import Scale
-from tests.scripts.envelope_sweep.made_up import (
-    AT,
-    made_up_table,
-    paper_times,
-)
+from tests.scripts.envelope_sweep.made_up import AT, made_up_table, paper_times
 
 ALL = "all_with_cross_over"
 LEFT = Situation("push", "left swing 25 %")
