@@ -18,11 +18,7 @@ T = TypeVar("T")
 
 # The folder `models` of a checkout or an installation.  `import models` would
 # also find a user's folder of that name.
-MODELS = next(
-    folder
-    for path in nadia_balance.__path__
-    if (folder := Path(path) / "models").is_dir()
-)
+MODELS = (Path(nadia_balance.__file__).parent / "models").resolve()
 
 
 @dataclass(kw_only=True)

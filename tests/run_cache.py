@@ -102,6 +102,7 @@ def _files(*modules: str, places: tuple[Path, ...] = PLACES) -> list[Path]:
         found = (place / f"{inside}.py" for place in places)
         files[name] = next(filter(Path.is_file, found), None)
         if files[name]:
+            files[name] = files[name].resolve()  # folders may be links
             for full in _read(files[name])[1]:  # of a module, or a name in it
                 names += [full, full.rpartition(".")[0]]
     return sorted(filter(None, files.values()))

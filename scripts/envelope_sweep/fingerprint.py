@@ -12,9 +12,18 @@ from pydrake.common.yaml import yaml_dump_typed
 import nadia_balance
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.robot import MODELS, RobotModel, load_robot
+from nadia_balance.robot import RobotModel, load_robot
 
-# Modules of this package on which a row depends; not reports and plots.
+# Folders and modules on which a row depends; not reports and plots.
+FOLDERS = (
+    "",
+    "analysis",
+    "core/**",
+    "diagrams",
+    "models/*",
+    "results",
+    "systems",
+)
 TRIAL_FILES = ("fingerprint.py", "search.py", "sweep.py", "trial.py")
 
 
@@ -24,33 +33,24 @@ def this_code() -> dict[str, str]:
     return {**versions(), "code": code_hash()}
 
 
-def code_hash(
-    package: Path = Path(nadia_balance.__file__).parent,
-    others: Path = MODELS.parent,
-) -> str:
+def code_hash(package: Path = Path(nadia_balance.__file__).parent) -> str:
     """Returns a hash (16 hex digits) of the code that trials use.
 
     Comments and docstrings do not count; the hash depends on Python's version.
-    `package` is the folder of nadia_balance, `others` that of diagrams, models
-    and scripts: the checkout, or nadia_balance in an installation.
+    `package` is the folder of nadia_balance.
     """
-    places = [
-        *((package, folder) for folder in ("", "core", "systems", "results")),
-        *((others, folder) for folder in ("diagrams", "models/*")),
-    ]
     paths = {
-        path.relative_to(root).as_posix(): path
-        for root, folder in places
+        path
+        for folder in FOLDERS
         for ending in ("py", "yaml", "urdf")
-        for path in root.glob(f"{folder}/*.{ending}".lstrip("/"))
+        for path in package.glob(f"{folder}/*.{ending}".lstrip("/"))
     }
-    for name in TRIAL_FILES:
-        paths[name] = others / "scripts" / "envelope_sweep" / name
+    paths |= {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
     return _digest(
         part
-        for name, path in sorted(paths.items())
+        for path in sorted(paths)
         for part in (
-            name.encode(),
+            path.relative_to(package).as_posix().encode(),
             without_words(path.read_bytes(), path.suffix == ".py"),
         )
     )

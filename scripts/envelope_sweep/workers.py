@@ -5,7 +5,7 @@ import contextlib
 import logging
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 
 from distributed import Client, LocalCluster, Security, rpc
 
@@ -56,7 +56,8 @@ def _local_cluster(workers: int) -> LocalCluster:
 
 def _client(scheduler: str) -> Client:
     try:
-        kind = asyncio.run(asyncio.wait_for(_kind(scheduler), CONNECT_TIMEOUT))
+        with ThreadPoolExecutor(1) as thread:  # which has no event loop yet
+            kind = thread.submit(asyncio.run, _kind(scheduler)).result()
     except TimeoutError:
         why = f"no answer for {CONNECT_TIMEOUT:g} s"
         raise _refusal(scheduler, why) from None
@@ -71,7 +72,8 @@ async def _kind(scheduler: str) -> str:
     """What answers there.  A Client would wait for an answer without end."""
     keys = Security().get_connection_args("client")
     async with rpc(scheduler, connection_args=keys) as remote:
-        return (await remote.identity())["type"]
+        answer = asyncio.wait_for(remote.identity(), CONNECT_TIMEOUT)
+        return (await answer)["type"]
 
 
 def _check_workers(scheduler: str, codes: dict[str, object]) -> None:

@@ -117,7 +117,7 @@ def test_ctrl_c_keeps_what_was_logged():
     [
         (1.6, 4, "walking_state_machine: input port 'icp'"),  # in a swing
         # The height is not in the ICP.
-        (0.3, 2, "momentum_qp: input port 'com_state'"),
+        (0.3, 2, "com_height_controller: input port 'com_state'"),
     ],
 )
 def test_a_number_that_is_none_stops_the_point_mass(when, row, where):
