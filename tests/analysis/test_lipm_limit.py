@@ -227,56 +227,8 @@ def test_no_other_times_capture_more(phase, at, on, direction):
     same = value((first - begin, second - first - 0.03))
     assert same == pytest.approx(best.delta_v, rel=5e-3)
     rng = np.random.default_rng(direction)
-    for waits in rng.exponential(0.1, size=(8, 2)):
+    for waits in rng.exponential(0.1, size=(4, 2)):
         assert value(np.array([earliest, 0.35]) + waits) < 1.01 * best.delta_v
-
-
-def test_a_quarter_of_the_robot_takes_half_the_push():
-    """Oracle: Froude's law: lengths by 1/4, times by 1/2, speeds by 1/2."""
-    whole, reach = limit(robot(), num_steps=2, kappa=0.04), MODEL.reach
-    small = {
-        name: 0.25 * getattr(reach, name)
-        for name in vars(reach)
-        if name.startswith(("length", "width"))
-    }
-    feet = whole.state.schedule.feet
-    schedule = replace(
-        whole.state.schedule,
-        duration=0.35,
-        feet=replace(feet, **{s.value: quarter(feet[s]) for s in Side}),
-        footsteps=tuple(
-            Footstep(step.side, quarter(step.pose), 0.15, 0.35)
-            for step in whole.state.schedule.footsteps
-        ),
-    )
-    scaled = replace(
-        whole,
-        state=WalkingState(schedule, 0.0875, 0.0875),
-        icp=0.25 * whole.icp,
-        foot=0.25 * whole.foot,
-        model=replace(
-            robot(0.222, speed=1.5),
-            sole=0.25 * robot().sole,
-            reach=replace(reach, **small),
-        ),
-        timing=replace(
-            TIMING,
-            min_swing_duration=0.175,
-            min_transfer_duration=0.015,
-            min_remaining_swing=0.0,
-        ),
-        kappa=0.01,
-        push_duration=0.05,
-    )
-    for angle in (0, 75):
-        assert scaled.largest_push(angle).delta_v == pytest.approx(
-            0.5 * whole.largest_push(angle).delta_v
-        )
-
-
-def quarter(pose):
-    """The pose of a robot a quarter as large."""
-    return replace(pose, p_WF=0.25 * pose.p_WF)
 
 
 def test_the_hips_help_by_what_they_may_add():

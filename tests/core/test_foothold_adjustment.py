@@ -50,7 +50,6 @@ from tests.example_walks import (
     moved,
     phases,
     planned,
-    standing,
     swing,
     walk,
 )
@@ -381,13 +380,6 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
     assert (after is before) == (not moves)
 
 
-def test_without_a_footstep_the_foot_stays():
-    """Oracle: the pose of the foot that would be next."""
-    rest = unadjusted(standing())
-    assert rest.pose == standing().feet.right
-    assert rest.nominal.side.value == "right"
-
-
 def shifted_region(x):
     """A region whose edge, less the margin, is at `x`."""
     edge = x - PARAMS.margin
@@ -560,14 +552,6 @@ def test_steps_to_the_nearest_foothold_deep_enough_in_the_region(to):
     assert holds[found.ground].distance(p) < 1e-9
 
 
-def test_wherever_the_icp_is_the_foot_lands_on_a_stone():
-    """Oracle: the sole's corners; also if no foothold captures."""
-    rng = np.random.default_rng(6)
-    for to in rng.uniform([-1.2, -1.2], [1.5, 0.8], (60, 2)):
-        name, _ = step(to)
-        assert name in ("middle", "ahead", "out")
-
-
 def test_a_foot_that_is_late_moves_on_along_a_stone_or_stays():
     """Oracle: the sole's corners, and the times of the ways by hand."""
     moved, current = 0, unadjusted(IN_PLACE)
@@ -585,25 +569,6 @@ def test_a_foot_that_is_late_moves_on_along_a_stone_or_stays():
             assert stays or math.sqrt(0.5) * least <= time + 1e-9
             moved += not stays and found != wanted.pose
     assert moved
-
-
-def test_noise_does_not_move_the_foot_from_stone_to_stone():
-    """Oracle: the stone of the tick before; without it, they change.
-
-    By 2 mm, where an ICP that comes down farther ahead asks for the next one.
-    """
-    xs = np.arange(0.2, 0.6, 0.002)
-    names = [step([x, -0.2])[0] for x in xs]
-    first = names.index("ahead")
-    assert names[first - 1] == "middle"
-    _, last = step([xs[first - 1], -0.2])
-    for i in (0, -1, 0, -1):
-        name, last = step([xs[first + i], -0.2], last)
-        assert name == "middle"
-    last = Adjustment(STEP, FootPose([0.6, -0.2, 0.0]), BASE, ground=1)
-    for i in (0, -1, 0, -1):
-        name, last = step([xs[first + i], -0.2], last)
-        assert name == "ahead"
 
 
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])

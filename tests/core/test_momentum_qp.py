@@ -127,17 +127,6 @@ def test_fig_3_left_without_q_perp_the_cop_is_the_orthogonal_projection():
     assert angle_to(error, found) > 0.05
 
 
-def test_the_ankles_act_before_the_hips():
-    """Oracle: delta carries R_kappa / R_delta as much as kappa."""
-    found = feedback((0.01, 0.0))
-    ratio = DEFAULTS.ecmp_weight / DEFAULTS.cop_weight
-    delta_x, _, kappa_x, _ = found.increments
-    assert delta_x / kappa_x == pytest.approx(ratio)
-    beyond = feedback((0.06, 0.0))
-    assert beyond.cop[0] == pytest.approx(0.125 - DEFAULTS.cop_safe_distance)
-    assert beyond.increments[2] > 0.01
-
-
 def test_a_tiny_error_does_not_make_the_feedback_jump():
     """Oracle: continuity at zero, where the error has no direction."""
     previous = [0.02, 0.01, 0.0, 0.0]
@@ -176,23 +165,6 @@ def test_the_icp_error_of_a_pendulum_decays_as_the_gain_says():
         icp = icp_after(icp, found.ecmp, OMEGA, PERIOD)
     assert icp == pytest.approx(start * decay**500, rel=1e-8)
     assert np.linalg.norm(icp) < 0.05 * np.linalg.norm(start)
-
-
-@pytest.mark.parametrize(("start", "recovers"), [(0.155, True), (0.185, False)])
-def test_recovers_exactly_while_the_icp_is_within_reach_of_the_ecmp(
-    start, recovers
-):
-    """Oracle: toes less safe distance plus max_kappa = 0.17 m."""
-    qp, limits = IcpFeedbackQp(DEFAULTS), feedback_limits(SOLE, 0.0, DEFAULTS)
-    icp, previous = np.array([start, 0.0]), NOTHING
-    for _ in range(2000):
-        found = qp.solve(icp, ZERO, ZERO, previous, limits)
-        previous = found.increments
-        icp = icp_after(icp, found.ecmp, OMEGA, PERIOD)
-        if abs(icp[0]) > 1.0:
-            break
-    assert found.result.solved
-    assert bool(np.linalg.norm(icp) < 1e-3) is recovers
 
 
 def test_momentum_rate_moves_the_mass_as_the_pendulum():

@@ -203,15 +203,6 @@ def test_a_foot_that_sinks_fast_lands_softly():
     assert -path[-1, 1] == pytest.approx(slow, abs=0.1)
 
 
-def test_lands_on_the_foothold_with_the_touchdown_velocity():
-    """Oracle: the boundary values."""
-    last = follow([swing_state(t) for t in times()])[-2]
-    # One tick before the end: the rest of the way is one tick's worth.
-    down = -PARAMS.touchdown_velocity
-    assert last[0] == pytest.approx([0.4, -0.15, 0.0, 0.2], abs=5e-4)
-    assert last[1] == pytest.approx([0.0, 0.0, down, 0.0], abs=2e-2)
-
-
 @pytest.mark.parametrize("y", [-0.01, 0.01])
 def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
     """Oracle: the parameter; the left foot stands in the origin."""
@@ -314,7 +305,7 @@ def test_a_foot_sent_across_in_mid_swing_neither_jumps_nor_hits():
     Euler and Maclaurin, is exact up to (fifth derivative) T^5 / 720.
     """
     rng = np.random.default_rng(0)
-    for _ in range(12):
+    for _ in range(6):
         path = follow(retargeted(rng))[:-1]  # in the last tick it is there
         p, v, a = path[:, 0], path[:, 1], path[:, 2]
         mean = 0.5 * (v[1:] + v[:-1]) - PERIOD / 12.0 * np.diff(a, axis=0)

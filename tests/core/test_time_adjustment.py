@@ -14,7 +14,6 @@ from nadia_balance.core.time_adjustment import (
     Timing,
     TimingAdapterParams,
     fraction_done,
-    gamma,
     is_leaving,
     time_ahead,
 )
@@ -284,14 +283,6 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
     exact = lead + PERIOD * np.arange(ticks)
     assert clock[-1] == pytest.approx(exact[-1], abs=1e-4)
     assert np.max(clock - exact) < 1e-4  # not beyond the ICP at any time
-
-
-def test_a_time_constant_is_a_gamma_at_any_period():
-    """Oracle: 0.1 and 0.4, and 1 - 0.9^5 and 1 - 0.6^5 in five ticks."""
-    for constant, share in ((0.01898, 0.1), (0.003915, 0.4)):
-        assert gamma(constant, 0.002) == pytest.approx(share, rel=2e-4)
-        longer = 1.0 - (1.0 - share) ** 5
-        assert gamma(constant, 0.01) == pytest.approx(longer, rel=2e-4)
 
 
 @pytest.mark.parametrize("phase", [swing, transfer])

@@ -1,5 +1,6 @@
 """Oracles: ticks and ellipses by hand; Eq. 3 integrated with the best eCMP."""
 
+import functools
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -276,6 +277,7 @@ LIFT_OFF = LiftOffParams()
 HASTY = LiftOffParams(max_held_wait=0.0)
 
 
+@functools.cache
 def transfer():
     """A transfer to the left foot, its plan, and where the ICP should end."""
     schedule = swing(length=0.0)

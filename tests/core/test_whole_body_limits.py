@@ -31,46 +31,23 @@ from tests.whole_body_examples import (
 LENGTH, WIDTH, FRICTION = 0.25, 0.12, 0.6
 
 
-def wrench_of(forces):
-    """[tau, f] about the centre of forces (4, 3) at the sole's corners."""
-    corners = np.array(
-        [
-            [a * 0.5 * LENGTH, b * 0.5 * WIDTH, 0.0]
-            for a, b in itertools.product((1, -1), repeat=2)
-        ]
-    )
-    return np.concatenate([np.cross(corners, forces).sum(0), forces.sum(0)])
-
-
 def generators():
     """Wrenches (16, 6) of the edges of the four corners' pyramids."""
-    wrenches = []
-    for corner, a, b in itertools.product(range(4), (1, -1), (1, -1)):
-        forces = np.zeros((4, 3))
-        forces[corner] = [a * FRICTION, b * FRICTION, 1.0]
-        wrenches.append(wrench_of(forces))
-    return np.array(wrenches)
+    signs = np.array(list(itertools.product((1, -1), repeat=4)))
+    corners = np.pad(
+        signs[:, :2] * [0.5 * LENGTH, 0.5 * WIDTH], ((0, 0), (0, 1))
+    )
+    forces = np.column_stack([FRICTION * signs[:, 2:], np.ones(16)])
+    return np.hstack([np.cross(corners, forces), forces])
 
 
-def test_holds_what_forces_at_the_corners_can_do():
-    """Oracle: random corner forces inside their friction pyramids."""
-    U = contact_wrench_cone(LENGTH, WIDTH, FRICTION)
-    rng = np.random.default_rng(0)
-    for _ in range(500):
-        forces = np.empty((4, 3))
-        forces[:, 2] = rng.exponential(size=4) * (rng.random(4) < 0.7)
-        most = FRICTION * forces[:, 2:]
-        forces[:, :2] = most * rng.uniform(-1.0, 1.0, size=(4, 2))
-        assert np.all(U @ wrench_of(forces) <= 1e-12)
-
-
-def test_holds_nothing_else():
+def test_holds_what_forces_at_the_corners_can_do_and_nothing_else():
     """Oracle: linear programs that look for corner forces, near the edge."""
     U = contact_wrench_cone(LENGTH, WIDTH, FRICTION)
     edges = generators()
     rng = np.random.default_rng(1)
     verdicts = []
-    for _ in range(400):
+    for _ in range(200):
         inside = rng.exponential(size=16) @ edges
         wrench = inside + rng.normal(size=6) * [0.4, 0.8, 0.5, 5, 5, 1]
         slack = (U @ wrench).max()
@@ -79,7 +56,7 @@ def test_holds_nothing_else():
         found = linprog(np.zeros(16), A_eq=edges.T, b_eq=wrench)
         assert (found.status == 0) == (slack < 0.0)
         verdicts.append(found.status == 0)
-    assert 50 < sum(verdicts) < 350
+    assert 25 < sum(verdicts) < 175
 
 
 def test_refuses_what_is_no_sole():
