@@ -5,11 +5,7 @@ import math
 
 import numpy as np
 
-from nadia_balance.core.whole_body_command import (
-    WholeBodyCommand,
-    WholeBodyModel,
-    WholeBodyTerms,
-)
+from nadia_balance.core import whole_body_command
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.robot import RobotModel, load_robot
@@ -41,7 +37,7 @@ def kinematics() -> WholeBodyKinematics:
     return WholeBodyKinematics(nadia(), nadia().control_plant())
 
 
-def model(**joint_lower_limits) -> WholeBodyModel:
+def model(**joint_lower_limits) -> whole_body_command.WholeBodyModel:
     params = WholeBodyQpParams(joint_lower_limits=joint_lower_limits)
     return whole_body_model(nadia(), kinematics().plant, params)
 
@@ -55,7 +51,7 @@ def random_state(seed: int, size: float = 1.0) -> np.ndarray:
     return np.concatenate([q, 0.2 * size * rng.normal(size=nv)])
 
 
-def terms_at(state: np.ndarray) -> WholeBodyTerms:
+def terms_at(state: np.ndarray) -> whole_body_command.WholeBodyTerms:
     plant = kinematics().plant
     context = plant.CreateDefaultContext()
     plant.SetPositionsAndVelocities(context, state)
@@ -68,17 +64,17 @@ def standing_state() -> np.ndarray:
 
 
 def command(
-    terms: WholeBodyTerms,
+    terms: whole_body_command.WholeBodyTerms,
     contacts: tuple[bool, bool] = (True, True),
     momentum_rate=(0.0, 0.0, 0.0),
     max_normal_forces=(math.inf, math.inf),
     friction=0.6,
-) -> WholeBodyCommand:
+) -> whole_body_command.WholeBodyCommand:
     """Pelvis and torso ahead; a swing foot stays where it is."""
     swing = np.zeros(12)
     if not all(contacts):
         swing[:3] = terms.sole_positions[contacts.index(False)]
-    return WholeBodyCommand(
+    return whole_body_command.WholeBodyCommand(
         momentum_rate=np.array(momentum_rate, dtype=float),
         heading=(0.0, 0.0, 0.0),
         turn=(0.0, 0.0, 0.0),
@@ -95,7 +91,7 @@ def solve(
     contacts: tuple[bool, bool] = (True, True),
     params: WholeBodyQpParams | None = None,
     **kwargs,
-) -> tuple[WholeBodyTerms, WholeBodySolution]:
+) -> tuple[whole_body_command.WholeBodyTerms, WholeBodySolution]:
     """The terms at `state`, and the solution of a `command` there."""
     terms = terms_at(state)
     qp = WholeBodyQp(params or WholeBodyQpParams(), model(), PERIOD)

@@ -14,16 +14,10 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from nadia_balance.analysis.lipm_limit import LOST, LipmLimit
+from nadia_balance.core import walking
 from nadia_balance.core.mechanisms import MECHANISMS
 from nadia_balance.core.reachability import step_regions
 from nadia_balance.core.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import (
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-    rectangle,
-)
 from tests.example_walks import ALL, FEET, MODEL, UNCROSSED, walk
 
 SPEED = 3.0  # of a foot [m/s]
@@ -50,7 +44,7 @@ def robot(height=0.888, length=0.25, speed=SPEED):
     return replace(
         MODEL,
         com_height=height,
-        sole=rectangle(length, 0.12),
+        sole=walking.rectangle(length, 0.12),
         detour=replace(MODEL.detour, max_speed=speed),
     )
 
@@ -65,15 +59,17 @@ def icp_of(model, phases):
     return p
 
 
-def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
+def limit(
+    model, on=ALL, at=0.25, phase=walking.Phase.SWING, num_steps=4, **more
+):
     """Of stepping in place, at a share of the right swing or transfer before.
 
     As the Nadia paper's Fig. 10: swing 0.7 s, transfer 0.3 s.
     """
-    left, right = (FEET[side].p_WF[:2] for side in Side)
-    sides = [Side.RIGHT, Side.LEFT] * 3
-    steps = [Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
-    duration = 0.7 if phase is Phase.SWING else 0.3
+    left, right = (FEET[side].p_WF[:2] for side in walking.Side)
+    sides = [walking.Side.RIGHT, walking.Side.LEFT] * 3
+    steps = [walking.Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
+    duration = 0.7 if phase is walking.Phase.SWING else 0.3
     schedule = replace(
         walk(),
         phase=phase,
@@ -84,11 +80,11 @@ def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
     cycle += [(t, -start, -end) for t, start, end in cycle]
     now = (0.7, left, left)
     rest = [((1.0 - at) * 0.7, left, left), *cycle[2:]]
-    if phase is Phase.TRANSFER:
+    if phase is walking.Phase.TRANSFER:
         now = right + at * (left - right)
         rest = [((1.0 - at) * 0.3, now, left), *cycle[1:]]
     icp = icp_of(model, [*rest, *cycle * 3])
-    state = WalkingState(schedule, at * duration, at * duration)
+    state = walking.WalkingState(schedule, at * duration, at * duration)
     given = {"timing": TIMING, **more}
     return LipmLimit(
         state=state, icp=icp, foot=right, model=model, on=on, **given
@@ -133,7 +129,7 @@ def best_by_ticks(found, angle, swings, regions, lift_off):
     The variables: delta_v, the footholds in W, and the CoP in the soles.
     """
     n, w, ticks = len(swings), found.model.omega, 24
-    left, right = (FEET[side].p_WF[:2] for side in Side)
+    left, right = (FEET[side].p_WF[:2] for side in walking.Side)
     size = 3 + 2 * n + 2 * ticks * (2 * n + 1) + 2 * ticks
 
     def column(start):
@@ -198,10 +194,10 @@ NAMES = ("base", "forward", "backward")
 @pytest.mark.parametrize(
     "phase, at, on, direction",
     [
-        (Phase.SWING, 0.25, ALL, 40),
-        (Phase.SWING, 0.25, ALL, 285),
-        (Phase.SWING, 0.6, UNCROSSED, 180),
-        (Phase.TRANSFER, 0.5, ALL, 330),
+        (walking.Phase.SWING, 0.25, ALL, 40),
+        (walking.Phase.SWING, 0.25, ALL, 285),
+        (walking.Phase.SWING, 0.6, UNCROSSED, 180),
+        (walking.Phase.TRANSFER, 0.5, ALL, 330),
     ],
 )
 def test_no_other_times_capture_more(phase, at, on, direction):
@@ -211,7 +207,7 @@ def test_no_other_times_capture_more(phase, at, on, direction):
     """
     found = limit(robot(), on, at, phase, num_steps=2)
     best = found.largest_push(direction)
-    waiting = 0.03 - at * 0.3 if phase is Phase.TRANSFER else None
+    waiting = 0.03 - at * 0.3 if phase is walking.Phase.TRANSFER else None
     lift_off = None if waiting is None else max(waiting, 0.0)
     earliest = 0.35 if lift_off is not None else max(0.35 - at * 0.7, 0.28 / 3)
     names = NAMES if on.cross_over else NAMES[:1]
@@ -271,7 +267,7 @@ def test_the_farthest_icp_of_one_step_is_a_closed_form():
     loading = -math.expm1(-0.3 * w) / (0.3 * w)
     step = np.array([1.0, -0.25])
     present = math.exp(-0.75 * 0.7 * w) * loading * step + toes
-    left = FEET[Side.LEFT].p_WF[:2]
+    left = FEET[walking.Side.LEFT].p_WF[:2]
     for beyond, expected in (-1e-3, 1), (1e-3, LOST):
         icp = left + present + [beyond, 0.0]
         assert replace(found, icp=icp).least_steps() == expected
@@ -280,10 +276,10 @@ def test_the_farthest_icp_of_one_step_is_a_closed_form():
 def test_without_a_step_there_are_the_soles_on_the_ground():
     """Oracle: by hand: 0.25 m x 0.37 m in a transfer, one sole in a swing."""
     for phase, y, expected in (
-        (Phase.TRANSFER, -0.18, 0),
-        (Phase.TRANSFER, -0.19, LOST),
-        (Phase.SWING, 0.07, 0),
-        (Phase.SWING, 0.06, LOST),
+        (walking.Phase.TRANSFER, -0.18, 0),
+        (walking.Phase.TRANSFER, -0.19, LOST),
+        (walking.Phase.SWING, 0.07, 0),
+        (walking.Phase.SWING, 0.06, LOST),
     ):
         found = limit(robot(), phase=phase, num_steps=0)
         found = replace(found, icp=np.array([0.12, y]))

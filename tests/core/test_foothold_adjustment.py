@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from nadia_balance.core import walking
 from nadia_balance.core.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -31,13 +32,6 @@ from nadia_balance.core.swing_geometry import (
     Place,
     ReachRulesParams,
     swing_geometry,
-)
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPose,
-    Phase,
-    WalkingState,
-    rectangle,
 )
 from tests.core.test_ground import square
 from tests.example_walks import (
@@ -79,7 +73,7 @@ PUSHES = [
 
 
 def state_at(t, schedule=IN_PLACE, adjustment=None):
-    return WalkingState(
+    return walking.WalkingState(
         schedule, time_in_phase=t, elapsed=t, adjustment=adjustment
     )
 
@@ -130,7 +124,7 @@ RULES = replace(
 )
 # Towers of unit width on the x axis: a capture region below them of depth 10
 # shares with each tower as much as the tower reaches down.
-ABOVE = convex_hull(rectangle(20.0, 10.0) - [0.0, 5.0])
+ABOVE = convex_hull(walking.rectangle(20.0, 10.0) - [0.0, 5.0])
 NAMES = (BASE, FORWARD, BACKWARD)
 STEP = IN_PLACE.footsteps[0]
 
@@ -159,8 +153,8 @@ def chosen(places, before=None, margin=0.0, late=None, on_ground=0):
     )
     current = unadjusted(IN_PLACE)
     if before is not None:
-        far = FootPose([9.0, 9.0, 0.0])
-        current = Adjustment(STEP, far, before, ground=on_ground)
+        far = walking.FootPose([9.0, 9.0, 0.0])
+        current = walking.Adjustment(STEP, far, before, ground=on_ground)
     return goals(case, current, replace(RULES, margin=margin))
 
 
@@ -343,7 +337,7 @@ def test_the_mirror_and_a_turned_world_change_nothing():
 def test_a_nominal_foothold_out_of_reach_is_brought_within():
     """Oracle: the reach, though the capture region covers the foothold."""
     # Legs that are crossed already.
-    step = replace(STEP, pose=FootPose([0.0, 0.05, 0.0]))
+    step = replace(STEP, pose=walking.FootPose([0.0, 0.05, 0.0]))
     schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
     found = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
     assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))
@@ -374,8 +368,8 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
     """Oracle: by hand, 0.7 s of swing; with and without an adjustment."""
     state = replace(state_at(t), elapsed=elapsed)
     assert propose(state, OUT, PARAMS, gain).moved == moves
-    pose = FootPose([0.03, -0.125, 0.0])
-    before = Adjustment(STEP, pose, FORWARD, 3)
+    pose = walking.FootPose([0.03, -0.125, 0.0])
+    before = walking.Adjustment(STEP, pose, FORWARD, 3)
     after = propose(replace(state, adjustment=before), OUT, PARAMS, gain)
     assert (after is before) == (not moves)
 
@@ -383,7 +377,7 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
 def shifted_region(x):
     """A region whose edge, less the margin, is at `x`."""
     edge = x - PARAMS.margin
-    return convex_hull(rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
+    return convex_hull(walking.rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
 
 
 def test_within_the_dead_band_nothing_moves():
@@ -415,9 +409,9 @@ def test_the_foot_returns_when_it_could_for_50_ms(period, count):
 
 def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
     """Oracle: a region that covers the nominal foothold, not the present."""
-    pose = FootPose([0.5, -0.125, 0.0])
-    current = Adjustment(STEP, pose, FORWARD)
-    region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
+    pose = walking.FootPose([0.5, -0.125, 0.0])
+    current = walking.Adjustment(STEP, pose, FORWARD)
+    region = convex_hull(walking.rectangle(0.4, 0.4) + [0.0, -0.125])
     found = adjust(current, region)
     assert found.pose == NOMINAL
 
@@ -428,7 +422,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     """
     now, foot, icp = (0.4, 0.9), np.array([0.0, -0.125]), np.array([0.0, 0.4])
     case = Landing(GEOMETRY, icp, now, foot)
-    ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
+    ahead = foot + convex_hull(walking.rectangle(0.2, 0.1)) + [0.3, -0.2]
     corner, _ = closest_point(ahead, case.capture_region)
     detour = GEOMETRY.detour
     t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
@@ -451,8 +445,8 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
 # In time.
 
 FOOT = np.array([0.0, -0.2])
-LAST = Adjustment(STEP, FootPose([0.1, -0.25, 0.0]), BASE)
-WANTED = Adjustment(STEP, FootPose([0.6, -0.4, 0.0]), BASE)
+LAST = walking.Adjustment(STEP, walking.FootPose([0.1, -0.25, 0.0]), BASE)
+WANTED = walking.Adjustment(STEP, walking.FootPose([0.6, -0.4, 0.0]), BASE)
 
 
 def late_landing(foot=FOOT):
@@ -495,7 +489,7 @@ def test_the_time_that_the_clock_has_gained_counts():
     """Oracle: 0.15 s of the clock; 0.05 s, and 0.1 s that it can give back."""
     for left, gained in ((0.15, 0.0), (0.05, 0.1)):
         t = IN_PLACE.duration - left
-        state = WalkingState(
+        state = walking.WalkingState(
             IN_PLACE, time_in_phase=t, elapsed=t - gained, adjustment=LAST
         )
         case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
@@ -582,13 +576,13 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
         square("right", 0.25 - shift, -0.2),
     )
     case, ground = on_stones([0.0, -0.2], stones)
-    everywhere = convex_hull(rectangle(2.0, 2.0))
+    everywhere = convex_hull(walking.rectangle(2.0, 2.0))
     case = Given(case.geometry, case.icp, TOUCHDOWN, capture_region=everywhere)
     for last, expected in (None, "right"), (0, kept), (1, "right"):
         current = unadjusted(IN_PLACE)
         if last is not None:
-            pose = FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
-            current = Adjustment(STEP, pose, BASE, ground=last)
+            pose = walking.FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
+            current = walking.Adjustment(STEP, pose, BASE, ground=last)
         found = adjust_foothold(current, case, ONE, TICK)
         assert ground.region_under(found.pose).name == expected
 
@@ -620,7 +614,7 @@ def test_a_walk_as_planned_is_left_alone(gait):
 
     swings = 0
     for schedule, plan in phases(walk(**gait), planned):
-        if schedule.phase is not Phase.SWING:
+        if schedule.phase is not walking.Phase.SWING:
             continue
         swings += 1
         found = geometry(schedule)

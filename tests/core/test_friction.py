@@ -3,22 +3,18 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.friction import (
-    FrictionEstimate,
-    SlipParams,
-    friction_after,
-)
+from nadia_balance.core import friction
 
 PERIOD = 0.002
 USUAL = 0.6
-SLIP = SlipParams()
-STANDING = FrictionEstimate(USUAL, 1.0, 1.0)
+SLIP = friction.SlipParams()
+STANDING = friction.FrictionEstimate(USUAL, 1.0, 1.0)
 STILL, FAST = (0.0, 0.0, 0.0), (0.0, 0.5, 0.0)
 
 
 def after(force, velocity, last=STANDING):
     """With this force [weights] on the left sole, which moves so [m/s]."""
-    return friction_after(
+    return friction.friction_after(
         last,
         np.array([force, (0.0, 0.0, 0.5)]),
         np.array([velocity, STILL]),
@@ -45,7 +41,7 @@ def test_less_is_counted_on_than_what_did_not_hold():
 )
 def test_a_slide_that_says_nothing(force, loaded):
     """Oracle: the parameters' words."""
-    last = FrictionEstimate(USUAL, loaded, 1.0)
+    last = friction.FrictionEstimate(USUAL, loaded, 1.0)
     assert after(force, FAST, last).friction == USUAL
 
 
@@ -66,7 +62,7 @@ def test_it_never_counts_on_less_than_any_ground_has_and_comes_back():
 @pytest.mark.parametrize("ground", [0.35, 0.45, 0.55])
 def test_a_block_stops_to_slip(ground):
     """Oracle: Coulomb's law in one dimension, on ground of that friction."""
-    estimate, v = FrictionEstimate(USUAL, 0.0, 0.0), 0.0
+    estimate, v = friction.FrictionEstimate(USUAL, 0.0, 0.0), 0.0
     for _ in range(1000):
         wanted = 0.7  # of the weight, to one side
         told = min(wanted, estimate.friction)
@@ -75,7 +71,7 @@ def test_a_block_stops_to_slip(ground):
         else:
             held = ground
         v = max(v + 9.81 * (told - held) * PERIOD, 0.0)
-        estimate = friction_after(
+        estimate = friction.friction_after(
             estimate,
             np.array([(0.0, told, 1.0)] * 2),
             np.array([(0.0, v, 0.0)] * 2),

@@ -9,22 +9,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nadia_balance.core import icp_plan, walking
 from nadia_balance.core.cop_waypoints import CopWaypointParams, cop_waypoints
 from nadia_balance.core.gait import within_reach
-from nadia_balance.core.icp_plan import (
-    IcpPlanParams,
-    plan_icp,
-    reference_of,
-    rows_at,
-    solve_segments,
-)
-from nadia_balance.core.walking import (
-    FootPose,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-)
 from tests.example_walks import (
     MODEL,
     OMEGA,
@@ -101,13 +88,14 @@ def test_is_the_solution_of_the_papers_system(n, straight, seed):
     system, values = paper_system(durations, ecmp, com, icp_end, velocity)
     expected = np.linalg.solve(system, values).reshape(-1, 6, 2)
     given = None if straight else velocity
-    found = solve_segments(durations, ecmp, com, icp_end, OMEGA, given)
+    found = icp_plan.solve_segments(durations, ecmp, com, icp_end, OMEGA, given)
     for share in 0.0, 0.3, 1.0:
         t = share * durations
         com, velocity, ecmp, _ = rows_with_rates(t, durations)
         theirs = np.stack([com, com + velocity / OMEGA, ecmp], axis=1)
         ours = [
-            rows_at(*each, OMEGA) for each in zip(t, durations, strict=True)
+            icp_plan.rows_at(*each, OMEGA)
+            for each in zip(t, durations, strict=True)
         ]
         np.testing.assert_allclose(ours @ found, theirs @ expected, atol=1e-8)
 
@@ -117,17 +105,17 @@ def test_very_short_and_very_long_segments_cost_little_accuracy(duration):
     """Oracle: the recursion, to the 1e-8 that planning needs."""
     durations = np.array([0.3, duration, 0.3, duration, 10.0])
     ecmp = np.array([0.0, 0.1, 0.3, 0.2, 0.4, 0.4])[:, None]
-    solution = solve_segments(
+    solution = icp_plan.solve_segments(
         durations, linear(ecmp), np.zeros(1), ecmp[-1], OMEGA
     )
     expected = backward_icp(durations, ecmp, OMEGA)
     for i, T in enumerate(durations):
         for t, icp in (0.0, expected[i]), (T, expected[i + 1]):
-            found = rows_at(t, T, OMEGA)[1] @ solution[i]
+            found = icp_plan.rows_at(t, T, OMEGA)[1] @ solution[i]
             np.testing.assert_allclose(found, icp, atol=1e-8)
 
 
-PARAMS = IcpPlanParams()
+PARAMS = icp_plan.IcpPlanParams()
 WALKS = [
     pytest.param({"length": 0.3}, id="forward"),
     pytest.param({"length": 0.0, "sideways": 0.1}, id="sideways"),
@@ -136,7 +124,7 @@ WALKS = [
 
 
 def plan_of(schedule, params=PARAMS):
-    return plan_icp(schedule, params, MODEL)
+    return icp_plan.plan_icp(schedule, params, MODEL)
 
 
 def as_printed(schedule):
@@ -145,7 +133,7 @@ def as_printed(schedule):
     points = path.points
     return replace(
         plan_of(schedule),
-        coefficients=solve_segments(
+        coefficients=icp_plan.solve_segments(
             path.durations,
             linear(points),
             schedule.start.com,
@@ -181,10 +169,10 @@ def test_a_small_bend_is_shared():
     bent = range(1, 6)  # of the swing, and of the transfer after it
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
-    made = solve_segments(path.durations, linear(unit), start, unit[-1], OMEGA)[
-        0
-    ]
-    row = rows_at(0.0, path.durations[0], OMEGA)[1] @ made
+    made = icp_plan.solve_segments(
+        path.durations, linear(unit), start, unit[-1], OMEGA
+    )[0]
+    row = icp_plan.rows_at(0.0, path.durations[0], OMEGA)[1] @ made
     shift = np.array([-0.002, 0.001])
     root = np.sqrt(0.1 ** np.arange(5.0))
     expected = np.linalg.lstsq((row * root)[None], shift[None])[0]
@@ -199,7 +187,7 @@ def test_a_small_bend_is_shared():
 
 def test_what_the_feet_cannot_do_fades():
     """Oracle: the ICP of its eCMP by the recursion, and e^-wt by hand."""
-    far = ReferencePoint(np.array([0.5, 0.4]), np.zeros(2), np.zeros(2))
+    far = walking.ReferencePoint(np.array([0.5, 0.4]), np.zeros(2), np.zeros(2))
     plan = plan_of(replace(walk(), start=far))
     ecmp = np.array([plan.at(t).ecmp for t in plan.knots])
     assert in_support(ecmp[:3], walk())
@@ -223,7 +211,7 @@ def in_support(points, schedule):
     soles = [
         foot.to_world(SOLE)
         for side, foot in zip(
-            Side, (schedule.feet.left, schedule.feet.right), strict=True
+            walking.Side, (schedule.feet.left, schedule.feet.right), strict=True
         )
         if schedule.in_contact(side)
     ]
@@ -242,9 +230,9 @@ def random_re_plans(seed):
     length, aside, turn = random.uniform(-1, 1, 3) * [0.35, 0.1, 0.3]
     times = random.uniform([0.1, 0.5], [0.6, 1.2])
     schedule = walk(length, aside, turn, 4, *times)
-    while schedule.phase is not Phase.STANDING:
+    while schedule.phase is not walking.Phase.STANDING:
         t, plan = schedule.duration, plan_of(schedule)
-        if schedule.phase is Phase.SWING:
+        if schedule.phase is walking.Phase.SWING:
             t -= random.choice([0.0, random.uniform(0.0, 0.25)])
             for now in random.uniform(0.0, t, 2) * [0.5, 1.0]:
                 if now < schedule.start_time:
@@ -270,7 +258,7 @@ def random_re_plans(seed):
 def aimed(schedule, shift):
     """The next step, by `shift` elsewhere, but within reach."""
     step = schedule.footsteps[0]
-    pose = FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
+    pose = walking.FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
     moved = (replace(step, pose=pose),)
     return within_reach(moved, schedule.feet, MODEL.reach)[0]
 
@@ -295,7 +283,7 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     schedule = walk()
     schedule = successor(schedule, plan_of(schedule))
     step, t, plan = schedule.footsteps[0], 0.3, plan_of(schedule)
-    pose = FootPose(step.pose.p_WF + [0.1, -0.05, 0.0], step.pose.yaw)
+    pose = walking.FootPose(step.pose.p_WF + [0.1, -0.05, 0.0], step.pose.yaw)
     new = replace(step, pose=pose)
     icps = []
     for first in step, new:
@@ -318,7 +306,7 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
 def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
     """Oracle: a dense search, and the times of the ICPs on the plan."""
     random, schedule = np.random.default_rng(0), walk(**kwargs)
-    while schedule.phase is not Phase.STANDING:
+    while schedule.phase is not walking.Phase.STANDING:
         plan = plan_of(schedule)
         times = np.linspace(0.0, schedule.duration, 1001)
         path = np.array([plan.at(t).icp for t in times])
@@ -350,16 +338,18 @@ def test_ends_at_rest_between_the_feet(schedule):
         np.testing.assert_allclose(end.com_velocity, 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("phase", list(Phase))
+@pytest.mark.parametrize("phase", list(walking.Phase))
 def test_a_waiting_reference_holds_the_icp(phase):
     """Oracle: the contract: at rest on two feet; the last eCMP on one."""
     schedule = replace(walk(), phase=phase, duration=0.4)
     plan = plan_of(schedule)
     end = plan.at(0.4)
-    held = reference_of(plan, WalkingState(schedule, 0.4, waiting=True))
+    held = icp_plan.reference_of(
+        plan, walking.WalkingState(schedule, 0.4, waiting=True)
+    )
     np.testing.assert_array_equal(held.icp, end.icp)
     np.testing.assert_array_equal(held.icp_velocity, [0.0, 0.0])
-    ecmp = end.ecmp if phase is Phase.SWING else end.icp
+    ecmp = end.ecmp if phase is walking.Phase.SWING else end.icp
     np.testing.assert_array_equal(held.ecmp, ecmp)
     np.testing.assert_array_equal(held.cop, ecmp)
     point = held.point()

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nadia_balance.core import walking_state_machine as machine
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.icp_plan import reference_of
 from nadia_balance.core.icp_step_control import (
@@ -19,12 +20,6 @@ from nadia_balance.core.icp_step_control import (
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.polygon import contains, shrink, support_polygon
 from nadia_balance.core.walking import FootPose, Phase, Side, WalkingState
-from nadia_balance.core.walking_state_machine import (
-    Measurement,
-    Proposal,
-    StateMachine,
-    WalkingStateMachineParams,
-)
 from tests.example_walks import MODEL, random_walks, standing, swing, walk
 
 PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
@@ -44,11 +39,13 @@ def feedback(state, icp, params=PARAMS, on=True, qp=None):
 
 def next_tick(state, adjustment):
     """The walking state that the state machine makes of it."""
-    return StateMachine(WalkingStateMachineParams(), MODEL, 1e-9).advance(
+    return machine.StateMachine(
+        machine.WalkingStateMachineParams(), MODEL, 1e-9
+    ).advance(
         state,
         plan_of(state),
-        Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
-        Proposal(adjustment=adjustment),
+        machine.Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
+        machine.Proposal(adjustment=adjustment),
     )
 
 

@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 import quadprog
 
+from nadia_balance.core import icp_step_qp
 from nadia_balance.core.bounds import check
-from nadia_balance.core.icp_step_qp import (
-    AnkleFeedback,
-    IcpStepQp,
-    IcpStepQpParams,
-    StepWeights,
-)
 from nadia_balance.core.polygon import convex_hull, halfspaces
 from nadia_balance.core.walking import FootPose
 
-PARAMS = IcpStepQpParams()
+PARAMS = icp_step_qp.IcpStepQpParams()
 GAIN = PARAMS.feedback_gain
 
 
@@ -63,7 +58,9 @@ def case(seed):
         halfspaces(polygon(rng, 0.15 if swinging else 0.3)),
         (np.vstack(rows), np.concatenate(bounds)),
     )
-    weights = StepWeights(matrix(rng, 10.0), matrix(rng, 1.0), matrix(rng, 1e4))
+    weights = icp_step_qp.StepWeights(
+        matrix(rng, 10.0), matrix(rng, 1.0), matrix(rng, 1e4)
+    )
     return problem, weights
 
 
@@ -90,7 +87,7 @@ def by_quadprog(problem, weights, gain):
 
 def solve(problem, weights, **changes):
     params = replace(PARAMS, num_steps=4, **changes)
-    qp = IcpStepQp(params)
+    qp = icp_step_qp.IcpStepQp(params)
     *arguments, cmp_room, step_room = problem
     limits = qp.limits(weights, cmp_room, step_room)
     return qp.solve(*arguments, limits)
@@ -118,7 +115,7 @@ def test_with_its_footholds_the_feedback_alone_is_the_same(seed):
     problem = problem._replace(cmp_room=halfspaces(room))
     found = solve(problem, weights)
     icp, cmp = problem.moves @ found.steps
-    ankles = AnkleFeedback(room, weights, GAIN)
+    ankles = icp_step_qp.AnkleFeedback(room, weights, GAIN)
     delta = ankles.delta(problem.error - icp, problem.cmp + cmp)
     assert delta == pytest.approx(found.delta, abs=1e-10)
 
@@ -128,7 +125,7 @@ def test_weights_turn_with_the_stance_foot():
     params = replace(PARAMS, step_weight=[[7.0, 1.0], [1.0, 2.0]])
     stance, u = FootPose([1.0, 2.0, 0.0], 0.7), np.array([0.3, -0.2])
     v = stance.rotation @ u
-    found = StepWeights.of(params, stance).step
+    found = icp_step_qp.StepWeights.of(params, stance).step
     assert v @ found @ v == pytest.approx(u @ params.step_weight @ u)
 
 

@@ -8,26 +8,16 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nadia_balance.core import reachability
 from nadia_balance.core.polygon import area, contains, convex_hull
-from nadia_balance.core.reachability import (
-    BACKWARD,
-    FORWARD,
-    ReachabilityParams,
-    base_region,
-    closest_point,
-    cross_over_region,
-    in_world,
-    step_regions,
-    total_region,
-)
 from nadia_balance.core.walking import FootPose, Side
 
-PARAMS = ReachabilityParams()
+PARAMS = reachability.ReachabilityParams()
 
 
 def test_base_region_is_four_quarter_ellipses():
     """Oracle: (x / l)^2 + ((y - w_nom) / w)^2 <= 1, by hand."""
-    params = ReachabilityParams(length_backward=0.8)
+    params = reachability.ReachabilityParams(length_backward=0.8)
     for x, y, inside in (
         (0.0, 0.125, True),
         (0.0, 0.124, False),
@@ -48,7 +38,7 @@ def test_the_base_polygon_is_inside_the_ellipse_and_touches_it():
 
     An octagon has 0.9003 of the area of its circle, and so each half here.
     """
-    polygon = base_region(PARAMS)
+    polygon = reachability.base_region(PARAMS)
     assert len(polygon) == 8
     for x, y in polygon:
         assert PARAMS.in_base_region(x, y)
@@ -62,8 +52,8 @@ def test_the_base_polygon_is_inside_the_ellipse_and_touches_it():
 @pytest.mark.parametrize(
     ("region", "first", "length"),
     [
-        (FORWARD, [math.sin(math.radians(20.0)), -0.1], 1.0),
-        (BACKWARD, [-math.sin(math.radians(30.0)), 0.05], -1.0),
+        (reachability.FORWARD, [math.sin(math.radians(20.0)), -0.1], 1.0),
+        (reachability.BACKWARD, [-math.sin(math.radians(30.0)), 0.05], -1.0),
     ],
 )
 def test_the_cross_over_regions_are_slices_of_a_pie(region, first, length):
@@ -72,7 +62,7 @@ def test_the_cross_over_regions_are_slices_of_a_pie(region, first, length):
     The corner is w_fwd, or w_bwd, past the centre line, where the ray at
     theta from the y axis through the tip is l sin(theta) from it.
     """
-    polygon = cross_over_region(PARAMS, region)
+    polygon = reachability.cross_over_region(PARAMS, region)
     assert len(polygon) == 8
     for point in [0.0, 0.25], first, [0.0, 0.8]:
         assert np.min(np.linalg.norm(polygon - point, axis=1)) < 1e-15
@@ -91,13 +81,15 @@ def test_the_total_region_is_the_hull_and_covers_the_stance_foot():
     union = shapely.union_all(
         [
             shapely.Polygon(p)
-            for p in step_regions(PARAMS, cross_over=True).values()
+            for p in reachability.step_regions(PARAMS, cross_over=True).values()
         ]
     )
-    total = shapely.Polygon(total_region(PARAMS, cross_over=True))
+    total = shapely.Polygon(reachability.total_region(PARAMS, cross_over=True))
     assert total.symmetric_difference(union.convex_hull).area < 1e-12
     assert union.area < total.area
-    assert contains(np.zeros(2), total_region(PARAMS, cross_over=True))
+    assert contains(
+        np.zeros(2), reachability.total_region(PARAMS, cross_over=True)
+    )
 
 
 @pytest.mark.parametrize("swing", list(Side))
@@ -105,7 +97,7 @@ def test_regions_lie_on_the_swing_side_of_the_stance_foot(swing):
     """Oracle: a foothold by hand, and back by FootPose.to_sole."""
     stance = FootPose([2.0, -1.0, 0.3], 0.6)
     corners = np.array([[0.3, 0.2], [0.1, 0.5], [-0.2, 0.3]])
-    polygon = in_world(corners, stance, swing)
+    polygon = reachability.in_world(corners, stance, swing)
     assert shapely.Polygon(polygon).exterior.is_ccw
     back = stance.to_sole(polygon) * [1.0, swing.sign]
     np.testing.assert_allclose(
@@ -128,7 +120,7 @@ def test_finds_the_closest_point_of_disjoint_polygons(left, right, gap, turn):
     R = np.array([[c, -s], [s, c]])
     left = (left * [-1.0, 1.0])[::-1] @ R.T
     right = (right + [gap, 0.0]) @ R.T
-    point, found = closest_point(left, right)
+    point, found = reachability.closest_point(left, right)
     expected = shapely.Polygon(left).distance(shapely.Polygon(right))
     assert found == pytest.approx(expected, abs=1e-12)
     point = shapely.Point(point)

@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 import shapely
 
+from nadia_balance.core import swing_foot
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.swing_clearance import edges_on_way, touching_heights
 from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.swing_foot import (
-    FootMotion,
-    SwingFootParams,
-    swing_foot_motion,
-)
 from nadia_balance.core.walking import (
     FootPose,
     FootPoses,
@@ -27,7 +23,7 @@ from nadia_balance.diagrams.terrain import Terrain
 from tests.core.test_ground import square
 from tests.example_walks import MODEL, SOLE, standing
 
-PERIOD, PARAMS = 0.002, SwingFootParams()
+PERIOD, PARAMS = 0.002, swing_foot.SwingFootParams()
 # All over the sole, 5 mm apart.
 GRID = np.stack(
     np.meshgrid(np.linspace(-0.125, 0.125, 51), np.linspace(-0.06, 0.06, 25)),
@@ -96,11 +92,11 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     schedule = swing(ground, start, goal)
     lifted, landed = schedule.feet.right, schedule.footsteps[0].pose
     edges = edges_on_way(schedule, model, PARAMS.clearance)
-    motion, least = FootMotion.at_rest(lifted), math.inf
+    motion, least = swing_foot.FootMotion.at_rest(lifted), math.inf
     for tick in range(1, 601):
         t = tick * PERIOD
         state = WalkingState(schedule, t, elapsed=t)
-        motion, _ = swing_foot_motion(
+        motion, _ = swing_foot.swing_foot_motion(
             motion, state, PERIOD, PARAMS, model, edges=edges
         )
         if tick % 10 == 0 and 150 <= tick < 590:
@@ -124,13 +120,13 @@ def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
     model = replace(MODEL, ground=ground, detour=SwingDetourParams())
     schedule = swing(ground, (1.74, -0.125), (2.15, -0.125), 0.9)
     edges = edges_on_way(schedule, model, PARAMS.clearance)
-    motion, late = FootMotion.at_rest(schedule.feet.right), None
+    motion, late = swing_foot.FootMotion.at_rest(schedule.feet.right), None
     for tick in range(1, 500):
         elapsed = tick * PERIOD
         t = min(elapsed + 0.27 * (elapsed > 0.5), 0.9)
         state = WalkingState(schedule, t, elapsed=elapsed, waiting=t == 0.9)
         before = motion.pva[1, 2]
-        motion, _ = swing_foot_motion(
+        motion, _ = swing_foot.swing_foot_motion(
             motion, state, PERIOD, PARAMS, model, edges=edges
         )
         assert abs(motion.pva[1, 2] - before) < 0.1

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nadia_balance.core import walking
 from nadia_balance.core.icp_plan import IcpReference
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.time_adjustment import (
@@ -17,29 +18,11 @@ from nadia_balance.core.time_adjustment import (
     is_leaving,
     time_ahead,
 )
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPose,
-    Phase,
-    Side,
-    WalkingState,
-)
-from tests.example_walks import (
-    ALL,
-    IDEAL_DETOUR,
-    MODEL,
-    OMEGA,
-    SOLE,
-    planned,
-    random_walks,
-    standing,
-    successor,
-    walk,
-)
+from tests import example_walks as walks
 
 PERIOD = 0.002
 PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
-DETOUR = replace(IDEAL_DETOUR, max_acceleration=30.0)
+DETOUR = replace(walks.IDEAL_DETOUR, max_acceleration=30.0)
 # Nothing but Eq. 15: almost no threshold, and as little as possible that
 # limits a swing of 1 s.
 FREE = TimingAdapterParams(
@@ -53,23 +36,23 @@ FREE = TimingAdapterParams(
 def transfer(**gait):
     """A transfer in the middle of a walk, and its plan."""
     schedule, plan = swing(**gait)
-    schedule = successor(schedule, plan)
-    return schedule, planned(schedule)
+    schedule = walks.successor(schedule, plan)
+    return schedule, walks.planned(schedule)
 
 
 def swing(**gait):
     """The first swing, of the right foot, and its plan."""
-    first = walk(**gait)
-    schedule = successor(first, planned(first))
-    return schedule, planned(schedule)
+    first = walks.walk(**gait)
+    schedule = walks.successor(first, walks.planned(first))
+    return schedule, walks.planned(schedule)
 
 
 def timing_of(params=PARAMS, detour=DETOUR):
-    return Timing(params, replace(MODEL, detour=detour), PERIOD)
+    return Timing(params, replace(walks.MODEL, detour=detour), PERIOD)
 
 
 def adjustment(
-    icp, plan, state, params=PARAMS, feet=None, detour=DETOUR, on=ALL
+    icp, plan, state, params=PARAMS, feet=None, detour=DETOUR, on=walks.ALL
 ):
     feet = feet or state.schedule.feet
     timing = timing_of(params, detour)
@@ -83,10 +66,10 @@ def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
     A displacement at right angles to the way does not count (Eq. 15).
     """
     ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
-    end = icp_after(icp_r, ecmp, OMEGA, 0.7)
+    end = icp_after(icp_r, ecmp, walks.OMEGA, 0.7)
     normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
-    icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
-    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, OMEGA)
+    icp = icp_after(icp_r, ecmp, walks.OMEGA, advance) + aside * normal
+    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, walks.OMEGA)
     assert found == pytest.approx(advance, abs=1e-12)
 
 
@@ -111,7 +94,7 @@ def test_an_icp_that_no_ecmp_can_hold_is_leaving():
     ):
         icp_r = np.array(icp_r)
         reference = IcpReference(icp_r, still, still, still, still, still)
-        assert is_leaving(np.array(icp), reference, SOLE, 0.02) is leaving
+        assert is_leaving(np.array(icp), reference, walks.SOLE, 0.02) is leaving
 
 
 @pytest.mark.parametrize(
@@ -128,9 +111,9 @@ def test_the_swing_foot_gets_the_time_that_it_needs(
 ):
     """Oracle: by hand, each limit in turn; a swing of 1 s, without error."""
     schedule, plan = swing(swing=1.0)
-    state = WalkingState(schedule, elapsed, elapsed)
+    state = walking.WalkingState(schedule, elapsed, elapsed)
     target = schedule.footsteps[0].pose
-    foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
+    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
     found = timing_of().least_remaining_time(state, foot, np.zeros(2))
     assert found == pytest.approx(expected, abs=1e-12)
 
@@ -144,11 +127,11 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
     schedule, plan = swing(swing=1.0)
     step = schedule.footsteps[0]
     foot = schedule.feet.right
-    state = WalkingState(
+    state = walking.WalkingState(
         replace(schedule, footsteps=(replace(step, pose=foot),)),
         0.3,
         0.3,
-        adjustment=Adjustment(step, foot),
+        adjustment=walking.Adjustment(step, foot),
     )
     error = np.array([size, 0.0])
     found = timing_of().least_remaining_time(state, foot, error)
@@ -156,7 +139,7 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
     way = step.pose.p_WF[:2] - foot.p_WF[:2]
 
     def in_time(t):
-        moved = icp_after(error, origin, OMEGA, t)
+        moved = icp_after(error, origin, walks.OMEGA, t)
         half_way = 0.5 * np.linalg.norm(way + moved)
         return half_way <= 0.5 * 30.0 * (0.5 * t) ** 2 + 1e-12
 
@@ -169,10 +152,10 @@ def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
     """Oracle: by hand, from beside the stance foot to in front of it."""
     schedule, plan = swing(swing=1.0, length=0.0)
     stance = schedule.feet.left.p_WF
-    foot = FootPose(stance - [0.0, 0.25, 0.0])
-    goal = FootPose(stance + [0.34, 0.1, 0.0])
+    foot = walking.FootPose(stance - [0.0, 0.25, 0.0])
+    goal = walking.FootPose(stance + [0.34, 0.1, 0.0])
     step = replace(schedule.footsteps[0], pose=goal)
-    state = WalkingState(replace(schedule, footsteps=(step,)), 0.6, 0.6)
+    state = walking.WalkingState(replace(schedule, footsteps=(step,)), 0.6, 0.6)
     found = timing_of().least_remaining_time(state, foot, np.zeros(2))
     length = math.hypot(DETOUR.ahead, 0.25 - DETOUR.beside)
     length += math.hypot(0.34 - DETOUR.ahead, 0.1 + DETOUR.beside)
@@ -194,9 +177,11 @@ def test_a_foot_that_goes_down_a_step_gets_the_time(lifted, height, descent):
     schedule, plan = swing(swing=1.0)
     stood = schedule.feet.right
     stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
-    feet = schedule.feet.with_foot(Side.RIGHT, stood)
-    state = WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
-    foot = FootPose(schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height])
+    feet = schedule.feet.with_foot(walking.Side.RIGHT, stood)
+    state = walking.WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
+    foot = walking.FootPose(
+        schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height]
+    )
     timing = timing_of(detour=detour)
     found = timing.least_remaining_time(state, foot, np.zeros(2))
     assert found == pytest.approx(0.4 + descent, abs=1e-12)
@@ -212,13 +197,13 @@ def test_a_foot_near_its_foothold_lands():
     It once stood still there, and the foot in the air, with 13 ms left.
     """
     schedule, _ = swing(swing=1.0)
-    state = WalkingState(schedule, 0.99, 0.6)
+    state = walking.WalkingState(schedule, 0.99, 0.6)
     target, slow = (
         schedule.footsteps[0].pose.p_WF,
         replace(DETOUR, settling=0.1),
     )
     for distance, lands in ((0.075, True), (0.085, False)):
-        foot = FootPose(target - [distance, 0.0, 0.0])
+        foot = walking.FootPose(target - [distance, 0.0, 0.0])
         late = timing_of(detour=slow).time_to_return(state, foot)
         assert (late == 0.0) is lands
 
@@ -237,10 +222,10 @@ def test_time_is_given_back_if_the_foothold_moves_away(
 ):
     """Oracle: by hand."""
     schedule, plan = swing(swing=1.0)
-    state = WalkingState(schedule, 0.9, 0.9 - gained)
+    state = walking.WalkingState(schedule, 0.9, 0.9 - gained)
     target = schedule.footsteps[0].pose
-    foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
-    feet = schedule.feet.with_foot(Side.RIGHT, foot)
+    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
+    feet = schedule.feet.with_foot(walking.Side.RIGHT, foot)
     found = timing_of().time_to_return(state, foot)
     assert found == pytest.approx(expected, abs=1e-12)
     reference = plan.at(0.9).icp
@@ -256,7 +241,7 @@ def with_gamma(gamma):
 
 def run_ahead(schedule, plan, lead, params, ticks):
     """The clock, tick by tick, while the ICP is `lead` [s] ahead of time."""
-    state, clock = WalkingState(schedule), []
+    state, clock = walking.WalkingState(schedule), []
     for tick in range(ticks):
         state = replace(state, elapsed=tick * PERIOD)
         icp = plan.at(state.elapsed + lead).icp
@@ -289,7 +274,7 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
 def test_without_a_time_constant_all_is_made_up_at_once(phase):
     """Oracle: with time constants, the share of a tick of that."""
     schedule, plan = phase(swing=1.0, transfer=0.4)
-    state, icp = WalkingState(schedule), plan.at(0.1).icp
+    state, icp = walking.WalkingState(schedule), plan.at(0.1).icp
     at_once = replace(FREE, swing_time_constant=0.0, transfer_time_constant=0.0)
     gain = adjustment(icp, plan, state, at_once)
     share = adjustment(icp, plan, state, with_gamma(0.25))
@@ -300,12 +285,12 @@ def test_without_a_time_constant_all_is_made_up_at_once(phase):
 def test_an_icp_that_leaves_hurries_all_it_can_at_once():
     """Oracle: the shortest transfer and swing, by hand."""
     schedule, plan = transfer()
-    state = WalkingState(schedule, 0.03, 0.03)
+    state = walking.WalkingState(schedule, 0.03, 0.03)
     gain = adjustment([9.0, 0.0], plan, state)
     assert gain == pytest.approx(schedule.duration - 0.05, abs=1e-12)
     schedule, plan = swing(length=0.0)
-    state = WalkingState(schedule, 0.1, 0.1)
-    nimble = replace(IDEAL_DETOUR, max_acceleration=1e6)
+    state = walking.WalkingState(schedule, 0.1, 0.1)
+    nimble = replace(walks.IDEAL_DETOUR, max_acceleration=1e6)
     gain = adjustment([9.0, 0.125], plan, state, detour=nimble)
     assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
 
@@ -314,7 +299,7 @@ def test_an_icp_that_leaves_hurries_all_it_can_at_once():
 def test_small_errors_leave_the_clock_alone(phase):
     """Oracle: the threshold."""
     schedule, plan = phase()
-    state = WalkingState(schedule)
+    state = walking.WalkingState(schedule)
     way = plan.at(schedule.duration).icp - plan.at(0.0).icp
     way /= np.linalg.norm(way)
     for error, hurried in (0.99, False), (1.01, True):
@@ -326,31 +311,31 @@ def test_small_errors_leave_the_clock_alone(phase):
 def test_each_phase_can_be_switched_off(phase):
     """Oracle: zero, for an ICP that is far away; not so for the other one."""
     schedule, plan = phase()
-    state = WalkingState(schedule)
+    state = walking.WalkingState(schedule)
     for name in "swing", "transfer":
-        on = replace(ALL, **{name: False})
+        on = replace(walks.ALL, **{name: False})
         gain = adjustment([9.0, 9.0], plan, state, on=on)
         assert (gain == 0.0) is (name == phase.__name__)
 
 
 def idle_states():
     """Standing, the last transfer, and phases whose clock has run out."""
-    yield WalkingState(standing(), 0.1, 0.1)
-    last = replace(walk(), footsteps=())
-    yield WalkingState(last, 0.1, 0.1)
+    yield walking.WalkingState(walks.standing(), 0.1, 0.1)
+    last = replace(walks.walk(), footsteps=())
+    yield walking.WalkingState(last, 0.1, 0.1)
     for schedule, _ in swing(), transfer():
         t = schedule.duration
-        yield WalkingState(schedule, t, t, waiting=True)
+        yield walking.WalkingState(schedule, t, t, waiting=True)
 
 
 @pytest.mark.parametrize("state", list(idle_states()))
 def test_where_nothing_can_be_hurried_the_clock_is_left_alone(state):
     """Oracle: zero, for an ICP that is far away."""
-    assert adjustment([9.0, 9.0], planned(state.schedule), state) == 0.0
+    assert adjustment([9.0, 9.0], walks.planned(state.schedule), state) == 0.0
 
 
 @given(
-    random_walks(),
+    walks.random_walks(),
     st.floats(0.0, 1.0),
     st.floats(0.0, 1.0),
     st.tuples(*2 * [st.floats(-1.0, 1.0)]),
@@ -358,8 +343,8 @@ def test_where_nothing_can_be_hurried_the_clock_is_left_alone(state):
 def test_is_always_a_time_that_is_left(schedule, share, gained, icp):
     """Oracle: between what was gained and what is left."""
     t = share * schedule.duration
-    state = WalkingState(schedule, t, (1.0 - gained) * t)
-    found = adjustment(icp, planned(schedule), state)
+    state = walking.WalkingState(schedule, t, (1.0 - gained) * t)
+    found = adjustment(icp, walks.planned(schedule), state)
     assert state.elapsed - t - 1e-12 <= found <= state.remaining_time
-    if schedule.phase is Phase.TRANSFER:
+    if schedule.phase is walking.Phase.TRANSFER:
         assert found >= 0.0

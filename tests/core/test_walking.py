@@ -10,25 +10,18 @@ import numpy as np
 import pytest
 
 from nadia_balance import core
-from nadia_balance.core.walking import (
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-    number_of_ticks,
+from nadia_balance.core import walking
+
+POSE = walking.FootPose([1.0, 2.0, 0.5], math.pi / 2)
+FEET = walking.FootPoses(
+    walking.FootPose([0.0, 0.1, 0.0]), walking.FootPose([0.0, -0.1, 0.0])
 )
-
-POSE = FootPose([1.0, 2.0, 0.5], math.pi / 2)
-FEET = FootPoses(FootPose([0.0, 0.1, 0.0]), FootPose([0.0, -0.1, 0.0]))
-START = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
+START = walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
-def schedule(phase=Phase.SWING, side=Side.LEFT):
+def schedule(phase=walking.Phase.SWING, side=walking.Side.LEFT):
     """Nothing to do but that phase."""
-    return ContactSchedule(phase, side, 0.7, FEET, (), START)
+    return walking.ContactSchedule(phase, side, 0.7, FEET, (), START)
 
 
 def test_points_go_to_the_world_and_back():
@@ -39,21 +32,21 @@ def test_points_go_to_the_world_and_back():
     assert POSE.to_sole(world) == pytest.approx(points)
 
 
-@pytest.mark.parametrize("support", list(Side))
+@pytest.mark.parametrize("support", list(walking.Side))
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_legs_are_crossed_beyond_the_centre_line(support, yaw):
     """Oracle: by hand, in the frame of the support foot."""
-    stance = FootPose([1.0, 2.0, 0.0], yaw)
+    stance = walking.FootPose([1.0, 2.0, 0.0], yaw)
     for out, crossed in ((0.01, False), (-0.01, True)):
         offset = np.array([[-0.3, support.other.sign * out]])
-        other = FootPose(np.append(stance.to_world(offset), 0.0), yaw)
-        feet = FootPoses(stance, stance).with_foot(support.other, other)
+        other = walking.FootPose(np.append(stance.to_world(offset), 0.0), yaw)
+        feet = walking.FootPoses(stance, stance).with_foot(support.other, other)
         taken = replace(schedule(), support_side=support, feet=feet)
         assert taken.legs_crossed is crossed
 
 
 @pytest.mark.parametrize(
-    "value", [POSE, FEET, START, schedule(), WalkingState(schedule())]
+    "value", [POSE, FEET, START, schedule(), walking.WalkingState(schedule())]
 )
 def test_clones_share_the_value(value):
     """Oracle: identity; numpy would make the copies writeable again."""
@@ -97,4 +90,4 @@ def test_a_time_is_a_number_of_ticks_to_the_nearest():
         (0.004, 0.01, 1),
         (0.0, 0.002, 1),
     ):
-        assert number_of_ticks(duration, period) == ticks
+        assert walking.number_of_ticks(duration, period) == ticks

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core import whole_body_params
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import (
     FootPose,
@@ -19,10 +20,6 @@ from nadia_balance.core.whole_body_command import (
     WholeBodyModel,
     crossing_turn,
     whole_body_command,
-)
-from nadia_balance.core.whole_body_params import (
-    CrossingTurnParams,
-    WholeBodyQpParams,
 )
 from tests.example_walks import standing
 
@@ -54,7 +51,7 @@ def command(walking_state, swing=None, **params):
         np.zeros(3),
         np.zeros(12) if swing is None else swing,
         0.6,
-        WholeBodyQpParams(**params),
+        whole_body_params.WholeBodyQpParams(**params),
         MODEL,
     )
 
@@ -150,7 +147,7 @@ def test_no_foot_unloads_that_is_not_about_to_leave(both_stay):
     assert command(both_stay).max_normal_forces == (math.inf, math.inf)
 
 
-PARAMS = CrossingTurnParams()
+PARAMS = whole_body_params.CrossingTurnParams()
 
 
 def turn_of(
