@@ -25,8 +25,8 @@ TIMING = TimingAdapterParams()
 # [m/s], by direction [deg]: columns v2 and v3 of lipm_limit_nadia.csv, with
 # which the project was given, for Nadia's own figures.
 NADIA = {
-    **{0: (1.49, 1.99), 60: (0.91, 1.19), 90: (0.79, 1.02)},
-    **{150: (1.17, 1.41), 210: (1.67, 2.17), 270: (1.50, 1.93)},
+    **{0: (1.49, 1.99), 60: (0.91, 1.19)},
+    **{150: (1.17, 1.41), 270: (1.50, 1.93)},
 }
 # Columns of lipm_limit.csv: CoM height 1.0 m, sole 0.24 m x 0.12 m, swing
 # 0.4 s and transfer 0.05 s at least.

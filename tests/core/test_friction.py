@@ -1,4 +1,4 @@
-"""Oracles: Coulomb's law by hand, and a block that it moves."""
+"""Oracle: Coulomb's law by hand."""
 
 import numpy as np
 import pytest
@@ -57,27 +57,3 @@ def test_it_never_counts_on_less_than_any_ground_has_and_comes_back():
     for _ in range(ticks):
         then = after((0.0, 0.1, 1.0), STILL, then)
     assert then.friction == USUAL
-
-
-@pytest.mark.parametrize("ground", [0.35, 0.45, 0.55])
-def test_a_block_stops_to_slip(ground):
-    """Oracle: Coulomb's law in one dimension, on ground of that friction."""
-    estimate, v = friction.FrictionEstimate(USUAL, 0.0, 0.0), 0.0
-    for _ in range(1000):
-        wanted = 0.7  # of the weight, to one side
-        told = min(wanted, estimate.friction)
-        if v == 0.0 and told <= ground:
-            held = told
-        else:
-            held = ground
-        v = max(v + 9.81 * (told - held) * PERIOD, 0.0)
-        estimate = friction.friction_after(
-            estimate,
-            np.array([(0.0, told, 1.0)] * 2),
-            np.array([(0.0, v, 0.0)] * 2),
-            USUAL,
-            SLIP,
-            PERIOD,
-        )
-    assert v < SLIP.speed
-    assert estimate.friction <= ground + 0.1

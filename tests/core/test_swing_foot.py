@@ -283,7 +283,7 @@ def test_crossing_feet_stay_clear_of_each_other(region, back, duration):
 
 
 def retargeted(rng):
-    """A swing that is sent across in its middle, maybe with less time."""
+    """A swing that is sent across in its middle, perhaps with less time."""
     duration = rng.uniform(0.5, 0.8)
     t = rng.uniform(0.05, duration - 0.35)
     gained = rng.choice([0.0, rng.uniform(0.0, duration - 0.35 - t)])
