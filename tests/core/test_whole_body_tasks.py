@@ -10,7 +10,11 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from nadia_balance.core.whole_body_command import BASE, RIGHT_SOLE
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.core.whole_body_tasks import MomentumTask, Motion
+from nadia_balance.core.whole_body_tasks import (
+    MomentumTask,
+    Motion,
+    rotation_error,
+)
 from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
@@ -80,6 +84,16 @@ def test_tasks_are_met_where_nothing_is_in_the_way(slope):
     kp, kd = 300.0, 2.0 * math.sqrt(300.0)
     move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
     assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0])
+def test_error_turns_to_upright(yaw):
+    """Oracle: Drake's angle and axis of the same rotation."""
+    R = RollPitchYaw(0.1, -0.2, yaw + 0.15).ToRotationMatrix()
+    to_go = RotationMatrix.MakeZRotation(yaw) @ R.inverse()
+    turn = to_go.ToAngleAxis()
+    expected = math.sin(turn.angle()) * turn.axis()
+    assert rotation_error(yaw, R.matrix()) == pytest.approx(expected)
 
 
 def momentum_at(state):
