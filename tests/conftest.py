@@ -12,7 +12,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 # The same examples in every run, and no deadline on a machine that is shared.
 hypothesis.settings.register_profile(
-    "reproducible", deadline=None, derandomize=True
+    "reproducible", deadline=None, derandomize=True, max_examples=50
 )
 hypothesis.settings.load_profile("reproducible")
 
