@@ -134,8 +134,6 @@ def test_another_process_gets_the_same_bits_and_does_not_simulate():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True
     )
     assert done.stdout == logs["icp"].tobytes(), done.stderr
-    with pytest.raises(ValueError, match="read-only"):
-        logs["icp"][:] = 0.0
 
 
 def test_whoever_comes_second_waits_and_reads(once):

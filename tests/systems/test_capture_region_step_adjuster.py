@@ -185,14 +185,3 @@ def test_makes_the_geometry_of_a_swing_once(adjuster, monkeypatch):
     assert len(made) == 2
     fresh = asked(adjuster, walking_state=FORWARD, icp=icp)
     assert adjustment(adjuster, fresh) == found
-
-
-@pytest.mark.parametrize(
-    ("field", "value"), [("margin", -1.0), ("foot_front", 0.3)]
-)
-def test_refuses_bad_parameters_at_once(field, value):
-    """Oracle: the message names the field."""
-    with pytest.raises(ValueError, match=field):
-        CaptureRegionStepAdjuster(
-            replace(PARAMS, **{field: value}), MODEL, PERIOD
-        )

@@ -136,17 +136,6 @@ def test_can_be_switched_off_and_on(controller):
     np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)
 
 
-@pytest.mark.parametrize(
-    "field, value",
-    [("num_steps", 0), ("cop_safe_distance", 0.06), ("sole_clearance", 0.7)],
-)
-def test_refuses_parameters_that_are_out_of_range(field, value):
-    """Oracle: the message; the sole is 0.12 m wide, the reach 0.8 m."""
-    params = replace(PARAMS, **{field: value})
-    with pytest.raises(ValueError, match=f"{field} = {value}: must"):
-        IcpStepController(params, MODEL, PERIOD)
-
-
 def test_what_is_optimised_is_what_the_robot_executes():
     """Oracle: in each tick of a run, the plan of the next tick's footholds."""
     scenario = load_scenario(

@@ -36,6 +36,19 @@ RIGHT_SWING = WalkingState(
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
 
+def advanced(source, ticks, context=None):
+    """The context of that source, so many ticks on, in a right swing."""
+    simulator = Simulator(source, context)
+    context = simulator.get_mutable_context()
+    fix(source, context, walking_state=RIGHT_SWING)
+    simulator.AdvanceTo(context.get_time() + ticks * PERIOD)
+    return context
+
+
+def signal_of(source, context) -> PushSignal:
+    return PushSignal(answer(source, context, "push_signal"))
+
+
 def run(
     pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None
 ) -> np.ndarray:
@@ -189,14 +202,6 @@ def test_the_force_has_the_shape_it_is_to_have():
     assert sizes == pytest.approx([1.0, 3.0, 5.0, 7.0, 0.0, 0.0])
 
 
-def test_a_live_push_acts_like_a_scripted_one():
-    """Oracle: the very same push, scripted for the tick of the click."""
-    scripted = run([Push(delta_v=0.4, at="0.02 s", direction_deg=30.0)], 100)
-    live = run([], 100, live_at=lambda k: [k >= 10, 0.4, 30.0])
-    assert active(live) == list(range(10, 60))
-    assert np.array_equal(live, scripted)
-
-
 def test_each_click_is_one_push_with_the_sliders_as_they_were():
     """Oracle: clicks in ticks 10 and 100; what the sliders do then is late."""
     forces = run(
@@ -282,19 +287,6 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     assert v_WB.translational() == pytest.approx(expected, abs=1e-12)
     # At the centre of mass: it does not begin to spin.
     assert v_WB.rotational() == pytest.approx(np.zeros(3), abs=1e-12)
-
-
-def advanced(source, ticks, context=None):
-    """The context of that source, so many ticks on, in a right swing."""
-    simulator = Simulator(source, context)
-    context = simulator.get_mutable_context()
-    fix(source, context, walking_state=RIGHT_SWING)
-    simulator.AdvanceTo(context.get_time() + ticks * PERIOD)
-    return context
-
-
-def signal_of(source, context) -> PushSignal:
-    return PushSignal(answer(source, context, "push_signal"))
 
 
 def test_the_signal_says_which_push_acts_and_how_many_are_to_come():

@@ -62,10 +62,3 @@ def test_lifts_the_foot_over_the_edges_of_its_model():
     )
     found = answer(planner, context, OUTPUT)
     assert found == pytest.approx(expected.as_vector(), abs=1e-15)
-
-
-def test_refuses_bad_params():
-    """Oracle: the message names the field."""
-    params = SwingFootParams(touchdown_velocity=-1.0)
-    with pytest.raises(ValueError, match=r"touchdown_velocity = -1\.0"):
-        SwingFootPlanner(params, MODEL, PERIOD)
