@@ -16,7 +16,7 @@ from nadia_balance.core.icp_step_control import (
 )
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.reachability import in_world
-from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.core.walking import Side, WalkingState
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.systems.icp_planner import IcpReference
@@ -24,11 +24,11 @@ from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
 from nadia_balance.systems.ports import NOTHING
 from tests.blocks import answer, asked, fix, running
-from tests.example_walks import MODEL, walk
+from tests.example_walks import MODEL, swing, walk
 
 PARAMS, PERIOD = IcpStepQpParams(), 0.002
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
-IN_PLACE = replace(walk(length=0.0), phase=Phase.SWING, duration=0.7)
+IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 ON_TWO_FEET = WalkingState(walk(length=0.0), time_in_phase=0.1, elapsed=0.001)
 
