@@ -5,6 +5,7 @@ same robot through the same visualizers, in a fraction of a second.
 """
 
 import io
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -126,20 +127,18 @@ def vectors(time: float) -> dict[str, np.ndarray]:
     }
 
 
-def legs(plant, context, time: float) -> None:
+def bend_legs(plant, context, time: float) -> None:
     """Bends the knee of the foot in the air."""
     clock = time - int(time)
     lift = 0.6 * math.sin(math.pi * max(0.0, clock - TRANSFER) / SWING)
     swing = foot(int(time) + 1)[0]
     for side in walking.Side:
         bend = lift if side is swing else 0.0
-        for joint, angle in (
-            ("HIP_Y", -0.35 - 0.5 * bend),
-            ("KNEE_Y", 0.7 + bend),
-            ("ANKLE_Y", -0.35 - 0.5 * bend),
-        ):
-            name = f"{side.name}_{joint}"
-            plant.GetJointByName(name).set_angle(context, angle)
+        half = -0.35 - 0.5 * bend
+        angles = {"HIP_Y": half, "KNEE_Y": 0.7 + bend, "ANKLE_Y": half}
+        for name, angle in angles.items():
+            joint = plant.GetJointByName(f"{side.name}_{name}")
+            joint.set_angle(context, angle)
 
 
 def write_imitation(path: Path) -> dict[float, CaptureRegions]:
@@ -180,7 +179,7 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
         plant.SetFloatingBaseBodyPoseInWorldFrame(
             robot, pelvis, RigidTransform(com(time))
         )
-        legs(plant, robot, time)
+        bend_legs(plant, robot, time)
         port = diagram.GetInputPort("state")
         port.FixValue(root, Value(walking_state(time)))
         diagram.GetInputPort("icp").FixValue(root, icp(time))
@@ -230,32 +229,34 @@ class Replay:
             [path, visible],
         )
 
+    def look_up(self, path: str, script: str):
+        """What JavaScript finds out about the `node` at `path`."""
+        names = json.dumps(path.split("/"))
+        node = f"const node = viewer.scene_tree.find({names})"
+        return self.page.evaluate(f"() => {{ {node}; return {script}; }}")
+
     def visible(self, path: str) -> set[str]:
         """Names of the visible objects at one level below `path`."""
-        script = """(path) => Object.entries(
-            viewer.scene_tree.find(path.split("/")).children)
-          .filter(([name, node]) => node.object.visible)
-          .map(([name, node]) => name)"""
-        return set(self.page.evaluate(script, path))
+        script = """Object.entries(node.children)
+          .filter(([name, child]) => child.object.visible)
+          .map(([name, child]) => name)"""
+        return set(self.look_up(path, script))
 
     def position(self, path: str) -> np.ndarray:
         """Where the browser has put the object at `path`, in W (3,) [m]."""
-        script = """(path) =>
-          viewer.scene_tree.find(path.split("/")).object.position.toArray()"""
-        return np.array(self.page.evaluate(script, path))
+        return np.array(self.look_up(path, "node.object.position.toArray()"))
 
     def triangles(self, path: str) -> np.ndarray:
         """The triangles (n, 3, 3) [m] that are visible below `path`."""
-        script = """(path) => Object.values(
-            viewer.scene_tree.find(path.split("/")).children)
-          .filter((node) => node.object.visible)
-          .flatMap((node) => {
+        script = """Object.values(node.children)
+          .filter((child) => child.object.visible)
+          .flatMap((child) => {
             const {attributes, index} = (
-                node.children["<object>"] ?? node).object.geometry;
+                child.children["<object>"] ?? child).object.geometry;
             return Array.from(index.array).flatMap((i) =>
                 Array.from(attributes.position.array).slice(3 * i, 3 * i + 3));
           })"""
-        return np.array(self.page.evaluate(script, path)).reshape(-1, 3, 3)
+        return np.array(self.look_up(path, script)).reshape(-1, 3, 3)
 
     def picture(self) -> np.ndarray:
         """A screenshot (height, width, 3)."""
@@ -394,10 +395,10 @@ def test_the_push_is_seen_long_enough_and_not_before(replay):
         replay.seek(time)
         assert ("push" in replay.visible("overlay")) == seen
     assert replay.position("overlay/push") == pytest.approx(com(4.25), abs=1e-6)
-    tip = replay.page.evaluate(
-        """() => new (viewer.scene_tree.object.position.constructor)(0, 0, 1)
-             .applyQuaternion(viewer.scene_tree.find(["overlay", "push"])
-                 .object.quaternion).toArray()"""
+    tip = replay.look_up(
+        "overlay/push",
+        "new (node.object.position.constructor)(0, 0, 1)"
+        ".applyQuaternion(node.object.quaternion).toArray()",
     )
     assert tip == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
 

@@ -195,13 +195,6 @@ def test_pushes_that_overlap_add_up():
     )
 
 
-def test_the_force_has_the_shape_it_is_to_have():
-    """Oracle: a ramp of four ticks, by hand."""
-    push = Push(force=8.0, at="0 s", duration=0.008, shape="ramp")
-    sizes = np.linalg.norm(run([push], 6), axis=1)
-    assert sizes == pytest.approx([1.0, 3.0, 5.0, 7.0, 0.0, 0.0])
-
-
 def test_each_click_is_one_push_with_the_sliders_as_they_were():
     """Oracle: clicks in ticks 10 and 100; what the sliders do then is late."""
     forces = run(
