@@ -140,12 +140,6 @@ from pkgutil import resolve_name as load
     assert str(ROOT) not in printed
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["recovered"]
-    run(
-        *(bin_folder / "nadia-simulate", "--scenario_name", "stand"),
-        *("--duration", "0.1", "--no-meshcat", "--out", tmp_path / "stand"),
-        **here,
-    )
-    assert (tmp_path / "stand" / "summary.json").is_file()
 
 
 def third_party_imports(*folders: str) -> set[str]:

@@ -105,20 +105,15 @@ def steps(skips=()) -> list[WalkingState]:
         (Phase.SWING, Side.RIGHT, 0.7),
         (Phase.TRANSFER, Side.LEFT, 0.3),
     ]
-    return [
-        WalkingState(
-            replace(
-                RIGHT_SWING.schedule,
-                phase=phase,
-                support_side=side,
-                duration=duration,
-            ),
-            time_in_phase=float(time),
+    in_phase, found = RIGHT_SWING.schedule, []
+    for phase, side, duration in 4 * phases:
+        in_phase = replace(
+            in_phase, phase=phase, support_side=side, duration=duration
         )
-        for phase, side, duration in 4 * phases
-        for time in PERIOD * np.arange(round(duration / PERIOD))
-        if not any(first <= time < last for first, last in skips)
-    ]
+        for time in PERIOD * np.arange(round(duration / PERIOD)):
+            if not any(first <= time < last for first, last in skips):
+                found.append(WalkingState(in_phase, float(time)))
+    return found
 
 
 def walking(*skips):
