@@ -1,6 +1,7 @@
 """The project's own source files, and what they import."""
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +21,7 @@ def module_name(path: Path) -> str:
     return name if inside else f"nadia_balance.{name}"
 
 
+@functools.cache
 def syntax_tree(path: Path) -> ast.Module:
     return ast.parse((ROOT / path).read_text(encoding="utf-8"))
 

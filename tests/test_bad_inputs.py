@@ -17,52 +17,40 @@ from nadia_balance.diagrams.scenario import load_scenario
 from tests.blocks import fix
 from tests.test_ports import systems_in
 
-MID_SWING = 1.68  # as a tick is due [s]
+MID_SWING = 0.68  # as a tick is due [s]
 PORTS = {
     HumanoidDiagram: {
-        "centroidal_estimator": ("predicted_state",),
+        "centroidal_estimator": "predicted_state",
         "whole_body_inverse_dynamics": (
-            "whole_body_terms",
-            "momentum_rate",
-            "swing_foot_reference",
-            "walking_state",
-            "friction",
+            "whole_body_terms momentum_rate swing_foot_reference walking_state "
+            "friction"
         ),
-        "state_sensor": ("state", "foot_forces"),
-        "state_predictor": ("estimated_state", "generalized_acceleration"),
-        "friction_estimator": ("whole_body_terms", "foot_wrenches"),
-        "joint_drives": ("actuation", "state"),
+        "state_sensor": "state foot_forces",
+        "state_predictor": "estimated_state generalized_acceleration",
+        "friction_estimator": "whole_body_terms foot_wrenches",
+        "joint_drives": "actuation state",
     },
     LipmDiagram: {
         "walking_state_machine": (
-            *("foot_poses", "foot_forces", "icp", "icp_plan"),
-            *("time_adjustment", "adjustment"),
+            "foot_poses foot_forces icp icp_plan time_adjustment adjustment"
         ),
-        "icp_planner": ("walking_state",),
-        "timing_adapter": (
-            *("icp", "icp_plan", "walking_state", "foot_poses", "mechanisms"),
-        ),
+        "icp_planner": "walking_state",
+        "timing_adapter": "icp icp_plan walking_state foot_poses mechanisms",
         "step_adjuster": (
-            *("icp", "walking_state", "time_adjustment", "foot_poses"),
-            "mechanisms",
+            "icp walking_state time_adjustment foot_poses mechanisms"
         ),
-        "momentum_qp": ("icp", "icp_reference", "walking_state"),
-        "com_height_controller": (
-            *("com_state", "ecmp_command", "walking_state"),
-        ),
-        "swing_foot_planner": ("walking_state",),
-        "plant": (
-            *("ecmp_command", "swing_foot_reference", "walking_state"),
-            "push_force",
-        ),
-        "push_source": ("walking_state",),
+        "momentum_qp": "icp icp_reference walking_state",
+        "com_height_controller": "com_state ecmp_command walking_state",
+        "swing_foot_planner": "walking_state",
+        "plant": "ecmp_command swing_foot_reference walking_state push_force",
+        "push_source": "walking_state",
     },
 }
 CASES = [
     (kind, block, port)
     for kind, blocks in PORTS.items()
     for block, ports in blocks.items()
-    for port in ports
+    for port in ports.split()
 ]
 
 
@@ -75,7 +63,9 @@ def runs() -> dict[type, Simulator]:
     """
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
-        "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}]}"
+        "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
+        "gait: {initial_transfer_duration: 0.4, num_steps: 2}, "
+        "controller: {walking_state_machine: {standing_duration: 0.05}}}"
     )
     scenario = load_scenario("walk_in_place", text=text)
     simulators = {}

@@ -139,3 +139,14 @@ def test_every_module_has_the_tests_of_its_name():
     ]
     assert {path.name for path in untested} == {"__init__.py"}
     assert not any(IMPORTS[path] for path in untested)
+
+
+def test_no_meshcat_listens_on_all_interfaces():
+    """Meshcat() without parameters does, and strangers see, and click."""
+    open_to_all = {"Meshcat()", "StartMeshcat()"}
+    assert not [
+        path
+        for path in (*RUNTIME, *python_files("tests"))
+        for node in ast.walk(syntax_tree(path))
+        if isinstance(node, ast.Call) and ast.unparse(node) in open_to_all
+    ]

@@ -14,7 +14,7 @@ from nadia_balance.robot import load_robot
 from tests.scripts.running import environment
 
 PATIENCE = 60.0  # with a machine that is busy [s]
-WALK = "gait: {num_steps: 30, step: {length: 0.4}}"
+GAIT = "num_steps: 30, initial_transfer_duration: 0.3, step: {length: 0.4}"
 
 
 def wait_until(page: Page, has_come: Callable[[], bool]) -> None:
@@ -44,7 +44,7 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
     """
     argv = [
         *(sys.executable, "-m", "nadia_balance.scripts.push", "--live"),
-        *("--plant", "lipm", "--scenario_text", WALK),
+        *("--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"),
     ]
     with subprocess.Popen(
         argv, env=environment(), stdout=subprocess.PIPE, text=True
@@ -70,7 +70,8 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
         line.split()[1] for line in program.stdout if line.startswith("Live:")
     )
     # Small, as all pixels are computed without a GPU.
-    page = browser.new_page(viewport={"width": 600, "height": 450})
+    page = browser.new_page(viewport={"width": 450, "height": 450})
+    page.set_default_timeout(1000.0 * PATIENCE)
     page.goto(url)
     text = page.locator("#status")
 
@@ -86,7 +87,7 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
     click(page, "Push")
     wait_until(page, has_come("last push 0.30 m/s "))
     x = "viewer.controls.target.x"
-    wait_until(page, lambda: page.evaluate(x) > 0.4)
+    wait_until(page, lambda: page.evaluate(x) > 0.3)
     set_slider(page, "size [m/s]", "0.2")
     set_slider(page, "direction [deg]", "180")
     page.wait_for_timeout(200)
@@ -97,7 +98,7 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
     click(page, "Pause")
     wait_until(page, has_come("PAUSED"))
     before = text.inner_text()
-    page.wait_for_timeout(300)
+    page.wait_for_timeout(200)
     assert text.inner_text() == before
     click(page, "Reset")
     wait_until(page, has_come("t = 0.00 s", "walks", "PAUSED"))

@@ -82,60 +82,38 @@ HIPS = {
 }
 THIGH, SHIN, FOOT = range(3)
 
+
+def table(text: str) -> dict[str, float]:
+    """Names, each before its number."""
+    words = text.split()
+    return dict(zip(words[::2], map(float, words[1::2]), strict=True))
+
+
 # Of the public descriptions: mass of all and the largest of single links [kg].
 MASSES = {
     "atlas": (
         174.0503,
-        {
-            "pelvis": 9.509,
-            "utorso": 84.409,
-            "l_uleg": 8.204,
-            "r_lleg": 4.515,
-            "l_foot": 2.41,
-            "r_uarm": 4.386,
-        },
+        "pelvis 9.509 utorso 84.409 l_uleg 8.204 r_lleg 4.515 l_foot 2.41 "
+        "r_uarm 4.386",
     ),
     "nadia": (
         90.8976,
-        {
-            "PELVIS_LINK": 19.0917,
-            "TORSO_LINK": 13.5,
-            "LEFT_THIGH_LINK": 10.953,
-            "RIGHT_SHIN_LINK": 5.42,
-            "LEFT_FOOT_LINK": 1.75,
-            "RIGHT_SHOULDER_PITCH_LINK": 2.917,
-        },
+        "PELVIS_LINK 19.0917 TORSO_LINK 13.5 LEFT_THIGH_LINK 10.953 "
+        "RIGHT_SHIN_LINK 5.42 LEFT_FOOT_LINK 1.75 "
+        "RIGHT_SHOULDER_PITCH_LINK 2.917",
     ),
 }
-# Effort limits [N m]: the last fit applies, so the special come last.
+# Effort limits [N m] by the end of a joint's name.
 EFFORTS = {
-    "atlas": {
-        "leg_hpz": 275.0,
-        "leg_hpx": 530.0,
-        "leg_hpy": 840.0,
-        "leg_kny": 890.0,
-        "leg_aky": 740.0,
-        "leg_akx": 360.0,
-        "arm_shz": 87.0,
-        "arm_shx": 99.0,
-        "arm_ely": 63.0,
-        "arm_elx": 112.0,
-        "back_bkz": 106.0,
-        "back_bky": 445.0,
-        "back_bkx": 300.0,
-    },
-    "nadia": {
-        "": 1000.0,
-        "KNEE_Y": 350.0,
-        "LEFT_SHOULDER_Y": 52.0,
-        "LEFT_SHOULDER_X": 57.0,
-        "LEFT_SHOULDER_Z": 24.0,
-        "LEFT_ELBOW_Y": 24.0,
-        "RIGHT_SHOULDER_Y": 41.0,
-        "RIGHT_SHOULDER_X": 41.0,
-        "RIGHT_SHOULDER_Z": 23.0,
-        "RIGHT_ELBOW_Y": 23.0,
-    },
+    "atlas": """
+leg_hpz 275 leg_hpx 530 leg_hpy 840 leg_kny 890 leg_aky 740 leg_akx 360
+arm_shz 87 arm_shx 99 arm_ely 63 arm_elx 112 back_bkz 106 back_bky 445
+back_bkx 300""",
+    "nadia": """
+HIP_X 1000 HIP_Y 1000 HIP_Z 1000 KNEE_Y 350 ANKLE_X 1000 ANKLE_Y 1000
+SPINE_X 1000 SPINE_Y 1000 SPINE_Z 1000
+LEFT_SHOULDER_Y 52 LEFT_SHOULDER_X 57 LEFT_SHOULDER_Z 24 LEFT_ELBOW_Y 24
+RIGHT_SHOULDER_Y 41 RIGHT_SHOULDER_X 41 RIGHT_SHOULDER_Z 23 RIGHT_ELBOW_Y 23""",
 }
 MIRROR = np.diag([1.0, -1.0, 1.0])  # y -> -y
 
@@ -147,7 +125,7 @@ def test_the_mass_is_that_of_the_robot(name):
     """Oracle: the public description."""
     total, links = MASSES[name]
     assert ROBOTS[name].mass == pytest.approx(total, abs=1e-3)
-    for link, mass in links.items():
+    for link, mass in table(links).items():
         assert URDFS[name].mass(link) == mass
 
 
@@ -167,10 +145,11 @@ def test_every_joint_that_moves_has_its_actuator(name):
     assert len(driven) == 23
     armature = [actuator.default_reflected_inertia() for actuator in actuators]
     assert armature == pytest.approx([0.1] * len(actuators), rel=1e-12)
+    efforts = table(EFFORTS[name])
     for actuator in actuators:
         joint = actuator.joint().name()
-        fits = [e for end, e in EFFORTS[name].items() if joint.endswith(end)]
-        assert actuator.effort_limit() == fits[-1], joint
+        (effort,) = (e for end, e in efforts.items() if joint.endswith(end))
+        assert actuator.effort_limit() == effort, joint
         assert actuator.joint().velocity_upper_limits() == [12.0]
 
 

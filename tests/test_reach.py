@@ -51,8 +51,3 @@ def test_a_reach_that_is_too_long_is_cut_down():
     assert 0.9 < reach.length_forward < 1.25
     assert count > 25
     assert missed <= 0.02 * count
-
-
-def test_a_leg_does_not_get_anywhere():
-    """Oracle: legs of 0.88 m do not span 1.9 m, lowered or not."""
-    assert not reaches(load_robot("nadia"), np.array([1.9, 0.25]))

@@ -43,6 +43,9 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
 
 
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
+WEDGE = Convex(
+    np.vstack([np.c_[CORNERS, 4 * [-0.01]], [0.0, 0.0, 0.05]]).T, "wedge"
+)
 
 
 @pytest.mark.parametrize(
@@ -60,21 +63,7 @@ CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
             (-0.05, 0.15, 0.03, -0.06),
         ),
         (
-            [
-                (
-                    Convex(
-                        np.vstack(
-                            [
-                                np.column_stack([CORNERS, 4 * [-0.01]]),
-                                [0.0, 0.0, 0.05],
-                            ]
-                        ).T,
-                        "wedge",
-                    ),
-                    (0.0, 0.0, -0.02),
-                    (0.0, 0.0, 0.0),
-                )
-            ],
+            [(WEDGE, (0.0, 0.0, -0.02), (0.0, 0.0, 0.0))],
             (-0.05, 0.15, 0.04, -0.03),
         ),
         (

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -149,11 +150,8 @@ def test_whoever_comes_second_waits_and_reads(once):
 def test_a_spoiled_file_is_made_anew(once, spoil):
     """Oracle: made again, and then kept."""
     assert once() == 0
-    (path,) = (
-        path
-        for path in run_cache.folder.rglob("*")
-        if not path.suffix and path.is_file()
-    )
+    files = filter(Path.is_file, run_cache.folder.rglob("*"))
+    (path,) = (path for path in files if not path.suffix)
     path.write_bytes(path.read_bytes()[:-1] if spoil is None else spoil)
     assert [once(), once()] == [1, 1]
 

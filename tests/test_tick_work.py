@@ -21,15 +21,6 @@ BOUNDS = {
     "quadratic programs": 2.0,
     "distance queries": 0.0,
 }
-JACOBIANS = {
-    "CalcJacobianSpatialVelocity",
-    "CalcJacobianAngularVelocity",
-    "CalcJacobianTranslationalVelocity",
-}
-QUERIES = {
-    "ComputeSignedDistancePairClosestPoints",
-    "ComputeSignedDistancePairwiseClosestPoints",
-}
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +39,9 @@ def work():
         elif event == "c_call":
             name = function.__name__
             counts["port evaluations"] += name == "Eval"
-            counts["Jacobians"] += name in JACOBIANS
-            counts["distance queries"] += name in QUERIES
+            counts["Jacobians"] += name.startswith("CalcJacobian")
+            is_query = name.startswith("ComputeSignedDistancePair")
+            counts["distance queries"] += is_query
 
     period = diagram.scenario.controller.control_period
     sys.setprofile(count)
@@ -62,11 +54,9 @@ def work():
 
 @pytest.mark.parametrize("name", BOUNDS)
 def test_a_tick_does_no_more_than_it_did(work, name):
-    """Oracle: what is counted by Python's own profiler."""
-    assert work[name] <= BOUNDS[name]
+    """Oracles: Python's own profiler; the wiring, for what is counted at all.
 
-
-def test_a_tick_solves_both_programs_and_finds_all_jacobians(work):
-    """Oracle: the wiring: feedback and whole body; two soles and the torso."""
-    assert work["quadratic programs"] == 2.0
-    assert work["Jacobians"] >= 3.0
+    That are feedback and whole body; two soles and the torso.
+    """
+    least = {"quadratic programs": 2.0, "Jacobians": 3.0}
+    assert least.get(name, 0.0) <= work[name] <= BOUNDS[name]

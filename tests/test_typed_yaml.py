@@ -83,8 +83,15 @@ def test_reads_a_child_of_a_file(tmp_path):
     assert cart.seats == 9
 
 
+# Each alias stands for ten of the one before.
+MILLION = "[&a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]" + "".join(
+    f", &{b} [{', '.join(10 * ['*' + a])}]"
+    for a, b in itertools.pairwise("abcdef")
+)
+
+
 @pytest.mark.parametrize(
-    "text, message",
+    ("text", "message"),
     [
         ("3", "file = 3: must be a mapping"),
         ("seats: 2.5", "seats = 2.5: must be an integer"),
@@ -93,29 +100,21 @@ def test_reads_a_child_of_a_file(tmp_path):
         ("spare: {radius: true}", "spare.radius = True: must be a number"),
         ("spare: {size: 1}", "spare.size: unknown field, must be one of rad"),
         ("wheels: 4", "wheels = 4: must be a list"),
-        ("wheels: [{}, 4]", "wheels[1] = 4: must be a mapping"),
+        ("wheels: [{}, 4]", r"wheels\[1\] = 4: must be a mapping"),
         ("angles: {door: a}", "angles.door = 'a': must be a number"),
         ("plant: {step: 1}", "plant.step: unknown field, must be one of time"),
+        ("a: b: c", "malformed YAML: .*line 1, column 5: "),
+        ("name: a\nseats: {", "malformed YAML: .*line 2, column "),
+        ("name: 2020-13-45", "malformed YAML: .*month must be in 1..12"),
+        (600 * "[", "malformed YAML: .*recursion"),
+        ("{seats: 1, seats: 2}", ".*seats: must be given only once"),
+        ("{load: 1:30}", ".*1:30: must be a number without ':'"),
+        (f"{MILLION}]", ".*must have at most 100000 values"),
     ],
 )
-def test_names_the_field_its_value_and_what_is_allowed(text, message):
-    assert refusal(text).startswith(message)
-
-
-@pytest.mark.parametrize(
-    "text, message",
-    [
-        ("a: b: c", "line 1, column 5: "),
-        ("name: a\nseats: {", "line 2, column "),
-        ("name: 2020-13-45", "month must be in 1..12"),
-        (2000 * "[", "recursion"),
-    ],
-)
-def test_says_where_the_yaml_is_malformed(text, message):
-    """Oracle: the place, counted by hand, or the reason."""
-    refused = refusal(text)
-    assert refused.startswith("malformed YAML: ")
-    assert message in refused
+def test_names_the_field_or_the_place_and_what_is_allowed(text, message):
+    """Oracle: by hand; YAML itself allows the last three."""
+    assert re.match(message, refusal(text))
 
 
 def test_lists_the_children_that_there_are():
@@ -135,26 +134,3 @@ def test_a_file_that_cannot_be_read(tmp_path):
         load_typed(Cart, "cart.yaml", filename=path)
     with pytest.raises(FileNotFoundError):
         load_typed(Cart, "cart.yaml", filename=tmp_path / "none.yaml")
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("{seats: 1, seats: 2}", "seats: must be given only once"),
-        ("{load: 1:30}", "1:30: must be a number without ':'"),
-        (
-            "[&a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"
-            + "".join(
-                f", &{b} [{', '.join(10 * ['*' + a])}]"
-                for a, b in itertools.pairwise("abcdef")
-            )
-            + "]",
-            "must have at most 100000 values",
-        ),
-    ],
-    ids=["twice", "sexagesimal", "a million laughs"],
-)
-def test_refuses_what_yaml_allows_and_nobody_means(text, told):
-    """Oracle: the message, by hand."""
-    with pytest.raises(ValueError, match=re.escape(told)):
-        load_typed(Cart, "text", data=text)

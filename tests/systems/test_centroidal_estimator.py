@@ -6,23 +6,13 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking import FootPoses, Side
-from nadia_balance.robot import load_robot
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from tests.blocks import answer, asked
+from tests.whole_body_examples import nadia, random_state
 
-ROBOT = load_robot("nadia")
+ROBOT = nadia()
 PLANT = ROBOT.control_plant()
 OUTPUTS = ("com_state", "icp", "foot_poses")
-
-
-def random_state(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    q = ROBOT.standing_positions()
-    q[:4] = rng.normal(size=4)
-    q[:4] /= np.linalg.norm(q[:4])
-    q[4:7] = rng.uniform(-2.0, 2.0, 3)
-    q[7:] += rng.uniform(-0.3, 0.3, len(q) - 7)
-    return np.concatenate((q, rng.normal(size=PLANT.num_velocities())))
 
 
 def outputs(state, estimator=None):
@@ -36,11 +26,8 @@ def com_of(q) -> np.ndarray:
     """CoM by the definition: bodies weighted by their mass."""
     context = PLANT.CreateDefaultContext()
     PLANT.SetPositions(context, q)
-    bodies = [
-        PLANT.get_body(i)
-        for instance in map(PLANT.GetBodyIndices, [ROBOT_INSTANCE])
-        for i in instance
-    ]
+    indices = PLANT.GetBodyIndices(ROBOT_INSTANCE)
+    bodies = [PLANT.get_body(i) for i in indices]
     weighted = [
         body.default_mass()
         * (PLANT.EvalBodyPoseInWorld(context, body) @ body.default_com())
@@ -55,7 +42,7 @@ ROBOT_INSTANCE = PLANT.GetBodyByName(ROBOT.pelvis_body).model_instance()
 @pytest.mark.parametrize("seed", range(3))
 def test_com_state_is_the_mean_of_the_bodies_and_its_derivative(seed):
     """Oracle: the mass-weighted sum, and its central difference."""
-    state = random_state(seed)
+    state = random_state(seed, 10.0)
     q, v = np.split(state, [PLANT.num_positions()])
     com_state, *_ = outputs(state)
     assert com_state[:3] == pytest.approx(com_of(q), abs=1e-12)
@@ -69,7 +56,7 @@ def test_com_state_is_the_mean_of_the_bodies_and_its_derivative(seed):
 
 def test_icp_is_eq_1_with_the_omega_of_the_robot():
     """Oracle: x + xdot / omega by hand."""
-    com_state, icp, _ = outputs(random_state(3))
+    com_state, icp, _ = outputs(random_state(3, 10.0))
     expected = com_state[:2] + com_state[3:5] / ROBOT.point_mass.omega
     assert icp == pytest.approx(expected, abs=1e-15)
 
@@ -77,7 +64,7 @@ def test_icp_is_eq_1_with_the_omega_of_the_robot():
 @pytest.mark.parametrize("seed", range(3))
 def test_foot_poses_are_those_of_the_soles(seed):
     """Oracle: two points of the sole, moved by the plant's kinematics."""
-    state = random_state(seed)
+    state = random_state(seed, 10.0)
     _, _, poses = outputs(state)
     assert isinstance(poses, FootPoses)
     context = PLANT.CreateDefaultContext()
@@ -116,5 +103,5 @@ def test_poses_the_plant_once_for_all_outputs(monkeypatch):
         "SetPositionsAndVelocities",
         lambda *args: (calls.append(1), real(*args)),
     )
-    outputs(random_state(0), estimator)
+    outputs(random_state(0, 10.0), estimator)
     assert len(calls) == 1

@@ -5,12 +5,7 @@ from shapely import Polygon, union_all
 
 from nadia_balance import palette
 from nadia_balance.results.scene import start_meshcat
-from nadia_balance.systems.overlay import (
-    LINE,
-    ChangingPolygon,
-    add_polygon,
-    at_height,
-)
+from nadia_balance.systems import overlay
 from tests.example_walks import SOLE
 
 BLACK = palette.rgba("#000000")
@@ -32,10 +27,12 @@ def test_an_outline_is_of_one_width_within_the_polygon(corners):
             pass
 
     polygon = Polygon(corners)
-    inner = polygon.buffer(-LINE, join_style="mitre")
+    inner = polygon.buffer(-overlay.LINE, join_style="mitre")
     for filled in False, True:
         painted.clear()
-        add_polygon(Spy(), "/p", at_height(corners, 0.0), BLACK, filled, True)
+        overlay.add_polygon(
+            Spy(), "/p", overlay.at_height(corners, 0.0), BLACK, filled, True
+        )
         whole = union_all(painted)
         expected = polygon if filled else polygon - inner
         assert whole.symmetric_difference(expected).area < 1e-9
@@ -46,7 +43,7 @@ def test_an_outline_is_of_one_width_within_the_polygon(corners):
 def test_a_long_walk_keeps_its_last_shapes_only():
     """Oracle: Drake's Meshcat; less than STILL is no new shape."""
     meshcat, kept = start_meshcat()[0], 5
-    polygon = ChangingPolygon(meshcat, "/p", BLACK, 0.1)
+    polygon = overlay.ChangingPolygon(meshcat, "/p", BLACK, 0.1)
     polygon.KEPT = kept
     for frame in range(kept + 3):
         for move in 0.0, 0.004:

@@ -12,7 +12,7 @@ from nadia_balance.robot import load_robot
 from nadia_balance.systems.state_predictor import StatePredictor
 from tests.blocks import answer, asked, running, tick
 from tests.diagrams.simulated import SOON
-from tests.whole_body_examples import standing_state
+from tests.whole_body_examples import random_state, standing_state
 
 PERIOD = 0.002
 TICKS = 5
@@ -69,18 +69,9 @@ def test_drives_are_late():
     assert way[7:] == pytest.approx(np.full(NQ - 7, expected), rel=0.02)
 
 
-def random_state(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    state = standing_state() + rng.uniform(-0.3, 0.3, standing_state().size)
-    state[:4] = rng.normal(size=4)
-    state[:4] /= np.linalg.norm(state[:4])
-    state[NQ:] = rng.normal(size=state.size - NQ)
-    return state
-
-
 def test_a_lead_takes_the_positions_ahead():
     """Oracle: the plant's own kinematics, in 1,000 small steps."""
-    state, lead = random_state(4), 0.01
+    state, lead = random_state(4, 5.0), 0.01
     q, v = np.split(state, [NQ])
     plant = NADIA["realistic"].control_plant()
     context = plant.CreateDefaultContext()
@@ -100,7 +91,7 @@ def test_a_state_that_is_not_finite_is_an_error_that_names_it(value):
     """Oracle: the message names system, port, coordinate and value."""
     predictor = StatePredictor(NADIA["realistic"], PERIOD)
     predictor.set_name("predictor")
-    state = random_state(0)
+    state = random_state(0, 5.0)
     state[6] = value
     context = asked(predictor, estimated_state=state)
     message = f"predictor: .*'estimated_state' is not finite: .*_z = {value}"

@@ -128,7 +128,12 @@ def test_joints_are_damped():
 
 def test_constants_are_in_the_order_of_velocities():
     """Oracle: joints by name, whatever the order of the actuators."""
-    plant, constants = kinematics().plant, model(LEFT_KNEE_Y=0.2)
+    plant = kinematics().plant
+    limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
+    params = WholeBodyQpParams(
+        joint_lower_limits={"LEFT_KNEE_Y": 0.2}, joint_upper_limits=limits
+    )
+    constants = whole_body_model(nadia(), plant, params)
 
     def at(values, joint):
         return values[plant.GetJointByName(joint).velocity_start() - 6]
@@ -139,9 +144,12 @@ def test_constants_are_in_the_order_of_velocities():
     assert at(constants.max_torque, "RIGHT_KNEE_Y") == 350.0
     assert at(constants.max_torque, "LEFT_SHOULDER_X") == 57.0
     assert at(constants.max_torque, "RIGHT_SHOULDER_X") == 41.0
-    assert at(constants.position_upper, "LEFT_KNEE_Y") == 2.62
+    assert at(constants.position_upper, "RIGHT_KNEE_Y") == 2.62
     assert at(constants.position_lower, "LEFT_KNEE_Y") == 0.2
     assert at(constants.position_lower, "RIGHT_KNEE_Y") == 0.0
+    # Upper limits only tighten those of the URDF.
+    assert at(constants.position_upper, "LEFT_KNEE_Y") == 2.0
+    assert at(constants.position_upper, "LEFT_ANKLE_Y") == 0.698132
     assert constants.is_leg_joint.sum() == 12
     assert at(constants.is_leg_joint, "RIGHT_ANKLE_X")
     assert not at(constants.is_leg_joint, "SPINE_Z")
@@ -152,18 +160,6 @@ def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
         model(TAIL=0.1)
-
-
-def test_upper_limits_only_tighten():
-    """Oracle: those of the URDF, 2.62 and 0.698132 rad."""
-    limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
-    params = WholeBodyQpParams(joint_upper_limits=limits)
-    constants = whole_body_model(nadia(), kinematics().plant, params)
-    plant, upper = kinematics().plant, constants.position_upper
-    knee, ankle = (
-        plant.GetJointByName(name).velocity_start() - 6 for name in limits
-    )
-    assert (upper[knee], upper[ankle]) == (2.0, 0.698132)
 
 
 def test_refuses_a_plant_that_is_not_just_the_robot():
