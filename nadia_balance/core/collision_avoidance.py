@@ -38,13 +38,13 @@ class CollisionAvoidanceParams:
 
 
 class SegmentPairs:
-    """Pairs of segments of constant lengths, such as the axes of capsules.
+    """Pairs of segments, such as the axes of capsules.
 
-    A segment of length 0 is the centre of a sphere.
+    `lengths` (2, k) [m] are those of the first and the second segments,
+    constant; a segment of length 0 is the centre of a sphere.
     """
 
     def __init__(self, lengths: Array) -> None:
-        """Stores `lengths` (2, k) [m] of the first and second segments."""
         self._aa, self._bb = np.maximum(lengths**2, _TINY)
         self._aabb, self._least = (
             self._aa * self._bb,

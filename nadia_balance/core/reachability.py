@@ -32,9 +32,8 @@ class ReachabilityParams:
 
     length_forward: float = bounded(1.0, above=0.0, unit="m")  # l_max
     length_backward: float = bounded(1.0, above=0.0, unit="m")  # l_min
-    width_min: float = bounded(
-        0.125, above=0.0, unit="m", of="sole_width"
-    )  # w_min
+    # w_min
+    width_min: float = bounded(0.125, above=0.0, unit="m", of="sole_width")
     width_max: float = bounded(0.8, above=0.0, unit="m")  # w_max
     width_nominal: float = bounded(0.25, above=0.0, unit="m")  # w_nom
     # Share of the base region's length, and of its width beyond w_nom, for
