@@ -46,10 +46,8 @@ class SegmentPairs:
 
     def __init__(self, lengths: Array) -> None:
         self._aa, self._bb = np.maximum(lengths**2, _TINY)
-        self._aabb, self._least = (
-            self._aa * self._bb,
-            1e-12 * self._aa * self._bb,
-        )
+        self._aabb = self._aa * self._bb
+        self._least = 1e-12 * self._aa * self._bb
 
     def closest_points(self, begin: Array, way: Array) -> Array:
         """Returns the closest points (3, 2, k) [m] of each pair.

@@ -73,11 +73,8 @@ class ReachabilityParams:
         """
         length = self.length_forward if x > 0.0 else self.length_backward
         out = y - self.width_nominal
-        width = (
-            self.width_max - self.width_nominal
-            if out > 0.0
-            else self.width_nominal - self.width_min
-        )
+        edge = self.width_max if out > 0.0 else self.width_min
+        width = edge - self.width_nominal
         return (x / length) ** 2 + (out / width) ** 2 <= 1.0 + _ROUNDING
 
     def describe(self) -> str:

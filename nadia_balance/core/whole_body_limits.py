@@ -192,10 +192,8 @@ class WholeBodyLimits:
         v + T vdot within the speed limits for a shorter one; the bounds are
         clipped to `max_joint_acceleration`.
         """
-        horizon, most = (
-            self._params.joint_limit_horizon,
-            self._params.max_joint_acceleration,
-        )
+        horizon = self._params.joint_limit_horizon
+        most = self._params.max_joint_acceleration
         ahead = terms.q[7:] + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
         room = self._speeds - terms.v[6:]

@@ -75,10 +75,8 @@ class WholeBodyQp:
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
-        self._qps = {
-            n: DenseQp(nv + 6 * n)
-            for n in (1, 2)  # soles in contact
-        }
+        # By the number of soles in contact.
+        self._qps = {n: DenseQp(nv + 6 * n) for n in (1, 2)}
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
             model.is_leg_joint, params.leg_posture_weight, params.posture_weight

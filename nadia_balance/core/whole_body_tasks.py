@@ -59,13 +59,9 @@ class MomentumTask:
     name = "momentum"
 
     def __init__(self, params: Params, model: Model):
-        horizontal, angular = (
-            params.momentum_weight,
-            params.angular_momentum_weight,
-        )
-        self.weight = np.array(
-            [horizontal] * 2 + [params.height_weight] + [angular] * 3
-        )
+        force, height = params.momentum_weight, params.height_weight
+        moment = params.angular_momentum_weight
+        self.weight = np.array([force, force, height, *[moment] * 3])
         self._damping, self._mass = params.angular_momentum_damping, model.mass
         self._selection: Array = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
