@@ -27,28 +27,10 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 class BalanceController(Diagram):
     """Computes joint torques from the robot's state.
 
-    Signals are connected by their names; `actuation` [N m] is in the order of
-    the plant's actuators:
-
-    ========================  ============================  ==================
-    block                     reads                         writes
-    ========================  ============================  ==================
-    state_predictor           estimated_state,              predicted_state
-                              generalized_acceleration
-    centroidal_estimator      predicted_state               com_state, icp,
-                                                            foot_poses,
-                                                            whole_body_terms
-    capture_point_controller  com_state, icp, foot_poses,   walking_state,
-                              foot_forces, mechanisms       momentum_rate, ...
-    swing_foot_planner        walking_state                 swing_foot_...
-                                                            reference
-    friction_estimator        whole_body_terms,             friction
-                              foot_wrenches
-    whole_body_...            whole_body_terms,             actuation,
-    inverse_dynamics          momentum_rate, friction,      foot_wrenches,
-                              walking_state,                generalized_...
-                              swing_foot_reference          acceleration
-    ========================  ============================  ==================
+    Its blocks are, in order, a `state_predictor`, `centroidal_estimator`,
+    `capture_point_controller`, `swing_foot_planner`, `friction_estimator` and
+    `whole_body_inverse_dynamics`.  Signals are connected by their names (see
+    docs/diagram.md); `actuation` [N m] has the order of the plant's actuators.
 
     Three loops are closed by states of the last tick: the walking state, the
     friction coefficient and, with a delay, the acceleration.  `estimated_state`
@@ -89,12 +71,10 @@ class BalanceController(Diagram):
 
         `ground` is the controller's model of the ground, None: flat; `delay`
         [s] that of the measurements, a multiple of the period; `tasks` are
-        added to those of the whole-body QP.  `blocks` replace blocks of the
-        table and of the CapturePointController by name; None leaves
-        one out.
+        added to those of the whole-body QP.  `blocks` replace these blocks
+        and those of the CapturePointController by name; None leaves one out.
 
-        Raises:
-            ValueError: as CapturePointController.
+        Raises ValueError: as CapturePointController.
         """
         super().__init__()
         check(params)

@@ -101,7 +101,7 @@ def test_core_and_analysis_are_pure_mathematics():
 
     def impure(path: Path, name: str) -> bool:
         words = {*path.stem.split("_")}
-        if words & {"qp", "daqp"} and name.startswith("pydrake.solvers."):
+        if words & {"qp", "daqp"} and name.startswith("pydrake.solvers"):
             return False
         if path.stem == "daqp_solver" and name == "daqp":
             return False
@@ -126,6 +126,7 @@ def test_names_the_solver_of_every_program():
     """Plain Solve() prefers licensed solvers: results would differ."""
     assert not offenders(lambda _, name: name == "pydrake.solvers.Solve")
     assert not [path for path in RUNTIME if "Solve" in calls(path)]
+    assert not [p for p in RUNTIME if "solvers.Solve(" in p.read_text()]
 
 
 def test_every_module_has_the_tests_of_its_name():

@@ -16,24 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
+from nadia_balance.core import polygon, walking
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import (
-    convex_hull,
-    halfspaces,
-    minkowski_sum,
-    support_polygon,
-)
 from nadia_balance.core.qp import largest_first
 from nadia_balance.core.reachability import circle, step_regions, total_region
 from nadia_balance.core.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import (
-    Array,
-    Footstep,
-    Phase,
-    WalkingState,
-    rectangle,
-)
+from nadia_balance.core.walking import Array
 
 LOST = -1  # no number of steps captures the robot
 
@@ -81,11 +70,10 @@ class LipmLimit:
     `on.step`, `on.swing` or `on.transfer`, footholds or durations are the
     planned ones.
 
-    Raises:
-        ValueError: `kappa` is negative.
+    Raises ValueError: `kappa` is negative.
     """
 
-    state: WalkingState
+    state: walking.WalkingState
     icp: Array
     foot: Array
     model: PointMassModel
@@ -166,7 +154,7 @@ class LipmLimit:
         return best
 
     @property
-    def _steps(self) -> tuple[Footstep, ...]:
+    def _steps(self) -> tuple[walking.Footstep, ...]:
         return self.state.schedule.footsteps[:_MOST_STEPS]
 
     @property
@@ -177,7 +165,7 @@ class LipmLimit:
     def _foot(self) -> Array:
         """Position (2,) [m] of the first swing foot, see `_local`."""
         schedule = self.state.schedule
-        if schedule.phase is Phase.SWING:
+        if schedule.phase is walking.Phase.SWING:
             return self._local(self.foot)
         return self._local(schedule.feet[schedule.support_side.other].p_WF[:2])
 
@@ -204,7 +192,7 @@ class LipmLimit:
             sides = [[1.0, (-1.0) ** k] for k in range(len(self._steps))]
             return [
                 {
-                    name: halfspaces(convex_hull(region * side))
+                    name: polygon.halfspaces(polygon.convex_hull(region * side))
                     for name, region in self._regions.items()
                 }
                 for side in sides
@@ -226,14 +214,16 @@ class LipmLimit:
     @cached_property
     def _support(self) -> Halfplanes:
         """Half-planes of the eCMP on the present contacts, see `_local`."""
-        soles = support_polygon(self.state.schedule, self.model.sole)
+        soles = polygon.support_polygon(self.state.schedule, self.model.sole)
         return self._around(self._local(soles))
 
     def _around(self, corners: Array) -> Halfplanes:
         """Half-planes of the hull of `corners` (n, 2), widened by kappa."""
-        hull = convex_hull(corners)
-        square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
-        return halfspaces(minkowski_sum(hull, square) if self.kappa else hull)
+        hull = polygon.convex_hull(corners)
+        square = walking.rectangle(2.0 * self.kappa, 2.0 * self.kappa)
+        return polygon.halfspaces(
+            polygon.minkowski_sum(hull, square) if self.kappa else hull
+        )
 
     @cached_property
     def _durations(self) -> tuple[list[float], list[float]]:
@@ -260,9 +250,9 @@ class LipmLimit:
             return [], []
         phase, left = state.schedule.phase, state.remaining_time
         match phase:
-            case Phase.STANDING:
+            case walking.Phase.STANDING:
                 return swings, [left + transfers[0], *transfers[1:]]
-            case Phase.TRANSFER:
+            case walking.Phase.TRANSFER:
                 if self.on.transfer:
                     least = self.timing.min_transfer_duration - state.elapsed
                     left = min(max(least, 0.0), left)
@@ -289,7 +279,7 @@ class LipmLimit:
     def _behind(self) -> float:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
         schedule, state = self.state.schedule, self.state
-        if schedule.phase is not Phase.TRANSFER:
+        if schedule.phase is not walking.Phase.TRANSFER:
             return 0.0
         share = state.remaining_time / schedule.duration
         rest = self._rests[1][0]

@@ -6,26 +6,20 @@ the footholds (Eq. 18): points and their derivatives with respect to the
 footholds are columns of the same matrix.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core import walking
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.cop_waypoints import REST_DURATION
 from nadia_balance.core.icp_plan import IcpPlan, solve_segments
 from nadia_balance.core.lipm import icp, icp_after
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import centroid, project, shrink
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import Array, Phase, Side
 
 _SHORTEST = 1e-9  # shorter segments are omitted [s]
 
@@ -72,19 +66,9 @@ class AtlasIcpPlan(IcpPlan):
     """
 
     moves: Array = field(kw_only=True)
+    FOLLOWS_STEPS = True
 
-    def moved(
-        self,
-        schedule: ContactSchedule,
-        steps: tuple[Footstep, ...],
-        t: float,
-        icp: Array,
-        model: PointMassModel,
-    ) -> ContactSchedule:
-        """Returns the `schedule` with other `steps`, which shift the plan."""
-        return replace(schedule, footsteps=steps)
-
-    def moves_of(self, state: WalkingState) -> Array:
+    def moves_of(self, state: walking.WalkingState) -> Array:
         """Returns Gamma (2, n) of ICP and eCMP (Eq. 18).
 
         These are the derivatives of the result of `reference_of(self, state)`.
@@ -96,7 +80,9 @@ class AtlasIcpPlan(IcpPlan):
 
 
 def plan_atlas_icp(
-    schedule: ContactSchedule, params: AtlasIcpPlanParams, model: PointMassModel
+    schedule: walking.ContactSchedule,
+    params: AtlasIcpPlanParams,
+    model: PointMassModel,
 ) -> AtlasIcpPlan:
     """Returns the plan (Eqs. 4 to 6, 15) of the present phase and footsteps.
 
@@ -104,8 +90,7 @@ def plan_atlas_icp(
     A smooth transfer also starts with its ICP: the line from the last toe (Eq.
     5) differs from that after an early or late touchdown.
 
-    Raises:
-        ValueError: a swing without a footstep, or a sole within the margin.
+    Raises ValueError: a swing without a footstep, or a sole within the margin.
     """
     if schedule.phase is Phase.SWING and not schedule.footsteps:
         raise ValueError("footsteps = (): a swing needs the step in the air")
@@ -135,8 +120,8 @@ def plan_atlas_icp(
 
 
 def switches(
-    schedule: ContactSchedule,
-    steps: tuple[Footstep, ...],
+    schedule: walking.ContactSchedule,
+    steps: tuple[walking.Footstep, ...],
     params: AtlasIcpPlanParams,
 ) -> list[Switch]:
     """Returns the CMP switches in the present phase and in `steps`.
@@ -176,8 +161,8 @@ def switches(
 
 
 def cmps(
-    schedule: ContactSchedule,
-    steps: tuple[Footstep, ...],
+    schedule: walking.ContactSchedule,
+    steps: tuple[walking.Footstep, ...],
     params: AtlasIcpPlanParams,
     model: PointMassModel,
 ) -> Array:

@@ -99,9 +99,8 @@ def check(params: object, name: str = "") -> None:
     `params.validate_more()`, if defined, for conditions between fields.
     `name` is that of `params` itself.
 
-    Raises:
-        ValueError: names the first field out of its bounds, its value and
-            the rule, such as `steps[1].length = nan: must be finite`.
+    Raises ValueError: names the first field out of its bounds, its value and
+    the rule, such as `steps[1].length = nan: must be finite`.
     """
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
         bounds = field.metadata.get("bounds", UNBOUNDED)

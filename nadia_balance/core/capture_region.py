@@ -8,12 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nadia_balance.core.polygon import (
-    as_array,
-    convex_hull,
-    hull,
-    minkowski_sum,
-)
+from nadia_balance.core import polygon
+from nadia_balance.core.polygon import minkowski_sum
 from nadia_balance.core.walking import Array
 
 _ORIGIN = np.zeros((1, 2))
@@ -31,8 +27,7 @@ def one_step_region(
     Erratum: the Nadia paper, Fig. 2, lets t go to infinity and cuts with a
     circle, so that the region jumps when the ICP leaves the foot.
 
-    Raises:
-        ValueError: NaN or infinity.
+    Raises ValueError: NaN or infinity.
     """
     scales = [math.exp(omega * t) - 1.0 for t in touchdown]
     (x, y), corners = icp.tolist(), foot.tolist()
@@ -41,13 +36,11 @@ def one_step_region(
         for scale in scales
         for qx, qy in corners
     ]
-    return as_array(hull(copies))
+    return polygon.as_array(polygon.hull(copies))
 
 
 def later_steps(
-    reaches: Sequence[Array],
-    contractions: Sequence[float],
-    planned: bool = False,
+    reaches: Sequence[Array], contractions: Sequence[float]
 ) -> list[Array]:
     """Returns [D_1, ..., D_N], (n, 2) [m]: ICP offsets captured by later steps.
 
@@ -61,8 +54,6 @@ def later_steps(
 
     The hull is exact for convex R_k, as a step may last longer than planned:
     it is the union of E (R + D) for 0 <= E <= E_k, and E = 0 means stopping.
-    With `planned`, durations and numbers of steps are fixed: no hull is taken,
-    and D_n is for exactly n - 1 steps.
     Erratum: the Nadia paper, Eq. 14, adds E^(n-1) R_n to C_n-1.  These regions
     do not nest where a foot cannot be put beneath the hip, and with 0 in each
     R_n, a step of zero length replaces a step of the other foot.
@@ -72,8 +63,7 @@ def later_steps(
         offsets = _ORIGIN
         for k in reversed(range(n)):
             offsets = contractions[k] * minkowski_sum(reaches[k], offsets)
-            if not planned:
-                offsets = convex_hull(np.concatenate([_ORIGIN, offsets]))
+            offsets = polygon.convex_hull(np.concatenate([_ORIGIN, offsets]))
         regions.append(offsets)
     return regions
 

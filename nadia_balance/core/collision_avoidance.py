@@ -38,18 +38,16 @@ class CollisionAvoidanceParams:
 
 
 class SegmentPairs:
-    """Pairs of segments of constant lengths, such as the axes of capsules.
+    """Pairs of segments, such as the axes of capsules.
 
-    A segment of length 0 is the centre of a sphere.
+    `lengths` (2, k) [m] are those of the first and the second segments,
+    constant; a segment of length 0 is the centre of a sphere.
     """
 
     def __init__(self, lengths: Array) -> None:
-        """Stores `lengths` (2, k) [m] of the first and second segments."""
         self._aa, self._bb = np.maximum(lengths**2, _TINY)
-        self._aabb, self._least = (
-            self._aa * self._bb,
-            1e-12 * self._aa * self._bb,
-        )
+        self._aabb = self._aa * self._bb
+        self._least = 1e-12 * self._aa * self._bb
 
     def closest_points(self, begin: Array, way: Array) -> Array:
         """Returns the closest points (3, 2, k) [m] of each pair.

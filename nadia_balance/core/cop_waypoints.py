@@ -5,16 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from nadia_balance.core import walking
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import centroid, convex_hull, project, shrink
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Phase,
-    Side,
-)
+from nadia_balance.core.walking import Array, FootPose, Side
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 REST_DURATION = 10.0  # [s]; long enough to count as infinite
@@ -92,8 +86,7 @@ class Sole:
     def with_margin(cls, corners: Array, margin: float) -> "Sole":
         """Returns a sole with the CoP kept `margin` [m] from its edge.
 
-        Raises:
-            ValueError: the margin leaves no area of the sole.
+        Raises ValueError: the margin leaves no area of the sole.
         """
         inner = shrink(corners, margin, "cop.margin")
         return cls(corners, inner, centroid(corners))
@@ -140,7 +133,7 @@ class CopWaypoints:
 
 
 def cop_waypoints(
-    schedule: ContactSchedule, params: CopWaypointParams, sole: Array
+    schedule: walking.ContactSchedule, params: CopWaypointParams, sole: Array
 ) -> CopWaypoints:
     """Returns the CoP from schedule.start through the footsteps, and to rest.
 
@@ -149,15 +142,16 @@ def cop_waypoints(
     rests midway between the soles.  `sole` (k, 2) [m] are the corners of
     either sole.
 
-    Raises:
-        ValueError: a swing without a footstep, or no sole within the margin.
+    Raises ValueError: a swing without a footstep, or no sole within the margin.
     """
-    if schedule.phase is Phase.SWING and not schedule.footsteps:
+    if schedule.phase is walking.Phase.SWING and not schedule.footsteps:
         raise ValueError("footsteps = (): a swing needs the step in the air")
     path = _Path(schedule, params, sole)
-    steps = () if schedule.phase is Phase.STANDING else schedule.footsteps
+    steps = (
+        () if schedule.phase is walking.Phase.STANDING else schedule.footsteps
+    )
     for i, step in enumerate(steps[: params.num_previewed_steps]):
-        if i > 0 or schedule.phase is Phase.TRANSFER:
+        if i > 0 or schedule.phase is walking.Phase.TRANSFER:
             path.add_transfer(step.side.other, step.transfer_duration)
         path.add_swing(step.side, step.pose, step.swing_duration)
     unseen = steps[params.num_previewed_steps :]
@@ -173,11 +167,14 @@ class _Path:
     """Builder of the segments, phase by phase, from schedule.start on."""
 
     def __init__(
-        self, schedule: ContactSchedule, params: CopWaypointParams, sole: Array
+        self,
+        schedule: walking.ContactSchedule,
+        params: CopWaypointParams,
+        sole: Array,
     ) -> None:
         self._params = params
         self._sole = Sole.with_margin(sole, params.margin)
-        self._feet: FootPoses = schedule.feet
+        self._feet: walking.FootPoses = schedule.feet
         self._present_duration = schedule.duration
         self._start_time = schedule.start_time
         self._points: list[Array] = [schedule.start.cop]

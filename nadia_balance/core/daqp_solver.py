@@ -6,16 +6,7 @@ from weakref import WeakKeyDictionary
 
 import daqp  # type: ignore[import-not-found]
 import numpy as np
-from pydrake.solvers import (
-    ChooseBestSolver,
-    MakeSolver,
-    MathematicalProgram,
-    MathematicalProgramResult,
-    ProgramAttribute,
-    SolutionResult,
-    SolverId,
-    SolverInterface,
-)
+from pydrake import solvers
 
 from nadia_balance.core.walking import Array
 
@@ -36,22 +27,22 @@ _DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # also cycles, contradicting equalities
 # Range of the cost's norm without scaling: DAQP treats values below 1e-11 as 0.
 _LEAST_SIZE, _MOST_SIZE = 1.0, 1e6
 _RESULTS = {
-    1: SolutionResult.kSolutionFound,
-    2: SolutionResult.kSolutionFound,
-    _INFEASIBLE: SolutionResult.kInfeasibleConstraints,
-    -3: SolutionResult.kUnbounded,
-    -4: SolutionResult.kIterationLimit,
-    -6: SolutionResult.kInfeasibleConstraints,
+    1: solvers.SolutionResult.kSolutionFound,
+    2: solvers.SolutionResult.kSolutionFound,
+    _INFEASIBLE: solvers.SolutionResult.kInfeasibleConstraints,
+    -3: solvers.SolutionResult.kUnbounded,
+    -4: solvers.SolutionResult.kIterationLimit,
+    -6: solvers.SolutionResult.kInfeasibleConstraints,
 }
 _NO_COSTS = {
-    SolutionResult.kInfeasibleConstraints: math.inf,
-    SolutionResult.kUnbounded: -math.inf,
+    solvers.SolutionResult.kInfeasibleConstraints: math.inf,
+    solvers.SolutionResult.kUnbounded: -math.inf,
 }
 _ATTRIBUTES = {
-    ProgramAttribute.kQuadraticCost,
-    ProgramAttribute.kLinearCost,
-    ProgramAttribute.kLinearConstraint,
-    ProgramAttribute.kLinearEqualityConstraint,
+    solvers.ProgramAttribute.kQuadraticCost,
+    solvers.ProgramAttribute.kLinearCost,
+    solvers.ProgramAttribute.kLinearConstraint,
+    solvers.ProgramAttribute.kLinearEqualityConstraint,
 }
 
 
@@ -67,11 +58,11 @@ class DaqpSolution(NamedTuple):
     """
 
     x: Array
-    result: SolutionResult
+    result: solvers.SolutionResult
     iterations: int
 
 
-class DaqpSolver(SolverInterface):
+class DaqpSolver(solvers.SolverInterface):
     """Solves convex QPs exactly, by a dual active-set method.
 
         min 1/2 x'Hx + g'x  s.t.  lower <= A x <= upper
@@ -104,16 +95,18 @@ class DaqpSolver(SolverInterface):
         """True: DAQP needs no licence."""
         return True
 
-    def solver_id(self) -> SolverId:
+    def solver_id(self) -> solvers.SolverId:
         """Returns the id "DAQP"."""
-        return SolverId("DAQP")
+        return solvers.SolverId("DAQP")
 
-    def AreProgramAttributesSatisfied(self, prog: MathematicalProgram) -> bool:
+    def AreProgramAttributesSatisfied(
+        self, prog: solvers.MathematicalProgram
+    ) -> bool:
         """True for linear and convex quadratic costs, linear constraints."""
         return not self.ExplainUnsatisfiedProgramAttributes(prog)
 
     def ExplainUnsatisfiedProgramAttributes(
-        self, prog: MathematicalProgram
+        self, prog: solvers.MathematicalProgram
     ) -> str:
         """Returns the unsupported attributes of `prog`; empty if none."""
         more = set(prog.required_capabilities()) - _ATTRIBUTES
@@ -127,11 +120,11 @@ class DaqpSolver(SolverInterface):
 
     def Solve(  # type: ignore[override]
         self,
-        prog: MathematicalProgram,
+        prog: solvers.MathematicalProgram,
         initial_guess: Array | None = None,
         solver_options: Any = None,
-        result: MathematicalProgramResult | None = None,
-    ) -> MathematicalProgramResult | None:
+        result: solvers.MathematicalProgramResult | None = None,
+    ) -> solvers.MathematicalProgramResult | None:
         """Solves `prog` like any Drake solver.
 
         Returns a result, or writes into `result` if given.
@@ -142,16 +135,17 @@ class DaqpSolver(SolverInterface):
         if why := self.ExplainUnsatisfiedProgramAttributes(prog):
             raise ValueError(why)
         solution = self.solve(prog)
-        filled = MathematicalProgramResult() if result is None else result
+        filled = (
+            solvers.MathematicalProgramResult() if result is None else result
+        )
         _fill(filled, prog, solution)
         return filled if result is None else None
 
-    def solve(self, prog: MathematicalProgram) -> DaqpSolution:
+    def solve(self, prog: solvers.MathematicalProgram) -> DaqpSolution:
         """Solves the convex QP `prog`, without a MathematicalProgramResult.
 
-        Raises:
-            ValueError: a cost is not convex, a coefficient not finite, a bound
-                is NaN, a lower bound is inf or an upper bound is -inf.
+        Raises ValueError: a cost is not convex, a coefficient not finite, a
+        bound is NaN, a lower bound is inf or an upper bound is -inf.
         """
         n, variables = prog.num_vars(), prog.decision_variable_index()
         known, picks = self._picks.get(prog, (None, {}))
@@ -162,14 +156,14 @@ class DaqpSolver(SolverInterface):
         A, lower, upper = _rows(prog, n, picks)
         _check(lower, upper)
         x, flag, iterations = _solved(H, g, A, lower, upper)
-        result = _RESULTS.get(flag, SolutionResult.kSolverSpecificError)
-        if result is not SolutionResult.kSolutionFound:
+        result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
+        if result is not solvers.SolutionResult.kSolutionFound:
             x = np.full(n, np.nan)
         return DaqpSolution(x, result, iterations)
 
 
 def _pick(
-    binding: Any, prog: MathematicalProgram, picks: _Picks
+    binding: Any, prog: solvers.MathematicalProgram, picks: _Picks
 ) -> Array | None:
     """Returns E (k, n) of a binding with the variables E x; None for E = I."""
     E = picks.get(binding, _UNKNOWN)
@@ -290,15 +284,15 @@ def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
     """
     x = np.nan_to_num(solution.x)
     cost = _NO_COSTS.get(solution.result, math.nan)
-    if solution.result is SolutionResult.kSolutionFound:
+    if solution.result is solvers.SolutionResult.kSolutionFound:
         costs = [*prog.quadratic_costs(), *prog.linear_costs()]
         cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
-    known: Any = MathematicalProgram()
+    known: Any = solvers.MathematicalProgram()
     variables = prog.decision_variables()
     known.AddDecisionVariables(variables)
     known.AddLinearEqualityConstraint(np.eye(len(x)), x, variables)
     known.AddQuadraticCost(np.diag(0.0 * x), 0.0 * x, cost, variables, True)
-    solver = MakeSolver(ChooseBestSolver(known))
+    solver = solvers.MakeSolver(solvers.ChooseBestSolver(known))
     solver.Solve(known, None, None, result)
     result.set_x_val(solution.x)
     result.set_solution_result(solution.result)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core import swing_geometry, walking
 from nadia_balance.core.polygon import (
     area,
     clip_all,
@@ -26,22 +27,9 @@ from nadia_balance.core.polygon import (
 from nadia_balance.core.reachability import BASE, closest_point
 from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    Place,
-    ReachRulesParams,
-    SwingGeometry,
+    CaptureRegionStepAdjusterParams as Params,
 )
-from nadia_balance.core.walking import (
-    Adjustment,
-    Array,
-    ContactSchedule,
-    FootPose,
-    Footstep,
-    Immutable,
-    Phase,
-    WalkingState,
-    number_of_ticks,
-)
+from nadia_balance.core.walking import Adjustment, Array, FootPose
 
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
 _HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]
@@ -49,7 +37,7 @@ _KEPT = 0.5  # share of the margin that suffices on the previous ground [-]
 
 
 @dataclass(frozen=True, eq=False)
-class CaptureRegions(Immutable):
+class CaptureRegions(walking.Immutable):
     """Polygons (n, 2) [m] in W and footholds, for display."""
 
     regions: tuple[Array, ...] = ()  # C_1, ..., C_N
@@ -62,25 +50,23 @@ class CaptureRegions(Immutable):
             polygon.flags.writeable = False
 
 
-def unadjusted(schedule: ContactSchedule) -> Adjustment:
+def unadjusted(schedule: walking.ContactSchedule) -> Adjustment:
     """Returns the planned next foothold; without steps, the present one."""
     if schedule.footsteps:
         step = schedule.footsteps[0]
     else:
         side = schedule.support_side.other
-        step = Footstep(side, schedule.feet[side], 0.0, 0.0)
+        step = walking.Footstep(side, schedule.feet[side], 0.0, 0.0)
     return Adjustment(step, step.pose)
 
 
-def current_adjustment(state: WalkingState) -> Adjustment:
+def current_adjustment(state: walking.WalkingState) -> Adjustment:
     """Returns the adjustment in force; the planned foothold, if none is."""
     return state.adjustment or unadjusted(state.schedule)
 
 
 def touchdown_interval(
-    state: WalkingState,
-    time_gain: float,
-    params: CaptureRegionStepAdjusterParams,
+    state: walking.WalkingState, time_gain: float, params: Params
 ) -> tuple[float, float]:
     """Returns the earliest and latest load [s] from now on the new foot.
 
@@ -93,7 +79,7 @@ def touchdown_interval(
 
 
 @dataclass(frozen=True, eq=False)
-class Landing(Immutable):
+class Landing(walking.Immutable):
     """Possible touchdowns of the swing foot, as predicted in one tick.
 
     `icp` (2,) [m] in W; `touchdown` [s] from now.  `foot` (2,) [m] in W is the
@@ -101,7 +87,7 @@ class Landing(Immutable):
     the foothold.  Capture regions (n, 2) [m] are computed on first use.
     """
 
-    geometry: SwingGeometry
+    geometry: swing_geometry.SwingGeometry
     icp: Array
     touchdown: tuple[float, float]
     foot: Array | None = None
@@ -154,10 +140,7 @@ class Landing(Immutable):
 
 
 def propose_adjustment(
-    state: WalkingState,
-    landing: Landing,
-    params: CaptureRegionStepAdjusterParams,
-    period: float,
+    state: walking.WalkingState, landing: Landing, params: Params, period: float
 ) -> Adjustment:
     """Returns the adjustment of the step in the air for this tick of `period`.
 
@@ -167,7 +150,7 @@ def propose_adjustment(
     """
     current = current_adjustment(state)
     if (
-        state.schedule.phase is not Phase.SWING
+        state.schedule.phase is not walking.Phase.SWING
         or state.elapsed < params.settling_time
         or landing.touchdown[0] < params.freeze_time
     ):
@@ -178,10 +161,7 @@ def propose_adjustment(
 
 
 def adjust_foothold(
-    current: Adjustment,
-    landing: Landing,
-    params: CaptureRegionStepAdjusterParams,
-    period: float,
+    current: Adjustment, landing: Landing, params: Params, period: float
 ) -> Adjustment:
     """Returns the adjustment that puts the foot into the capture region.
 
@@ -198,7 +178,7 @@ def adjust_foothold(
     if not options:
         return current
 
-    def cost(option: tuple[Place, Array]) -> float:
+    def cost(option: tuple[swing_geometry.Place, Array]) -> float:
         place, point = option
         kept = _is_last(place, current) * params.rules.distance_hysteresis
         return math.dist(point, nominal.p_WF[:2]) - kept
@@ -222,15 +202,11 @@ class Goal(NamedTuple):
     If none does, the part is the point (1, 2) closest to the capture region.
     """
 
-    place: Place
+    place: swing_geometry.Place
     part: Array
 
 
-def goals(
-    landing: Landing,
-    current: Adjustment,
-    params: CaptureRegionStepAdjusterParams,
-) -> list[Goal]:
+def goals(landing: Landing, current: Adjustment, params: Params) -> list[Goal]:
     """Returns the goals of one reachability region (Nadia paper, Sec. V).
 
     Rule 1: base if it intersects the capture region; rule 2: else the
@@ -261,7 +237,7 @@ def goals(
     return found
 
 
-def _is_last(place: Place, current: Adjustment) -> bool:
+def _is_last(place: swing_geometry.Place, current: Adjustment) -> bool:
     """True if the present, moved foothold was chosen in this place."""
     last = current.region, current.ground
     return current.moved and (place.reach, place.ground) == last
@@ -274,7 +250,9 @@ def _clipped(options: Iterable[Goal], A: Array, b: Array) -> list[Goal]:
 
 
 def _preferred(
-    options: list[Goal], current: Adjustment, rules: ReachRulesParams
+    options: list[Goal],
+    current: Adjustment,
+    rules: swing_geometry.ReachRulesParams,
 ) -> list[Goal]:
     """Returns the options of one reachability region, by rules 1 and 2."""
     by_reach: dict[str, list[Goal]] = {}
@@ -306,14 +284,10 @@ def _deepest(
     return best, low
 
 
-def _closest(
-    landing: Landing,
-    current: Adjustment,
-    params: CaptureRegionStepAdjusterParams,
-) -> Goal:
+def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
     """Returns the goal of rule 3."""
 
-    def gap(place: Place) -> float:
+    def gap(place: swing_geometry.Place) -> float:
         is_last = _is_last(place, current)
         captures = landing.on_arrival(
             place.polygon, params.least_time_to_land, is_last
@@ -327,7 +301,7 @@ def _closest(
 
 
 def _foothold(
-    nominal: FootPose, goal: Goal, geometry: SwingGeometry
+    nominal: FootPose, goal: Goal, geometry: swing_geometry.SwingGeometry
 ) -> Array | None:
     """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
 
@@ -346,10 +320,7 @@ def _foothold(
 
 
 def return_to_nominal(
-    current: Adjustment,
-    holds: bool,
-    params: CaptureRegionStepAdjusterParams,
-    period: float,
+    current: Adjustment, holds: bool, params: Params, period: float
 ) -> Adjustment:
     """Returns the nominal foothold, after `return_time` if the present `holds`.
 
@@ -358,7 +329,7 @@ def return_to_nominal(
     ticks = current.covered_ticks + 1
     if (
         not current.moved
-        or ticks >= number_of_ticks(params.return_time, period)
+        or ticks >= walking.number_of_ticks(params.return_time, period)
         or not holds
     ):
         return Adjustment(current.nominal, current.nominal.pose)

@@ -7,37 +7,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from nadia_balance.core import ground_steps, walking
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.ground import Ground
-from nadia_balance.core.ground_steps import (
-    given_on,
-    moved_to,
-    snapped_to,
-    standing_on,
-)
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import convex_hull, intersection, project
-from nadia_balance.core.reachability import (
-    ReachabilityParams,
-    base_region,
-    in_world,
-)
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.reachability import ReachabilityParams as Reach
+from nadia_balance.core.reachability import base_region, in_world
+from nadia_balance.core.walking import FootPose, FootPoses, Footstep, Side
 
 _SIDES = ("left", "right")
 _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts at least one tick [s]
 _ROUNDING = 1e-9  # tolerance of a rise [m]
+_NEXT = 3  # steps that are brought within reach
 
 
 @dataclass(kw_only=True)
@@ -100,18 +83,14 @@ class Gait:
 
 
 def make_footsteps(
-    gait: Gait,
-    feet: FootPoses,
-    reach: ReachabilityParams,
-    ground: Ground | None = None,
+    gait: Gait, feet: FootPoses, reach: Reach, ground: Ground | None = None
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
     With a `ground`, step vectors end at the nearest foothold.
 
-    Raises:
-        ValueError: a field of `gait` is out of range, or a footstep is not
-            within `reach` of the stance foot, or not on the `ground`.
+    Raises ValueError: a field of `gait` is out of range, or a footstep is not
+    within `reach` of the stance foot, or not on the `ground`.
     """
     check(gait)
     wanted: list[Footstep] = []
@@ -122,16 +101,16 @@ def make_footsteps(
         wanted.append(Footstep(side, pose, transfer, gait.swing_duration))
     steps = tuple(wanted)
     if ground is not None and gait.footholds:
-        steps = given_on(ground, steps)
+        steps = ground_steps.given_on(ground, steps)
     elif ground is not None:
-        steps = snapped_to(ground, steps, feet, reach)
+        steps = ground_steps.snapped_to(ground, steps, feet, reach)
     _check(steps, feet, reach)
     return steps
 
 
 def walking_start(
     gait: Gait, model: PointMassModel, standing_duration: float = 0.5
-) -> WalkingState:
+) -> walking.WalkingState:
     """Returns the initial walking state of a standing robot.
 
     The feet are side by side about the origin of W, the gait's or else the
@@ -139,8 +118,7 @@ def walking_start(
     `standing_duration` [s], or a tick later.  Without steps, standing does not
     end.
 
-    Raises:
-        ValueError: see `make_footsteps`.
+    Raises ValueError: see `make_footsteps`.
     """
     width = model.step_width if gait.step_width is None else gait.step_width
     feet = FootPoses(
@@ -148,20 +126,20 @@ def walking_start(
         FootPose(np.array([0.0, -0.5 * width, 0.0])),
     )
     if model.ground is not None:
-        feet = standing_on(model.ground, feet)
+        feet = ground_steps.standing_on(model.ground, feet)
     steps = make_footsteps(gait, feet, model.reach, model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
-    schedule = ContactSchedule(
-        phase=Phase.STANDING,
+    schedule = walking.ContactSchedule(
+        phase=walking.Phase.STANDING,
         support_side=first.other,
         duration=max(standing_duration, _INSTANT) if steps else math.inf,
         feet=feet,
         footsteps=steps,
-        start=ReferencePoint(centre, np.zeros(2), centre),
+        start=walking.ReferencePoint(centre, np.zeros(2), centre),
         final_transfer_duration=gait.final_transfer_duration,
     )
-    return WalkingState(schedule, commanded=steps)
+    return walking.WalkingState(schedule, commanded=steps)
 
 
 def middle(feet: FootPoses) -> FootPose:
@@ -197,9 +175,7 @@ def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
     return FootPose(np.append(xy, frame.p_WF[2]), frame.yaw + yaw)
 
 
-def _check(
-    steps: tuple[Footstep, ...], feet: FootPoses, reach: ReachabilityParams
-) -> None:
+def _check(steps: tuple[Footstep, ...], feet: FootPoses, reach: Reach) -> None:
     """Raises ValueError if a step is out of reach of the other foot."""
     for number, step in enumerate(steps, start=1):
         stance = feet[step.side.other]
@@ -223,12 +199,11 @@ def _check(
 def within_reach(
     commanded: tuple[Footstep, ...],
     feet: FootPoses,
-    reach: ReachabilityParams,
+    reach: Reach,
     landed: Footstep | None = None,
-    num_steps: int = 3,
     ground: Ground | None = None,
 ) -> tuple[Footstep, ...]:
-    """Returns the footsteps, the first `num_steps` of them within reach.
+    """Returns the footsteps, the first three within reach.
 
     After an adjusted step, the next commanded foothold may be out of reach, or
     on the wrong side of the stance foot: it is moved to the nearest foothold
@@ -243,7 +218,7 @@ def within_reach(
     if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
         share = reach.return_share
     steps = []
-    for step in commanded[:num_steps]:
+    for step in commanded[:_NEXT]:
         stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
         p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
         if reach.in_base_region(*p_F) and reach.in_base_region(
@@ -256,28 +231,26 @@ def within_reach(
             if ground is not None and not ground.allows(step.pose):
                 within = (region, base_region(reach))
                 parts = [in_world(part, stance, step.side) for part in within]
-                step = moved_to(ground, step, parts) or step
+                step = ground_steps.moved_to(ground, step, parts) or step
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
         steps.append(step)
-    return (*steps, *commanded[num_steps:])
+    return (*steps, *commanded[_NEXT:])
 
 
-def _is_at(
-    foot: FootPose, commanded: FootPose, reach: ReachabilityParams
-) -> bool:
+def _is_at(foot: FootPose, commanded: FootPose, reach: Reach) -> bool:
     near = _DISPLACED * reach.width_nominal
     return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
-def _share_of_region(reach: ReachabilityParams, share: float) -> Array:
+def _share_of_region(reach: Reach, share: float) -> walking.Array:
     """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
     region = base_region(reach)
     part = intersection(convex_hull(_scaled(region, reach, share)), region)
     return part if len(part) else region
 
 
-def _scaled(points: Array, reach: ReachabilityParams, share: float) -> Array:
+def _scaled(points: walking.Array, reach: Reach, share: float) -> walking.Array:
     """Returns footholds (..., 2), scaled by `share` in x and in y beyond w_nom.
 
     Footholds with y below w_nom keep their y.
@@ -287,7 +260,7 @@ def _scaled(points: Array, reach: ReachabilityParams, share: float) -> Array:
     return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
 
 
-def _moved(step: Footstep, stance: FootPose, p_F: Array) -> Footstep:
+def _moved(step: Footstep, stance: FootPose, p_F: walking.Array) -> Footstep:
     xy = stance.to_world(p_F[None])[0]
     p_WF = np.append(xy, step.pose.p_WF[2])
     return replace(step, pose=replace(step.pose, p_WF=p_WF))

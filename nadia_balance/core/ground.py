@@ -201,8 +201,7 @@ class Ground(Immutable):
 def check_ground(ground: Ground) -> None:
     """Checks that regions do not overlap, and that soles fit on them.
 
-    Raises:
-        ValueError: names the region and the condition.
+    Raises ValueError: names the region and the condition.
     """
     names = [region.name for region in ground.regions]
     for name in names:
@@ -233,8 +232,7 @@ def check_ground(ground: Ground) -> None:
 def check_friction(ground: Ground, friction: float) -> None:
     """Checks that a vertical force is in every region's cone of `friction`.
 
-    Raises:
-        ValueError: names the region that is too steep.
+    Raises ValueError: names the region that is too steep.
     """
     for region in ground.regions:
         if not region.obstacle and region.slope >= friction:

@@ -4,38 +4,27 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from nadia_balance.core import reachability, walking
 from nadia_balance.core.ground import Ground
-from nadia_balance.core.reachability import (
-    ReachabilityParams,
-    base_region,
-    in_world,
-)
-from nadia_balance.core.walking import (
-    Array,
-    FootPose,
-    FootPoses,
-    Footstep,
-    Side,
-)
 
 
-def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
+def standing_on(ground: Ground, feet: walking.FootPoses) -> walking.FootPoses:
     """Returns the feet with the heights and normals of their regions.
 
-    Raises:
-        ValueError: a foot is not on a single region.
+    Raises ValueError: a foot is not on a single region.
     """
-    for side in Side:
+    for side in walking.Side:
         what = f"{side.value} foot at the start"
         feet = feet.with_foot(side, _on_region(ground, feet[side], what))
     return feet
 
 
-def given_on(ground: Ground, steps: Iterable[Footstep]) -> tuple[Footstep, ...]:
+def given_on(
+    ground: Ground, steps: Iterable[walking.Footstep]
+) -> tuple[walking.Footstep, ...]:
     """Returns the steps with the heights and normals of their regions.
 
-    Raises:
-        ValueError: a step is not on a single region.
+    Raises ValueError: a step is not on a single region.
     """
     return tuple(
         replace(step, pose=_on_region(ground, step.pose, _name(number, step)))
@@ -45,21 +34,22 @@ def given_on(ground: Ground, steps: Iterable[Footstep]) -> tuple[Footstep, ...]:
 
 def snapped_to(
     ground: Ground,
-    steps: Iterable[Footstep],
-    feet: FootPoses,
-    reach: ReachabilityParams,
-) -> tuple[Footstep, ...]:
+    steps: Iterable[walking.Footstep],
+    feet: walking.FootPoses,
+    reach: reachability.ReachabilityParams,
+) -> tuple[walking.Footstep, ...]:
     """Returns the steps, each moved to the nearest foothold on the ground.
 
     Each foothold is within `reach` of its stance foot, the first at `feet`.
 
-    Raises:
-        ValueError: there is no such foothold.
+    Raises ValueError: there is no such foothold.
     """
     found = []
     for number, step in enumerate(steps, start=1):
         stance = feet[step.side.other]
-        region = in_world(base_region(reach), stance, step.side)
+        region = reachability.in_world(
+            reachability.base_region(reach), stance, step.side
+        )
         snapped = moved_to(ground, step, [region])
         if snapped is None:
             raise ValueError(
@@ -72,8 +62,8 @@ def snapped_to(
 
 
 def moved_to(
-    ground: Ground, step: Footstep, within: Iterable[Array]
-) -> Footstep | None:
+    ground: Ground, step: walking.Footstep, within: Iterable[walking.Array]
+) -> walking.Footstep | None:
     """Returns the step at the nearest foothold in the first feasible polygon.
 
     Polygons (n, 2) [m] in W, in order; None if none contains a foothold.
@@ -86,18 +76,20 @@ def moved_to(
     return None
 
 
-def _name(number: int, step: Footstep) -> str:
+def _name(number: int, step: walking.Footstep) -> str:
     return f"step {number} ({step.side.value})"
 
 
-def _on_region(ground: Ground, foot: FootPose, what: str) -> FootPose:
+def _on_region(
+    ground: Ground, foot: walking.FootPose, what: str
+) -> walking.FootPose:
     """Returns the foot on its region; raises ValueError about `what`."""
     if ground.region_under(foot) is None:
         raise ValueError(f"{what}: {_beside(ground, foot)}")
     return ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
 
 
-def _beside(ground: Ground, foot: FootPose) -> str:
+def _beside(ground: Ground, foot: walking.FootPose) -> str:
     """Returns the foot's position and the nearest foothold, as a message."""
     x, y, _ = foot.p_WF.tolist()
     point = ground.nearest(foot.p_WF[:2], foot.yaw)

@@ -4,9 +4,11 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
+from nadia_balance.core import walking
 from nadia_balance.core.cop_waypoints import (
     CopWaypointParams,
     CopWaypoints,
@@ -15,15 +17,7 @@ from nadia_balance.core.cop_waypoints import (
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import project
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    Footstep,
-    Immutable,
-    Phase,
-    ReferencePoint,
-    WalkingState,
-)
+from nadia_balance.core.walking import Array
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
 _LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]
@@ -156,13 +150,13 @@ class IcpReference:
     cop: Array
     ecmp: Array
 
-    def point(self) -> ReferencePoint:
+    def point(self) -> walking.ReferencePoint:
         """Returns the start point of a plan that continues from here."""
-        return ReferencePoint(self.com, self.com_velocity, self.cop)
+        return walking.ReferencePoint(self.com, self.com_velocity, self.cop)
 
 
 @dataclass(frozen=True, eq=False)
-class IcpPlan(Immutable):
+class IcpPlan(walking.Immutable):
     """The reference motion from the start of the present phase on, in W.
 
     `duration` [s] is that of the present phase (infinite when standing).  N
@@ -180,6 +174,7 @@ class IcpPlan(Immutable):
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
     cop: CopWaypointParams = field(default_factory=CopWaypointParams)
+    FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:
         for name in ("knots", "cop_waypoints", "coefficients", "offset"):
@@ -248,12 +243,12 @@ class IcpPlan(Immutable):
 
     def moved(
         self,
-        schedule: ContactSchedule,
-        steps: tuple[Footstep, ...],
+        schedule: walking.ContactSchedule,
+        steps: tuple[walking.Footstep, ...],
         t: float,
         icp: Array,
         model: PointMassModel,
-    ) -> ContactSchedule:
+    ) -> walking.ContactSchedule:
         """Returns the `schedule` of this plan with other `steps`, from `t` on.
 
         The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18), its
@@ -265,6 +260,8 @@ class IcpPlan(Immutable):
         0.3 m.  With this method: 2 mm at most, and never.)
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
+        if self.FOLLOWS_STEPS:
+            return new
         before, after = (
             _unbent_icp(s, self.cop, t, model) for s in (schedule, new)
         )
@@ -272,12 +269,14 @@ class IcpPlan(Immutable):
         length2 = float(way @ way)
         part = min(max(float(error @ way), 0.0), length2) / max(length2, _TINY)
         velocity = now.com_velocity + model.omega * part * way
-        start = ReferencePoint(now.com, velocity, now.cop)
+        start = walking.ReferencePoint(now.com, velocity, now.cop)
         return replace(new, start=start, start_time=t)
 
 
 def plan_icp(
-    schedule: ContactSchedule, params: IcpPlanParams, model: PointMassModel
+    schedule: walking.ContactSchedule,
+    params: IcpPlanParams,
+    model: PointMassModel,
 ) -> IcpPlan:
     """Returns the plan of the present phase and of the footsteps after it.
 
@@ -288,8 +287,7 @@ def plan_icp(
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
 
-    Raises:
-        ValueError: a swing without a footstep, or a sole within the margin.
+    Raises ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
     path = cop_waypoints(schedule, params.cop, model.sole)
@@ -343,7 +341,7 @@ def _bent(
 
 
 def _unbent_icp(
-    schedule: ContactSchedule,
+    schedule: walking.ContactSchedule,
     cop: CopWaypointParams,
     t: float,
     model: PointMassModel,
@@ -353,7 +351,7 @@ def _unbent_icp(
     return np.asarray(multipliers @ path.points)
 
 
-def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
+def reference_of(plan: IcpPlan, state: walking.WalkingState) -> IcpReference:
     """Returns the reference at the walking state's time in the phase.
 
     A new phase continues from the present reference, and the clock moves the
@@ -368,6 +366,6 @@ def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
     if not state.waiting:
         return reference
     ecmp = reference.icp
-    if state.schedule.phase is Phase.SWING:
+    if state.schedule.phase is walking.Phase.SWING:
         ecmp = reference.ecmp
     return replace(reference, icp_velocity=np.zeros(2), cop=ecmp, ecmp=ecmp)

@@ -10,40 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core import icp_step_qp, polygon, walking
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.foothold_adjustment import unadjusted
 from nadia_balance.core.icp_plan import IcpReference, reference_of
-from nadia_balance.core.icp_step_qp import (
-    AnkleFeedback,
-    IcpStepQp,
-    IcpStepQpParams,
-    StepLimits,
-    StepWeights,
-)
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import (
-    clip_all,
-    halfspaces,
-    shrink,
-    support_polygon,
-)
 from nadia_balance.core.qp import QpResult
 from nadia_balance.core.reachability import base_region, in_world
-from nadia_balance.core.walking import (
-    Adjustment,
-    Array,
-    FootPose,
-    Footstep,
-    Immutable,
-    Phase,
-    WalkingState,
-)
+from nadia_balance.core.walking import Adjustment, Array, WalkingState
 
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class StepPhase(Immutable):
+class StepPhase(walking.Immutable):
     """The data that depend only on the contact schedule.
 
     `steps` are the adjustments in force, `offsets` (n, 2) [m] in W their shifts
@@ -55,8 +35,8 @@ class StepPhase(Immutable):
     offsets: Array
     adjustment: Adjustment
     reach: Array
-    limits: StepLimits
-    ankles: AnkleFeedback
+    limits: icp_step_qp.StepLimits
+    ankles: icp_step_qp.AnkleFeedback
 
 
 class StepFeedback(NamedTuple):
@@ -72,19 +52,20 @@ class StepFeedback(NamedTuple):
     result: QpResult
 
 
-def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
+def uncrossed_reach(
+    params: icp_step_qp.IcpStepQpParams, model: PointMassModel
+) -> Array:
     """Returns the region (n, 2) [m] of uncrossed footholds in the sole frame.
 
     It is the part of the base region, y toward the swing side, in which
     parallel soles are their clearance apart: the Atlas paper has no crossed
     legs.
 
-    Raises:
-        ValueError: the region is empty.
+    Raises ValueError: the region is empty.
     """
     apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
     aside = np.array([[0.0, -1.0]]), np.array([-apart])
-    reach = clip_all(base_region(model.reach), *aside)
+    reach = polygon.clip_all(base_region(model.reach), *aside)
     if not len(reach):
         raise ValueError(
             f"sole_clearance = {params.sole_clearance}: must leave some of "
@@ -94,7 +75,7 @@ def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
 
 
 def reach_room(
-    stance: FootPose, steps: tuple[Footstep, ...], reach: Array
+    stance: walking.FootPose, steps: tuple[walking.Footstep, ...], reach: Array
 ) -> tuple[Array, Array]:
     """Returns half-spaces A s <= b of the shifts s (2 n,) of `steps` (Eq. 22).
 
@@ -104,8 +85,8 @@ def reach_room(
     n, k = len(steps), len(reach)
     rows, bounds = np.zeros((n, k, n, 2)), np.zeros((n, k))
     for i, step in enumerate(steps):
-        turned = in_world(reach, FootPose(yaw=stance.yaw), step.side)
-        A, b = halfspaces(turned)
+        turned = in_world(reach, walking.FootPose(yaw=stance.yaw), step.side)
+        A, b = polygon.halfspaces(turned)
         rows[i, :, i], bounds[i] = A, b
         bounds[i] -= A @ (step.pose.p_WF - stance.p_WF)[:2]
         if i > 0:
@@ -117,8 +98,8 @@ def reach_room(
 def step_phase(
     state: WalkingState,
     reach: Array,
-    qp: IcpStepQp,
-    params: IcpStepQpParams,
+    qp: icp_step_qp.IcpStepQp,
+    params: icp_step_qp.IcpStepQpParams,
     model: PointMassModel,
 ) -> StepPhase:
     """Returns the StepPhase of the schedule of `state`.
@@ -129,24 +110,28 @@ def step_phase(
     stance = schedule.feet[schedule.support_side]
     steps = _in_force(state, params.num_steps)
     nominal = tuple(a.nominal for a in steps)
-    support = support_polygon(schedule, model.sole)
-    room = shrink(support, params.cop_safe_distance, "cop_safe_distance")
-    weights = StepWeights.of(params, stance)
+    support = polygon.support_polygon(schedule, model.sole)
+    room = polygon.shrink(
+        support, params.cop_safe_distance, "cop_safe_distance"
+    )
+    weights = icp_step_qp.StepWeights.of(params, stance)
     return StepPhase(
         steps,
         _shifts(steps),
         _chain(steps) or unadjusted(schedule),
         in_world(reach, stance, schedule.support_side.other),
         qp.limits(
-            weights, halfspaces(room), reach_room(stance, nominal, reach)
+            weights,
+            polygon.halfspaces(room),
+            reach_room(stance, nominal, reach),
         ),
-        AnkleFeedback(room, weights, params.feedback_gain),
+        icp_step_qp.AnkleFeedback(room, weights, params.feedback_gain),
     )
 
 
 def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
     """Returns the adjustments of the next steps; none while standing."""
-    if state.schedule.phase is Phase.STANDING:
+    if state.schedule.phase is walking.Phase.STANDING:
         return ()
     steps, made = state.schedule.footsteps[:num_steps], state.adjustment
     found = (replace(made, later=()), *made.later) if made else ()
@@ -154,13 +139,15 @@ def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
     return (*found, *more)[: len(steps)]
 
 
-def may_move(state: WalkingState, params: IcpStepQpParams) -> bool:
+def may_move(state: WalkingState, params: icp_step_qp.IcpStepQpParams) -> bool:
     """True if footholds may change: steps remain, no phase change is near."""
     schedule = state.schedule
-    if schedule.phase is Phase.STANDING or not schedule.footsteps:
+    if schedule.phase is walking.Phase.STANDING or not schedule.footsteps:
         return False
     left = state.remaining_time
-    in_time = schedule.phase is Phase.TRANSFER or left >= params.freeze_time
+    in_time = (
+        schedule.phase is walking.Phase.TRANSFER or left >= params.freeze_time
+    )
     return in_time and state.elapsed >= params.settling_time
 
 
@@ -169,8 +156,8 @@ def step_feedback(
     phase: StepPhase,
     plan: AtlasIcpPlan,
     icp: Array,
-    qp: IcpStepQp,
-    params: IcpStepQpParams,
+    qp: icp_step_qp.IcpStepQp,
+    params: icp_step_qp.IcpStepQpParams,
     on: bool = True,
 ) -> StepFeedback:
     """Returns feedback and footholds for the measured `icp` (2,) [m] in W.
@@ -220,7 +207,7 @@ def _moved(
         return phase.steps
     poses = [a.nominal.pose for a in phase.steps]
     return tuple(
-        Adjustment(a.nominal, FootPose(p.p_WF + [*shift, 0.0], p.yaw))
+        Adjustment(a.nominal, walking.FootPose(p.p_WF + [*shift, 0.0], p.yaw))
         for a, p, shift in zip(phase.steps, poses, shifts, strict=True)
     )
 

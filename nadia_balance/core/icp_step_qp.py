@@ -114,7 +114,6 @@ class IcpStepQp:
     """
 
     def __init__(self, params: IcpStepQpParams) -> None:
-        """Builds the program."""
         self._gain, self._size = params.feedback_gain, 2 * params.num_steps + 2
         self._qp = DenseQp(self._size)
 
@@ -145,8 +144,7 @@ class IcpStepQp:
         `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m], both
         in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N footholds.
 
-        Raises:
-            ValueError: an argument is not finite.
+        Raises ValueError: an argument is not finite.
         """
         used, k = 2 * moves.shape[1], len(limits.b_cmp)
         # x = (steps, eta), and delta = delta_0 + D x by the constraint.
@@ -181,7 +179,6 @@ class AnkleFeedback:
     """
 
     def __init__(self, room: Array, weights: StepWeights, gain: float) -> None:
-        """Computes K and M for the gain k_xi > 0."""
         M = weights.feedback + weights.slack / gain**2
         self._K = np.linalg.inv(M) @ weights.slack / gain
         self._L = np.linalg.cholesky(M).T

@@ -29,13 +29,5 @@ class Imperfections:
     @property
     def of_measurements(self) -> bool:
         """True if measurements have noise or delay."""
-        return (
-            max(
-                self.joint_noise,
-                self.joint_speed_noise,
-                self.pelvis_noise,
-                self.pelvis_speed_noise,
-                self.delay,
-            )
-            > 0.0
-        )
+        noise = self.joint_noise, self.joint_speed_noise, self.pelvis_noise
+        return max(*noise, self.pelvis_speed_noise, self.delay) > 0.0

@@ -16,8 +16,7 @@ def natural_frequency(com_height: float) -> float:
 
     `com_height` z > 0 [m] is the height of the CoM above the eCMP.
 
-    Raises:
-        ValueError: z is not positive (NaN included).
+    Raises ValueError: z is not positive (NaN included).
     """
     if not com_height > 0.0:
         raise ValueError(f"com_height = {com_height}: must be > 0")

@@ -17,9 +17,8 @@ class LegGeometry:
 
     # Distance from the hip pitch axis to the ankle with a straight knee.
     length: float = bounded(0.0, above=0.0, unit="m", of="")
-    ankle_height: float = bounded(
-        0.0, above=0.0, unit="m", of=""
-    )  # above the sole
+    # Above the sole.
+    ankle_height: float = bounded(0.0, above=0.0, unit="m", of="")
     com_above_hip: float = 0.0  # vertical, in the nominal posture [m]
     # Lateral distance of the hip pitch axes.
     hip_width: float = bounded(0.0, above=0.0, unit="m", of="")

@@ -25,9 +25,7 @@ class MomentumQpParams:
     cop_weight: float = bounded(3.0, above=0.0)  # R_delta
     # R_kappa, larger than R_delta: ankles are preferred to hips.
     ecmp_weight: float = bounded(90.0, above=0.0)
-    rate_weight: float = bounded(
-        100.0, least=0.0
-    )  # R_p, on the change per tick
+    rate_weight: float = bounded(100.0, least=0.0)  # R_p, on changes per tick
     # Below this ICP error its direction is noise: the cost of perpendicular
     # feedback fades out.
     small_error: float = bounded(1e-3, above=0.0, unit="m")
@@ -91,8 +89,7 @@ def feedback_limits(
     `heading` [rad] is the yaw of the foot along and across which kappa is
     bounded.
 
-    Raises:
-        ValueError: the margin leaves no area of the polygon.
+    Raises ValueError: the margin leaves no area of the polygon.
     """
     polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
     A, b = halfspaces(polygon)
@@ -135,7 +132,6 @@ class IcpFeedbackQp:
     """
 
     def __init__(self, params: MomentumQpParams) -> None:
-        """Builds the program."""
         self._params = params
         self._qp = DenseQp(4)
 
@@ -154,8 +150,7 @@ class IcpFeedbackQp:
         solution, they are used again, clipped to the limits, and
         `result.solved` is False.
 
-        Raises:
-            ValueError: an argument is not finite.
+        Raises ValueError: an argument is not finite.
         """
         H, g = self._cost(error, previous)
         reference = np.concatenate((cop_r, kappa_r))

@@ -36,8 +36,7 @@ def convex_hull(points: Array) -> Array:
 
     One vertex if all points coincide, two if they are on one line.
 
-    Raises:
-        ValueError: NaN or infinity.
+    Raises ValueError: NaN or infinity.
     """
     return as_array(hull([(x, y) for x, y in points.tolist()]))
 
@@ -88,8 +87,7 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
     The rows of A are the unit outward normals of the edges, so that b - d
     describes the polygon shrunk by d.
 
-    Raises:
-        ValueError: fewer than 3 vertices, so no interior.
+    Raises ValueError: fewer than 3 vertices, so no interior.
     """
     if len(polygon) < 3:
         raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
@@ -221,8 +219,7 @@ def intersection(first: Array, second: Array) -> Array:
 def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
     """Returns the polygon of all points at least `distance` [m] inside.
 
-    Raises:
-        ValueError: no area is left; the message has the `name`.
+    Raises ValueError: no area is left; the message has the `name`.
     """
     A, b = halfspaces(polygon)
     inner = convex_hull(clip_all(polygon, A, b - distance))

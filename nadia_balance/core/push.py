@@ -29,8 +29,7 @@ class Moment:
     def parse(cls, text: str) -> "Moment":
         """Returns the moment for text like `right swing 25 %` or `2.5 s`.
 
-        Raises:
-            ValueError: `text` has another form, or is beyond 100 %.
+        Raises ValueError: `text` has another form, or is beyond 100 %.
         """
         if match := _PHASE.fullmatch(text.strip()):
             fraction = float(match[3]) / 100.0
@@ -69,9 +68,8 @@ class Push:
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
     # Velocity change of the total mass.
     delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
-    force: float | None = bounded(
-        None, least=0.0, most=1e5, unit="N"
-    )  # its peak
+    # Peak force.
+    force: float | None = bounded(None, least=0.0, most=1e5, unit="N")
     shape: str = bounded(RECTANGLE, one_of=SHAPES)
     # Frequency of a sine.
     frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")

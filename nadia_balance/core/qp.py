@@ -4,13 +4,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.solvers import (
-    ClarabelSolver,
-    ClpSolver,
-    MathematicalProgram,
-    SolutionResult,
-    SolverOptions,
-)
+from pydrake import solvers
+from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from nadia_balance.core.daqp_solver import DaqpSolver
 from nadia_balance.core.walking import Array
@@ -88,16 +83,15 @@ class DenseQp:
         self._program, self._cost = program, cost.evaluator()
         self._limits = limits.evaluator()
         self._daqp = DaqpSolver()
-        self._options = SolverOptions()
+        self._options = solvers.SolverOptions()
         for name in ("tol_gap_abs", "tol_gap_rel"):
             self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
 
     def solve(self, problem: QpProblem) -> QpResult:
         """Returns the solution of the QP.
 
-        Raises:
-            ValueError: NaN in the problem, or infinity outside the bounds, or
-                a lower bound of inf or an upper one of -inf.
+        Raises ValueError: NaN in the problem, or infinity outside the bounds,
+        or a lower bound of inf or an upper one of -inf.
         """
         problem.require_finite()
         H, g, A, lower, upper = problem
@@ -105,9 +99,9 @@ class DenseQp:
         self._cost.UpdateCoefficients(H.T, g, 0.0, True)
         self._limits.UpdateCoefficients(A, lower, upper)
         x, result, _ = self._daqp.solve(self._program)
-        if result is SolutionResult.kSolutionFound:
+        if result is solvers.SolutionResult.kSolutionFound:
             return QpResult(x, True, violation=problem.violation(x))
-        if result is SolutionResult.kInfeasibleConstraints:
+        if result is solvers.SolutionResult.kInfeasibleConstraints:
             return QpResult(x, False)
         return self._by_clarabel(problem)
 
@@ -128,5 +122,5 @@ def largest_first(A: Array, b: Array) -> Array | None:
     x = program.NewContinuousVariables(A.shape[1])
     program.AddLinearConstraint(A, np.full(len(b), -np.inf), b, x)
     program.AddLinearCost(-x[0])
-    result = ClpSolver().Solve(program)
+    result = solvers.ClpSolver().Solve(program)
     return np.asarray(result.GetSolution(x)) if result.is_success() else None

@@ -32,9 +32,8 @@ class ReachabilityParams:
 
     length_forward: float = bounded(1.0, above=0.0, unit="m")  # l_max
     length_backward: float = bounded(1.0, above=0.0, unit="m")  # l_min
-    width_min: float = bounded(
-        0.125, above=0.0, unit="m", of="sole_width"
-    )  # w_min
+    # w_min
+    width_min: float = bounded(0.125, above=0.0, unit="m", of="sole_width")
     width_max: float = bounded(0.8, above=0.0, unit="m")  # w_max
     width_nominal: float = bounded(0.25, above=0.0, unit="m")  # w_nom
     # Share of the base region's length, and of its width beyond w_nom, for
@@ -74,11 +73,8 @@ class ReachabilityParams:
         """
         length = self.length_forward if x > 0.0 else self.length_backward
         out = y - self.width_nominal
-        width = (
-            self.width_max - self.width_nominal
-            if out > 0.0
-            else self.width_nominal - self.width_min
-        )
+        edge = self.width_max if out > 0.0 else self.width_min
+        width = edge - self.width_nominal
         return (x / length) ** 2 + (out / width) ** 2 <= 1.0 + _ROUNDING
 
     def describe(self) -> str:

@@ -5,16 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core import walking
 from nadia_balance.core.ground import Ground, Region
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import convex_hull, intersection
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPose,
-    Immutable,
-    Phase,
-)
+from nadia_balance.core.walking import Array
 
 _PARTS = 40  # intervals of the path, at whose ends the ground is evaluated
 _BESIDE = 0.01  # lateral tolerance of the foot on its path [m]
@@ -25,7 +20,7 @@ _SHORTEST = 0.02  # shorter paths have no edges [m]
 
 
 @dataclass(frozen=True, eq=False)
-class SwingEdges(Immutable):
+class SwingEdges(walking.Immutable):
     """The edges on the straight path from `start` to `goal` (3,) [m].
 
     `heights` (n,) [m] are the least heights of the sole's centre at equal
@@ -74,13 +69,13 @@ class SwingEdges(Immutable):
 
 
 def edges_on_way(
-    schedule: ContactSchedule, model: PointMassModel, clearance: float
+    schedule: walking.ContactSchedule, model: PointMassModel, clearance: float
 ) -> SwingEdges | None:
     """Returns the edges on the path of the swing of `schedule`, or None.
 
     An edge is ground above the straight line from lift-off to the foothold.
     """
-    if schedule.phase is not Phase.SWING or not model.is_uneven:
+    if schedule.phase is not walking.Phase.SWING or not model.is_uneven:
         return None
     step = schedule.footsteps[0]
     start, goal = schedule.feet[step.side], step.pose
@@ -100,7 +95,7 @@ def edges_on_way(
 
 
 def touching_heights(
-    ground: Ground, sole: Array, start: FootPose, goal: FootPose
+    ground: Ground, sole: Array, start: walking.FootPose, goal: walking.FootPose
 ) -> Array:
     """Returns the contact heights (n,) [m] of a sole along its path.
 
@@ -121,13 +116,13 @@ def touching_heights(
         n = start.normal + s * (goal.normal - start.normal)
         n = n / math.hypot(*n.tolist())
         p_WF = start.p_WF + s * (goal.p_WF - start.p_WF)
-        foot = FootPose(p_WF, start.yaw + s * turn, n)
+        foot = walking.FootPose(p_WF, start.yaw + s * turn, n)
         heights.append(_touching_height(regions, foot, foot.outline(sole)))
     return np.array(heights)
 
 
 def _touching_height(
-    regions: list[Region], foot: FootPose, outline: Array
+    regions: list[Region], foot: walking.FootPose, outline: Array
 ) -> float:
     """Returns the contact height [m] of the centre of the sole.
 

@@ -13,15 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from nadia_balance.core import swing_detour
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_clearance import SwingEdges
-from nadia_balance.core.swing_detour import (
-    PEAK,
-    SwingDetourParams,
-    shortest_time,
-    way_round,
-)
 from nadia_balance.core.walking import Array, FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
@@ -140,7 +135,7 @@ def _course(
     if edges is not None:
         settling = max(settling, edges.drop / detour.max_descent)
     over = max(left - settling, min(left, _SOON))
-    way = way_round(
+    way = swing_detour.way_round(
         start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other, detour
     )
     end[:, XY], over = _within_limits(start[:, XY], way, over, detour)
@@ -181,7 +176,7 @@ def _time_to_brake(
     height: float,
     descent: float,
     params: SwingFootParams,
-    detour: SwingDetourParams,
+    detour: swing_detour.SwingDetourParams,
 ) -> float:
     """Returns the time [s] to touchdown of a foot that has to brake now.
 
@@ -197,7 +192,10 @@ def _time_to_brake(
 
 
 def _within_limits(
-    start: Array, way: Array, left: float, detour: SwingDetourParams
+    start: Array,
+    way: Array,
+    left: float,
+    detour: swing_detour.SwingDetourParams,
 ) -> tuple[Array, float]:
     """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
@@ -206,11 +204,11 @@ def _within_limits(
     """
     end = np.zeros((3, 2))
     end[0] = way[-1]
-    needed = shortest_time(way, detour, start[1])
+    needed = swing_detour.shortest_time(way, detour, start[1])
     left = max(left, needed)
     corner = len(way) > 2
     times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
-    most = PEAK * detour.max_acceleration
+    most = swing_detour.PEAK * detour.max_acceleration
     aim = end
     for _ in range(_STRETCHES):
         aim = _aim(start, end, left, way[1]) if corner else end

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from nadia_balance.core import reachability, walking
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.capture_region import later_steps, one_step_region
 from nadia_balance.core.ground import Ground
@@ -27,21 +28,9 @@ from nadia_balance.core.polygon import (
     merge,
     minkowski_sum,
 )
-from nadia_balance.core.reachability import (
-    ReachabilityParams,
-    in_world,
-    step_regions,
-    total_region,
-)
+from nadia_balance.core.reachability import in_world
 from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.walking import (
-    Array,
-    ContactSchedule,
-    FootPose,
-    Footstep,
-    Immutable,
-    Side,
-)
+from nadia_balance.core.walking import Array
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]
@@ -99,8 +88,7 @@ class CaptureRegionStepAdjusterParams:
 
         Both polygons are in the sole frame with y toward the swing side.
 
-        Raises:
-            ValueError: the margins leave no area.
+        Raises ValueError: the margins leave no area.
         """
         upper = sole.max(axis=0) - [self.foot_front, self.foot_inside]
         lower = sole.min(axis=0) + [self.foot_back, self.foot_outside]
@@ -116,7 +104,7 @@ class CaptureRegionStepAdjusterParams:
 
 
 @dataclass(frozen=True, eq=False)
-class Place(Immutable):
+class Place(walking.Immutable):
     """A convex region of footholds: one ground region within one reach.
 
     `reach` names the reachability region, `ground` is the index of the ground
@@ -129,18 +117,18 @@ class Place(Immutable):
 
 
 @dataclass(frozen=True, eq=False)
-class SwingGeometry(Immutable):
+class SwingGeometry(walking.Immutable):
     """All polygons of one swing, (n, 2) [m] in W; constant during the swing."""
 
     key: tuple[object, ...]  # `geometry_key` of the swing
-    stance: FootPose
-    swing: Side
+    stance: walking.FootPose
+    swing: walking.Side
     omega: float  # [rad/s]
     foot: Array  # CoP polygon of the stance foot
     regions: Mapping[str, Array]  # reachability regions, by name
     places: tuple[Place, ...]  # the ground within these regions
     ground: Ground | None  # None: flat
-    reach: ReachabilityParams  # source of `regions`
+    reach: reachability.ReachabilityParams  # source of `regions`
     detour: SwingDetourParams  # path and timing of the swing foot
     offsets: tuple[Array, ...]  # D_1, ..., D_N of `later_steps`
     # A foothold p with A p < b is on, beside or across the stance foot.
@@ -159,7 +147,7 @@ class SwingGeometry(Immutable):
         ]
         return [part for part in parts if len(part)]
 
-    def allows(self, foot: FootPose) -> bool:
+    def allows(self, foot: walking.FootPose) -> bool:
         """True if the foot is on the ground, in reach without crossing legs."""
         x, y = self.stance.to_sole(foot.p_WF[:2]).tolist()
         if not self.reach.in_base_region(x, self.swing.sign * y):
@@ -169,14 +157,16 @@ class SwingGeometry(Immutable):
             rise <= self.reach.rise_max + ROUNDING and self.ground.allows(foot)
         )
 
-    def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
+    def foot_at(
+        self, point: Array, nominal: walking.FootPose
+    ) -> walking.FootPose:
         """Returns the foot at `point` (2,) [m] in W, `nominal` in yaw.
 
         Its height and normal are those of the ground, on flat ground `nominal`.
         """
         height = float(nominal.p_WF[2])
         if self.ground is None:
-            return FootPose(np.append(point, height), nominal.yaw)
+            return walking.FootPose(np.append(point, height), nominal.yaw)
         return self.ground.pose(point, nominal.yaw, height)
 
     def has(self, foothold: Array) -> bool:
@@ -203,7 +193,7 @@ class SwingGeometry(Immutable):
 
 
 def swing_geometry(
-    schedule: ContactSchedule,
+    schedule: walking.ContactSchedule,
     params: CaptureRegionStepAdjusterParams,
     model: PointMassModel,
     on: Mechanisms,
@@ -222,7 +212,9 @@ def swing_geometry(
     A, b = _stance_foot(stance, step, model.sole)
     regions = {
         name: in_world(region, stance, step.side)
-        for name, region in step_regions(model.reach, on.cross_over).items()
+        for name, region in reachability.step_regions(
+            model.reach, on.cross_over
+        ).items()
     }
     return SwingGeometry(
         key=geometry_key(schedule, on),
@@ -242,7 +234,7 @@ def swing_geometry(
 
 
 def geometry_key(
-    schedule: ContactSchedule, on: Mechanisms
+    schedule: walking.ContactSchedule, on: Mechanisms
 ) -> tuple[object, ...]:
     """Returns a key of the `swing_geometry` of `schedule` and mechanisms.
 
@@ -255,7 +247,7 @@ def geometry_key(
 
 
 def step_contractions(
-    steps: tuple[Footstep, ...],
+    steps: tuple[walking.Footstep, ...],
     params: CaptureRegionStepAdjusterParams,
     omega: float,
 ) -> list[float]:
@@ -271,7 +263,7 @@ def step_contractions(
 
 def _places(
     regions: Mapping[str, Array],
-    stance: FootPose,
+    stance: walking.FootPose,
     yaw: float,
     model: PointMassModel,
 ) -> Iterator[Place]:
@@ -290,7 +282,7 @@ def _places(
 
 
 def _offsets(
-    steps: tuple[Footstep, ...],
+    steps: tuple[walking.Footstep, ...],
     params: CaptureRegionStepAdjusterParams,
     model: PointMassModel,
     on: Mechanisms,
@@ -300,9 +292,9 @@ def _offsets(
     Each foothold is the stance foot of the following step, whose reach is about
     it.
     """
-    total = total_region(model.reach, on.cross_over)
+    total = reachability.total_region(model.reach, on.cross_over)
     reaches = [
-        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
+        in_world(total, walking.FootPose(yaw=step.pose.yaw), following.side)
         for step, following in itertools.pairwise(steps[: params.num_steps])
     ]
     contractions = step_contractions(steps, params, model.omega)
@@ -310,7 +302,7 @@ def _offsets(
 
 
 def _stance_foot(
-    stance: FootPose, step: Footstep, sole: Array
+    stance: walking.FootPose, step: walking.Footstep, sole: Array
 ) -> tuple[Array, Array]:
     """Returns A (k, 2), b (k,): the foothold p is blocked if A p < b.
 
@@ -318,7 +310,7 @@ def _stance_foot(
     reflected swing sole, without the outer side: the swing foot cannot reach
     the far side of the stance leg.
     """
-    swing = FootPose(yaw=step.pose.yaw)
+    swing = walking.FootPose(yaw=step.pose.yaw)
     A, b = halfspaces(
         minkowski_sum(
             convex_hull(stance.to_world(sole)),

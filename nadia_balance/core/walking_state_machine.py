@@ -156,15 +156,14 @@ class StateMachine:
         elapsed = state.elapsed + period
         waits = done and schedule.phase is Phase.TRANSFER
         force = self._contact_force(schedule, time, elapsed, measured)
+        impulse = state.contact_impulse + period * force if force else 0.0
         return replace(
             state,
             time_in_phase=time,
             elapsed=elapsed,
             waiting=done,
             waited=state.waited + period if waits else 0.0,
-            contact_impulse=state.contact_impulse + period * force
-            if force
-            else 0.0,
+            contact_impulse=impulse,
         )
 
     def _contact_force(

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, Phase, Side, WalkingState
-from nadia_balance.core.whole_body_params import (
-    CrossingTurnParams,
-    WholeBodyQpParams,
-)
+from nadia_balance.core.whole_body_params import CrossingTurnParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams as Params
 
 # Rows of WholeBodyTerms; the joints' rows follow BASE.
 LEFT_SOLE = slice(0, 6)
@@ -126,7 +124,7 @@ def whole_body_command(
     momentum_rate: Array,
     swing: Array,
     friction: float,
-    params: WholeBodyQpParams,
+    params: Params,
     model: WholeBodyModel,
 ) -> WholeBodyCommand:
     """Returns contacts, heading and force bounds of a walking state.
@@ -175,10 +173,7 @@ def sole_normals(state: WalkingState) -> Array:
 
 
 def rolling_edge(
-    state: WalkingState,
-    side: Side,
-    params: WholeBodyQpParams,
-    model: WholeBodyModel,
+    state: WalkingState, side: Side, params: Params, model: WholeBodyModel
 ) -> float:
     """Returns x [m] of the edge about which the sole may roll; 0 if none.
 
@@ -257,10 +252,7 @@ def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
 
 
 def max_normal_force(
-    state: WalkingState,
-    side: Side,
-    params: WholeBodyQpParams,
-    model: WholeBodyModel,
+    state: WalkingState, side: Side, params: Params, model: WholeBodyModel
 ) -> float:
     """Upper bound [N] of a sole's normal force, linear in time in a transfer.
 

@@ -8,12 +8,10 @@ import numpy as np
 
 from nadia_balance.core.joint_drives import torque_limits
 from nadia_balance.core.walking import Array
-from nadia_balance.core.whole_body_command import (
-    WholeBodyCommand,
-    WholeBodyModel,
-    WholeBodyTerms,
-)
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
+from nadia_balance.core.whole_body_command import WholeBodyModel as Model
+from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms
+from nadia_balance.core.whole_body_params import WholeBodyQpParams as Params
 
 NUM_CONE_ROWS = 16
 
@@ -25,18 +23,9 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
     along `length` [m].  The cone is exact for four corners with a friction
     pyramid |f_x|, |f_y| <= friction * f_z each.  Rows: 4 friction, 4 centre
     of pressure, 8 yaw moment (Caron, Pham, Nakamura, Stability of surface
-    contacts for humanoid robots, ICRA 2015, Eqs. 15-19).
-
-    Raises:
-        ValueError: an argument is not positive.
+    contacts for humanoid robots, ICRA 2015, Eqs. 15-19).  All arguments are
+    positive.
     """
-    for name, value in (
-        ("length", length),
-        ("width", width),
-        ("friction", friction),
-    ):
-        if not value > 0.0:
-            raise ValueError(f"{name} = {value}: must be > 0")
     x, y, mu = 0.5 * length, 0.5 * width, friction
     signs = list(itertools.product((1.0, -1.0), repeat=2))
     force = [[0, 0, 0, s, 0, -mu] for s in (1.0, -1.0)]
@@ -67,13 +56,10 @@ class WholeBodyLimits:
     of self-collisions.
     """
 
-    def __init__(
-        self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
-    ):
+    def __init__(self, params: Params, model: Model, period: float):
         """Builds the limits of `model` and `params` for ticks of `period` [s].
 
-        Raises:
-            ValueError: the margin leaves no area of the sole.
+        Raises ValueError: the margin leaves no area of the sole.
         """
         self._params, self._mass = params, model.mass
         n = model.num_joints
@@ -103,7 +89,7 @@ class WholeBodyLimits:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
 
-    def num_rows(self, num_soles: int, terms: WholeBodyTerms) -> int:
+    def num_rows(self, num_soles: int, terms: Terms) -> int:
         """Returns the number of rows with `num_soles` in contact."""
         rows = self._joint_rows.stop + num_soles * _FOOT_ROWS
         return rows + (len(terms.avoidance.limits) if terms.avoidance else 0)
@@ -112,8 +98,8 @@ class WholeBodyLimits:
         self,
         C: Array,
         bounds: Array,
-        terms: WholeBodyTerms,
-        command: WholeBodyCommand,
+        terms: Terms,
+        command: Command,
         last_torques: Array | None = None,
     ) -> None:
         """Writes lower and upper `bounds` (2, m), and completes `C` (m, n).
@@ -166,7 +152,7 @@ class WholeBodyLimits:
 
     def freed(
         self,
-        terms: WholeBodyTerms,
+        terms: Terms,
         last_torques: Array | None,
         lower: Array,
         upper: Array,
@@ -199,17 +185,15 @@ class WholeBodyLimits:
         cone[-1, 5] = 1.0
         return cone.reshape(-1, 3)
 
-    def _braking(self, terms: WholeBodyTerms) -> Array:
+    def _braking(self, terms: Terms) -> Array:
         """Bounds (2, nj) [rad/s^2] on vdot from position and speed limits.
 
         q + T v + T^2/2 vdot stays within the position limits for a horizon T,
         v + T vdot within the speed limits for a shorter one; the bounds are
         clipped to `max_joint_acceleration`.
         """
-        horizon, most = (
-            self._params.joint_limit_horizon,
-            self._params.max_joint_acceleration,
-        )
+        horizon = self._params.joint_limit_horizon
+        most = self._params.max_joint_acceleration
         ahead = terms.q[7:] + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
         room = self._speeds - terms.v[6:]

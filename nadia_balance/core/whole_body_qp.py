@@ -6,26 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core import whole_body_command
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.walking import Array
-from nadia_balance.core.whole_body_command import (
-    BASE,
-    LEFT_SOLE,
-    RIGHT_SOLE,
-    SOLES,
-    WholeBodyCommand,
-    WholeBodyModel,
-    WholeBodyTerms,
-)
+from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
+from nadia_balance.core.whole_body_command import WholeBodyModel as Model
+from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms
 from nadia_balance.core.whole_body_limits import WholeBodyLimits
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_params import WholeBodyQpParams as Params
 from nadia_balance.core.whole_body_tasks import Task, WeightedTasks, usual_tasks
 
 # Rows of J of the soles in contact, by (left, right).
 _CARRYING = {
     (True, True): slice(0, 12),
-    (True, False): LEFT_SOLE,
-    (False, True): RIGHT_SOLE,
+    (True, False): whole_body_command.LEFT_SOLE,
+    (False, True): whole_body_command.RIGHT_SOLE,
 }
 
 
@@ -64,8 +59,8 @@ class WholeBodyQp:
 
     def __init__(
         self,
-        params: WholeBodyQpParams,
-        model: WholeBodyModel,
+        params: Params,
+        model: Model,
         period: float,
         tasks: Iterable[Task] = (),
     ):
@@ -73,18 +68,15 @@ class WholeBodyQp:
 
         `tasks` are added to those of momentum, trunk and swing foot.
 
-        Raises:
-            ValueError: a task's weight is negative, or the margin leaves no
-                area of the sole.
+        Raises ValueError: a task's weight is negative, or the margin leaves no
+        area of the sole.
         """
         self._params, self._model = params, model
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
-        self._qps = {
-            n: DenseQp(nv + 6 * n)
-            for n in (1, 2)  # soles in contact
-        }
+        # By the number of soles in contact.
+        self._qps = {n: DenseQp(nv + 6 * n) for n in (1, 2)}
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
             model.is_leg_joint, params.leg_posture_weight, params.posture_weight
@@ -100,18 +92,14 @@ class WholeBodyQp:
         self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
 
     def solve(
-        self,
-        terms: WholeBodyTerms,
-        command: WholeBodyCommand,
-        last_torques: Array | None = None,
+        self, terms: Terms, command: Command, last_torques: Array | None = None
     ) -> WholeBodySolution:
         """Returns the solution of the QP, relaxed if it is infeasible.
 
         `last_torques` (nj,) [N m], if given, are the start of the torque rate
         limit.
 
-        Raises:
-            ValueError: NaN or infinity in `terms` or `command`.
+        Raises ValueError: NaN or infinity in `terms` or `command`.
         """
         contacts = command.contacts
         problem = self.problem(terms, command, last_torques)
@@ -137,9 +125,7 @@ class WholeBodyQp:
         wrenches[_CARRYING[contacts]] = mass * qp.x[nv:]
         return WholeBodySolution(qp.x[:nv], wrenches, mass * torques, qp)
 
-    def damping_torques(
-        self, terms: WholeBodyTerms, last: Array | None = None
-    ) -> Array:
+    def damping_torques(self, terms: Terms, last: Array | None = None) -> Array:
         """Returns the damping torques -d M v (nj,) [N m], within limits.
 
         M is the joints' block of the mass matrix; d is low enough for drives
@@ -153,10 +139,7 @@ class WholeBodyQp:
         return np.asarray(self._model.mass * torques)
 
     def problem(
-        self,
-        terms: WholeBodyTerms,
-        command: WholeBodyCommand,
-        last_torques: Array | None = None,
+        self, terms: Terms, command: Command, last_torques: Array | None = None
     ) -> QpProblem:
         """Returns the matrices and bounds of the QP."""
         nv, soles = terms.v.size, _CARRYING[command.contacts]
@@ -170,9 +153,9 @@ class WholeBodyQp:
         motion = rows[6 * n : 6 * n + nv]
         motion[:, :nv] = terms.forces[:, :nv]
         motion[:, nv:] = -J.T
-        b = -terms.rows[: BASE.stop, -1]
+        b = -terms.rows[: whole_body_command.BASE.stop, -1]
         b[:12] += self._rest(terms, command.normals)
-        b = np.concatenate((b[soles], b[BASE]))
+        b = np.concatenate((b[soles], b[whole_body_command.BASE]))
         limits = bounds[:, len(A) :]
         self._limits.fill(C, limits, terms, command, last_torques)
         H, g = self._cost(terms, command)
@@ -185,7 +168,7 @@ class WholeBodyQp:
 
     def _let_roll(
         self,
-        terms: WholeBodyTerms,
+        terms: Terms,
         side: int,
         edge: float,
         A: Array,
@@ -200,7 +183,7 @@ class WholeBodyQp:
         is zero.  Keeping the sole flat is a soft task in H and g instead, with
         the weight of a swing foot.
         """
-        sole, nv = SOLES[side], terms.v.size
+        sole, nv = whole_body_command.SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
         px, py, pz = p = edge * x
         cross = np.array([[0.0, -pz, py], [pz, 0.0, -px], [-py, px, 0.0]])
@@ -223,7 +206,7 @@ class WholeBodyQp:
         wrench[:3], wrench[3:] = y, -y @ cross
         A[sole], b[sole] = rows, values
 
-    def _rest(self, terms: WholeBodyTerms, normals: Array) -> Array:
+    def _rest(self, terms: Terms, normals: Array) -> Array:
         """Accelerations (12,) that damp and align soles to `normals`."""
         params = self._params
         rest = -params.stance_damping * terms.velocities[:12]
@@ -234,9 +217,7 @@ class WholeBodyQp:
         rest[2::6] += x * ny - y * nx
         return np.asarray(rest)
 
-    def _cost(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> tuple[Array, Array]:
+    def _cost(self, terms: Terms, command: Command) -> tuple[Array, Array]:
         """Returns H and g of the cost of all soft tasks."""
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)

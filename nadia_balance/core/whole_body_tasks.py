@@ -8,18 +8,13 @@ import numpy as np
 
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Array, tilt
-from nadia_balance.core.whole_body_command import (
-    BASE,
-    PELVIS,
-    SOLES,
-    TORSO,
-    WholeBodyCommand,
-    WholeBodyModel,
-    WholeBodyTerms,
-)
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.whole_body_command import BASE, PELVIS, SOLES, TORSO
+from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
+from nadia_balance.core.whole_body_command import WholeBodyModel as Model
+from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms
+from nadia_balance.core.whole_body_params import WholeBodyQpParams as Params
 
-_MOMENT, _FORCE = slice(0, 3), slice(3, 6)  # columns of the base's rows
+_FORCE = slice(3, 6)  # columns of the base's rows
 
 
 class Motion(NamedTuple):
@@ -48,9 +43,7 @@ class Task(Protocol):
     def weight(self) -> float | Array:
         """The weight of its squared error."""
 
-    def motion(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> Motion | None:
+    def motion(self, terms: Terms, command: Command) -> Motion | None:
         """Returns the motion wanted in this tick; None: any."""
 
 
@@ -65,21 +58,14 @@ class MomentumTask:
 
     name = "momentum"
 
-    def __init__(self, params: WholeBodyQpParams, model: WholeBodyModel):
-        """Reads the weights of `params` and the mass of `model`."""
-        horizontal, angular = (
-            params.momentum_weight,
-            params.angular_momentum_weight,
-        )
-        self.weight = np.array(
-            [horizontal] * 2 + [params.height_weight] + [angular] * 3
-        )
+    def __init__(self, params: Params, model: Model):
+        force, height = params.momentum_weight, params.height_weight
+        moment = params.angular_momentum_weight
+        self.weight = np.array([force, force, height, *[moment] * 3])
         self._damping, self._mass = params.angular_momentum_damping, model.mass
         self._selection: Array = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
-    def motion(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> Motion:
+    def motion(self, terms: Terms, command: Command) -> Motion:
         """Returns the rows (6, nv + 1) of force and moment about the CoM."""
         selection, base = self._selection.copy(), terms.rows[BASE]
         # The moment about the CoM: minus the lever arm times the force.  The
@@ -102,8 +88,7 @@ class TrunkTask:
     The pelvis is turned relative to the heading (see crossing_turn).
     """
 
-    def __init__(self, name: str, params: WholeBodyQpParams):
-        """Reads weight and gains of the body `name`, torso or pelvis."""
+    def __init__(self, name: str, params: Params):
         self.name = name
         self.weight: float = getattr(params, f"{name}_weight")
         self._is_pelvis = name == "pelvis"
@@ -112,9 +97,7 @@ class TrunkTask:
         self._kp = params.orientation_gain
         self._kd = 2.0 * params.damping_ratio * math.sqrt(self._kp)
 
-    def motion(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> Motion:
+    def motion(self, terms: Terms, command: Command) -> Motion:
         """Returns the rows (3, nv + 1) of the angular acceleration."""
         yaw, rate, acceleration = command.heading
         if self._is_pelvis:
@@ -134,8 +117,7 @@ class SwingFootTask:
 
     name = "swing_foot"
 
-    def __init__(self, params: WholeBodyQpParams):
-        """Reads weights and gains of `params`."""
+    def __init__(self, params: Params):
         self.weight = np.repeat(
             [params.swing_orientation_weight, params.swing_position_weight], 3
         )
@@ -144,9 +126,7 @@ class SwingFootTask:
         )
         self._kd = 2.0 * params.damping_ratio * np.sqrt(self._kp)
 
-    def motion(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
-    ) -> Motion | None:
+    def motion(self, terms: Terms, command: Command) -> Motion | None:
         """Returns the rows (6, nv + 1) of the sole; None if both carry."""
         if all(command.contacts):
             return None
@@ -168,7 +148,7 @@ class SwingFootTask:
         return Motion(terms.rows[sole], wanted)
 
 
-def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
+def usual_tasks(params: Params, model: Model) -> list[Task]:
     """Returns the tasks of the momentum, the trunk and the swing foot."""
     return [
         MomentumTask(params, model),
@@ -195,7 +175,7 @@ class WeightedTasks:
                 )
             self._tasks.append((task, np.sqrt(weight)[:, None]))
 
-    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
+    def rows(self, terms: Terms, command: Command) -> Array:
         """Returns [S, r] (n, nv + 1) of this tick, braking links last."""
         parts = []
         for task, root in self._tasks:

@@ -9,30 +9,16 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance import palette
+from nadia_balance.core import walking
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.polygon import intersection, support_polygon
 from nadia_balance.core.reachability import circle
-from nadia_balance.core.walking import (
-    Array,
-    FootPose,
-    Phase,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking import FootPose, WalkingState
+from nadia_balance.systems import overlay
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.momentum_qp import EcmpCommand
-from nadia_balance.systems.overlay import (
-    ChangingPolygon,
-    Drawing,
-    add_arrow,
-    add_marker,
-    add_polygon,
-    at_height,
-    hide_before,
-    sole_transform,
-)
 from nadia_balance.systems.ports import ValueInput
 
 ROOT = "/overlay"
@@ -127,10 +113,12 @@ class BalanceVisualizer(LeafSystem):
             self.DeclareForcedPublishEvent(draw)
 
     def _add_objects(self, meshcat: Meshcat, ground: Ground | None) -> None:
-        def sole(path: str, color: str) -> Drawing:
-            corners = at_height(self._sole, _REGION)
+        def sole(path: str, color: str) -> overlay.Drawing:
+            corners = overlay.at_height(self._sole, _REGION)
             shade = palette.rgba(color)
-            return add_polygon(meshcat, path, corners, shade, False, True)
+            return overlay.add_polygon(
+                meshcat, path, corners, shade, False, True
+            )
 
         self._footsteps = {
             side: [
@@ -140,20 +128,20 @@ class BalanceVisualizer(LeafSystem):
                 )
                 for i in range(STEPS_PER_SIDE)
             ]
-            for side in Side
+            for side in walking.Side
         }
         self._polygons = {
-            path: ChangingPolygon(meshcat, path, color, PERIOD, filled)
+            path: overlay.ChangingPolygon(meshcat, path, color, PERIOD, filled)
             for path, (color, filled) in _POLYGONS.items()
         }
         self._nominal = sole(f"{REGIONS}/nominal", palette.NOMINAL)
-        self._region_view = Drawing(meshcat, REGIONS)
+        self._region_view = overlay.Drawing(meshcat, REGIONS)
         self._markers = {
-            name: add_marker(meshcat, f"{ROOT}/{name}", *look)
+            name: overlay.add_marker(meshcat, f"{ROOT}/{name}", *look)
             for name, look in _MARKERS.items()
         }
-        self._middle = Drawing(meshcat, MIDDLE)
-        self._arrow = add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
+        self._middle = overlay.Drawing(meshcat, MIDDLE)
+        self._arrow = overlay.add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
         self._add_ground(meshcat, ground)
 
     def _add_ground(self, meshcat: Meshcat, ground: Ground | None) -> None:
@@ -165,7 +153,7 @@ class BalanceVisualizer(LeafSystem):
             z = region.heights(region.polygon) + _ON_FLOOR
             corners = np.column_stack([region.polygon, z])
             usual, self._in_use[region.name] = (
-                add_polygon(
+                overlay.add_polygon(
                     meshcat,
                     f"{ROOT}/ground/{name}",
                     corners,
@@ -199,7 +187,7 @@ class BalanceVisualizer(LeafSystem):
                 self._markers[name].place(RigidTransform(p_W), time)
         if self._com.HasValue(context):
             self._draw_com_and_push(context, time)
-        if schedule.phase is not Phase.SWING:
+        if schedule.phase is not walking.Phase.SWING:
             self._region_view.show(False, time)
         return EventStatus.Succeeded()
 
@@ -218,18 +206,18 @@ class BalanceVisualizer(LeafSystem):
                 _draw_sole(outline, pose, time)
 
     def _draw_print(
-        self, side: Side, number: int, pose: FootPose, time: float
+        self, side: walking.Side, number: int, pose: FootPose, time: float
     ) -> None:
         """Draws the print that step `number` left on `side`."""
         path, is_new = f"{FOOTPRINTS}/{side.value}_{number}", False
         if not self._meshcat.HasPath(path):
             color = palette.rgba(palette.foot_color(side), 0.6)
-            corners, is_new = at_height(self._sole, 0.0), True
-            add_polygon(self._meshcat, path, corners, color)
-        drawing = Drawing(self._meshcat, path)
+            corners, is_new = overlay.at_height(self._sole, 0.0), True
+            overlay.add_polygon(self._meshcat, path, corners, color)
+        drawing = overlay.Drawing(self._meshcat, path)
         if is_new:
-            hide_before(drawing, time, PERIOD)
-        drawing.place(sole_transform(pose, _PRINT), time)
+            overlay.hide_before(drawing, time, PERIOD)
+        drawing.place(overlay.sole_transform(pose, _PRINT), time)
 
     def _draw_region_in_use(self, state: WalkingState, time: float) -> None:
         """Highlights the region of the next foothold."""
@@ -263,14 +251,14 @@ class BalanceVisualizer(LeafSystem):
         is drawn only if the adjusted one differs from it.
         """
         schedule = self._walking_state(context).schedule
-        if schedule.phase is not Phase.SWING:
+        if schedule.phase is not walking.Phase.SWING:
             return EventStatus.DidNothing()
         if (found := self._regions(context)) is None:
             return EventStatus.DidNothing()
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
-        drawn: dict[str, Array] = {"reach": found.reach}
+        drawn: dict[str, walking.Array] = {"reach": found.reach}
         for i, region in zip_longest(range(3), found.regions[:3]):
             clipped = _NOTHING if region is None else intersection(region, near)
             drawn[f"c_{i + 1}"] = clipped
@@ -287,9 +275,11 @@ class BalanceVisualizer(LeafSystem):
         return EventStatus.Succeeded()
 
 
-def _draw_sole(outline: Drawing, pose: FootPose | None, time: float) -> None:
+def _draw_sole(
+    outline: overlay.Drawing, pose: FootPose | None, time: float
+) -> None:
     """Shows an outlined sole at `pose`; None hides it."""
     if pose is None:
         outline.show(False, time)
     else:
-        outline.place(sole_transform(pose), time)
+        outline.place(overlay.sole_transform(pose), time)

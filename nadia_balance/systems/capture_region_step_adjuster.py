@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core import walking
 from nadia_balance.core.bounds import check
 from nadia_balance.core.foothold_adjustment import (
     CaptureRegions,
@@ -21,25 +22,13 @@ from nadia_balance.core.swing_geometry import (
     geometry_key,
     swing_geometry,
 )
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPoses,
-    Phase,
-    WalkingState,
-)
-from nadia_balance.systems.ports import (
-    MechanismsInput,
-    ValueInput,
-    VectorInput,
-    declare_cache,
-    declare_output,
-)
+from nadia_balance.systems import ports
 
 
 class Tick(NamedTuple):
     """The inputs of one tick; `landing` is None outside of a swing."""
 
-    state: WalkingState
+    state: walking.WalkingState
     on: Mechanisms
     landing: Landing | None = None
 
@@ -75,30 +64,30 @@ class CaptureRegionStepAdjuster(LeafSystem):
         model: PointMassModel,
         period: float,
     ):
-        """The proposal is read once per `period` [s].
-
-        Raises ValueError for `params` that are out of range.
-        """
         super().__init__()
         check(params)
         params.usable_foot(model.sole)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
-        self._icp = VectorInput(self, "icp", 2)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._feet = ValueInput(self, "foot_poses", FootPoses, None)
-        self._mechanisms = MechanismsInput(self)
+        self._icp = ports.VectorInput(self, "icp", 2)
+        self._walking_state = ports.ValueInput(
+            self, "walking_state", walking.WalkingState
+        )
+        self._time = ports.VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
+        self._feet = ports.ValueInput(
+            self, "foot_poses", walking.FootPoses, None
+        )
+        self._mechanisms = ports.MechanismsInput(self)
         inputs = {self.all_input_ports_ticket()}
-        self._tick = declare_cache(self, "tick", self._calc_tick, inputs)
+        self._tick = ports.declare_cache(self, "tick", self._calc_tick, inputs)
         needs = {self._tick.ticket()}
-        self._adjustment = declare_output(
+        self._adjustment = ports.declare_output(
             self, "adjustment", self._calc_adjustment, needs
         )
-        declare_output(self, "capture_regions", self._calc_regions, needs)
+        ports.declare_output(self, "capture_regions", self._calc_regions, needs)
 
-    def _calc_tick(self, context, last: Tick | None) -> Tick:
+    def _calc_tick(self, context, last: Tick | tuple[()]) -> Tick:
         state, on = self._walking_state(context), self._mechanisms(context)
-        if state.schedule.phase is not Phase.SWING:
+        if state.schedule.phase is not walking.Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)
         if last and last.landing and key == last.landing.geometry.key:
@@ -114,7 +103,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         landing = Landing(geometry, self._icp(context), touchdown, foot)
         return Tick(state, on, landing)
 
-    def _calc_adjustment(self, context) -> Adjustment | None:
+    def _calc_adjustment(self, context) -> walking.Adjustment | None:
         state, on, landing = self._tick.Eval(context)
         if not on.step:
             return None

@@ -3,8 +3,7 @@
 import math
 
 from pydrake.common.containers import namedview
-from pydrake.common.value import Value
-from pydrake.systems.framework import LeafSystem, ValueProducer
+from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.collision_avoidance import CollisionAvoidance
 from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
@@ -12,19 +11,14 @@ from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
 from nadia_balance.core.whole_body_command import WholeBodyTerms
 from nadia_balance.robot import RobotModel
-from nadia_balance.systems.ports import (
-    VectorInput,
-    declare_output,
-    entries,
-    size,
-)
+from nadia_balance.systems import ports
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
 
 
 class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
     """Position and velocity of the centre of mass, (3,) in W [m], [m/s]."""
 
-    position, velocity = entries(0, 3), entries(3, 6)
+    position, velocity = ports.entries(0, 3), ports.entries(3, 6)
 
 
 class CentroidalEstimator(LeafSystem):
@@ -34,8 +28,6 @@ class CentroidalEstimator(LeafSystem):
     `control_plant`.  `whole_body_terms` are WholeBodyTerms, from which the
     other outputs follow: `com_state`, a ComState, `icp` (2,) [m] in W, and
     `foot_poses`, FootPoses (as if level).
-
-    Evaluating any output raises RuntimeError if the state is not finite.
 
     .. pydrake_system::
 
@@ -62,27 +54,20 @@ class CentroidalEstimator(LeafSystem):
             avoidance, robot, plant, scene_graph
         )
         self._omega = robot.point_mass.omega
-        self._state = VectorInput(
+        self._state = ports.VectorInput(
             self, "predicted_state", plant.num_multibody_states()
         )
-        # Scratch memory: only the calculation of the terms changes it.
-        self._scratch = self.DeclareCacheEntry(
-            "plant context",
-            ValueProducer(
-                allocate=lambda: Value(diagram.CreateDefaultContext()),
-                calc=ValueProducer.NoopCalc,
-            ),
-            prerequisites_of_calc={self.nothing_ticket()},
-        )
-        self._terms = declare_output(
+        # Only the calculation of the terms changes it.
+        self._scratch = ports.declare_scratch(self, diagram)
+        self._terms = ports.declare_output(
             self, "whole_body_terms", self._calc_terms, {self._state.ticket()}
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
-            "com_state", size(ComState), self._calc_com_state, needs
+            "com_state", ports.size(ComState), self._calc_com_state, needs
         )
         self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
-        declare_output(self, "foot_poses", self._calc_foot_poses, needs)
+        ports.declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
     def _calc_terms(self, context) -> WholeBodyTerms:
         plant_context = self._plant.GetMyMutableContextFromRoot(

@@ -5,16 +5,15 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.bounds import check
 from nadia_balance.core.com_height import (
     ComHeightParams,
-    ComHeightPlan,
     plan_com_height,
     vertical_acceleration,
 )
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.momentum_qp import momentum_rate
-from nadia_balance.core.walking import ContactSchedule, WalkingState
+from nadia_balance.core.walking import WalkingState
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.momentum_qp import EcmpCommand
-from nadia_balance.systems.ports import ValueInput, VectorInput, declare_cache
+from nadia_balance.systems.ports import ValueInput, VectorInput, declare_plan
 
 
 class ComHeightController(LeafSystem):
@@ -26,8 +25,6 @@ class ComHeightController(LeafSystem):
     EcmpCommand; `walking_state`, a WalkingState.  Output: `momentum_rate` (3,)
     [N] in W.  The block has no state.
 
-    Evaluating the output raises RuntimeError if a vector input is not finite.
-
     .. pydrake_system::
 
         name: ComHeightController
@@ -38,32 +35,18 @@ class ComHeightController(LeafSystem):
     def __init__(
         self, params: ComHeightParams, model: PointMassModel, period: float
     ):
-        """Controls the `model`; `period` [s] is not used.
-
-        Raises ValueError for `params` that are out of range.
-        """
         super().__init__()
         check(params)
         self._params, self._model = params, model
         self._com_state = VectorInput(self, "com_state", ComState)
         self._ecmp_command = VectorInput(self, "ecmp_command", EcmpCommand)
         self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._height = declare_cache(
+        self._height = declare_plan(
             self,
-            "schedule and its height",
-            self._calc_height,
-            {self._walking_state.ticket()},
-            (None, None),
+            self._walking_state,
+            lambda state: plan_com_height(state.schedule, params, model),
         )
         self.DeclareVectorOutputPort("momentum_rate", 3, self._calc_rate)
-
-    def _calc_height(
-        self, context, last: tuple[ContactSchedule | None, ComHeightPlan | None]
-    ) -> tuple[ContactSchedule, ComHeightPlan]:
-        schedule = self._walking_state(context).schedule
-        if schedule is last[0]:
-            return last
-        return schedule, plan_com_height(schedule, self._params, self._model)
 
     def _calc_rate(self, context, output):
         com = self._com_state(context)

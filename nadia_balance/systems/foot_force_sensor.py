@@ -78,9 +78,7 @@ class FootForceSensor(LeafSystem):
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=step, offset_sec=0.0, update=self._measure
-        )
+        self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context, state):
         left, right = self._forces(self._contact_results.Eval(context))

@@ -19,8 +19,6 @@ class FrictionEstimator(LeafSystem):
     coefficient of the friction pyramid, one tick late.  The discrete state is
     a FrictionEstimate.
 
-    An update raises RuntimeError if `foot_wrenches` is not finite.
-
     .. pydrake_system::
 
         name: FrictionEstimator

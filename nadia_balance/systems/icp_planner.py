@@ -4,38 +4,21 @@ import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core import icp_plan
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
 from nadia_balance.core.bounds import check
-from nadia_balance.core.icp_plan import (
-    IcpPlan,
-    IcpPlanParams,
-    plan_icp,
-    reference_of,
-)
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import ContactSchedule, WalkingState
-from nadia_balance.systems.ports import (
-    ValueInput,
-    declare_cache,
-    declare_output,
-    entries,
-    size,
-)
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.systems import ports
+
+_FIELDS = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
 
 
-class IcpReference(
-    namedview(
-        "IcpReference",
-        [
-            *("icp_x", "icp_y", "icp_velocity_x", "icp_velocity_y"),
-            *("cop_x", "cop_y", "ecmp_x", "ecmp_y"),
-        ],
-    )
-):
+class IcpReference(namedview("IcpReference", _FIELDS.split())):
     """The ICP plan at the present time, xy in W [m], [m/s]."""
 
-    icp, icp_velocity = entries(0, 2), entries(2, 4)
-    cop, ecmp = entries(4, 6), entries(6, 8)
+    icp, icp_velocity = ports.entries(0, 2), ports.entries(2, 4)
+    cop, ecmp = ports.entries(4, 6), ports.entries(6, 8)
 
 
 class IcpPlanner(LeafSystem):
@@ -55,48 +38,38 @@ class IcpPlanner(LeafSystem):
 
     def __init__(
         self,
-        params: IcpPlanParams | AtlasIcpPlanParams,
+        params: icp_plan.IcpPlanParams | AtlasIcpPlanParams,
         model: PointMassModel,
         period: float,
         has_reference: bool = True,
     ):
-        """Plans for the point mass `model`; `period` [s] is not used.
-
-        Raises ValueError for `params` that are out of range.
-        """
         super().__init__()
         check(params)
-        self._params, self._model = params, model
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._planned = declare_cache(
+        self._walking = ports.ValueInput(self, "walking_state", WalkingState)
+        self._planned = ports.declare_plan(
             self,
-            "schedule and its plan",
-            self._calc_planned,
-            {self._walking_state.ticket()},
-            (None, None),
+            self._walking,
+            lambda state: (
+                plan_atlas_icp(state.schedule, params, model)
+                if isinstance(params, AtlasIcpPlanParams)
+                else icp_plan.plan_icp(state.schedule, params, model)
+            ),
         )
-        declare_output(self, "icp_plan", self._plan, {self._planned.ticket()})
+        needs = {self._planned.ticket()}
+        ports.declare_output(self, "icp_plan", self._plan, needs)
         if has_reference:
             self.DeclareVectorOutputPort(
                 "icp_reference",
-                size(IcpReference),
+                ports.size(IcpReference),
                 self._calc_reference,
-                {self._planned.ticket()},
+                needs,
             )
 
-    def _plan(self, context) -> IcpPlan:
+    def _plan(self, context) -> icp_plan.IcpPlan:
         return self._planned.Eval(context)[1]
 
-    def _calc_planned(self, context, last) -> tuple[ContactSchedule, IcpPlan]:
-        schedule = self._walking_state(context).schedule
-        if schedule is last[0]:
-            return last
-        if isinstance(self._params, AtlasIcpPlanParams):
-            return schedule, plan_atlas_icp(schedule, self._params, self._model)
-        return schedule, plan_icp(schedule, self._params, self._model)
-
     def _calc_reference(self, context, output):
-        now = reference_of(self._plan(context), self._walking_state(context))
+        now = icp_plan.reference_of(self._plan(context), self._walking(context))
         output.SetFromVector(
             np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
         )

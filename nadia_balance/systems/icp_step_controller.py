@@ -5,36 +5,17 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core import icp_step_control, walking
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.bounds import check
 from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.icp_step_control import (
-    StepFeedback,
-    StepPhase,
-    step_feedback,
-    step_phase,
-    uncrossed_reach,
-)
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import shrink
-from nadia_balance.core.walking import (
-    Adjustment,
-    ContactSchedule,
-    Phase,
-    WalkingState,
-)
+from nadia_balance.core.walking import Phase
+from nadia_balance.systems import ports
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
-from nadia_balance.systems.ports import (
-    MechanismsInput,
-    Outcome,
-    ValueInput,
-    VectorInput,
-    declare_cache,
-    declare_output,
-    size,
-)
 
 
 class IcpStepController(LeafSystem):
@@ -76,20 +57,22 @@ class IcpStepController(LeafSystem):
         super().__init__()
         check(params)
         shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
-        self._params, self._model = params, model
-        self._reach = uncrossed_reach(params, model)
+        self._params = params
         self._qp = IcpStepQp(params)
-        self._icp = VectorInput(self, "icp", 2)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._icp_plan = ValueInput(self, "icp_plan", AtlasIcpPlan)
-        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._mechanisms = MechanismsInput(self)
-        self._phase = declare_cache(
+        self._icp = ports.VectorInput(self, "icp", 2)
+        self._walking_state = ports.ValueInput(
+            self, "walking_state", walking.WalkingState
+        )
+        self._icp_plan = ports.ValueInput(self, "icp_plan", AtlasIcpPlan)
+        self._time = ports.VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
+        self._mechanisms = ports.MechanismsInput(self)
+        reach = icp_step_control.uncrossed_reach(params, model)
+        self._phase = ports.declare_plan(
             self,
-            "phase",
-            self._calc_phase,
-            {self._walking_state.ticket()},
-            (None, None),
+            self._walking_state,
+            lambda state: icp_step_control.step_phase(
+                state, reach, self._qp, params, model
+            ),
         )
         needs = {
             port.ticket()
@@ -101,20 +84,20 @@ class IcpStepController(LeafSystem):
                 self._mechanisms,
             )
         }
-        self._feedback = declare_cache(
+        self._feedback = ports.declare_cache(
             self, "feedback", self._calc_feedback, needs
         )
         needs = {self._feedback.ticket()}
-        declare_output(self, "adjustment", self._adjustment, needs)
-        declare_output(
+        ports.declare_output(self, "adjustment", self._adjustment, needs)
+        ports.declare_output(
             self, "capture_regions", self._calc_capture_regions, needs
         )
-        Outcome(
+        ports.Outcome(
             self,
             {
-                "ecmp_command": size(EcmpCommand),
-                "momentum_qp_status": size(QpStatus),
-                "icp_reference": size(IcpReference),
+                "ecmp_command": ports.size(EcmpCommand),
+                "momentum_qp_status": ports.size(QpStatus),
+                "icp_reference": ports.size(IcpReference),
             },
             3,
             self._calc_outcome,
@@ -122,21 +105,12 @@ class IcpStepController(LeafSystem):
             period,
         )
 
-    def _calc_phase(self, context, last) -> tuple[ContactSchedule, StepPhase]:
-        state = self._walking_state(context)
-        if state.schedule is last[0]:
-            return last
-        phase = step_phase(
-            state, self._reach, self._qp, self._params, self._model
-        )
-        return state.schedule, phase
-
-    def _calc_feedback(self, context, _) -> StepFeedback:
+    def _calc_feedback(self, context, _) -> icp_step_control.StepFeedback:
         state = self._walking_state(context)
         if (gain := float(self._time(context)[0])) > 0.0:  # t+
             time = min(state.time_in_phase + gain, state.schedule.duration)
             state = replace(state, time_in_phase=time)
-        return step_feedback(
+        return icp_step_control.step_feedback(
             state,
             self._phase.Eval(context)[1],
             self._icp_plan(context),
@@ -146,7 +120,7 @@ class IcpStepController(LeafSystem):
             self._mechanisms(context).step,
         )
 
-    def _adjustment(self, context) -> Adjustment | None:
+    def _adjustment(self, context) -> walking.Adjustment | None:
         return self._feedback.Eval(context).adjustment
 
     def _calc_capture_regions(self, context) -> CaptureRegions:

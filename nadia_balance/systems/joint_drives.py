@@ -17,8 +17,6 @@ class JointDrives(LeafSystem):
     [q, v] of the plant.  The discrete state is `torques`, 0 at the start; it is
     updated in every step of the plant, so that a command acts one step late.
 
-    An update raises RuntimeError if an input is not finite.
-
     .. pydrake_system::
 
         name: JointDrives
@@ -29,8 +27,7 @@ class JointDrives(LeafSystem):
     def __init__(self, plant: MultibodyPlant, robot: RobotModel):
         """Models the drives of `robot`, the only one in `plant`.
 
-        Raises:
-            ValueError: the robot's fidelity is ideal: it has no drives.
+        Raises ValueError: the robot's fidelity is ideal: it has no drives.
         """
         super().__init__()
         if robot.drives is None:

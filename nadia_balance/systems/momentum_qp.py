@@ -4,41 +4,27 @@ import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core import momentum_qp
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.momentum_qp import (
-    FeedbackLimits,
-    IcpFeedbackQp,
-    MomentumQpParams,
-    feedback_limits,
-)
 from nadia_balance.core.polygon import shrink, support_polygon
 from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import ContactSchedule, WalkingState
+from nadia_balance.core.walking import WalkingState
+from nadia_balance.systems import ports
 from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.ports import (
-    Outcome,
-    ValueInput,
-    VectorInput,
-    declare_cache,
-    entries,
-    size,
-)
+
+_STATUS = "solved fallback solves violation failures"
 
 
 class EcmpCommand(
-    namedview("EcmpCommand", ["cop_x", "cop_y", "ecmp_x", "ecmp_y"])
+    namedview("EcmpCommand", "cop_x cop_y ecmp_x ecmp_y".split())
 ):
     """The commanded CoP and eCMP, xy in W [m]."""
 
-    cop, ecmp = entries(0, 2), entries(2, 4)
+    cop, ecmp = ports.entries(0, 2), ports.entries(2, 4)
 
 
-class QpStatus(
-    namedview(
-        "QpStatus", ["solved", "fallback", "solves", "violation", "failures"]
-    )
-):
+class QpStatus(namedview("QpStatus", _STATUS.split())):
     """Status of a QP in this tick, with the number of failures until now.
 
     `violation` is the largest constraint violation, in units of the QP's rows.
@@ -60,9 +46,6 @@ class MomentumQp(LeafSystem):
     `momentum_qp_status`, a QpStatus, its violation in [m].  The discrete state
     holds the outputs of the last tick, and its [delta, kappa].
 
-    Evaluating an output raises RuntimeError if an input that it depends on is
-    not finite.
-
     .. pydrake_system::
 
         name: MomentumQp
@@ -71,32 +54,32 @@ class MomentumQp(LeafSystem):
     """
 
     def __init__(
-        self, params: MomentumQpParams, model: PointMassModel, period: float
+        self,
+        params: momentum_qp.MomentumQpParams,
+        model: PointMassModel,
+        period: float,
     ):
-        """Controls the `model` every `period` [s].
-
-        Raises ValueError for `params` that are out of range.
-        """
         super().__init__()
         check(params)
         shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
-        self._params, self._model = params, model
-        self._qp = IcpFeedbackQp(params)
-        self._icp = VectorInput(self, "icp", 2)
-        self._reference = VectorInput(self, "icp_reference", IcpReference)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._limits = declare_cache(
+        self._qp = momentum_qp.IcpFeedbackQp(params)
+        self._icp = ports.VectorInput(self, "icp", 2)
+        self._reference = ports.VectorInput(self, "icp_reference", IcpReference)
+        self._walking = ports.ValueInput(self, "walking_state", WalkingState)
+        self._limits = ports.declare_plan(
             self,
-            "schedule and its limits",
-            self._calc_limits,
-            {self._walking_state.ticket()},
-            (None, None),
+            self._walking,
+            lambda state: momentum_qp.feedback_limits(
+                support_polygon(state.schedule, model.sole),
+                state.schedule.feet[state.schedule.support_side].yaw,
+                params,
+            ),
         )
-        Outcome(
+        ports.Outcome(
             self,
             {
-                "ecmp_command": size(EcmpCommand),
-                "momentum_qp_status": size(QpStatus),
+                "ecmp_command": ports.size(EcmpCommand),
+                "momentum_qp_status": ports.size(QpStatus),
                 "increments": 4,
             },
             2,
@@ -104,21 +87,6 @@ class MomentumQp(LeafSystem):
             {self.all_input_ports_ticket(), self._limits.ticket()},
             period,
         )
-
-    def _calc_limits(
-        self,
-        context,
-        last: tuple[ContactSchedule | None, FeedbackLimits | None],
-    ) -> tuple[ContactSchedule, FeedbackLimits]:
-        schedule = self._walking_state(context).schedule
-        if schedule is last[0]:
-            return last
-        limits = feedback_limits(
-            support_polygon(schedule, self._model.sole),
-            schedule.feet[schedule.support_side].yaw,
-            self._params,
-        )
-        return schedule, limits
 
     def _calc_outcome(self, context, last) -> np.ndarray:
         reference = self._reference(context)

@@ -11,12 +11,7 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
     PointPairContactInfo,
 )
-from pydrake.systems.framework import (
-    Context,
-    DiagramBuilder,
-    EventStatus,
-    LeafSystem,
-)
+from pydrake.systems import framework
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from nadia_balance.robot import RobotModel, default_plant_config
@@ -45,16 +40,13 @@ class PointContacts:
         return 0
 
 
-class MujocoPlant(LeafSystem):
+class MujocoPlant(framework.LeafSystem):
     """Simulates a robot and its ground by MuJoCo, with the ports of a plant.
 
     `actuation` (nu,) [N m] and `state`, [q, v], are in the order of the
     MultibodyPlant that it replaces.  `contact_results` are the PointContacts
     of the step that begins.  The discrete state is `state`; MuJoCo's data is
-    scratch.
-
-    An update raises RuntimeError if the actuation or the new state is not
-    finite.
+    scratch.  An update raises RuntimeError if the new state is not finite.
 
     .. pydrake_system::
 
@@ -68,8 +60,7 @@ class MujocoPlant(LeafSystem):
 
         Shapes and collision filters are those of `scene_graph` at this call.
 
-        Raises:
-            ValueError: MuJoCo is not installed, or cannot express the plant.
+        Raises ValueError: MuJoCo is not installed, or cannot express the plant.
         """
         super().__init__()
         try:  # here: it is optional, and slow to import
@@ -105,14 +96,14 @@ class MujocoPlant(LeafSystem):
             plant.time_step(), 0.0, self._update
         )
 
-    def SetPositions(self, context: Context, q: np.ndarray) -> None:
+    def SetPositions(self, context: framework.Context, q: np.ndarray) -> None:
         """Sets the positions q (nq,) in `context`."""
         x = context.get_discrete_state(self._state).value().copy()
         x[: len(q)] = q
         context.SetDiscreteState(x)
 
     def _calc_step(
-        self, context: Context, _
+        self, context: framework.Context, _
     ) -> tuple[np.ndarray, PointContacts]:
         forces = self._forces
         x, contacts = self._model.step(
@@ -130,11 +121,11 @@ class MujocoPlant(LeafSystem):
         if not np.all(np.isfinite(x)):
             raise RuntimeError("MujocoPlant: the state is not finite")
         state.set_value(self._state, x)
-        return EventStatus.Succeeded()
+        return framework.EventStatus.Succeeded()
 
 
 def add_mujoco_plant(
-    builder: DiagramBuilder,
+    builder: framework.DiagramBuilder,
     robot: RobotModel,
     config: MultibodyPlantConfig | None = None,
 ) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
@@ -143,8 +134,7 @@ def add_mujoco_plant(
     Only the time step of `config` is used.  The MultibodyPlant that it
     replaces is not part of the diagram; the SceneGraph is, with all poses.
 
-    Raises:
-        ValueError: MuJoCo is not installed, or cannot express the robot.
+    Raises ValueError: MuJoCo is not installed, or cannot express the robot.
     """
     config = config or default_plant_config()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())

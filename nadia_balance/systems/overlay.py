@@ -139,7 +139,6 @@ class ChangingPolygon:
         period: float,
         filled: bool = True,
     ):
-        """Draws under `path`, a frame each `period` [s]."""
         self._meshcat, self._path, self._color = meshcat, path, color
         self._period, self._filled = period, filled
         self.forget()

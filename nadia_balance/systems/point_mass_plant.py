@@ -3,15 +3,9 @@
 import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core import walking
 from nadia_balance.core.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import (
-    FootPose,
-    FootPoses,
-    Phase,
-    Side,
-    WalkingState,
-)
 from nadia_balance.systems.centroidal_estimator import ComState
 from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
@@ -32,8 +26,6 @@ class PointMassPlant(LeafSystem):
     [p_WC(3), v_WC(3)], exact between ticks for a constant eCMP and push, and
     [p(3), yaw] of the swing foot.
 
-    Raises RuntimeError if an input is not finite.
-
     .. pydrake_system::
 
         name: PointMassPlant
@@ -43,7 +35,10 @@ class PointMassPlant(LeafSystem):
     """
 
     def __init__(
-        self, model: PointMassModel, period: float, initial: WalkingState
+        self,
+        model: PointMassModel,
+        period: float,
+        initial: walking.WalkingState,
     ):
         """Integrates `model` from `initial` on, one tick per `period` [s]."""
         super().__init__()
@@ -59,7 +54,7 @@ class PointMassPlant(LeafSystem):
         self._ecmp = VectorInput(self, "ecmp_command", EcmpCommand)
         reference = SwingFootReference
         self._swing = VectorInput(self, "swing_foot_reference", reference)
-        self._walking = ValueInput(self, "walking_state", WalkingState)
+        self._walking = ValueInput(self, "walking_state", walking.WalkingState)
         self._push = VectorInput(self, "push_force", 3)
         self.DeclareStateOutputPort("com_state", self._com)
         com = {self.discrete_state_ticket(self._com)}
@@ -67,9 +62,7 @@ class PointMassPlant(LeafSystem):
         feet = {self.discrete_state_ticket(self._foot), self._walking.ticket()}
         declare_output(self, "foot_poses", self._calc_foot_poses, feet)
         self.DeclareVectorOutputPort("foot_forces", 2, self._calc_forces, feet)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._step
-        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._step)
 
     def _calc_icp(self, context, output):
         com = ComState(context.get_discrete_state(self._com).value())
@@ -77,21 +70,21 @@ class PointMassPlant(LeafSystem):
             icp(com.position[:2], com.velocity[:2], self._omega)
         )
 
-    def _calc_foot_poses(self, context) -> FootPoses:
+    def _calc_foot_poses(self, context) -> walking.FootPoses:
         schedule = self._schedule(context)
         feet = schedule.feet
-        if schedule.phase is not Phase.SWING:
+        if schedule.phase is not walking.Phase.SWING:
             return feet
         x, y, z, yaw = self._swing_foot(context)
         ground = min(feet.left.p_WF[2], feet.right.p_WF[2])
-        pose = FootPose(np.array([x, y, max(z, ground)]), yaw)
+        pose = walking.FootPose(np.array([x, y, max(z, ground)]), yaw)
         return feet.with_foot(schedule.support_side.other, pose)
 
     def _calc_forces(self, context, output):
         schedule = self._schedule(context)
         left = right = True
-        if schedule.phase is Phase.SWING and not self._landed(context):
-            left = schedule.in_contact(Side.LEFT)
+        if schedule.phase is walking.Phase.SWING and not self._landed(context):
+            left = schedule.in_contact(walking.Side.LEFT)
             right = not left
         share = self._weight / (left + right)
         output.SetFromVector([share * left, share * right])

@@ -1,5 +1,9 @@
 """Ports that check their values, and wiring by the names of signals.
 
+A port that is not finite, or of another type than its block needs, raises an
+error as soon as the block reads it; a block whose parameters are out of range
+is not made (ValueError).  The `period` of a block is in [s].
+
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of
 them, so that all blocks see the same state in a tick: x+ = f(x-, u).
@@ -14,21 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import (
-    CacheEntry,
-    Context,
-    DependencyTicket,
-    DiagramBuilder,
-    EventStatus,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    PortDataType,
-    System,
-    ValueProducer,
-)
+from pydrake.systems import framework
+from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.core.walking import WalkingState
 
 _REQUIRED = object()
 _EARLY = 1e-6  # times of ticks differ by rounding [s]
@@ -50,14 +44,16 @@ class Input(abc.ABC):
     The `default`, if given, is the value while the port is not connected.
     """
 
-    def __init__(self, system: LeafSystem, port: InputPort, default: object):
+    def __init__(
+        self, system: LeafSystem, port: framework.InputPort, default: object
+    ):
         self._system, self._port, self._default = system, port, default
 
-    def ticket(self) -> DependencyTicket:
+    def ticket(self) -> framework.DependencyTicket:
         """The port's ticket, for whatever depends on the port."""
         return self._port.ticket()
 
-    def __call__(self, context: Context) -> Any:
+    def __call__(self, context: framework.Context) -> Any:
         """The port's value in `context`."""
         # Calling HasValue first would evaluate the port twice.
         try:
@@ -113,7 +109,6 @@ class ValueInput(Input):
         kind: type,
         default: object = _REQUIRED,
     ):
-        """Declares the port."""
         port = system.DeclareAbstractInputPort(name, Value(NOTHING))
         super().__init__(system, port, default)
         self._kind = kind
@@ -139,7 +134,6 @@ class VectorInput(Input):
         shape: int | type,
         default: object = _REQUIRED,
     ):
-        """Declares the port."""
         self._view = None if isinstance(shape, int) else shape
         length = shape if isinstance(shape, int) else size(shape)
         port = system.DeclareVectorInputPort(name, length)
@@ -157,7 +151,6 @@ class MechanismsInput(VectorInput):
     """The input port `mechanisms` (4,); all are on if it is not connected."""
 
     def __init__(self, system: LeafSystem):
-        """Declares the port."""
         every = MECHANISMS["all_with_cross_over"]
         super().__init__(system, "mechanisms", 4, every)
 
@@ -168,32 +161,67 @@ class MechanismsInput(VectorInput):
 def declare_cache(
     system: LeafSystem,
     name: str,
-    calc: Callable[[Context, Any], object],
-    needs: set[DependencyTicket],
-    first: object = None,
-) -> CacheEntry:
+    calc: Callable[[framework.Context, Any], object],
+    needs: set[framework.DependencyTicket],
+    first: object = (),
+) -> framework.CacheEntry:
     """Declares a cache entry whose value is `calc(context, last value)`.
 
-    Reuse of the last value may save work, but must not change the result.
+    Reuse of the last value, initially `first`, may save work, but must not
+    change the result, which is not None.
     """
     return system.DeclareCacheEntry(
         name,
-        ValueProducer(
-            lambda: Value(_packed(first)),
+        framework.ValueProducer(
+            lambda: Value(first),
             lambda context, cache: cache.set_value(
-                _packed(calc(context, _unpacked(cache.get_value())))
+                calc(context, cache.get_value())
             ),
         ),
         needs,
     )
 
 
+def declare_scratch(
+    system: LeafSystem, other: framework.System
+) -> framework.CacheEntry:
+    """Declares a Context of `other`, a plant or its diagram, to compute in."""
+    return system.DeclareCacheEntry(
+        "scratch",
+        framework.ValueProducer(
+            lambda: Value(other.CreateDefaultContext()),
+            framework.ValueProducer.NoopCalc,
+        ),
+        {system.nothing_ticket()},
+    )
+
+
+def declare_plan(
+    system: LeafSystem,
+    walking_state: ValueInput,
+    calc: Callable[[WalkingState], object],
+) -> framework.CacheEntry:
+    """Declares a cache entry (schedule, plan), with plan = `calc(state)`.
+
+    The plan is computed once for each ContactSchedule.
+    """
+
+    def planned(context, last):
+        state = walking_state(context)
+        if state.schedule is last[0]:
+            return last
+        return state.schedule, calc(state)
+
+    needs = {walking_state.ticket()}
+    return declare_cache(system, "plan", planned, needs, (None, None))
+
+
 def declare_output(
     system: LeafSystem,
     name: str,
-    calc: Callable[[Context], object],
-    needs: set[DependencyTicket],
-) -> CacheEntry:
+    calc: Callable[[framework.Context], object],
+    needs: set[framework.DependencyTicket],
+) -> framework.CacheEntry:
     """Declares an abstract output port for what `calc(context)` returns."""
     port = system.DeclareAbstractOutputPort(
         name,
@@ -217,8 +245,8 @@ class Outcome:
         system: LeafSystem,
         parts: Mapping[str, int],
         outputs: int,
-        calc: Callable[[Context, dict[str, np.ndarray]], np.ndarray],
-        needs: set[DependencyTicket],
+        calc: Callable[[framework.Context, dict[str, np.ndarray]], np.ndarray],
+        needs: set[framework.DependencyTicket],
         period: float,
         holds: bool = False,
     ):
@@ -258,13 +286,11 @@ class Outcome:
         def remember(context, new):
             outcome = self._cache.Eval(context)
             new.get_mutable_discrete_state(self._state).set_value(outcome)
-            return EventStatus.Succeeded()
+            return framework.EventStatus.Succeeded()
 
-        system.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=remember
-        )
+        system.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, remember)
 
-    def _held(self, context: Context) -> np.ndarray:
+    def _held(self, context: framework.Context) -> np.ndarray:
         """The result of the tick of the time in `context`."""
         last = context.get_discrete_state(self._state).value()
         left = last[-1] - context.get_time()
@@ -279,23 +305,22 @@ class Outcome:
 class Role(NamedTuple):
     """A block's place in a controller: its default, and its outputs' names."""
 
-    make: Callable[[], System]
+    make: Callable[[], framework.System]
     outputs: tuple[str, ...]
 
 
 def fill(
     roles: Mapping[str, Role],
-    blocks: Mapping[str, System | None],
+    blocks: Mapping[str, framework.System | None],
     others: Iterable[str] = (),
-) -> dict[str, System]:
+) -> dict[str, framework.System]:
     """Returns a system for each of `roles`: that in `blocks`, or the default.
 
     None in `blocks` leaves the role empty.  `others` are roles elsewhere, for
     the message.
 
-    Raises:
-        ValueError: `blocks` has an unknown role, no System, or a system that
-            lacks an output of its role.
+    Raises ValueError: `blocks` has an unknown role, no System, or a system that
+    lacks an output of its role.
     """
     for role, block in blocks.items():
         if role not in roles:
@@ -303,7 +328,7 @@ def fill(
             raise ValueError(f"block = {role!r}: must be one of {known}")
         if block is None:
             continue
-        if not isinstance(block, System):
+        if not isinstance(block, framework.System):
             raise ValueError(
                 f"{role} = {block!r}: must be a System, made already"
             )
@@ -319,9 +344,9 @@ def fill(
 
 
 def connect(
-    builder: DiagramBuilder,
-    source: System,
-    sink: System,
+    builder: framework.DiagramBuilder,
+    source: framework.System,
+    sink: framework.System,
     *names: str,
     **renamed: str,
 ) -> None:
@@ -334,7 +359,9 @@ def connect(
 
 
 def wire(
-    builder: DiagramBuilder, blocks: Mapping[str, System], inputs: Iterable[str]
+    builder: framework.DiagramBuilder,
+    blocks: Mapping[str, framework.System],
+    inputs: Iterable[str],
 ) -> None:
     """Adds `blocks`, connects ports of equal names and exports the others.
 
@@ -342,9 +369,8 @@ def wire(
     output port of its name, or to the diagram's input of that name, which must
     be one of `inputs`.  All outputs become outputs of the diagram.
 
-    Raises:
-        ValueError: an input without a source, an output of two blocks, or
-            ports of one name and different types; names block and port.
+    Raises ValueError: an input without a source, an output of two blocks, or
+    ports of one name and different types; names block and port.
     """
     sources = {}
     for role, block in blocks.items():
@@ -376,7 +402,9 @@ def wire(
                 exported.add(name)
 
 
-def _check_fit(what: str, port: InputPort, source: OutputPort) -> None:
+def _check_fit(
+    what: str, port: framework.InputPort, source: framework.OutputPort
+) -> None:
     """Raises ValueError if `source` and `port` differ in type or size."""
     found, needed = _kind(port), _kind(source)
     if found != needed:
@@ -386,7 +414,7 @@ def _check_fit(what: str, port: InputPort, source: OutputPort) -> None:
         )
 
 
-def _kind(port: InputPort | OutputPort) -> str:
-    if port.get_data_type() == PortDataType.kAbstractValued:
+def _kind(port: framework.InputPort | framework.OutputPort) -> str:
+    if port.get_data_type() == framework.PortDataType.kAbstractValued:
         return "abstract"
     return f"a vector of {port.size()}"

@@ -11,12 +11,8 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    EventStatus,
-    LeafSystem,
-)
+from pydrake.systems import framework
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.push import Push
@@ -49,7 +45,7 @@ class PushSignal(
 _PENDING, _EXPECTED = -1.0, -2.0
 
 
-class PushSource(LeafSystem):
+class PushSource(framework.LeafSystem):
     """Computes push forces; each push acts once, for duration / period ticks.
 
     A push whose phase ends before the push is due, because the clock was
@@ -92,9 +88,8 @@ class PushSource(LeafSystem):
 
         `base_body` names the body of `plant` for pushes that name none.
 
-        Raises:
-            ValueError: an invalid push, an unknown body, or a duration or
-                delay that is not a multiple of `period`.
+        Raises ValueError: an invalid push, an unknown body, or a duration or
+        delay that is not a multiple of `period`.
         """
         super().__init__()
         for push in pushes:
@@ -115,7 +110,7 @@ class PushSource(LeafSystem):
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             size = [push.newtons(mass, period), push.direction_deg]
-            self.DeclareNumericParameter(BasicVector(size))
+            self.DeclareNumericParameter(framework.BasicVector(size))
         self._state = self.DeclareDiscreteState(
             [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
         )
@@ -139,9 +134,7 @@ class PushSource(LeafSystem):
                 self._calc_spatial,
                 needs,
             )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float, i: int = 0
@@ -191,7 +184,7 @@ class PushSource(LeafSystem):
                 rows[-1] = ticks, heading, newtons
             count = clicks
         now.set_value([*rows.ravel(), count, number, ticks])
-        return EventStatus.Succeeded()
+        return framework.EventStatus.Succeeded()
 
     def _live_one(self, delta_v, direction_deg, duration) -> Push:
         push = Push(
@@ -281,8 +274,7 @@ def _ticks(name: str, time: float, period: float) -> int:
 def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     """Returns the body `name` of the `plant`.
 
-    Raises:
-        ValueError: the plant has no such body.
+    Raises ValueError: the plant has no such body.
     """
     if not plant.HasBodyNamed(name):
         raise ValueError(f"body = {name!r}: must be a body of the robot")

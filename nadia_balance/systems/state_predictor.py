@@ -3,12 +3,11 @@
 import math
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import EventStatus, LeafSystem, ValueProducer
+from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.joint_drives import lag_share
 from nadia_balance.robot import RobotModel
-from nadia_balance.systems.ports import VectorInput
+from nadia_balance.systems.ports import VectorInput, declare_scratch
 
 
 class StatePredictor(LeafSystem):
@@ -27,9 +26,6 @@ class StatePredictor(LeafSystem):
     filters it.  The discrete state, only with a delay, is the filtered
     acceleration now, and its means over the periods of the delay, the latest
     first; 0 at the start.
-
-    Evaluating the output, or an update, raises RuntimeError if an input is not
-    finite.
 
     .. pydrake_system::
 
@@ -52,15 +48,7 @@ class StatePredictor(LeafSystem):
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
         size = plant.num_multibody_states()
         self._state = self.DeclareVectorInputPort("estimated_state", size)
-        # Scratch memory.
-        self._scratch = self.DeclareCacheEntry(
-            "plant context",
-            ValueProducer(
-                allocate=lambda: Value(plant.CreateDefaultContext()),
-                calc=ValueProducer.NoopCalc,
-            ),
-            prerequisites_of_calc={self.nothing_ticket()},
-        )
+        self._scratch = declare_scratch(self, plant)
         self._periods = round(delay / period)
         if self._periods:
             # Response to a step in acceleration: after a period, and its mean.
@@ -73,14 +61,9 @@ class StatePredictor(LeafSystem):
             )
             self.DeclareDiscreteState((1 + self._periods) * self._nv)
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
+        needs = {self._state.ticket(), self.all_state_ticket()}
         self.DeclareVectorOutputPort(
-            "predicted_state",
-            size,
-            self._calc_state,
-            prerequisites_of_calc={
-                self._state.ticket(),
-                self.all_state_ticket(),
-            },
+            "predicted_state", size, self._calc_state, needs
         )
 
     def _accelerations(self, context) -> np.ndarray:

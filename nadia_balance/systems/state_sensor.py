@@ -36,8 +36,7 @@ class StateSensor(LeafSystem):
     ):
         """Samples a `plant` that holds the robot alone every `period` [s].
 
-        Raises:
-            ValueError: the delay is not a multiple of the period.
+        Raises ValueError: the delay is not a multiple of the period.
         """
         super().__init__()
         delay = imperfections.delay

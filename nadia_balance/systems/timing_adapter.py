@@ -30,10 +30,6 @@ class TimingAdapter(LeafSystem):
     def __init__(
         self, params: TimingAdapterParams, model: PointMassModel, period: float
     ):
-        """Advances the clock once per `period` [s].
-
-        Raises ValueError for `params` that are out of range.
-        """
         super().__init__()
         check(params)
         self._timing = Timing(params, model, period)

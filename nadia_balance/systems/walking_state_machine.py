@@ -6,24 +6,12 @@ from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from nadia_balance.core import walking, walking_state_machine
 from nadia_balance.core.bounds import check
 from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import (
-    Adjustment,
-    FootPose,
-    FootPoses,
-    Phase,
-    WalkingState,
-)
-from nadia_balance.core.walking_state_machine import (
-    Measurement,
-    Proposal,
-    StateMachine,
-    WalkingStateMachineParams,
-)
 from nadia_balance.systems.ports import (
     ValueInput,
     VectorInput,
@@ -32,21 +20,13 @@ from nadia_balance.systems.ports import (
     size,
 )
 
-PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
+PHASES = (walking.Phase.STANDING, walking.Phase.TRANSFER, walking.Phase.SWING)
+_FIELDS = """phase support_side time_in_phase duration waiting steps_taken
+    left_x left_y left_yaw right_x right_y right_yaw
+    target_x target_y target_yaw target_side"""
 
 
-class WalkingSignal(
-    namedview(
-        "WalkingSignal",
-        [
-            *("phase", "support_side", "time_in_phase", "duration"),
-            *("waiting", "steps_taken"),
-            *("left_x", "left_y", "left_yaw"),
-            *("right_x", "right_y", "right_yaw"),
-            *("target_x", "target_y", "target_yaw", "target_side"),
-        ],
-    )
-):
+class WalkingSignal(namedview("WalkingSignal", _FIELDS.split())):
     """The walking state as numbers, for logs.
 
     `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
@@ -81,26 +61,27 @@ class WalkingStateMachine(LeafSystem):
 
     def __init__(
         self,
-        params: WalkingStateMachineParams,
+        params: walking_state_machine.WalkingStateMachineParams,
         model: PointMassModel,
         period: float,
-        start: WalkingState | None = None,
+        start: walking.WalkingState | None = None,
     ):
-        """Begins with `start`, by default standing, and ticks every `period`.
-
-        Raises ValueError for `params` that are out of range.
-        """
+        """Begins with `start`, by default standing, ticks every `period`."""
         super().__init__()
         check(params)
         start = start or walking_start(Gait(), model)
-        self._machine = StateMachine(params, model, period)
+        self._machine = walking_state_machine.StateMachine(
+            params, model, period
+        )
         self._weight = model.mass * GRAVITY
-        self._foot_poses = ValueInput(self, "foot_poses", FootPoses)
+        self._foot_poses = ValueInput(self, "foot_poses", walking.FootPoses)
         self._foot_forces = VectorInput(self, "foot_forces", 2)
         self._icp = VectorInput(self, "icp", 2)
         self._icp_plan = ValueInput(self, "icp_plan", IcpPlan)
         self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._adjustment = ValueInput(self, "adjustment", Adjustment, None)
+        self._adjustment = ValueInput(
+            self, "adjustment", walking.Adjustment, None
+        )
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
         state_only = {self.abstract_state_ticket(self._state)}
@@ -108,20 +89,18 @@ class WalkingStateMachine(LeafSystem):
         self.DeclareVectorOutputPort(
             "walking_signal", size(WalkingSignal), self._calc_signal, state_only
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._advance
-        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
-    def _walking_state(self, context) -> WalkingState:
+    def _walking_state(self, context) -> walking.WalkingState:
         return context.get_abstract_state(self._state).get_value()
 
     def _advance(self, context, state):
-        measured = Measurement(
+        measured = walking_state_machine.Measurement(
             self._foot_poses(context),
             self._foot_forces(context) / self._weight,
             self._icp(context),
         )
-        proposal = Proposal(
+        proposal = walking_state_machine.Proposal(
             float(self._time(context)[0]), self._adjustment(context)
         )
         now = self._machine.advance(
@@ -137,7 +116,7 @@ class WalkingStateMachine(LeafSystem):
         output.SetFromVector(walking_signal(self._walking_state(context)))
 
 
-def walking_signal(state: WalkingState) -> list[float]:
+def walking_signal(state: walking.WalkingState) -> list[float]:
     """The walking state as the numbers of a WalkingSignal."""
     schedule = state.schedule
     target = [math.nan, math.nan, math.nan, 0.0]
@@ -157,6 +136,6 @@ def walking_signal(state: WalkingState) -> list[float]:
     ]
 
 
-def _planar(pose: FootPose) -> tuple[float, float, float]:
+def _planar(pose: walking.FootPose) -> tuple[float, float, float]:
     x, y, _ = pose.p_WF.tolist()
     return x, y, pose.yaw

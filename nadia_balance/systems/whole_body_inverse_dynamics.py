@@ -36,13 +36,12 @@ class WholeBodyInverseDynamics(LeafSystem):
 
     Before the update of a tick the outputs are computed from the inputs; from
     then on to the next tick they are those of the state, independent of the
-    inputs.  The discrete state holds the outputs of the last tick, the number
-    of ticks without a solution in a row, and the time of the next tick.  In a
-    tick without a solution the torques damp the joints, wrenches and
-    accelerations are 0, and the failure is counted.  After GIVES_UP_AFTER
-    without a solution this is permanent, and the QP is no longer solved.
-
-    Evaluating any output raises RuntimeError if a vector input is not finite.
+    inputs.  The discrete state holds the outputs of the last tick, its torques
+    in the order of the joints, the number of ticks without a solution in a row,
+    and the time of the next tick.  In a tick without a solution the torques
+    damp the joints, wrenches and accelerations are 0, and the failure is
+    counted.  After GIVES_UP_AFTER without a solution this is permanent, and the
+    QP is no longer solved.
 
     .. pydrake_system::
 
@@ -63,8 +62,6 @@ class WholeBodyInverseDynamics(LeafSystem):
         """Solves every `period` [s], for this `robot`.
 
         `tasks` are added to those of the QP (see Task).
-
-        Raises ValueError for `params` that are out of range.
         """
         super().__init__()
         plant = robot.control_plant()
@@ -87,6 +84,7 @@ class WholeBodyInverseDynamics(LeafSystem):
                 "foot_wrenches": 12,
                 "whole_body_qp_status": size(QpStatus),
                 "generalized_acceleration": plant.num_velocities(),
+                "torques": model.num_joints,
                 "unsolved": 1,
             },
             4,
@@ -109,8 +107,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         (unsolved,) = last["unsolved"]
         status, torques = QpStatus(last["whole_body_qp_status"]), None
         if status.solved or unsolved:  # false before the first tick only
-            torques = np.empty(len(self._joint_of_actuator))
-            torques[self._joint_of_actuator] = last["actuation"]
+            torques = last["torques"]
         if unsolved > self._max_unsolved:
             status = 0.0, 0.0, 0.0, np.nan, status.failures + 1
         else:
@@ -124,4 +121,6 @@ class WholeBodyInverseDynamics(LeafSystem):
             wrenches, vdot = np.zeros(12), np.zeros(terms.v.size)
             unsolved += 1
         actuation = torques[self._joint_of_actuator]
-        return np.concatenate((actuation, wrenches, status, vdot, [unsolved]))
+        return np.concatenate(
+            (actuation, wrenches, status, vdot, torques, [unsolved])
+        )

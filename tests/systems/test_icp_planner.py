@@ -30,7 +30,7 @@ def planned(monkeypatch):
         schedules.append(schedule)
         return plan_icp(schedule, *args)
 
-    monkeypatch.setattr(icp_planner, "plan_icp", counting)
+    monkeypatch.setattr(icp_planner.icp_plan, "plan_icp", counting)
     return schedules
 
 
