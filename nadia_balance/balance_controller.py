@@ -27,10 +27,28 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
 class BalanceController(Diagram):
     """Computes joint torques from the robot's state.
 
-    Its blocks are, in order, a `state_predictor`, `centroidal_estimator`,
-    `capture_point_controller`, `swing_foot_planner`, `friction_estimator` and
-    `whole_body_inverse_dynamics`.  Signals are connected by their names (see
-    docs/diagram.md); `actuation` [N m] has the order of the plant's actuators.
+    Signals are connected by their names; `actuation` [N m] is in the order of
+    the plant's actuators:
+
+    ========================  ============================  ==================
+    block                     reads                         writes
+    ========================  ============================  ==================
+    state_predictor           estimated_state,              predicted_state
+                              generalized_acceleration
+    centroidal_estimator      predicted_state               com_state, icp,
+                                                            foot_poses,
+                                                            whole_body_terms
+    capture_point_controller  com_state, icp, foot_poses,   walking_state,
+                              foot_forces, mechanisms       momentum_rate, ...
+    swing_foot_planner        walking_state                 swing_foot_...
+                                                            reference
+    friction_estimator        whole_body_terms,             friction
+                              foot_wrenches
+    whole_body_...            whole_body_terms,             actuation,
+    inverse_dynamics          momentum_rate, friction,      foot_wrenches,
+                              walking_state,                generalized_...
+                              swing_foot_reference          acceleration
+    ========================  ============================  ==================
 
     Three loops are closed by states of the last tick: the walking state, the
     friction coefficient and, with a delay, the acceleration.  `estimated_state`

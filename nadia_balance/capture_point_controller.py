@@ -75,9 +75,28 @@ class CapturePointController(Diagram):
     """Plans the ICP and controls it with ankles, hips, steps and their timing.
 
     The Nadia paper's Sections II to VI or, with `icp_step_qp`, the Atlas
-    paper, for a point mass on two soles.  Then a `step_controller` takes the
-    place of `step_adjuster` and `momentum_qp`.  The blocks are ROLES; signals
-    are connected by their names (see docs/diagram.md).
+    paper, for a point mass on two soles.  Signals are connected by their names:
+
+    =====================  ================================  ================
+    block                  reads                             writes
+    =====================  ================================  ================
+    walking_state_machine  foot_poses, foot_forces, icp,     walking_state,
+                           icp_plan, time_adjustment,        walking_signal
+                           adjustment
+    icp_planner            walking_state                     icp_plan,
+                                                             icp_reference
+    timing_adapter         icp, icp_plan, walking_state,     time_adjustment
+                           foot_poses, mechanisms
+    step_adjuster          icp, walking_state, foot_poses,   adjustment,
+                           time_adjustment, mechanisms       capture_regions
+    momentum_qp            icp, icp_reference,               ecmp_command,
+                           walking_state                     ...qp_status
+    step_controller        takes the place of the last two   the outputs of
+                           blocks with `icp_step_qp`         both, and of the
+                                                             icp_reference
+    com_height_controller  com_state, ecmp_command,          momentum_rate
+                           walking_state
+    =====================  ================================  ================
 
     walking_state is a state, which closes the loop through the planner: it is
     updated once per `control_period`, as all state here, from the state and the
