@@ -13,7 +13,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus, System
 
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.recovery import CalmSteps
+from nadia_balance.results.measurements import CalmSteps
 from nadia_balance.results.summary import Run
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.push_source import PushSignal, PushSource
