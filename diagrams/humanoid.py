@@ -5,27 +5,17 @@ import math
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.diagrams.in_meshcat import (
-    add_drawings,
-    add_mechanisms,
-    add_mouse,
-    connect_forces,
-)
-from nadia_balance.diagrams.measured_poses import MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import (
-    SignalLog,
-    ground_logs,
-    region_logs,
-)
+from nadia_balance.diagrams.signal_log import MeasuredPoses, SignalLog
+from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.ground_geometry import scale_friction
-from nadia_balance.results.scene import add_robot_view
+from nadia_balance.results import scene
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot import actuated_velocities, load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
@@ -63,7 +53,7 @@ FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
 
 
-class HumanoidDiagram(Diagram):
+class HumanoidDiagram(ClosedLoop):
     """Closes the loop of BalanceController and a MultibodyPlant.
 
     For level regions the plant's ground is flat, and a foot that lands beside
@@ -116,31 +106,20 @@ class HumanoidDiagram(Diagram):
             )
         else:
             self._check_controller(controller, blocks)
-        self.controller = builder.AddNamedSystem(
-            "balance_controller", controller
-        )
+        self.controller = controller
+        builder.AddNamedSystem("balance_controller", controller)
+        known = self.robot.mass, period, self.plant, self.robot.pelvis_body
         self.push = builder.AddNamedSystem(
-            "push_source",
-            PushSource(
-                scenario.pushes,
-                self.robot.mass,
-                period,
-                self.plant,
-                self.robot.pelvis_body,
-            ),
+            "push_source", PushSource(scenario.pushes, *known)
         )
-        self.sensor = builder.AddNamedSystem(
-            "foot_force_sensor",
-            FootForceSensor(self.plant, self.robot, period, self.engine),
-        )
+        sensor = FootForceSensor(self.plant, self.robot, period, self.engine)
+        self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
         self._close_loop(builder, meshcat)
         if meshcat is not None:
-            add_robot_view(builder, self.scene_graph, meshcat)
-            add_drawings(
-                builder,
-                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
-                [(self.controller, VISUALIZED), (self.push, ("push_force",))],
-            )
+            scene.add_robot_view(builder, self.scene_graph, meshcat)
+            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
+            drawn = (self.controller, VISUALIZED), (self.push, ("push_force",))
+            scene.add_drawings(builder, view, drawn)
         self._log(builder, period)
         for name in filter(controller.HasOutputPort, EXPORTED):
             builder.ExportOutput(controller.GetOutputPort(name), name)
@@ -154,26 +133,17 @@ class HumanoidDiagram(Diagram):
                 f"{what} not come with blocks: {', '.join(blocks)}"
             )
         plant = self.plant
-        for has, get, name, size in (
-            (
-                controller.HasInputPort,
-                controller.GetInputPort,
-                "estimated_state",
-                plant.num_multibody_states(),
-            ),
-            (
-                controller.HasOutputPort,
-                controller.GetOutputPort,
-                "actuation",
-                plant.num_actuated_dofs(),
-            ),
+        for way, name, size in (
+            ("Input", "estimated_state", plant.num_multibody_states()),
+            ("Output", "actuation", plant.num_actuated_dofs()),
         ):
+            has = getattr(controller, f"Has{way}Port")
+            get = getattr(controller, f"Get{way}Port")
             if not has(name) or get(name).size() != size:
                 raise ValueError(f"{what} have a port {name!r} of size {size}")
+        walks = controller.HasOutputPort("walking_state")
         for push in self.scenario.pushes:
-            if push.moment.phase and not controller.HasOutputPort(
-                "walking_state"
-            ):
+            if push.moment.phase and not walks:
                 raise ValueError(
                     f"at = {push.at!r}: must be a time with a controller that "
                     "has no port 'walking_state'"
@@ -216,11 +186,13 @@ class HumanoidDiagram(Diagram):
         builder.Connect(self._torques, engine.GetInputPort("actuation"))
         mouse = None
         if meshcat is not None and engine is self.plant:
-            mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
+            mouse = scene.add_mouse(
+                builder, self.plant, self.scene_graph, meshcat
+            )
         pushes = self.push.GetOutputPort("spatial_forces")
-        connect_forces(builder, engine, pushes, mouse)
+        scene.connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
-        self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
+        self._mechanisms = scene.add_mechanisms(builder, on, self.push, meshcat)
         if controller.HasInputPort("mechanisms"):
             port = controller.GetInputPort("mechanisms")
             builder.Connect(self._mechanisms, port)
@@ -232,21 +204,14 @@ class HumanoidDiagram(Diagram):
         self._state_sensor = None
         scenario, controller = self.scenario, self.controller
         if scenario.imperfections.of_measurements:
-            self._state_sensor = builder.AddNamedSystem(
-                "state_sensor",
-                StateSensor(
-                    self.plant,
-                    scenario.imperfections,
-                    scenario.controller.control_period,
-                    scenario.seed,
-                ),
-            )
-            builder.Connect(state, self._state_sensor.GetInputPort("state"))
-            connect(builder, self.sensor, self._state_sensor, "foot_forces")
-            state, forces = map(
-                self._state_sensor.GetOutputPort,
-                ("measured_state", "measured_foot_forces"),
-            )
+            period, seed = scenario.controller.control_period, scenario.seed
+            errors = scenario.imperfections
+            sensor = StateSensor(self.plant, errors, period, seed)
+            self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
+            builder.Connect(state, sensor.GetInputPort("state"))
+            connect(builder, self.sensor, sensor, "foot_forces")
+            state = sensor.GetOutputPort("measured_state")
+            forces = sensor.GetOutputPort("measured_foot_forces")
         builder.Connect(state, controller.GetInputPort("estimated_state"))
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
@@ -261,7 +226,9 @@ class HumanoidDiagram(Diagram):
         signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
         signals["torques"] = self._torques
         signals["state"] = self.engine.GetOutputPort("state")
-        self._signal_log = SignalLog(builder, period, signals)
+        self._signal_log = SignalLog(
+            builder, period, signals, self.robot, self._ground
+        )
 
     def set_initial_state(self, context: Context) -> None:
         """Lets the robot stand, shifted at random by the scenario's seed."""
@@ -288,14 +255,9 @@ class HumanoidDiagram(Diagram):
         if ratio != 1.0:
             torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
             known = torso.CalcSpatialInertiaInBodyFrame(context)
-            torso.SetSpatialInertiaInBodyFrame(
-                context,
-                SpatialInertia(
-                    ratio * known.get_mass(),
-                    known.get_com(),
-                    known.get_unit_inertia(),
-                ),
-            )
+            mass, shape = ratio * known.get_mass(), known.get_unit_inertia()
+            heavier = SpatialInertia(mass, known.get_com(), shape)
+            torso.SetSpatialInertiaInBodyFrame(context, heavier)
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
@@ -345,21 +307,14 @@ class HumanoidDiagram(Diagram):
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All logged signals (see nadia_balance.diagrams.signal_log)."""
-        logs = self._signal_log.read(context)
-        logs |= self._poses.along(logs["state"])
-        logs["sole"] = self.robot.sole
-        logs["weight"] = np.array(self.robot.mass * GRAVITY)
-        logs["actuator_names"] = np.array(self.plant.GetActuatorNames())
-        logs["effort_limits"] = self.plant.GetEffortUpperLimits()
+        logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
-        limits = self.robot.max_joint_speeds[velocities - 6]
-        logs["joint_speed_limits"] = limits
-        columns = self.plant.num_positions() + velocities
-        logs["joint_speed_columns"] = columns
-        logs |= region_logs(self.robot.point_mass.reach)
-        logs |= ground_logs(self._ground)
-        return logs
-
-    def forget_logs(self, context: Context) -> None:
-        """Clears the log."""
-        self._signal_log.forget(context)
+        return {
+            **logs,
+            **self._poses.along(logs["state"]),
+            "weight": np.array(self.robot.mass * GRAVITY),
+            "actuator_names": np.array(self.plant.GetActuatorNames()),
+            "effort_limits": self.plant.GetEffortUpperLimits(),
+            "joint_speed_limits": self.robot.max_joint_speeds[velocities - 6],
+            "joint_speed_columns": self.plant.num_positions() + velocities,
+        }

@@ -5,18 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.diagrams.in_meshcat import add_drawings, add_mechanisms
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import (
-    SignalLog,
-    ground_logs,
-    region_logs,
-)
+from nadia_balance.diagrams.signal_log import SignalLog
+from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import foot_beside
+from nadia_balance.results.scene import add_drawings, add_mechanisms
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.point_mass_plant import PointMassPlant
@@ -40,7 +37,7 @@ CONTROLLER_DRAWN = (
 FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
 
 
-class LipmDiagram(Diagram):
+class LipmDiagram(ClosedLoop):
     """Closes the loop of CapturePointController and PointMassPlant."""
 
     def __init__(
@@ -74,37 +71,28 @@ class LipmDiagram(Diagram):
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()
-        self.controller = builder.AddNamedSystem(
-            "capture_point_controller",
-            CapturePointController(params, model, start=start, **blocks),
+        add, pushes = builder.AddNamedSystem, scenario.pushes
+        controller = CapturePointController(
+            params, model, start=start, **blocks
         )
-        self.swing = builder.AddNamedSystem(
-            "swing_foot_planner",
-            SwingFootPlanner(params.swing_foot, model, period),
-        )
-        self.plant = builder.AddNamedSystem(
-            "plant", PointMassPlant(model, period, start)
-        )
-        self.push = builder.AddNamedSystem(
-            "push_source", PushSource(scenario.pushes, model.mass, period)
-        )
+        self.controller = add("capture_point_controller", controller)
+        swing = SwingFootPlanner(params.swing_foot, model, period)
+        self.swing = add("swing_foot_planner", swing)
+        self.plant = add("plant", PointMassPlant(model, period, start))
+        self.push = add("push_source", PushSource(pushes, model.mass, period))
         on = NAMED[scenario.mechanisms]
         self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
-        self._watched = [
-            self.plant.GetOutputPort(name)
-            for name in ("com_state", "foot_poses")
-        ]
+        watched = "com_state", "foot_poses"
+        self._watched = [self.plant.GetOutputPort(name) for name in watched]
         self._close_loop(builder)
         if meshcat is not None:
-            add_drawings(
-                builder,
-                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
-                [
-                    (self.controller, CONTROLLER_DRAWN),
-                    (self.plant, ("com_state", "icp")),
-                    (self.push, ("push_force",)),
-                ],
+            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
+            sources = (
+                (self.controller, CONTROLLER_DRAWN),
+                (self.plant, ("com_state", "icp")),
+                (self.push, ("push_force",)),
             )
+            add_drawings(builder, view, sources)
         self._log(builder, period)
         for system, name in (
             (self.controller, "walking_state"),
@@ -143,7 +131,9 @@ class LipmDiagram(Diagram):
             for name in filter(system.HasOutputPort, names)
         }
         signals["mechanisms"] = self._mechanisms
-        self._signal_log = SignalLog(builder, period, signals)
+        self._signal_log = SignalLog(
+            builder, period, signals, self.robot, self._ground
+        )
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""
@@ -158,30 +148,8 @@ class LipmDiagram(Diagram):
         """The criterion by which it has fallen; empty if it has not."""
         plant = self.plant.GetMyContextFromRoot(context)
         com, feet = (port.Eval(plant) for port in self._watched)
-        nearest = min(
-            math.dist(com[:2], foot.p_WF[:2])
-            for foot in (feet.left, feet.right)
-        )
-        if nearest > FALLEN_DISTANCE:
+        places = [foot.p_WF[:2] for foot in (feet.left, feet.right)]
+        if min(math.dist(com[:2], p) for p in places) > FALLEN_DISTANCE:
             return "CoM out of reach of both feet"
         state = self.GetOutputPort("walking_state").Eval(context)
         return foot_beside(self._ground, state.schedule)
-
-    def improper_contacts(self, context: Context) -> set[str]:
-        """Always empty: a point mass has no contacts."""
-        return set()
-
-    def passed_limit(self, context: Context) -> bool:
-        """Always False: a point mass has no joints, and no torso."""
-        return False
-
-    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.diagrams.signal_log)."""
-        logs = self._signal_log.read(context)
-        logs["sole"] = self.robot.sole
-        logs |= ground_logs(self._ground)
-        return logs | region_logs(self.robot.point_mass.reach)
-
-    def forget_logs(self, context: Context) -> None:
-        """Clears the log."""
-        self._signal_log.forget(context)

@@ -9,16 +9,9 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking import Phase, Side, WalkingState
-from nadia_balance.diagrams.in_meshcat import CONTROLS
+from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.simulation import (
-    ClosedLoop,
-    gait_and_error,
-    push_signal,
-    start,
-    until_ctrl_c,
-)
-from nadia_balance.results.scene import move_floor
+from nadia_balance.results.scene import CONTROLS, move_floor
 from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.balance_visualizer import FOOTPRINTS
 from nadia_balance.systems.walking_state_machine import WalkingSignal
@@ -47,7 +40,7 @@ class LiveSession:
 
     def __init__(
         self,
-        diagram: ClosedLoop,
+        diagram: simulation.ClosedLoop,
         meshcat: Meshcat,
         tell: Callable[[str], None],
         speed: float = 1.0,
@@ -66,7 +59,7 @@ class LiveSession:
 
         After each tick, `show` gets the lines of the status.
         """
-        with until_ctrl_c() as pressed:
+        with simulation.until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
                 self.tick()
                 show(self.status())
@@ -109,7 +102,7 @@ class LiveSession:
 
     def _begin(self, old: Context | None) -> None:
         """Starts the simulation; keeps the mechanisms of Context `old`."""
-        self._simulator = start(self._diagram)
+        self._simulator = simulation.start(self._diagram)
         if old is not None:
             self._diagram.GetSubsystemByName(CONTROLS).keep_mechanisms(
                 old, self._simulator.get_mutable_context()
@@ -138,14 +131,14 @@ class LiveSession:
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
         state = diagram.GetOutputPort("walking_state").Eval(context)
-        _, self._error = gait_and_error(diagram, context)
+        _, self._error = simulation.gait_and_error(diagram, context)
         controller = diagram.controller
         port = controller.GetOutputPort("walking_signal")
         walking = WalkingSignal(
             port.Eval(controller.GetMyContextFromRoot(context))
         )
         self._phase = moment_words(walking)
-        push = push_signal(diagram, context)
+        push = simulation.push_signal(diagram, context)
         now = context.get_time()
         for line in self._story.look(now, walking, push, self._error):
             self._tell_now(line)

@@ -17,12 +17,8 @@ from nadia_balance.core.push import Push
 from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.robot import (
-    FIDELITIES,
-    RobotModel,
-    default_plant_config,
-    load_robot_params,
-)
+from nadia_balance.ground_geometry import default_plant_config
+from nadia_balance.robot import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"

@@ -1,11 +1,13 @@
-"""Log of vector signals, sampled once per control tick."""
+"""The log of a run: its signals, once per control tick, and their robot."""
 
 import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.reachability import ReachabilityParams, step_regions
+from nadia_balance.robot import RobotModel
 
 
 class SignalLog:
@@ -21,8 +23,15 @@ class SignalLog:
         builder: DiagramBuilder,
         period: float,
         ports: dict[str, OutputPort],
+        robot: RobotModel,
+        ground: Ground | None,
     ):
         """Adds systems that log `ports`, by name, every `period` [s]."""
+        self._fixed = {
+            "sole": robot.sole,
+            **ground_logs(ground),
+            **region_logs(robot.point_mass.reach),
+        }
         self._sizes = {name: port.size() for name, port in ports.items()}
         multiplexer = builder.AddNamedSystem(
             "log_multiplexer", Multiplexer(list(self._sizes.values()))
@@ -41,7 +50,8 @@ class SignalLog:
     def read(self, context: Context) -> dict[str, np.ndarray]:
         """Returns name -> (n, size), and the times `t` (n,) [s].
 
-        Row i contains the values at t[i], before its updates.
+        Row i contains the values at t[i], before its updates.  The sole, the
+        ground and the regions of footholds have no row per tick.
         """
         log = self._sink.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
@@ -51,7 +61,8 @@ class SignalLog:
             t, data = t[last], data[last]
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
-        return {"t": t, **dict(zip(self._sizes, columns, strict=True))}
+        signals = dict(zip(self._sizes, columns, strict=True))
+        return {"t": t, **signals, **self._fixed}
 
 
 def ground_logs(ground: Ground | None) -> dict[str, np.ndarray]:
@@ -73,3 +84,43 @@ def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:
     """
     regions = step_regions(reach, cross_over=True)
     return {f"region_{name}": region for name, region in regions.items()}
+
+
+class MeasuredPoses:
+    """Forward kinematics of one robot, from its [q, v]."""
+
+    def __init__(self, robot: RobotModel):
+        """Uses a plant of the `robot` alone."""
+        self._plant = plant = robot.control_plant()
+        self._context = plant.CreateDefaultContext()
+        self._soles = [
+            (plant.GetBodyByName(name), robot.X_FootSole[side])
+            for side, name in robot.foot_bodies.items()
+        ]
+        trunk = robot.torso_body, robot.pelvis_body
+        self._trunk = [plant.GetBodyByName(name) for name in trunk]
+
+    def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
+        """Returns the signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
+
+        Rows are MeasuredFeet and TrunkTilt (see nadia_balance.results.log) of
+        the `states` (n, nq + nv).
+        """
+        feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))
+        for row, state in enumerate(states):
+            tilts[row] = self.trunk_tilt(state)
+            for foot, (body, X_FootSole) in enumerate(self._soles):
+                X_WF = self._pose(body) @ X_FootSole
+                feet[row, foot, :3] = X_WF.translation()
+                feet[row, foot, 3] = RollPitchYaw(X_WF.rotation()).yaw_angle()
+        return {"foot_poses": feet.reshape(-1, 8), "trunk_tilt": tilts}
+
+    def trunk_tilt(self, state: np.ndarray) -> np.ndarray:
+        """Angles (2,) [rad] of torso and pelvis against the vertical."""
+        self._plant.SetPositionsAndVelocities(self._context, state)
+        # The z axis of W, in the body's frame.
+        z = [self._pose(body).rotation().matrix()[2] for body in self._trunk]
+        return np.array([np.arctan2(np.hypot(x, y), up) for x, y, up in z])
+
+    def _pose(self, body) -> RigidTransform:
+        return self._plant.EvalBodyPoseInWorld(self._context, body)

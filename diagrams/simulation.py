@@ -1,29 +1,34 @@
-"""Simulation of a closed diagram until its end, or until the robot falls."""
+"""Simulation of a closed diagram, and the criteria by which it is judged."""
 
 import contextlib
+import itertools
 import math
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus, System
+from pydrake.systems.framework import Context, Diagram, EventStatus, System
 
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.recovery import CalmSteps
-from nadia_balance.results.summary import Run
+from nadia_balance.diagrams.signal_log import SignalLog
+from nadia_balance.results.log import Log, pushes
+from nadia_balance.results.log import signal as logged
+from nadia_balance.results.measurements import CalmSteps
+from nadia_balance.results.summary import Run, RunInfo
+from nadia_balance.robot import load_robot
 from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.push_source import PushSignal, PushSource
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
+PATIENCE = 8  # largest number of steps of a recovery
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
-class ClosedLoop(Protocol):
-    """Interface of a Diagram that can be simulated here.
+class ClosedLoop(Diagram):
+    """A Diagram that can be simulated here.
 
     Each `context` is that of the whole diagram.  RecoveryWatch requires output
     ports walking_state, icp and icp_reference, sweeps swing_foot_reference.
@@ -32,24 +37,30 @@ class ClosedLoop(Protocol):
     scenario: Scenario
     push: PushSource  # one of its systems
     controller: System  # one of its systems, with port walking_signal
+    _signal_log: SignalLog
 
     def set_initial_state(self, context: Context) -> None:
         """Sets the robot's initial state."""
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
+        raise NotImplementedError
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
+        return set()
 
     def passed_limit(self, context: Context) -> bool:
         """True if a limit is exceeded that a recovery must not exceed."""
+        return False
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All logged signals (see nadia_balance.results.log)."""
+        return self._signal_log.read(context)
 
     def forget_logs(self, context: Context) -> None:
         """Clears the log, which otherwise grows without bound."""
+        self._signal_log.forget(context)
 
 
 def start(diagram: ClosedLoop) -> Simulator:
@@ -228,3 +239,56 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
         yield lambda: bool(pressed)
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
+    """Returns the required calm steps, and whether the run is long enough.
+
+    The number is the scenario's `calm_steps`, or one less than the steps that
+    the gait has left when the last push begins, if that is less; 0 for a robot
+    that only stands.  A run is long enough if PATIENCE steps, or all that are
+    left, end one step before the end of the run, since a push delays the steps.
+    A run without a push is judged from its start.
+    """
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    start = scenario.start(scenario.point_mass(robot)).schedule
+    begin, taken = 0.0, 0
+    if felt := pushes(log):
+        begin = felt[-1].start
+        walking = logged(log, "walking_signal", felt[-1].first)
+        taken = int(walking.steps_taken)
+    left = start.footsteps[taken:]
+    required = min(scenario.calm_steps, max(len(left) - 1, 0))
+    ends = itertools.accumulate(
+        (step.transfer_duration + step.swing_duration for step in left),
+        initial=max(begin, start.duration),  # the robot stands until then
+    )
+    gait = scenario.gait
+    last = scenario.duration - gait.transfer_duration - gait.swing_duration
+    fitting = sum(end <= last + 1e-9 for end in itertools.islice(ends, 1, None))
+    return required, not required or fitting >= min(PATIENCE, len(left))
+
+
+def run_info(
+    scenario: Scenario, run: Run, plant: str = "humanoid", name: str = ""
+) -> RunInfo:
+    """Returns the RunInfo by which `run`, a run of `scenario`, is judged.
+
+    `plant` is humanoid or lipm, `name` is the scenario's name.
+    """
+    same = "robot", "mechanisms", "fidelity", "engine", "seed"
+    push = scenario.pushes[0] if scenario.pushes else None
+    calm_steps, is_long_enough = required_calm_steps(scenario, run.logs)
+    upright = {}
+    if scenario.fidelity == "realistic":
+        upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
+    return RunInfo(
+        **{field: getattr(scenario, field) for field in same},
+        scenario=name,
+        plant=plant,
+        direction_deg=push.direction_deg if push else None,
+        delta_v=push.delta_v if push else None,
+        calm_steps=calm_steps,
+        is_long_enough=is_long_enough,
+        **upright,
+    )

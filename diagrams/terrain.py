@@ -3,15 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from nadia_balance.core import ground as core
 from nadia_balance.core.bounds import bounded, check
-from nadia_balance.core.ground import (
-    Ground,
-    GroundError,
-    Region,
-    believed,
-    check_friction,
-    check_ground,
-)
+from nadia_balance.core.ground import Ground, GroundError, Region
 from nadia_balance.core.ground_steps import standing_on
 from nadia_balance.core.walking import Array, ContactSchedule, FootPoses, Side
 from nadia_balance.typed_yaml import load_typed
@@ -57,7 +51,7 @@ class Terrain:
         ground = Ground(self._regions(), sole, self.margin)
         for region in ground.regions:
             check(region)
-        check_ground(ground)
+        core.check_ground(ground)
         return ground
 
     def level_ground(self, sole: Array, what: str) -> Ground | None:
@@ -81,7 +75,7 @@ class Terrain:
             return None
         if self.error == GroundError():
             return truth
-        regions = believed(truth.regions, self.error, self.seed)
+        regions = core.believed(truth.regions, self.error, self.seed)
         return Ground(regions, truth.sole, truth.margin)
 
     def _regions(self) -> tuple[Region, ...]:
@@ -106,7 +100,7 @@ def check_start(
     """
     if ground is None or ground.is_level:
         return
-    check_friction(ground, friction)
+    core.check_friction(ground, friction)
     for side in Side:
         for foot in standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:

@@ -9,13 +9,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.collision_avoidance import (
-    CollisionAvoidanceParams,
-    SegmentPairs,
-    cross,
-)
+from nadia_balance.core import collision_avoidance as core
 from nadia_balance.core.whole_body_command import Avoidance
-from nadia_balance.robot import RobotModel
+from nadia_balance.robot import RobotModel, body_poses
 
 MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
@@ -38,7 +34,7 @@ class CollisionAvoidance:
 
     def __init__(
         self,
-        params: CollisionAvoidanceParams,
+        params: core.CollisionAvoidanceParams,
         robot: RobotModel,
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
@@ -74,16 +70,14 @@ class CollisionAvoidance:
         shapes = list(dict.fromkeys(sides[0] + sides[1]))
         # The pose of its body times a segment is [begin, way] (3, 2) in W.
         self._segments = np.array([s.segment for s in shapes]).reshape(-1, 4, 2)
-        self._owner = np.array(
-            [self._number[s.body.index()] for s in shapes], dtype=int
-        )
+        owner = [self._number[s.body.index()] for s in shapes]
+        self._owner = np.array(owner, dtype=int)
         # Indices of the first and the second shape, and body, of each pair.
-        self._sides = np.array(
-            [[shapes.index(s) for s in side] for side in sides], dtype=int
-        )
+        numbers = [[shapes.index(s) for s in side] for side in sides]
+        self._sides = np.array(numbers, dtype=int)
         self._pair_bodies = self._owner[self._sides]
         lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        self._pairs = SegmentPairs(lengths[self._sides])
+        self._pairs = core.SegmentPairs(lengths[self._sides])
         radii = np.array([s.radius for s in shapes])
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
@@ -110,20 +104,13 @@ class CollisionAvoidance:
         Rows times v are the rates of the distances.
         """
         plant = self._plant
-        X_WB = np.array(
-            [
-                plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
-                for body in self._bodies
-            ]
-        )
+        X_WB = body_poses(plant, context, self._bodies)
         distance, normal, p, bodies = self._near_round(X_WB)
         if self._others:
             more = self._near_others(context, X_WB)
+            both = zip((distance, normal, p, bodies), more, strict=True)
             distance, normal, p, bodies = (
-                np.concatenate(both, axis=-1)
-                for both in zip(
-                    (distance, normal, p, bodies), more, strict=True
-                )
+                np.concatenate(arrays, axis=-1) for arrays in both
             )
         if not distance.size:
             return np.empty(0), np.empty((0, plant.num_velocities()))
@@ -131,30 +118,30 @@ class CollisionAvoidance:
         # shift of the point along n, from axis to surface, has no effect.
         W = np.empty((6, 2, distance.size))
         W[3:, 0], W[3:, 1] = normal, -normal
-        W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        W[:3] = core.cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
         V = np.empty((len(self._bodies), 6))
-        for body in set(bodies.ravel().tolist()):
-            V[body] = plant.EvalBodySpatialVelocityInWorld(
-                context, self._bodies[body]
-            ).get_coeffs()
+        for i in set(bodies.ravel().tolist()):
+            V_WB = plant.EvalBodySpatialVelocityInWorld(
+                context, self._bodies[i]
+            )
+            V[i] = V_WB.get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
         braking = self._params.braking(distance, rates)
         near = distance < self._params.attention
         urgent = (near | (braking > 0.0)).nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        rows = np.empty((urgent.size, plant.num_velocities()))
+        rows, world = (
+            np.empty((urgent.size, plant.num_velocities())),
+            self._world,
+        )
         for row, k in zip(rows, urgent.tolist(), strict=True):
+            frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
             J_A, J_B = (
                 plant.CalcJacobianSpatialVelocity(
-                    context,
-                    _V,
-                    self._bodies[body].body_frame(),
-                    _ORIGIN,
-                    self._world,
-                    self._world,
+                    context, _V, frame, _ORIGIN, world, world
                 )
-                for body in bodies[:, k]
+                for frame in frames
             )
             row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
         return distance[urgent], rows

@@ -3,19 +3,16 @@
 import numpy as np
 from pydrake.geometry import Convex, RoleAssign, SceneGraph
 from pydrake.math import RigidTransform
+from pydrake.multibody import plant as mbp
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import (
-    CoulombFriction,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
+from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex
 
 from nadia_balance import palette
 from nadia_balance.core.ground import Ground
 from nadia_balance.robot_params import MODELS
 
-_ROUGH = CoulombFriction(0.8, 0.8)  # as in flat.urdf
+_ROUGH = mbp.CoulombFriction(0.8, 0.8)  # as in flat.urdf
 _DEPTH = 0.5  # depth of the ground below its lowest point [m]
 
 
@@ -55,16 +52,18 @@ def scale_friction(
     plant: MultibodyPlant, scene_graph: SceneGraph, ratio: float
 ) -> None:
     """Multiplies all friction coefficients in a finalized `plant`."""
-    inspector = scene_graph.model_inspector()
+    inspector, source = scene_graph.model_inspector(), plant.get_source_id()
+    replaces = RoleAssign.kReplace
     for i in range(plant.num_bodies()):
         body = plant.get_body(BodyIndex(i))
         for shape in plant.GetCollisionGeometriesForBody(body):
             properties = inspector.GetProximityProperties(shape)
             mu = properties.GetProperty("material", "coulomb_friction")
-            scaled_mu = CoulombFriction(
-                ratio * mu.static_friction(), ratio * mu.dynamic_friction()
+            values = ratio * mu.static_friction(), ratio * mu.dynamic_friction()
+            changed = (
+                "material",
+                "coulomb_friction",
+                mbp.CoulombFriction(*values),
             )
-            properties.UpdateProperty("material", "coulomb_friction", scaled_mu)
-            scene_graph.AssignRole(
-                plant.get_source_id(), shape, properties, RoleAssign.kReplace
-            )
+            properties.UpdateProperty(*changed)
+            scene_graph.AssignRole(source, shape, properties, replaces)

@@ -4,19 +4,8 @@ from collections.abc import Iterable
 
 import mujoco
 import numpy as np
-from pydrake.geometry import (
-    Box,
-    Capsule,
-    Convex,
-    Cylinder,
-    Ellipsoid,
-    GeometryId,
-    HalfSpace,
-    Mesh,
-    PenetrationAsPointPair,
-    SceneGraphInspector,
-    Sphere,
-)
+from pydrake import geometry
+from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
@@ -25,28 +14,25 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
+from nadia_balance.urdf import hull_points
+
+Forces = Iterable[ExternallyAppliedSpatialForce]
 # Time constant of contacts and joint limits, which are damped springs [s];
 # MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.
 STIFFNESS_TIME = 0.004
 _HARDNESS = [0.95, 0.99, 0.001, 0.5, 2.0]  # the impedance of all constraints
 # Ratio of frictional to normal impedance; with less, soles creep.
 _FRICTION_IMPEDANCE = 10.0
-_SHAPES = {
-    Box: (mujoco.mjtGeom.mjGEOM_BOX, lambda s: 0.5 * s.size()),
-    Capsule: (
-        mujoco.mjtGeom.mjGEOM_CAPSULE,
-        lambda s: [s.radius(), 0.5 * s.length(), 0.0],
+_SHAPES = {  # Drake's type: the end of the name of MuJoCo's, and its size
+    geometry.Box: ("BOX", lambda s: 0.5 * s.size()),
+    geometry.Capsule: ("CAPSULE", lambda s: [s.radius(), 0.5 * s.length(), 0]),
+    geometry.Cylinder: (
+        "CYLINDER",
+        lambda s: [s.radius(), 0.5 * s.length(), 0],
     ),
-    Cylinder: (
-        mujoco.mjtGeom.mjGEOM_CYLINDER,
-        lambda s: [s.radius(), 0.5 * s.length(), 0.0],
-    ),
-    Ellipsoid: (
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        lambda s: [s.a(), s.b(), s.c()],
-    ),
-    HalfSpace: (mujoco.mjtGeom.mjGEOM_PLANE, lambda s: [0.0, 0.0, 1.0]),
-    Sphere: (mujoco.mjtGeom.mjGEOM_SPHERE, lambda s: [s.radius(), 0.0, 0.0]),
+    geometry.Ellipsoid: ("ELLIPSOID", lambda s: [s.a(), s.b(), s.c()]),
+    geometry.HalfSpace: ("PLANE", lambda s: [0.0, 0.0, 1.0]),
+    geometry.Sphere: ("SPHERE", lambda s: [s.radius(), 0.0, 0.0]),
 }
 _JOINTS = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
@@ -81,10 +67,8 @@ class MujocoModel:
         self.model = self._spec.compile()
         self.data = mujoco.MjData(self.model)
         self._actuation = plant.MakeActuationMatrix()
-        self._efforts = (
-            plant.GetEffortLowerLimits(),
-            plant.GetEffortUpperLimits(),
-        )
+        limits = plant.GetEffortLowerLimits(), plant.GetEffortUpperLimits()
+        self._efforts = limits
         self._find_columns()
 
     def _add_body(self, body: RigidBody) -> mujoco.MjsBody:
@@ -101,11 +85,8 @@ class MujocoModel:
         )
         if (mass := M_B.get_mass()) > 0.0:
             p_BCm = M_B.get_com()
-            moments, axes = (
-                M_B.Shift(p_BCm)
-                .CalcRotationalInertia()
-                .CalcPrincipalMomentsAndAxesOfInertia()
-            )
+            I_BBcm = M_B.Shift(p_BCm).CalcRotationalInertia()
+            moments, axes = I_BBcm.CalcPrincipalMomentsAndAxesOfInertia()
             added.explicitinertial, added.mass = True, mass
             added.ipos, added.inertia = p_BCm, moments
             added.iquat = axes.ToQuaternion().wxyz()
@@ -126,16 +107,12 @@ class MujocoModel:
         added = body.add_joint(name=str(int(joint.index())), type=_JOINTS[kind])
         if joint.num_velocities() > 1:
             return
-        axis = (
-            joint.revolute_axis()
-            if kind == "revolute"
-            else joint.translation_axis()
-        )
-        low = joint.position_lower_limits()[0]
-        high = joint.position_upper_limits()[0]
+        turns = kind == "revolute"
+        axis = joint.revolute_axis() if turns else joint.translation_axis()
+        limits = joint.position_lower_limit(), joint.position_upper_limit()
         added.pos, added.axis = X_BM.translation(), X_BM.rotation() @ axis
-        added.limited = bool(np.isfinite([low, high]).any())
-        added.range = np.clip([low, high], -1e6, 1e6)
+        added.limited = bool(np.isfinite(limits).any())
+        added.range = np.clip(limits, -1e6, 1e6)
         added.solref_limit, added.solimp_limit = self._softness, _HARDNESS
         for i in self._plant.GetJointActuatorIndices():
             actuator = self._plant.get_joint_actuator(i)
@@ -163,31 +140,26 @@ class MujocoModel:
                 solimp=_HARDNESS,
             )
 
-    def _add_shape(
-        self, inspector: SceneGraphInspector, shape: GeometryId
-    ) -> None:
+    def _add_shape(self, inspector: SceneGraphInspector, shape) -> None:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         what = inspector.GetShape(shape)
         options = _pose(inspector.GetPoseInFrame(shape))
-        if isinstance(what, (Convex, Mesh)):  # the convex hull, as in Drake
-            hull = inspector.GetConvexHull(shape)
-            points = [hull.vertex(i) for i in range(hull.num_vertices())]
+        kind, size = _SHAPES.get(type(what), ("MESH", None))
+        if isinstance(what, geometry.Convex | geometry.Mesh):
+            # The convex hull, as in Drake.
+            points = hull_points(inspector, shape)
             self._spec.add_mesh(name=_name(shape), uservert=np.ravel(points))
-            options |= {
-                "type": mujoco.mjtGeom.mjGEOM_MESH,
-                "meshname": _name(shape),
-            }
-        elif type(what) in _SHAPES:
-            kind, size = _SHAPES[type(what)]
-            options |= {"type": kind, "size": size(what)}
+            options["meshname"] = _name(shape)
+        elif size is not None:
+            options["size"] = size(what)
         else:
             raise ValueError(
                 f"shape {inspector.GetName(shape)}: must not be a "
                 f"{type(what).__name__}, for MuJoCo"
             )
-        self._bodies[body.index()].add_geom(
-            name=_name(shape), contype=0, conaffinity=0, **options
-        )
+        options |= {"name": _name(shape), "contype": 0, "conaffinity": 0}
+        options["type"] = getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")
+        self._bodies[body.index()].add_geom(**options)
 
     def _find_columns(self) -> None:
         """Finds the index in the plant's q and v of each entry of MuJoCo's."""
@@ -229,17 +201,13 @@ class MujocoModel:
         found, vector = np.empty(self.model.nv), vector.copy()
         for quaternion, turning in self._turning:
             w_B = vector[turning].copy()
-            mujoco.mju_rotVecQuat(
-                vector[turning], w_B, self.data.qpos[quaternion]
-            )
+            q_WB = self.data.qpos[quaternion]
+            mujoco.mju_rotVecQuat(vector[turning], w_B, q_WB)
         found[self._v] = vector
         return found
 
     def step(
-        self,
-        x: np.ndarray,
-        torques: np.ndarray,
-        forces: Iterable[ExternallyAppliedSpatialForce] = (),
+        self, x: np.ndarray, torques: np.ndarray, forces: Forces = ()
     ) -> tuple[np.ndarray, list[PointPairContactInfo]]:
         """Returns x a time step later, and the contacts on the way there.
 
@@ -254,10 +222,7 @@ class MujocoModel:
         return after, contacts
 
     def forward(
-        self,
-        x: np.ndarray,
-        torques: np.ndarray,
-        forces: Iterable[ExternallyAppliedSpatialForce] = (),
+        self, x: np.ndarray, torques: np.ndarray, forces: Forces = ()
     ) -> None:
         """Computes accelerations and contact forces in `data`.
 
@@ -271,17 +236,11 @@ class MujocoModel:
         for force in forces:
             body = model.body(str(int(force.body_index))).id
             R_WB = data.xmat[body].reshape(3, 3)
-            mujoco.mj_applyFT(
-                model,
-                data,
-                force.F_Bq_W.translational(),
-                force.F_Bq_W.rotational(),
-                data.xpos[body] + R_WB @ force.p_BoBq_B,
-                body,
-                data.qfrc_applied,
-            )
-        skipped = mujoco.mjtStage.mjSTAGE_POS
-        mujoco.mj_forwardSkip(model, data, skipped, 1)
+            point, F = data.xpos[body] + R_WB @ force.p_BoBq_B, force.F_Bq_W
+            both = F.translational(), F.rotational()
+            sums = data.qfrc_applied
+            mujoco.mj_applyFT(model, data, *both, point, body, sums)
+        mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_POS, 1)
 
     def _contacts(self) -> list[PointPairContactInfo]:
         """The present contacts as Drake's type, with zero speeds."""
@@ -298,7 +257,7 @@ class MujocoModel:
                     p_WC=contacts.pos[i],
                     separation_speed=0.0,
                     slip_speed=0.0,
-                    point_pair=PenetrationAsPointPair(),
+                    point_pair=geometry.PenetrationAsPointPair(),
                 )
             )
         return found

@@ -13,8 +13,7 @@ from nadia_balance.core.reachability import (
     step_regions,
 )
 from nadia_balance.core.walking import FootPose, Side
-from nadia_balance.inverse_kinematics import StandingKinematics
-from nadia_balance.robot import RobotModel
+from nadia_balance.robot import RobotModel, StandingKinematics
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
 _LEVEL = 0.01  # tolerance of the planned CoM height [m]
@@ -36,18 +35,14 @@ def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
     lowest = params.min_height_ratio * model.com_height
     height = min(max(limit, lowest), model.com_height)
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
-    names = [robot.foot_bodies[side] for side in Side]
-    soles = [robot.X_FootSole[side].translation() for side in Side]
-    plant = robot.control_plant()
     ik = StandingKinematics(
-        plant,
-        dict(zip(names, soles, strict=True)),
-        dict(zip(names, feet, strict=True)),
+        robot,
+        dict(zip(Side, feet, strict=True)),
         [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
         [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
     )
-    pelvis, upright = plant.GetFrameByName(robot.pelvis_body), RotationMatrix()
-    world = plant.world_frame()
+    pelvis = ik.plant.GetFrameByName(robot.pelvis_body)
+    world, upright = ik.plant.world_frame(), RotationMatrix()
     ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
     guess, middle = robot.standing_positions(), 0.5 * foothold
     guess[4:6] = middle

@@ -1,22 +1,21 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    AddMultibodyPlantSceneGraph,
-    ContactResults,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.multibody import inverse_kinematics as ik
+from pydrake.multibody import plant as mbp
+from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.solvers import SnoptSolver
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from nadia_balance import robot_checks
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
@@ -24,14 +23,6 @@ from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.ground_geometry import add_ground, default_plant_config
-from nadia_balance.inverse_kinematics import StandingKinematics
-from nadia_balance.robot_checks import (
-    check_plant,
-    check_standing,
-    improper_contacts,
-    remarks_on,
-)
-from nadia_balance.robot_measures import with_lengths
 from nadia_balance.robot_params import (
     MODELS,
     RobotParams,
@@ -39,7 +30,7 @@ from nadia_balance.robot_params import (
     overridden,
 )
 from nadia_balance.typed_yaml import load_tree, load_typed
-from nadia_balance.urdf import add_urdf, check_urdf, naming
+from nadia_balance.urdf import add_urdf, check_urdf, naming, with_lengths
 
 # realistic: limits of a real robot.  ideal: any torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
@@ -73,10 +64,12 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        plant, standing = self.control_plant(), self.standing_positions()
-        self.remarks = remarks_on(self.control_diagram()[1], set(feet))
+        shaped, q = self.control_diagram()[1], self.standing_positions()
+        self.remarks = robot_checks.remarks_on(shaped, set(feet))
         with naming(f"urdf = {urdf}"):
-            check_standing(plant, standing, self.foot_bodies, self.X_FootSole)
+            robot_checks.check_standing(
+                self.control_plant(), q, self.foot_bodies, self.X_FootSole
+            )
 
     @cached_property
     def mass(self) -> float:
@@ -93,9 +86,8 @@ class RobotModel:
         speeds = self.control_plant().GetVelocityUpperLimits()[6:]
         if self.drives is None:
             return np.full(speeds.size, np.inf)
-        return np.where(
-            np.isfinite(speeds), speeds, self.params.max_joint_speed
-        )
+        known = np.isfinite(speeds)
+        return np.where(known, speeds, self.params.max_joint_speed)
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -141,9 +133,8 @@ class RobotModel:
 
         `config` is by default `default_plant_config()`; see `add_ground`.
         """
-        plant, scene_graph = AddMultibodyPlant(
-            config or default_plant_config(), builder
-        )
+        config = config or default_plant_config()
+        plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
 
@@ -206,12 +197,14 @@ class RobotModel:
         return _shaped(self.urdf)
 
     def improper_contacts(
-        self, plant: MultibodyPlant, contact_results: ContactResults
+        self, plant: MultibodyPlant, contact_results: mbp.ContactResults
     ) -> set[str]:
         """Calls improper_contacts of robot_checks for this robot in `plant`."""
         robot = plant.GetBodyByName(self.pelvis_body).model_instance()
         feet = set(self.foot_bodies.values())
-        return improper_contacts(plant, contact_results, robot, feet)
+        return robot_checks.improper_contacts(
+            plant, contact_results, robot, feet
+        )
 
     def standing_positions(self, step_width: float | None = None) -> np.ndarray:
         """Returns q (nq,) of the robot, standing about the origin of W.
@@ -226,19 +219,17 @@ class RobotModel:
         width = self.params.step_width if step_width is None else step_width
         if not 0.0 < width < np.inf:
             raise ValueError(f"step_width = {width}: must be > 0 m")
-        plant, com = self.control_plant(), [0.0, 0.0, self.com_height]
-        soles, places = {}, {}
-        for side, foot in self.foot_bodies.items():
-            soles[foot] = self.X_FootSole[side].translation()
-            places[foot] = 0.0, 0.5 * side.sign * width
-        ik = StandingKinematics(plant, soles, places, com, com)
+        com = [0.0, 0.0, self.com_height]
+        places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
+        found = StandingKinematics(self, places, com, com)
+        plant = found.plant
         upright = [1.0, 0.0, 0.0, 0.0]
-        ik.prog().AddBoundingBoxConstraint(upright, upright, ik.q()[:4])
+        found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
         nominal = np.zeros(plant.num_positions())
         nominal[0], nominal[6] = 1.0, self.com_height
         for joint, angle in self.posture.items():
             nominal[plant.GetJointByName(joint).position_start()] = angle
-        if (q := ik.nearest(nominal, com)) is not None:
+        if (q := found.nearest(nominal, com)) is not None:
             return q
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip
@@ -249,10 +240,61 @@ class RobotModel:
         )
 
 
+class StandingKinematics(ik.InverseKinematics):
+    """Inverse kinematics with level soles and a bounded centre of mass."""
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        places: Mapping[Side, ArrayLike],
+        com_lower: ArrayLike,
+        com_upper: ArrayLike,
+    ):
+        """Constrains the `plant` of the `robot` alone.
+
+        `places` are the positions (2,) [m] of the sole centres on the plane
+        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
+        `com_upper`.
+        """
+        self.plant = plant = robot.control_plant()
+        super().__init__(plant)
+        world, free = plant.world_frame(), np.inf
+        for side, (x, y) in places.items():
+            foot = plant.GetFrameByName(robot.foot_bodies[side])
+            p_FS = robot.X_FootSole[side].translation()
+            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
+            for p_S, low, high in (
+                ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
+                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
+                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
+            ):
+                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
+        prog = self.prog()
+        self._com = prog.NewContinuousVariables(3, "com")
+        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
+        context = self.get_mutable_context()
+        com = ik.ComPositionConstraint(plant, None, world, context)
+        prog.AddConstraint(com, [*self.q(), *self._com])
+
+    def nearest(
+        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
+    ) -> np.ndarray | None:
+        """Returns the positions (nq,) nearest to `q`; None if there are none.
+
+        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
+        """
+        prog = self.prog()
+        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
+        prog.SetInitialGuess(self.q(), q)
+        prog.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(prog)
+        return result.GetSolution(self.q()) if result.is_success() else None
+
+
 def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
     """A diagram of a plant of the robot in `urdf` alone and its SceneGraph."""
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    plant, scene_graph = mbp.AddMultibodyPlantSceneGraph(builder, 0.001)
     add_urdf(plant, urdf)
     with naming(f"urdf = {urdf}"):
         plant.Finalize()
@@ -319,7 +361,7 @@ def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
     with naming(f"urdf = {urdf}"):
         check_urdf(urdf)
     _, plant, scene_graph = _shaped(urdf)
-    check_plant(plant, params)
+    robot_checks.check_plant(plant, params)
     with naming(f"urdf = {urdf}"):
         return with_lengths(params, given, plant, scene_graph.model_inspector())
 
@@ -328,3 +370,11 @@ def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
     """Index (nu,) in v of `plant` of each actuator's joint."""
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     return np.array([a.joint().velocity_start() for a in actuators])
+
+
+def body_poses(
+    plant: MultibodyPlant, context: Context, bodies: Iterable[RigidBody]
+) -> np.ndarray:
+    """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
+    poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
+    return np.array([X_WB.GetAsMatrix34() for X_WB in poses])

@@ -4,35 +4,27 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
+from pydrake.multibody import tree
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    JacobianWrtVariable,
-    ModelInstanceIndex,
-    world_index,
-)
 
 from nadia_balance.core.walking import Side
 from nadia_balance.robot_params import RobotParams
-
-
-def _require(fulfilled: bool, message: str) -> None:
-    if not fulfilled:
-        raise ValueError(message)
+from nadia_balance.urdf import require
 
 
 def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     """Raises ValueError if `plant` lacks parts that `params` name."""
     for part in ("pelvis", "torso", "left_foot", "right_foot"):
         name = getattr(params, f"{part}_body")
-        _require(
+        require(
             plant.HasBodyNamed(name),
             f"{part}_body = {name!r}: must be a link of the URDF",
         )
     bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
     floating = sorted(body.name() for body in bodies)
-    _require(
+    require(
         floating == [params.pelvis_body],
         f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
         f"joint holds; these are: {', '.join(floating) or 'none'}",
@@ -42,7 +34,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
         plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
         for foot in (params.left_foot_body, params.right_foot_body)
     )
-    _require(
+    require(
         left > right,
         f"left_foot_body = {params.left_foot_body!r}: must be left of "
         f"right_foot_body = {params.right_foot_body!r}",
@@ -59,10 +51,10 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
         for name, angle in angles.items():
             what = f"{field}.{name} = {angle}: must be"
             known = ", ".join(sorted(joints))
-            _require(name in joints, f"{what} one of the joints {known}")
+            require(name in joints, f"{what} one of the joints {known}")
             low = joints[name].position_lower_limits()[0]
             high = joints[name].position_upper_limits()[0]
-            _require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
+            require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
 
 
 def _check_drives(
@@ -73,18 +65,18 @@ def _check_drives(
     actuators = {actuator.joint().name(): actuator for actuator in actuators}
     for name, joint in joints.items():
         speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
-        _require(
+        require(
             speed < math.inf,
             f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
             "a max_joint_speed",
         )
         actuator = actuators.get(name)
-        _require(
+        require(
             actuator is not None and actuator.effort_limit() < math.inf,
             f"{where}: joint {name}: must have an effort limit",
         )
         inertia = actuator.default_reflected_inertia()
-        _require(
+        require(
             inertia >= 0.0,
             f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
             "must be >= 0 kg m^2",
@@ -93,23 +85,15 @@ def _check_drives(
 
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
     """Warnings about legal but suspicious settings of a plant with shapes."""
-    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
-    shaped = {
-        body.name()
-        for body in bodies
-        if plant.GetCollisionGeometriesForBody(body)
-    }
     remarks = []
-    if shaped == feet:
+    if {body.name() for body in _body_of_shape(plant).values()} == feet:
         remarks.append(
             "only the feet have collision shapes: a fall, or legs in each "
             "other, are not noticed"
         )
     actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     light = [
-        actuator.joint().name()
-        for actuator in actuators
-        if not actuator.default_reflected_inertia()
+        a.joint().name() for a in actuators if not a.default_reflected_inertia()
     ]
     if light:
         remarks.append(f"no rotor inertia: {', '.join(light)}")
@@ -133,19 +117,15 @@ def check_standing(
     half_weight = -0.5 * plant.CalcTotalMass(context) * gravity
     torques = -plant.CalcGravityGeneralizedForces(context)
     for side, foot in feet.items():
+        frame, p_FS = plant.GetFrameByName(foot), X_FootSole[side].translation()
         torques -= half_weight @ plant.CalcJacobianTranslationalVelocity(
-            context,
-            JacobianWrtVariable.kV,
-            plant.GetFrameByName(foot),
-            X_FootSole[side].translation(),
-            world,
-            world,
+            context, tree.JacobianWrtVariable.kV, frame, p_FS, world, world
         )
     for i in plant.GetJointActuatorIndices():
         actuator = plant.get_joint_actuator(i)
         joint, limit = actuator.joint(), actuator.effort_limit()
         needed = abs(torques[joint.velocity_start()])
-        _require(
+        require(
             needed <= limit,
             f"effort limit of {joint.name()} = {limit:g}: must be >= "
             f"{needed:.0f} N m, for the robot to stand",
@@ -155,7 +135,7 @@ def check_standing(
 def improper_contacts(
     plant: MultibodyPlant,
     results: ContactResults,
-    robot: ModelInstanceIndex,
+    robot: tree.ModelInstanceIndex,
     feet: set[str],
 ) -> set[str]:
     """Returns the pairs of bodies in contact that are not foot and ground.
@@ -165,11 +145,13 @@ def improper_contacts(
     """
     improper = set()
     for pair in set(_touching(plant, results)):
-        bodies = [plant.get_body(BodyIndex(i)) for i in pair]
+        bodies = [plant.get_body(tree.BodyIndex(i)) for i in pair]
         own = {b.name() for b in bodies if b.model_instance() == robot}
         # Two robots may have bodies of the same name.
         others = {
-            "ground" if b.index() == world_index() else str(b.scoped_name())
+            "ground"
+            if b.index() == tree.world_index()
+            else str(b.scoped_name())
             for b in bodies
             if b.model_instance() != robot
         }
@@ -185,14 +167,19 @@ def _touching(
     for i in range(results.num_point_pair_contacts()):
         contact = results.point_pair_contact_info(i)
         yield int(contact.bodyA_index()), int(contact.bodyB_index())
-    if not results.num_hydroelastic_contacts():
-        return
-    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
-    body_of = {
-        shape: int(body.index())
+    surfaces = range(results.num_hydroelastic_contacts())
+    body_of = _body_of_shape(plant) if surfaces else {}
+    for i in surfaces:
+        surface = results.hydroelastic_contact_info(i).contact_surface()
+        pair = body_of[surface.id_M()], body_of[surface.id_N()]
+        yield int(pair[0].index()), int(pair[1].index())
+
+
+def _body_of_shape(plant: MultibodyPlant) -> dict[GeometryId, tree.RigidBody]:
+    """The body of every collision shape of the `plant`."""
+    bodies = map(plant.get_body, map(tree.BodyIndex, range(plant.num_bodies())))
+    return {
+        shape: body
         for body in bodies
         for shape in plant.GetCollisionGeometriesForBody(body)
     }
-    for i in range(results.num_hydroelastic_contacts()):
-        surface = results.hydroelastic_contact_info(i).contact_surface()
-        yield body_of[surface.id_M()], body_of[surface.id_N()]

@@ -90,18 +90,12 @@ def idealised(params: RobotParams) -> RobotParams:
 
     Its arms pass through the rest of it.
     """
-    inf = math.inf
+    free = dict.fromkeys(("max_speed", "max_descent", "max_braking"), math.inf)
     return replace(
         params,
         drives=None,
         self_collisions=False,
-        swing_detour=replace(
-            params.swing_detour,
-            max_speed=inf,
-            max_descent=inf,
-            max_braking=inf,
-            settling=0.0,
-        ),
+        swing_detour=replace(params.swing_detour, settling=0.0, **free),
         whole_body=replace(params.whole_body, loading_time=0.0, avoidance=None),
     )
 

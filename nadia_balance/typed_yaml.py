@@ -12,12 +12,8 @@ from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 T = typing.TypeVar("T")
 
 _MOST_NODES = 100_000  # in a file, with each alias expanded
-_NAMES = {
-    bool: "true or false",
-    float: "a number",
-    int: "an integer",
-    str: "text (quote it)",
-}
+_NAMES = {bool: "true or false", float: "a number", int: "an integer"}
+_NAMES[str] = "text (quote it)"
 
 
 def load_typed(
@@ -151,8 +147,9 @@ def _check(schema: type, value: object, name: str) -> None:
             if fields is None or key in fields:
                 _check(fields[key] if fields else args[1], item, path)
             elif key != "_tag":
+                known = ", ".join(fields)
                 raise ValueError(
-                    f"{path}: unknown field, must be one of {', '.join(fields)}"
+                    f"{path}: unknown field, must be one of {known}"
                 )
 
 

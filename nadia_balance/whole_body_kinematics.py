@@ -1,23 +1,18 @@
 """Terms of the equations of motion, computed by few Drake calls."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
+from nadia_balance.core import whole_body_command as command
 from nadia_balance.core.walking import Side
-from nadia_balance.core.whole_body_command import (
-    BASE,
-    PELVIS,
-    SOLES,
-    TORSO,
-    WholeBodyModel,
-    WholeBodyTerms,
-)
+from nadia_balance.core.whole_body_command import BASE, TORSO, WholeBodyModel
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.robot import RobotModel
+from nadia_balance.robot import RobotModel, actuated_velocities, body_poses
 
-SIDES = (Side.LEFT, Side.RIGHT)
 _V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
 
 
@@ -44,47 +39,39 @@ class WholeBodyKinematics:
                 "of one degree of freedom, and one actuator for each"
             )
         self._damping = np.zeros(plant.num_velocities())
-        for i in plant.GetJointIndices():
-            joint = plant.get_joint(i)
+        for joint in map(plant.get_joint, plant.GetJointIndices()):
             if joint.num_velocities() == 1:  # neither welded nor floating
-                self._damping[joint.velocity_start()] = (
-                    joint.default_damping_vector()[0]
-                )
-        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in SIDES]
+                (damping,) = joint.default_damping_vector()
+                self._damping[joint.velocity_start()] = damping
+        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
         torso = plant.GetBodyByName(robot.torso_body)
         self._bodies = [*feet, torso, pelvis]
         # The frames of soles, torso and pelvis in these bodies (4, 4, 4).
         self._X_BodyFrame = np.tile(np.eye(4), (4, 1, 1))
-        for i, side in enumerate(SIDES):
+        for i, side in enumerate(Side):
             self._X_BodyFrame[i] = robot.X_FootSole[side].GetAsMatrix4()
         # Rows of J, frame of the foot, and position of the sole in it.
         self._points = [
             (rows, foot.body_frame(), robot.X_FootSole[side].translation())
-            for rows, foot, side in zip(SOLES, feet, SIDES, strict=True)
+            for rows, foot, side in zip(command.SOLES, feet, Side, strict=True)
         ]
         self._torso, self._world = torso.body_frame(), plant.world_frame()
         self._gravity = plant.gravity_field().gravity_vector()
         self._mass = robot.mass
         # Constant rows: the base's angular velocity is that of the pelvis.
         self._rows = np.zeros((24 + num_joints, 7 + num_joints))
-        self._rows[PELVIS, :3] = np.eye(3)
+        self._rows[command.PELVIS, :3] = np.eye(3)
 
-    def calc(self, context: Context) -> WholeBodyTerms:
+    def calc(self, context: Context) -> command.WholeBodyTerms:
         """Returns the terms of the state in the plant's `context`."""
         plant, rows = self.plant, self._rows.copy()
         state = plant.GetPositionsAndVelocities(context)
         v = state[-self._damping.size :]
         self._fill_forces(context, v, rows[BASE.start : TORSO.start])
         self._fill_motions(context, rows)
-        poses = np.array(
-            [
-                plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
-                for body in self._bodies
-            ]
-        )
-        poses = poses @ self._X_BodyFrame
+        poses = body_poses(plant, context, self._bodies) @ self._X_BodyFrame
         velocities = rows[:, :-1] @ v
-        return WholeBodyTerms(
+        return command.WholeBodyTerms(
             rows=rows,
             velocities=velocities,
             rotations=poses[:, :, :3],
@@ -142,28 +129,24 @@ def whole_body_model(
         ValueError: a named joint does not exist.
     """
     n = plant.num_velocities() - 6
-    lower = plant.GetPositionLowerLimits()[7:].copy()
-    upper = plant.GetPositionUpperLimits()[7:].copy()
-    posture = np.zeros(n)
-    for joint, value in robot.posture.items():
-        posture[_joint_index(plant, joint)] = value
-    for joint, value in params.joint_lower_limits.items():
-        index = _joint_index(plant, joint)
-        lower[index] = max(lower[index], value)
-    for joint, value in params.joint_upper_limits.items():
-        index = _joint_index(plant, joint)
-        upper[index] = min(upper[index], value)
+
+    def values(named: Mapping[str, float], others: float) -> np.ndarray:
+        found = np.full(n, others)
+        for joint, value in named.items():
+            found[_joint_index(plant, joint)] = value
+        return found
+
+    lower = values(params.joint_lower_limits, -np.inf)
+    upper = values(params.joint_upper_limits, np.inf)
     effort = np.zeros(n)
-    for i in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(i)
-        effort[actuator.joint().velocity_start() - 6] = actuator.effort_limit()
+    effort[actuated_velocities(plant) - 6] = plant.GetEffortUpperLimits()
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
         sole_width=robot.sole_width,
-        posture=posture,
-        position_lower=lower,
-        position_upper=upper,
+        posture=values(robot.posture, 0.0),
+        position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
+        position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),
         max_torque=effort,
         max_speed=robot.max_joint_speeds,
         is_leg_joint=_is_leg_joint(robot, plant),

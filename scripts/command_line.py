@@ -19,12 +19,12 @@ from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import (
     ClosedLoop,
     RecoveryWatch,
     advance,
+    run_info,
     start,
 )
 from nadia_balance.diagrams.terrain import COURSES, FLAT

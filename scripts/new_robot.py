@@ -16,9 +16,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams.simulation import run_info, simulate
 from nadia_balance.new_robot import Named
 from nadia_balance.reach import reach_within
 from nadia_balance.results.summary import summarize

@@ -25,8 +25,6 @@ LAYERS = (
     "nadia_balance.robot_params",
     "nadia_balance.urdf",
     "nadia_balance.ground_geometry",
-    "nadia_balance.inverse_kinematics",
-    "nadia_balance.robot_measures",
     "nadia_balance.robot_checks",
     "nadia_balance.robot",
     "nadia_balance.reach",

@@ -12,8 +12,8 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot import MODELS, load_robot_params
-from nadia_balance.robot_measures import with_lengths
 from nadia_balance.robot_params import RobotParams
+from nadia_balance.urdf import with_lengths
 
 LENGTHS = ("sole", "legs", "com_height")
 

@@ -175,7 +175,7 @@ def _draw_soles(ax: Axes, count: int) -> None:
     for n in range(count):
         alpha, line = (0.0, "--") if n else (0.12, "-")
         corners = _foothold(n).to_world(MODEL.sole)
-        draw_sole(ax, corners, _side(n), alpha=alpha, line=line)
+        draw_sole(ax, corners, _side(n), alpha=alpha, linestyle=line)
 
 
 def _foothold(step: int) -> FootPose:

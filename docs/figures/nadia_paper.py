@@ -288,7 +288,8 @@ def _draw_sole(
 ) -> None:
     """Draws a sole: filled with a solid line, outlined with another one."""
     label, alpha = label or f"{side.value} foot", 0.12 if line == "-" else 0.0
-    draw_sole(ax, pose.to_world(SOLE), side, label, alpha, line)
+    look = {"label": label, "linestyle": line}
+    draw_sole(ax, pose.to_world(SOLE), side, alpha, **look)
 
 
 def _draw_icp(ax: Axes, icp: Array) -> None:

@@ -14,13 +14,13 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.results.log import Log
 from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import effort, footsteps, icp, timeline
+from nadia_balance.results.plots import effort, footsteps, timeline
 from nadia_balance.results.plots.style import RC
 
 PLOTS = {
     "timeline.png": timeline.draw,
     "footsteps.png": footsteps.draw,
-    "icp.png": icp.draw,
+    "icp.png": effort.draw_icp,
     "effort.png": effort.draw,
 }
 

@@ -42,15 +42,11 @@ Log = Mapping[str, np.ndarray]
 QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 
 
+_PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
+
+
 class MeasuredFeet(
-    namedview(
-        "MeasuredFeet",
-        [
-            f"{side.value}_{part}"
-            for side in Side
-            for part in ("x", "y", "z", "yaw")
-        ],
-    )
+    namedview("MeasuredFeet", [f"{s.value}_{part}" for s, part in _PARTS])
 ):
     """The measured soles: their centres p_WF [m], and yaw [rad]."""
 

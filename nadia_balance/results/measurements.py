@@ -8,21 +8,57 @@ import numpy as np
 
 from nadia_balance.core.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking import Array, FootPose, Phase, Side
-from nadia_balance.results.log import (
-    QP_STATUS,
-    Log,
-    PushSpan,
-    ground_regions,
-    icp_error,
-    phase_spans,
-    pushes,
-    signal,
-    steps,
-    switches,
-)
-from nadia_balance.results.recovery import calm_steps
+from nadia_balance.results import log as logs
+from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 
+ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
+
+
+class CalmSteps:
+    """Counts, tick by tick, the whole steps with a small ICP error.
+
+    They follow the last push; from one landing to the next the error is always
+    below ICP_BACK.  `since` [s] and `taken` are the time of the last large
+    error or push, and the number of steps taken until then.
+    """
+
+    def __init__(self) -> None:
+        """Counts from the first call of `look`."""
+        self.since, self.taken = 0.0, 0
+
+    def look(
+        self, time: float, steps_taken: int, error: float, pushed: bool
+    ) -> int:
+        """Returns the number of calm steps at `time` [s].
+
+        `error` [m] is the ICP error; `pushed` is true while a push acts.
+        """
+        if pushed or not error < ICP_BACK:
+            self.since, self.taken = time, steps_taken
+        return max(steps_taken - self.taken - 1, 0)
+
+
+def calm_steps(log: Log) -> int:
+    """Number of calm steps (see CalmSteps) at the end of the log."""
+    last = pushes(log)[-1:]
+    begin = recovered_at(log, last[0] if last else None)
+    landings = [step.swing.end for step in steps(log)]
+    return max(sum(time > begin for time in landings) - 1, 0)
+
+
+def recovered_at(log: Log, push: logs.PushSpan | None) -> float:
+    """Time [s] of the last ICP error above ICP_BACK, or the end of `push`."""
+    begin = push.end if push else 0.0
+    after = log["t"] >= begin
+    large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
+    return float(log["t"][large[-1]]) if len(large) else begin
+
+
+def recovery_time(log: Log) -> float | None:
+    """Time [s] from the start of the last push to `recovered_at`, if any."""
+    last = pushes(log)[-1:]
+    return recovered_at(log, last[0]) - last[0].start if last else None
 
 
 def measure(log: Log) -> dict[str, Any]:
@@ -47,7 +83,7 @@ def _rms_icp_error(log: Log) -> float | None:
     return math.sqrt(np.mean(error**2)) if error.size else None
 
 
-def _measure_push(log: Log, push: PushSpan) -> dict[str, float]:
+def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, float]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
@@ -101,7 +137,7 @@ def _durations(log: Log, phase: Phase) -> list[float]:
     """Durations [s] of the completed phases of this kind."""
     return [
         round(span.duration, 6)
-        for span in phase_spans(log)
+        for span in logs.phase_spans(log)
         if span.phase is phase and span.complete
     ]
 
@@ -118,7 +154,7 @@ def _stance_slip(log: Log) -> float:
 
     In a run without a swing: of either foot, since its phase began.
     """
-    spans = phase_spans(log)
+    spans = logs.phase_spans(log)
     swings = [s for s in spans if s.phase is Phase.SWING]
     slips = [0.0]
     for span in swings or spans:
@@ -186,7 +222,7 @@ def _edge_distances(log: Log) -> list[float]:
 
     Negative outside of the region.
     """
-    sides = [halfspaces(region) for region in ground_regions(log)]
+    sides = [halfspaces(region) for region in logs.ground_regions(log)]
     soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
     return [
         float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
@@ -194,7 +230,7 @@ def _edge_distances(log: Log) -> list[float]:
 
 
 def _qps(log: Log) -> list[Any]:
-    present = [name for name in QP_STATUS if name in log and len(log["t"])]
+    present = [name for name in logs.QP_STATUS if name in log and len(log["t"])]
     return [signal(log, name) for name in present]
 
 
@@ -210,7 +246,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
     "switched_mechanisms": (
         "t",
-        lambda log: [{"time_s": t, "on": on} for t, on in switches(log)],
+        lambda log: [{"time_s": t, "on": on} for t, on in logs.switches(log)],
     ),
     "pushes": ("t", lambda log: [_measure_push(log, p) for p in pushes(log)]),
     "body_sway_deg": ("com_state", body_sway),

@@ -24,27 +24,9 @@ from nadia_balance.results.scene import FRAMES_PER_SECOND
 from nadia_balance.results.story import telling
 from nadia_balance.systems.balance_visualizer import MIDDLE
 
-# Lines are [text, colour]; those with a colour are bold.
-_STATUS = """
-<div id="status" style="position:fixed; left:14px; top:12px; max-width:46%;
-padding:8px 12px; border-radius:8px; background:#ffffffc8; color:#2f3440;
-font:14px/1.5 sans-serif; pointer-events:none"></div>
-<script>
-viewer.say = (lines) => document.getElementById("status").replaceChildren(
-  ...lines.map(([text, color]) => {
-    const line = document.createElement("div");
-    line.textContent = text;
-    line.style.color = color;
-    line.style.fontWeight = color ? "bold" : "";
-    return line;
-  }));
-</script>
-"""
-_LEGEND = (
-    '<div id="legend" style="position:fixed; left:14px; bottom:12px; '
-    "padding:8px 12px; border-radius:8px; background:#ffffffc8; "
-    "font:13px/1.45 sans-serif; color:#2f3440; "
-    'pointer-events:none">%s</div>'
+_FOLLOW, _STATUS, _LEGEND, _REPLAY, _LIVE = (
+    (Path(__file__).parent / f"{name}.html").read_text(encoding="utf-8")
+    for name in ("follow", "status", "legend", "replay", "live")
 )
 # A long command to the viewer; the only one of a replay is its animation.
 _LONG = re.compile(
@@ -55,87 +37,7 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
     .then(res => new Response(
         res.body.pipeThrough(new DecompressionStream("gzip"))))
     .then(res => """
-# Moves camera and target with the robot when it leaves a band about its last
-# position.  The user can still rotate and zoom.
-_FOLLOW = """
-<script>
-(() => {
-  const path = "@MIDDLE@".split("/").filter((name) => name);
-  const node = viewer.scene_tree.find(path);
-  const band = 0.15;
-  let last = null;
-  viewer.follow = () => {
-    const p = node.object.position;
-    last = last || [p.x, p.y];
-    const move = [p.x - last[0], p.y - last[1]].map(
-        (d) => Math.sign(d) * Math.max(Math.abs(d) - band, 0));
-    last = [last[0] + move[0], last[1] + move[1]];
-    // The camera's axes are y up: its z is our -y.
-    for (const v of [viewer.camera.position, viewer.controls.target]) {
-      v.x += move[0];
-      v.z -= move[1];
-    }
-  };
-  viewer.set_render_callback("() => viewer.follow()");
-})();
-</script>
-""".replace("@MIDDLE@", MIDDLE)
-# The viewer has no event for the time, so it is read in every frame.  The
-# animation restarts at its end unless it is paused.
-_REPLAY = """
-<script>
-(() => {
-  const {title, phases, story} = %s;
-  const animator = viewer.animator;
-  let played = animator.playing;
-  document.title = title;
-  const show = () => {
-    if (played && !animator.playing && animator.time >= animator.duration) {
-      animator.reset();
-      animator.play();
-    }
-    played = animator.playing;
-    // When it is paused and moved, only the actions know the time.
-    const moved = Math.max(0, ...animator.actions.map((one) => one.time));
-    const now = played ? animator.time : moved || animator.time;
-    const phase = phases.filter(([start]) => start <= now).pop();
-    const time = `t = ${now.toFixed(2)} s`;
-    viewer.say([
-      [title, "inherit"],
-      [phase ? `${time}, ${phase[1]}` : time, ""],
-      ...story.filter(([start]) => start <= now).map(([, ...line]) => line),
-    ]);
-    requestAnimationFrame(show);
-  };
-  show();
-})();
-</script>
-"""
 _POLLED = "/status"  # path of the live text, as a list of lines
-# The controls come before the folders of the scene.  Meshcat's own statistics
-# are hidden: the status text contains the real-time factor.
-_LIVE = """
-<style>
-.dg.main > ul { display: flex; flex-direction: column; }
-.dg.main > ul > li.folder { order: 1; }
-#stats-plot { display: none !important; }
-</style>
-<script>
-viewer.gui.open();
-viewer.gui.__folders.Scene.close();
-(async () => {
-  for (;;) {
-    try {
-      const lines = await (await fetch("%s")).json();
-      viewer.say(lines.map((text) => [text, ""]));
-    } catch {
-      viewer.say([["The program has ended.", ""]]);
-    }
-    await new Promise((done) => setTimeout(done, 150));
-  }
-})();
-</script>
-"""
 
 
 def start_recording(meshcat: Meshcat, live: bool = False) -> None:
@@ -156,14 +58,13 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page = _LONG.sub(_compressed, meshcat.StaticHtml())
-    page = _extended(page, _LEGEND % legend_entries(), status)
-    path.write_text(page, encoding="utf-8")
+    path.write_text(_extended(page, _legend(), status), encoding="utf-8")
 
 
 def _extended(page: str, *additions: str) -> str:
     """Meshcat's `page`, which follows the robot, with HTML at its end."""
     page, end, rest = page.rpartition("</body>")
-    return "".join([page, _FOLLOW, *additions, end, rest])
+    return "".join([page, _FOLLOW % MIDDLE, *additions, end, rest])
 
 
 def _compressed(command: re.Match) -> str:
@@ -172,11 +73,8 @@ def _compressed(command: re.Match) -> str:
     return _INFLATE % base64.b64encode(packed).decode()
 
 
-def legend_entries() -> str:
-    """The legend of the colours as HTML, each entry in a div.
-
-    Full squares are filled shapes, empty squares outlines.
-    """
+def _legend() -> str:
+    """The legend of the colours as HTML; empty squares are outlines."""
 
     def square(color: str, outlined: bool) -> str:
         return f'<b style="color:{color}">&#{9632 + outlined};</b>'
@@ -187,7 +85,7 @@ def legend_entries() -> str:
     ]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
     entries.append(f"{feet} foothold as adjusted")
-    return "".join(f"<div>{entry}</div>" for entry in entries)
+    return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
 
 
 _GOOD, _BAD = "#1b7a3d", "#c01a2e"  # colours of the last line

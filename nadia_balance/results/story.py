@@ -5,19 +5,9 @@ import math
 import numpy as np
 
 from nadia_balance.core.walking import Array, FootPose, Phase, Side
-from nadia_balance.results.log import (
-    Log,
-    PhaseSpan,
-    PushSpan,
-    push_direction,
-    pushes,
-    signal,
-    steps,
-    support_side,
-    switches,
-    to_pose,
-)
-from nadia_balance.results.recovery import CalmSteps, recovered_at
+from nadia_balance.results import log as logs
+from nadia_balance.results.log import Log, pushes, signal, support_side
+from nadia_balance.results.measurements import CalmSteps, recovered_at
 from nadia_balance.systems.push_source import PushSignal
 from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
 
@@ -39,7 +29,7 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     """
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
-    for time, on in switches(log):
+    for time, on in logs.switches(log):
         names = ", ".join(on) or "nothing"
         told.append((time, f"switched in Meshcat, now on: {names}"))
     told.sort(key=lambda entry: entry[0])
@@ -115,7 +105,7 @@ class LiveStory:
                 told.append(step_words(number, side, move))
             last = None
         if walking.target_side != 0.0:
-            target = to_pose(walking.target)
+            target = logs.to_pose(walking.target)
             self._step = taken, target if last is None else last[1], target
         return told
 
@@ -138,7 +128,7 @@ def push_words(walking: WalkingSignal, force: Array, delta_v: float) -> str:
 
 def direction_words(walking: WalkingSignal, force: Array) -> str:
     """The direction of a force (3,) in the support foot's frame."""
-    angle = push_direction(walking, force)
+    angle = logs.push_direction(walking, force)
     inward = 90.0 * support_side(walking).sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
     if PHASES[int(walking.phase)] is Phase.SWING:
@@ -176,7 +166,7 @@ def recovery_words(count: int) -> str:
     return f"RECOVERED {how}"
 
 
-def _tell_push(log: Log, push: PushSpan) -> str:
+def _tell_push(log: Log, push: logs.PushSpan) -> str:
     walking = signal(log, "walking_signal", push.first)
     what = push_words(walking, push.force, push.delta_v)
     newtons = float(np.linalg.norm(push.force))
@@ -190,7 +180,7 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
     """Times and lines of steps whose foothold or durations were changed."""
     pushed = pushes(log)
     begin = pushed[0].start if pushed else -math.inf
-    later = [step for step in steps(log) if step.swing.end > begin]
+    later = [step for step in logs.steps(log) if step.swing.end > begin]
     told = []
     for number, step in enumerate(later, start=1):
         changes = [move_words(step.side, step.commanded, step.adjusted)]
@@ -202,7 +192,7 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
     return told
 
 
-def _tell_time(name: str, span: PhaseSpan) -> str:
+def _tell_time(name: str, span: logs.PhaseSpan) -> str:
     if abs(span.duration - span.planned) < TOLD_TIME:
         return ""
     return f"{name} {span.planned:.2f} -> {span.duration:.2f} s"

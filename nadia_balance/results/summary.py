@@ -9,15 +9,9 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.core.walking import Phase
+from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import Log, icp_error, pushes, signal
-from nadia_balance.results.measurements import (
-    joint_speed_ratio,
-    largest,
-    measure,
-    torque_ratio,
-    trunk_tilts,
-)
-from nadia_balance.results.recovery import ICP_BACK, calm_steps, recovery_time
+from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.walking_state_machine import PHASES
 from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
@@ -77,7 +71,7 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
     """
     outcome, reason = _judge(run, info)
     recovered, names = outcome == "recovered", [f.name for f in fields(info)]
-    measurements = measure(run.logs)
+    measurements = measured.measure(run.logs)
     measurements["duration_s"] = measurements["duration_s"] or 0.0  # no rows
     cpu_time = max(run.cpu_time, 1e-9)
     summary = {
@@ -87,7 +81,9 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
         "fell_at": run.fell_at,
         **{n: getattr(info, n) for n in names if n not in _CRITERIA},
         **measurements,
-        "recovery_time_s": recovery_time(run.logs) if recovered else None,
+        "recovery_time_s": measured.recovery_time(run.logs)
+        if recovered
+        else None,
         "required_calm_steps": info.calm_steps,
         "missed_pushes": run.missed_pushes,
         "non_foot_contact": bool(run.improper_contacts),
@@ -132,7 +128,7 @@ def _failure(run: Run, info: RunInfo) -> str:
         return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
-    tilt = largest(trunk_tilts(log)[0])
+    tilt = largest(measured.trunk_tilts(log)[0])
     if tilt is not None and tilt > info.max_torso_tilt_deg:
         return f"tilted: the torso by {tilt:.0f} deg"
     return _overload(log)
@@ -151,7 +147,7 @@ def _doubt(run: Run) -> str:
 
 def _shortfall(log: Log, info: RunInfo) -> str:
     """The criterion of recovery that is not met at the end; empty if none."""
-    if info.calm_steps and calm_steps(log) >= info.calm_steps:
+    if info.calm_steps and measured.calm_steps(log) >= info.calm_steps:
         return ""
     shortfall = f"the ICP error did not stay below {ICP_BACK} m"
     walks = signal(log, "walking_signal", -1).phase != STANDS
@@ -163,10 +159,10 @@ def _shortfall(log: Log, info: RunInfo) -> str:
 
 def _overload(log: Log) -> str:
     """The joint limit that was exceeded; empty if none was."""
-    ratio = largest(torque_ratio(log))
+    ratio = largest(measured.torque_ratio(log))
     if ratio is not None and not ratio <= 1.0 + EFFORT_MARGIN:
         return "a torque was above its limit"
-    ratio = largest(joint_speed_ratio(log))
+    ratio = largest(measured.joint_speed_ratio(log))
     if ratio is not None and not ratio <= 1.0 + SPEED_MARGIN:
         return f"too fast: a joint at {100.0 * ratio:.1f} % of its limit"
     return ""

@@ -12,7 +12,6 @@ from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.walking import WalkingState
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import (
     RecoveryWatch,
@@ -20,6 +19,7 @@ from nadia_balance.diagrams.simulation import (
     advance,
     push_signal,
     pushed,
+    run_info,
     walk_to_push,
 )
 from nadia_balance.results.summary import summarize

@@ -7,9 +7,8 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.run_info import run_info
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams.simulation import run_info, simulate
 from nadia_balance.results.summary import Run, summarize
 from nadia_balance.robot import MODELS, load_robot_params
 from tests import run_cache

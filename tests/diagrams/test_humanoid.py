@@ -19,8 +19,7 @@ from nadia_balance.core.lipm import GRAVITY
 from nadia_balance.core.walking import Phase, Side
 from nadia_balance.core.whole_body_qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.run_info import run_info
-from nadia_balance.diagrams.simulation import advance, simulate, start
+from nadia_balance.diagrams.simulation import advance, run_info, simulate, start
 from nadia_balance.results.log import signal, switches
 from nadia_balance.results.scene import start_meshcat
 from nadia_balance.results.summary import summarize

@@ -6,8 +6,8 @@ It stands for 0.5 s, and the first transfer takes 0.8 s.
 import numpy as np
 import pytest
 
-from nadia_balance.diagrams.run_info import required_calm_steps
 from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import required_calm_steps
 from nadia_balance.results.log import signal
 
 PERIOD = 0.002

@@ -15,7 +15,7 @@ from nadia_balance.diagrams.simulation import (
     until_ctrl_c,
     walk_to_push,
 )
-from nadia_balance.results.recovery import calm_steps
+from nadia_balance.results.measurements import calm_steps
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002

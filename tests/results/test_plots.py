@@ -11,7 +11,7 @@ from nadia_balance import palette
 from nadia_balance.core.reachability import ReachabilityParams, step_regions
 from nadia_balance.core.walking import Side
 from nadia_balance.results.log import pushes
-from nadia_balance.results.plots import effort, footsteps, icp, timeline
+from nadia_balance.results.plots import effort, footsteps, timeline
 from tests.results.made_up_run import (
     HALF_WIDTH,
     JOINTS,
@@ -81,10 +81,10 @@ def entries(figure):
     return dict(zip(names, legend.legend_handles, strict=True))
 
 
-@pytest.mark.parametrize("plot", [icp, effort])
-def test_bands_have_their_entry_in_the_legend(plot, log):
+@pytest.mark.parametrize("draw", [effort.draw_icp, effort.draw])
+def test_bands_have_their_entry_in_the_legend(draw, log):
     """Oracle: the colours of the palette."""
-    found = entries(plot.draw(log, summary_of(log)))
+    found = entries(draw(log, summary_of(log)))
     assert {n: to_hex(h.get_facecolor()) for n, h in found.items()} == {
         "left foot swings": palette.LEFT,
         "right foot swings": palette.RIGHT,

@@ -1,4 +1,4 @@
-"""Effort over time: torques, joint speeds, foot forces, status of the QPs."""
+"""Over time: the ICP and its error; torques, speeds, forces, QPs."""
 
 import re
 
@@ -8,9 +8,13 @@ from matplotlib.figure import Figure
 
 from nadia_balance import palette
 from nadia_balance.core.walking import Side
-from nadia_balance.results.log import QP_STATUS, Log, signal
-from nadia_balance.results.measurements import joint_speed, torque_ratio
-from nadia_balance.results.plots.style import TEXT, time_axes
+from nadia_balance.results.log import QP_STATUS, Log, icp_error, signal
+from nadia_balance.results.measurements import (
+    ICP_BACK,
+    joint_speed,
+    torque_ratio,
+)
+from nadia_balance.results.plots.style import FAINT, TEXT, time_axes
 
 # Patterns of joint names per group, for robots of several manufacturers.
 GROUPS = {
@@ -21,28 +25,23 @@ GROUPS = {
     "arms": r"",
 }
 _GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
-_QP_COLORS = {
-    "momentum_qp_status": "#7a5ba6",
-    "whole_body_qp_status": "#2b8a5f",
-}
+_QP_COLORS = dict(zip(QP_STATUS, ("#7a5ba6", "#2b8a5f"), strict=True))
+SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 
 
 def draw(log: Log, summary: dict) -> Figure | None:
     """Draws the available signals; None if the log has none."""
-    rows = [
-        (draws, height)
-        for has, draws, height in (
-            (torque_ratio(log).size > 0, _draw_torques, 2.2),
-            (joint_speed(log).size > 0, _draw_speed, 1.3),
-            ("foot_forces" in log, _draw_forces, 1.8),
-            (any(name in log for name in QP_STATUS), _draw_qps, 1.5),
-        )
-        if has
-    ]
+    rows = {
+        _draw_torques: 2.2 * (torque_ratio(log).size > 0),
+        _draw_speed: 1.3 * (joint_speed(log).size > 0),
+        _draw_forces: 1.8 * ("foot_forces" in log),
+        _draw_qps: 1.5 * any(name in log for name in QP_STATUS),
+    }
+    rows = {draw_row: height for draw_row, height in rows.items() if height}
     if not rows:
         return None
-    fig, axes = time_axes(log, summary, "Effort", [row[1] for row in rows])
-    for ax, (draw_row, _) in zip(axes, rows, strict=True):
+    fig, axes = time_axes(log, summary, "Effort", list(rows.values()))
+    for ax, draw_row in zip(axes, rows, strict=True):
         draw_row(ax, log)
     return fig
 
@@ -51,9 +50,7 @@ def joint_groups(names: np.ndarray) -> dict[str, np.ndarray]:
     """Returns group -> indices of its joints; each joint is in one group."""
     groups: dict[str, list[int]] = {group: [] for group in GROUPS}
     for i, name in enumerate(names):
-        found = (
-            g for g, words in GROUPS.items() if re.search(words, name, re.I)
-        )
+        found = (g for g in GROUPS if re.search(GROUPS[g], name, re.I))
         groups[next(found)].append(i)
     return {g: np.array(members) for g, members in groups.items() if members}
 
@@ -82,11 +79,9 @@ def _draw_speed(ax: Axes, log: Log) -> None:
 def _draw_forces(ax: Axes, log: Log) -> None:
     forces = signal(log, "foot_forces")
     for side in Side:
-        look = {
-            "color": palette.foot_color(side),
-            "label": f"{side.value} foot",
-        }
-        ax.plot(log["t"], getattr(forces, side.value), linewidth=1.1, **look)
+        look = {"color": palette.foot_color(side), "linewidth": 1.1}
+        look["label"] = f"{side.value} foot"
+        ax.plot(log["t"], getattr(forces, side.value), **look)
     ax.set(ylabel="normal force [N]", ylim=(0.0, None))
     _legend(ax, 2)
 
@@ -116,3 +111,48 @@ def _mark(ax: Axes, times: np.ndarray, color: str, label: str) -> None:
 def _legend(ax: Axes, columns: int) -> None:
     look = {"borderpad": 0, "borderaxespad": 0.2, "ncols": columns}
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), **look)
+
+
+def draw_icp(log: Log, summary: dict) -> Figure:
+    """Draws both coordinates with the CoP and CoM, and the error."""
+    fig, axes = time_axes(log, summary, "ICP", [2.4, 2.4, 1.5], label=True)
+    for axis, name in enumerate(("x, forward [m]", "y, left [m]")):
+        _draw_icp(axes[axis], log, axis)
+        axes[axis].set_ylabel(name)
+    where = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.14)}
+    axes[1].legend(ncols=4, borderpad=0, **where)
+    _draw_icp_error(axes[2], log)
+    return fig
+
+
+def _draw_icp(ax: Axes, log: Log, axis: int) -> None:
+    """Draws x (`axis` 0) or y (1)."""
+    cop = signal(log, "ecmp_command").cop
+    com = signal(log, "com_state").position
+    reference = signal(log, "icp_reference").icp
+    for point, color, label, style in (
+        (cop, palette.COP, "CoP", {"lw": 0.9, "alpha": 0.75}),
+        (com, palette.COM, "CoM", {"lw": 1.1}),
+        (reference, palette.ICP_REFERENCE, "ICP reference", {"lw": 3.0}),
+        (log["icp"].T, palette.ICP, "ICP", {}),
+    ):
+        ax.plot(log["t"], point[axis], color=color, label=label, **style)
+    # A smallest range, so that noise of millimetres does not fill the axis.
+    low, high = ax.get_ylim()
+    missing = max(0.0, SMALLEST_RANGE - (high - low))
+    ax.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
+
+
+def _draw_icp_error(ax: Axes, log: Log) -> None:
+    error = 1000.0 * icp_error(log)
+    limit = 1000.0 * ICP_BACK
+    ax.fill_between(log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0)
+    ax.plot(log["t"], error, color=palette.ICP)
+    ax.set(ylabel="ICP error [mm]", ylim=(0.0, None))
+    if max(error) > 0.5 * limit:
+        ax.axhline(limit, color=FAINT, linewidth=1.0, linestyle="--")
+        where = {"xytext": (-4, 3), "textcoords": "offset points"}
+        where |= {"xycoords": ("axes fraction", "data"), "ha": "right"}
+        look = {"fontsize": 8, "color": FAINT}
+        text = f"{limit:.0f} mm: recovered below"
+        ax.annotate(text, (1.0, limit), **where, **look)

@@ -13,27 +13,11 @@ from nadia_balance import palette
 from nadia_balance.core.polygon import contains
 from nadia_balance.core.reachability import BACKWARD, BASE, FORWARD, in_world
 from nadia_balance.core.walking import Array, FootPose, Side
-from nadia_balance.results.log import (
-    Log,
-    PushSpan,
-    Step,
-    ground_regions,
-    pushes,
-    signal,
-    sole_pose,
-    span_at,
-    steps,
-)
-from nadia_balance.results.plots.style import (
-    FAINT,
-    TEXT,
-    arrow,
-    draw_sole,
-    fill,
-    plan_view,
-    title,
-)
-from nadia_balance.results.recovery import recovered_at
+from nadia_balance.results import log as logs
+from nadia_balance.results.log import Log, PushSpan, Step, signal, sole_pose
+from nadia_balance.results.measurements import recovered_at
+from nadia_balance.results.plots import style
+from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
 _MOST_LISTED = 8  # largest number of steps in the legend [-]
@@ -51,14 +35,14 @@ _MEANING = {
 
 def draw(log: Log, summary: dict) -> Figure:
     """Draws the recovery from the last push, or the whole run without one."""
-    pushed = pushes(log)
+    pushed = logs.pushes(log)
     first, last = window(log, pushed)
-    shown = [s for s in steps(log) if first <= s.swing.last < last]
+    shown = [s for s in logs.steps(log) if first <= s.swing.last < last]
     rows = slice(first, last + 1)
     low, high = _limits(log, first, rows, shown)
     fig = Figure(figsize=_size(high - low), layout="constrained")
     ax = fig.subplots()
-    plan_view(ax, *zip(low, high, strict=True))
+    style.plan_view(ax, *zip(low, high, strict=True))
     _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
@@ -70,7 +54,7 @@ def draw(log: Log, summary: dict) -> Figure:
     where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
     ax.legend(title="numbers: which step", alignment="left", **where)
     times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
-    ax.set_title(title(summary, f"Footsteps, {times}"))
+    ax.set_title(style.title(summary, f"Footsteps, {times}"))
     return fig
 
 
@@ -83,11 +67,11 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     last_row = len(log["t"]) - 1
     if not pushed:
         return 0, last_row
-    push, taken = pushed[-1], steps(log)
+    push, taken = pushed[-1], logs.steps(log)
     moved = filter(_is_moved, taken)
     end = max([recovered_at(log, push), *(s.swing.end for s in moved)])
     after = [s.swing.last + 1 for s in taken if s.swing.end > end]
-    return span_at(log, push.first).first, min([*after[1:2], last_row])
+    return logs.span_at(log, push.first).first, min([*after[1:2], last_row])
 
 
 def _limits(
@@ -118,30 +102,24 @@ def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
     com = signal(log, "com_state", rows).position[:2]
     reference = signal(log, "icp_reference", rows).icp
     dashed = {"lw": 1.6, "ls": (0, (3, 1.5))}
-    for path, color, label, style in (
+    for path, color, label, look in (
         (command.ecmp, palette.ECMP, "eCMP", {"lw": 1.0}),
         (command.cop, palette.COP, "CoP", {"lw": 1.4}),
         (com, palette.COM, "CoM", {"lw": 1.3}),
         (reference, palette.ICP_REFERENCE, "ICP reference", dashed),
         (log["icp"][rows].T, palette.ICP, "ICP", {"lw": 1.8}),
     ):
-        ax.plot(*path, color=color, label=label, **style)
+        ax.plot(*path, color=color, label=label, **look)
 
 
 def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
     """Draws the regions of the ground; regions with a step are darker."""
     labels = {True: "region stepped on", False: "other region"}
-    for region in ground_regions(log):
+    for region in logs.ground_regions(log):
         used = any(contains(s.achieved.p_WF[:2], region) for s in shown)
-        look = {"edgecolor": palette.GROUND, "linewidth": 0.8, "zorder": 0.3}
-        fill(
-            ax,
-            region,
-            palette.GROUND,
-            labels.pop(used, None),
-            alpha=0.32 if used else 0.1,
-            **look,
-        )
+        look = {"alpha": 0.32 if used else 0.1, "linewidth": 0.8}
+        look |= {"label": labels.pop(used, None), "zorder": 0.3}
+        fill(ax, region, palette.GROUND, **look)
 
 
 def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
@@ -149,7 +127,7 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
 
     def show(pose: FootPose, side: Side, line: str, alpha: float) -> None:
         corners = pose.to_world(log["sole"])
-        draw_sole(ax, corners, side, alpha=alpha, line=line)
+        style.draw_sole(ax, corners, side, alpha, linestyle=line)
 
     for side in Side:
         show(sole_pose(log, first, side), side, ":", 0.06)
@@ -175,18 +153,12 @@ def _is_moved(step: Step) -> bool:
 def _number(ax: Axes, step: Step, sole: Array) -> None:
     """Writes the number of a step beside its outer edge."""
     edge = step.side.sign * np.max(np.abs(sole[:, 1]))
-    ax.annotate(
-        str(step.number),
-        step.achieved.to_world(np.array([[0.0, edge]]))[0],
-        xytext=(0, 8 * step.side.sign),
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        color=palette.foot_color(step.side),
-        fontsize=11,
-        weight="bold",
-        path_effects=[withStroke(linewidth=3, foreground="white")],
-    )
+    place = step.achieved.to_world(np.array([[0.0, edge]]))[0]
+    where = {"xytext": (0, 8 * step.side.sign), "ha": "center", "va": "center"}
+    look = {"color": palette.foot_color(step.side), "fontsize": 11}
+    look["path_effects"] = [withStroke(linewidth=3, foreground="white")]
+    look |= {"weight": "bold", "textcoords": "offset points"}
+    ax.annotate(str(step.number), place, **where, **look)
 
 
 def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
@@ -194,8 +166,8 @@ def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
     label = "ICP when that step landed"
     for step in shown:
         point = log["icp"][step.swing.last + 1]
-        style = {"ms": 11, "mfc": "white", "mec": palette.ICP, "mew": 1.3}
-        ax.plot(*point, "o", zorder=4, label=label, **style)
+        look = {"ms": 11, "mfc": "white", "mec": palette.ICP, "mew": 1.3}
+        ax.plot(*point, "o", zorder=4, label=label, **look)
         label = None
         where = {"ha": "center", "va": "center_baseline", "zorder": 5}
         look = {"color": palette.ICP, "fontsize": 7.5, "weight": "bold"}
@@ -210,10 +182,8 @@ def _draw_push(ax: Axes, log: Log, push: PushSpan, rows: slice) -> None:
     com = signal(log, "com_state", rows).position[:2].T
     cop = signal(log, "ecmp_command", rows).cop.T
     paths = np.concatenate([log["icp"][rows], com, cop])
-    gaps = [
-        np.min(np.linalg.norm(paths - tip + 0.5 * _ARROW * direction, axis=1))
-        for tip in tips
-    ]
+    middles = tips - 0.5 * _ARROW * direction
+    gaps = [np.min(np.linalg.norm(paths - p, axis=1)) for p in middles]
     tip = tips[np.argmax(gaps)]
     arrow(ax, tip - _ARROW * direction, tip, palette.PUSH, width=2.5)
     ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
@@ -238,12 +208,12 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
 
 def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
     """Adds the line styles and the durations of the steps to the legend."""
-    for style, label in (
+    for line, label in (
         (":", "foot at first"),
         ("--", "foothold as planned"),
         ("-", "foothold as adjusted,\nwhere the foot landed"),
     ):
-        ax.plot([], [], color=TEXT, ls=style, lw=1.2, label=label)
+        ax.plot([], [], color=TEXT, ls=line, lw=1.2, label=label)
     if any(map(_is_moved, shown)):
         head = {"marker": ">", "ms": 4, "markevery": [1]}
         ax.plot([], [], color=FAINT, lw=1.2, label="adjustment", **head)

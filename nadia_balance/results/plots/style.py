@@ -7,7 +7,7 @@ from matplotlib.patches import Patch, Polygon
 
 from nadia_balance import palette
 from nadia_balance.core.walking import Phase, Side
-from nadia_balance.results.log import Log, PhaseSpan, phase_spans, pushes
+from nadia_balance.results.log import Log, phase_spans, pushes
 
 TEXT = "#2f3440"
 FAINT = "#8a93a3"
@@ -55,26 +55,26 @@ def time_axes(
 ) -> tuple[Figure, list[Axes]]:
     """A figure with stacked axes of `heights` [in] over one time axis.
 
-    Swings and pushes are marked; with `label`, pushes are labelled.  `what` is
-    the first part of the title.
+    Swings are shaded in the colour of the foot in the air, pushes are marked;
+    with `label`, they are labelled.  `what` is the first part of the title.
     """
     fig = Figure(figsize=(10.0, sum(heights) + 0.9), layout="constrained")
-    axes = fig.subplots(
-        len(heights),
-        sharex=True,
-        squeeze=False,
-        gridspec_kw={"height_ratios": heights},
-    )[:, 0]
-    for ax in axes:
-        shade_swings(ax, log)
-        mark_pushes(ax, log, label and ax is axes[0])
-    axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(log["t"][0], log["t"][-1])
-    bands = [
-        Patch(color=palette.foot_color(side), alpha=_SWING, label=label)
+    shape = {"sharex": True, "squeeze": False, "height_ratios": heights}
+    axes = fig.subplots(len(heights), **shape)[:, 0]
+    swings = [s for s in phase_spans(log) if s.phase is Phase.SWING]
+    look = {
+        side: {"color": palette.foot_color(side), "alpha": _SWING}
         for side in Side
-        for label in [f"{side.value} foot swings"]
-        if any(span.swing_side is side for span in _swings(log))
+    }
+    for ax in axes:
+        for span in swings:
+            ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
+        mark_pushes(ax, log, label and ax is axes[0])
+    axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
+    swung = {span.swing_side for span in swings}
+    bands = [
+        Patch(label=f"{side.value} foot swings", **look[side])
+        for side in filter(swung.__contains__, Side)
     ]
     key(fig, [*bands, *push_key(log)])
     set_title(fig, summary, what)
@@ -96,35 +96,20 @@ def push_key(log: Log) -> list[Patch]:
 def title(summary: dict, what: str) -> str:
     """A title: `what`, robot, mechanisms, pushes and outcome of the run."""
     run = [summary["robot"], summary["mechanisms"]]
-    pushes = summary["pushes"]
-    run += [
-        f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
-        for push in pushes
-    ]
+    for push in summary["pushes"]:
+        where = f"at {push['direction_deg']:.0f}°"
+        run.append(f"push {push['delta_v']:.2f} m/s {where}")
     if summary["fell_at"] is not None:
         run.append(f"fell at {summary['fell_at']:.2f} s")
-    elif pushes:
-        words = {"failed": "not recovered"}
-        run.append(words.get(summary["outcome"], summary["outcome"]))
+    elif summary["pushes"]:
+        run.append(summary["outcome"].replace("failed", "not recovered"))
     return f"{what}   ·   {', '.join(run)}"
 
 
 def set_title(fig: Figure, summary: dict, what: str) -> None:
     """Writes the title over a figure of several axes."""
-    fig.suptitle(
-        title(summary, what), x=0.01, ha="left", fontsize=10.5, color=TEXT
-    )
-
-
-def shade_swings(ax: Axes, log: Log) -> None:
-    """Shades each swing in the colour of the foot in the air."""
-    for span in _swings(log):
-        color = palette.foot_color(span.swing_side)
-        ax.axvspan(span.start, span.end, color=color, alpha=_SWING, lw=0)
-
-
-def _swings(log: Log) -> list[PhaseSpan]:
-    return [span for span in phase_spans(log) if span.phase is Phase.SWING]
+    look = {"x": 0.01, "ha": "left", "fontsize": 10.5, "color": TEXT}
+    fig.suptitle(title(summary, what), **look)
 
 
 def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
@@ -133,16 +118,15 @@ def mark_pushes(ax: Axes, log: Log, label: bool = False) -> None:
         look = {"color": palette.PUSH, "alpha": _PUSH, "lw": 0, "zorder": 0}
         ax.axvspan(push.start, push.end, **look)
         if label:
+            where = {"xycoords": ("data", "axes fraction"), "xytext": (0, 3)}
+            where |= {"textcoords": "offset points", "ha": "center"}
             ax.annotate(
                 f"push {np.linalg.norm(push.force):.0f} N",
                 (0.5 * (push.start + push.end), 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
-                textcoords="offset points",
                 annotation_clip=True,  # only where the axes show that time
-                ha="center",
                 color=palette.PUSH,
                 fontsize=8.5,
+                **where,
             )
 
 
@@ -161,16 +145,10 @@ def fill(
 
 
 def draw_sole(
-    ax: Axes,
-    corners: np.ndarray,
-    side: Side,
-    label: str | None = None,
-    alpha: float = 0.0,
-    line: str = "-",
+    ax: Axes, corners: np.ndarray, side: Side, alpha: float = 0.0, **style
 ) -> None:
     """Draws the `corners` (n, 2) [m] of a sole in the colour of its foot."""
-    color = palette.foot_color(side)
-    fill(ax, corners, color, label, alpha, linestyle=line)
+    fill(ax, corners, palette.foot_color(side), alpha=alpha, **style)
 
 
 def arrow(

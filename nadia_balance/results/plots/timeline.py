@@ -11,15 +11,8 @@ from matplotlib.patches import Patch
 from nadia_balance import palette
 from nadia_balance.core.walking import Phase, Side
 from nadia_balance.results.log import Log, PhaseSpan, phase_spans, signal
-from nadia_balance.results.plots.style import (
-    FAINT,
-    RC,
-    TEXT,
-    key,
-    mark_pushes,
-    push_key,
-    set_title,
-)
+from nadia_balance.results.plots import style
+from nadia_balance.results.plots.style import FAINT, RC, TEXT
 
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
@@ -44,10 +37,10 @@ def draw(log: Log, summary: dict) -> Figure:
     for i, ax in enumerate(axes):
         begin = t[0] + i * seconds
         _draw_row(ax, log, spans, begin, begin + seconds)
-        mark_pushes(ax, log, label=True)
+        style.mark_pushes(ax, log, label=True)
     axes[-1].set_xlabel("time [s]")
     _add_key(fig, log)
-    set_title(fig, summary, "Contacts")
+    style.set_title(fig, summary, "Contacts")
     return fig
 
 
@@ -64,7 +57,7 @@ def _add_key(fig: Figure, log: Log) -> None:
             ("(0.70)", FAINT, "as planned, if changed"),
         )
     ]
-    key(fig, [*bars, *numbers, *push_key(log)])
+    style.key(fig, [*bars, *numbers, *style.push_key(log)])
 
 
 def _draw_row(
@@ -129,13 +122,11 @@ def _write_duration(
         lane = free.index(min(free))
     free[lane] = middle + 0.5 * width
     swing = span.phase is Phase.SWING
-    styles = (
-        {
-            "color": palette.foot_color(span.swing_side) if swing else TEXT,
-            "weight": "bold" if changed else "normal",
-        },
+    color = palette.foot_color(span.swing_side) if swing else TEXT
+    looks = (
+        {"color": color, "weight": "bold" if changed else "normal"},
         {"color": FAINT, "fontsize": 7.5},
     )
-    for row, (text, style) in enumerate(zip(lines, styles, strict=False)):
+    for row, (text, look) in enumerate(zip(lines, looks, strict=False)):
         y = _LABEL_Y[lane] - row * _LINE
-        ax.text(middle, y, text, ha="center", va="center", **style)
+        ax.text(middle, y, text, ha="center", va="center", **look)
