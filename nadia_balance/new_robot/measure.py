@@ -14,6 +14,7 @@ from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.description import Array, Description
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
+from nadia_balance.robot_params import RobotParams, SoleParams
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -32,10 +33,7 @@ _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 class Measurements:
     """The measured fields of RobotParams; lengths in m, angles in rad."""
 
-    heel: float  # x_min of the sole
-    toe: float
-    half_width: float
-    sole_z: float
+    sole: SoleParams
     legs: LegGeometry
     reach: LegReach
     com_height: float
@@ -47,13 +45,7 @@ class Measurements:
     @property
     def size(self) -> Size:
         """The size that scales Nadia's values to parameters not measured."""
-        leg = self.legs.length + self.legs.ankle_height
-        return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
-
-    def corners(self) -> list[tuple[float, float]]:
-        """The corners (x, y) of the sole."""
-        sides, ends = (self.half_width, -self.half_width), (self.heel, self.toe)
-        return [(x, y) for x in ends for y in sides]
+        return RobotParams(sole=self.sole, legs=self.legs).size
 
 
 def set_frames(
@@ -119,10 +111,7 @@ def measure(
     )
     com_height = float(com[2]) - ground
     return Measurements(
-        heel=heel,
-        toe=toe,
-        half_width=half_width,
-        sole_z=-depth,
+        sole=SoleParams(x_min=heel, x_max=toe, half_width=half_width, z=-depth),
         legs=geometry,
         reach=leg_reach(geometry, com_height, _lean(robot, anatomy)),
         com_height=com_height,
