@@ -14,7 +14,6 @@ from nadia_balance.core.walking import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.description import Array, Description
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
-from nadia_balance.robot_params import RobotParams, SoleParams
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -30,10 +29,20 @@ _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
 
 @dataclass
+class Sole:
+    """The field `sole` of RobotParams [m]."""
+
+    x_min: float
+    x_max: float
+    half_width: float
+    z: float
+
+
+@dataclass
 class Measurements:
     """The measured fields of RobotParams; lengths in m, angles in rad."""
 
-    sole: SoleParams
+    sole: Sole
     legs: LegGeometry
     reach: LegReach
     com_height: float
@@ -45,7 +54,8 @@ class Measurements:
     @property
     def size(self) -> Size:
         """The size that scales Nadia's values to parameters not measured."""
-        return RobotParams(sole=self.sole, legs=self.legs).size
+        leg, sole = self.legs.length + self.legs.ankle_height, self.sole
+        return Size(leg, sole.x_max - sole.x_min, 2.0 * sole.half_width)
 
 
 def set_frames(
@@ -111,7 +121,7 @@ def measure(
     )
     com_height = float(com[2]) - ground
     return Measurements(
-        sole=SoleParams(x_min=heel, x_max=toe, half_width=half_width, z=-depth),
+        sole=Sole(heel, toe, half_width, -depth),
         legs=geometry,
         reach=leg_reach(geometry, com_height, _lean(robot, anatomy)),
         com_height=com_height,
