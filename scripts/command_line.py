@@ -16,17 +16,11 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.core.bounds import check
 from nadia_balance.core.mechanisms import MECHANISMS, NAMED
+from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import (
-    ClosedLoop,
-    RecoveryWatch,
-    advance,
-    run_info,
-    start,
-)
 from nadia_balance.diagrams.terrain import COURSES, FLAT
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
@@ -74,8 +68,7 @@ def program(main: Main) -> Main:
         except KeyboardInterrupt:
             return INTERRUPTED
         except OSError as error:
-            name = main.__module__.rpartition(".")[2]
-            complain(f"{name}.py", error)
+            complain(Path(main.__code__.co_filename).name, error)
             return FAILED
         finally:
             say()
@@ -191,10 +184,10 @@ _OUTPUT_FLAGS: Flags = {
 def add_flags(
     parser: argparse.ArgumentParser, group: str, flags: Flags, about: str = ""
 ) -> None:
-    """Adds a group of flags to the `parser`."""
+    """Adds a group of flags to the `parser`; "a --b" is --a, or --b."""
     added = parser.add_argument_group(group, about or None)
     for name, options in flags.items():
-        added.add_argument(f"--{name}", **options)
+        added.add_argument(*f"--{name}".split(), **options)
 
 
 def scenario_flags(
@@ -202,23 +195,16 @@ def scenario_flags(
 ) -> None:
     """Adds the flags that choose and change the scenario.
 
-    `name` is the default scenario; None: the flag is required.  `mechanisms` is
-    the help of that flag.
+    `name` is what its help calls the default; None: the flag is required.
+    `mechanisms` is the help of that flag.
     """
-    named, default = _SCENARIO_FLAGS["scenario_name"], {"required": True}
-    if name is not None:
-        about = f"{named['help']} (default: {name})"
-        default = {"default": name, "help": about}
+    named = _SCENARIO_FLAGS["scenario_name"]
+    default = {"help": f"{named['help']} (default: {name})"}
     flags = _SCENARIO_FLAGS | {
-        "scenario_name": named | default,
+        "scenario_name": named | (default if name else {"required": True}),
         "mechanisms": {"help": mechanisms},
     }
     add_flags(parser, "scenario", flags)
-
-
-def output_flags(parser: argparse.ArgumentParser) -> None:
-    """Adds the flags of Meshcat and of the output files."""
-    add_flags(parser, "output", _OUTPUT_FLAGS)
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
@@ -240,10 +226,11 @@ def main_job(
     argv: list[str] | None,
     make_scenario: Callable[[argparse.Namespace], Scenario],
 ) -> int:
-    """Parses, checks, simulates, prints and writes.
+    """Adds the flags of the output, parses, simulates, prints and writes.
 
     Returns the exit code; bad input exits.
     """
+    add_flags(parser, "output", _OUTPUT_FLAGS)
     args = parser.parse_args(argv)
     with parser.refusing():
         shown = _shows_meshcat(args)
@@ -254,7 +241,7 @@ def main_job(
         make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
         diagram = make(scenario, meshcat)
         if not args.live:
-            simulator = start(diagram)
+            simulator = simulation.start(diagram)
             folder = new_folder(args.out, args.scenario_name)
     say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
     if args.live:
@@ -263,10 +250,10 @@ def main_job(
         if args.open:
             webbrowser.open(meshcat.web_url())
         start_recording(meshcat, live=args.open or args.hold)
-    watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
-    run = advance(simulator, scenario.duration, until=watch)
+    watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
+    run = simulation.advance(simulator, scenario.duration, until=watch)
     summary = summarize(
-        run, run_info(scenario, run, args.plant, args.scenario_name)
+        run, simulation.run_info(scenario, run, args.plant, args.scenario_name)
     )
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
@@ -310,7 +297,7 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(diagram: simulation.ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
     session = LiveSession(diagram, meshcat, say)
     with LivePage(meshcat) as page:

@@ -32,19 +32,8 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
-from nadia_balance.scripts import INTERRUPTED
-from nadia_balance.scripts.command_line import (
-    BAD_INPUT,
-    DONE,
-    FAILED,
-    UNDECIDED,
-    CommandLine,
-    complain,
-    finite,
-    place,
-    program,
-    say,
-)
+from nadia_balance.scripts import INTERRUPTED, command_line
+from nadia_balance.scripts.envelope_sweep import run, table
 from nadia_balance.scripts.envelope_sweep.flags import sweep_flags, sweep_from
 from nadia_balance.scripts.envelope_sweep.physical import limit_lines
 from nadia_balance.scripts.envelope_sweep.report import said_lines, write_report
@@ -54,57 +43,79 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     Rows,
     opened,
 )
-from nadia_balance.scripts.envelope_sweep.run import (
-    Progress,
-    progress_bar,
-    progress_of,
-    run_sweep,
-    searches_of,
-)
 from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Sweep
-from nadia_balance.scripts.envelope_sweep.table import (
-    LimitTable,
-    found_limits,
-    limit_table,
-)
 from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
 from nadia_balance.scripts.envelope_sweep.workers import open_workers
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 
 
-@program
+@command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`.
-
-    Returns 0 done, 1 the workers or the disk failed, 2 bad input, 3 undecided,
-    130 Ctrl-C.
-    """
+    """Runs the command line `argv`; returns the exit code of --help."""
     argv = sys.argv[1:] if argv is None else argv
-    args = _parser().parse_args(argv)
+    parser = _parser()
+    args = parser.parse_args(argv)
     args.command = shlex.join(["envelope.py", *argv])
     with contextlib.ExitStack() as stack:
-        try:
+        with parser.refusing():
             if args.plot_only is not None:
                 return _plot_only(args.plot_only)
             if args.limit:
                 return _limit(sweep_from(args))
             job = _prepare(args, stack)
-        except (ValueError, OSError) as error:
-            return _complain(error, BAD_INPUT)
-        try:
-            return _run(*job)
-        except OSError as error:
-            return _complain(error, FAILED)
+        return _run(*job)
 
 
 def _complain(error: Exception, code: int) -> int:
-    complain("envelope.py", error)
+    command_line.complain("envelope.py", error)
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = CommandLine(
+_FLAGS: dict[str, command_line.Flags] = {
+    "running": {
+        "from": {
+            "dest": "known",
+            "type": command_line.place,
+            "metavar": "FOLDER",
+            "help": f"march up from {HEADROOM:g} m/s below the limits that an "
+            "earlier sweep found in FOLDER, not from zero",
+        },
+        "workers": {
+            "type": int,
+            "help": "trials at a time on this machine (default: %(default)s, "
+            "its cores)",
+        },
+        "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
+        "timeout": {
+            "type": command_line.finite,
+            "default": Sweep.timeout,
+            "help": "wall time after which a trial counts as hung (default: "
+            "%(default)g) [s]",
+        },
+    },
+    "output": {
+        "out": {
+            "type": command_line.place,
+            "help": "folder for the results (default: envelopes/<date>_"
+            f"<protocol>); one with a {DATABASE} goes on",
+        },
+        "plot-only": {
+            "type": command_line.place,
+            "metavar": "FOLDER",
+            "help": f"only write what follows from FOLDER/{DATABASE}",
+        },
+        "limit": {
+            "action": "store_true",
+            "help": "simulate no push: print what no controller can recover "
+            "from",
+        },
+    },
+}
+
+
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
         prog="envelope.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -113,57 +124,15 @@ def _parser() -> argparse.ArgumentParser:
         "nobody was pushed), 130 Ctrl-C.",
     )
     sweep_flags(parser)
-    parser.add_argument(
-        "--from",
-        dest="known",
-        type=place,
-        metavar="FOLDER",
-        help=f"march up from {HEADROOM:g} m/s below the limits that an earlier "
-        "sweep found in FOLDER, not from zero",
-    )
-    group = parser.add_argument_group("running")
-    cores = _cores()
-    group.add_argument(
-        "--workers",
-        type=int,
-        default=cores,
-        help=f"trials at a time on this machine (default: {cores}, its cores)",
-    )
-    group.add_argument(
-        "--scheduler", help="of a Dask cluster to run on, tcp://host:port"
-    )
-    group.add_argument(
-        "--timeout",
-        type=finite,
-        default=Sweep.timeout,
-        help="wall time after which a trial counts as hung "
-        "(default: %(default)g) [s]",
-    )
-    group = parser.add_argument_group("output")
-    group.add_argument(
-        "--out",
-        type=place,
-        help="folder for the results (default: envelopes/<date>_<protocol>); "
-        f"one with a {DATABASE} goes on",
-    )
-    group.add_argument(
-        "--plot-only",
-        type=place,
-        metavar="FOLDER",
-        help=f"only write what follows from FOLDER/{DATABASE}",
-    )
-    group.add_argument(
-        "--limit",
-        action="store_true",
-        help="simulate no push: print what no controller can recover from",
-    )
+    for group, flags in _FLAGS.items():
+        command_line.add_flags(parser, group, flags)
+    parser.set_defaults(workers=_cores())
     return parser
 
 
 def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):  # macOS has none
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)  # macOS has none
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _prepare(
@@ -178,13 +147,9 @@ def _prepare(
     sweep = sweep_from(args)
     if args.known is not None:
         with opened(_given("from", args.known)) as rows:
-            sweep.known_limits = {
-                cell: limit.recovered
-                for cell, limit in found_limits(
-                    rows.identity, rows.all()
-                ).items()
-                if limit is not None
-            }
+            found = table.found_limits(rows.identity, rows.all())
+        known = {c: limit.recovered for c, limit in found.items() if limit}
+        sweep.known_limits = known
     # Building a diagram checks the robot and the blocks, too.
     firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
     for cell in firsts.values():
@@ -209,28 +174,32 @@ def _prepare(
 
 def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
-    folder, code = rows.path.parent, DONE
-    start = progress_of(searches_of(sweep, rows.all()))
-    say(*_plan_lines(sweep, start, slots), f"into {folder}")
+    folder, code = rows.path.parent, command_line.DONE
+    start = run.progress_of(run.searches_of(sweep, rows.all()))
+    command_line.say(*_plan_lines(sweep, start, slots), f"into {folder}")
     with until_ctrl_c() as stopped:
         try:
-            with progress_bar(start) as show:
-                if not run_sweep(sweep, rows, executor, slots, show, stopped):
+            with run.progress_bar(start) as show:
+                if not run.run_sweep(
+                    sweep, rows, executor, slots, show, stopped
+                ):
                     code = INTERRUPTED
         except RuntimeError as error:
-            code = _complain(error, FAILED)
+            code = _complain(error, command_line.FAILED)
         if rows.all():
             try:
                 if _report(rows, [SCENARIO, COMMAND]).undecided:
-                    code = code or UNDECIDED
+                    code = code or command_line.UNDECIDED
             except ValueError as error:  # no trial was decided
-                return _complain(error, UNDECIDED)
-        if code in (FAILED, INTERRUPTED):
-            say(f"the same flags and --out {folder} go on from here")
+                return _complain(error, command_line.UNDECIDED)
+        if code in (command_line.FAILED, INTERRUPTED):
+            command_line.say(
+                f"the same flags and --out {folder} go on from here"
+            )
     return code
 
 
-def _plan_lines(sweep: Sweep, progress: Progress, slots: int) -> list[str]:
+def _plan_lines(sweep: Sweep, progress: run.Progress, slots: int) -> list[str]:
     """Lines with the numbers of limits and trials."""
     limits = "limit" if progress.cells == 1 else "limits"
     numbers = (
@@ -252,7 +221,8 @@ def _plan_lines(sweep: Sweep, progress: Progress, slots: int) -> list[str]:
 def _plot_only(folder: Path) -> int:
     with opened(_given("plot_only", folder)) as rows:
         prepare_folder(folder)
-        return UNDECIDED if _report(rows, []).undecided else DONE
+        undecided = _report(rows, []).undecided
+    return command_line.UNDECIDED if undecided else command_line.DONE
 
 
 def _given(flag: str, folder: Path) -> Path:
@@ -269,12 +239,11 @@ def _limit(sweep: Sweep) -> int:
     for cell in sweep.cells():
         if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
             walk, at = sweep.walk(cell, replica=0), cell.situation
-            lines = limit_lines(walk, at, sweep.plant, directions)
-            say(*lines)
-    return DONE
+            command_line.say(*limit_lines(walk, at, sweep.plant, directions))
+    return command_line.DONE
 
 
-def _report(rows: Rows, written: list[str]) -> LimitTable:
+def _report(rows: Rows, written: list[str]) -> table.LimitTable:
     """Writes the report; prints the table, and the names of all files.
 
     Raises:
@@ -283,9 +252,11 @@ def _report(rows: Rows, written: list[str]) -> LimitTable:
     """
     folder = rows.path.parent
     rows.export(folder)
-    limits = limit_table(rows.identity, rows.all(), folder / SCENARIO)
+    limits = table.limit_table(rows.identity, rows.all(), folder / SCENARIO)
     written = [*write_report(folder, limits), DATABASE, *EXPORTS, *written]
-    say(*said_lines(limits), f"wrote {folder}/{{{', '.join(written)}}}")
+    command_line.say(
+        *said_lines(limits), f"wrote {folder}/{{{', '.join(written)}}}"
+    )
     return limits
 
 

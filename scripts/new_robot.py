@@ -22,42 +22,32 @@ from nadia_balance.new_robot import Named
 from nadia_balance.reach import reach_within
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot import FIDELITIES, RobotModel, load_robot
-from nadia_balance.scripts.command_line import (
-    DONE,
-    FAILED,
-    CommandLine,
-    program,
-    say,
-)
+from nadia_balance.scripts import command_line
 
 # Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 
 
-@program
+@command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`.
-
-    Returns 0 if the robot walks or with --no-walk, 1 if not, 2 for bad input.
-    """
+    """Runs the command line `argv`; returns the exit code of --help."""
     parser = _parser()
     args = parser.parse_args(argv)
     named = Named(**{f.name: getattr(args, f.name) for f in fields(Named)})
     with parser.refusing():
         make_robot = _maker()
-        for line in make_robot(
-            args.file,
-            args.out,
-            fix=args.fix or [],
-            package_roots=args.package_root or [],
-            named=named,
-        ).lines():
-            say(line)
+        roots, fixed = args.package_root or [], args.fix or []
+        notes = make_robot(
+            args.file, args.out, fix=fixed, package_roots=roots, named=named
+        )
+        command_line.say(*notes.lines())
         robot = args.out / "robot.yaml"
-        say(_fit_reach(load_robot(str(robot), args.fidelity), args.out))
-    say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
+        command_line.say(
+            _fit_reach(load_robot(str(robot), args.fidelity), args.out)
+        )
+    command_line.say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
     if args.no_walk:
-        return DONE
+        return command_line.DONE
     return _walk(str(robot), args.fidelity)
 
 
@@ -93,37 +83,38 @@ def _maker() -> Callable:
     return make_robot
 
 
-def _parser() -> CommandLine:
-    parser = CommandLine(
+_FLAGS: command_line.Flags = {
+    "out": {"type": Path, "required": True, "help": "the folder"},
+    "fix": {
+        "action": "append",
+        "metavar": "REGEX",
+        "help": "weld the joints of these names; may come several times",
+    },
+    "package-root": {
+        "action": "append",
+        "type": Path,
+        "metavar": "DIR",
+        "help": "has the packages of package://; so do the folders above FILE",
+    },
+    "fidelity": {
+        "choices": FIDELITIES,
+        "default": "realistic",
+        "help": "of the walk",
+    },
+    "no-walk": {"action": "store_true", "help": "make the folder only"},
+}
+
+
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
         prog="new_robot.py",
         description=__doc__.partition("\n")[0],
         epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
         "2 bad input.",
     )
     parser.add_argument("file", type=Path, help="a URDF, MJCF or SDF")
-    parser.add_argument("--out", type=Path, required=True, help="the folder")
-    parser.add_argument(
-        "--fix",
-        action="append",
-        metavar="REGEX",
-        help="weld the joints of these names; may come several times",
-    )
-    parser.add_argument(
-        "--package-root",
-        action="append",
-        type=Path,
-        metavar="DIR",
-        help="has the packages of package://; so do the folders above FILE",
-    )
-    parser.add_argument(
-        "--fidelity",
-        choices=FIDELITIES,
-        default="realistic",
-        help="of the walk",
-    )
-    parser.add_argument(
-        "--no-walk", action="store_true", help="make the folder only"
-    )
+    for flag, options in _FLAGS.items():
+        parser.add_argument(f"--{flag}", **options)
     group = parser.add_argument_group("names", "Default: they are found.")
     for field in fields(Named):
         joint = field.name in ("hip_pitch", "knee", "ankle_pitch")
@@ -147,19 +138,19 @@ def _walk(robot: str, fidelity: str) -> int:
     try:
         diagram = HumanoidDiagram(scenario)
     except ValueError as error:
-        say(f"DID NOT WALK: {error}")
-        return FAILED
+        command_line.say(f"DID NOT WALK: {error}")
+        return command_line.FAILED
     run = simulate(diagram, scenario.duration)
     info = run_info(scenario, run, "humanoid", "walk_in_place")
     found = summarize(run, info)
     walked = found["recovered"]
-    say(
+    command_line.say(
         f"{'WALKED' if walked else 'DID NOT WALK'}: {found['steps_taken']} "
         f"steps in place, max ICP error {1e3 * found['max_icp_error_m']:.1f} "
         f"mm, max torque {100 * found['max_torque_ratio']:.0f} %"
         + ("" if walked else f": {found['reason']}")
     )
-    return DONE if walked else FAILED
+    return command_line.DONE if walked else command_line.FAILED
 
 
 if __name__ == "__main__":

@@ -19,30 +19,21 @@ from nadia_balance.core.bounds import check
 from nadia_balance.core.push import SHAPES, Moment, random_pushes
 from nadia_balance.core.walking import Side
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
-from nadia_balance.scripts.command_line import (
-    EXIT_CODES,
-    ONE_OF,
-    CommandLine,
-    Flags,
-    add_flags,
-    finite,
-    main_job,
-    output_flags,
-    program,
-    scenario_flags,
-    scenario_from,
-)
+from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
 STANDING = "standing"
 # Directions [deg] relative to a left stance foot (a right swing).
 WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
-_FLAGS: Flags = {
+_FLAGS: command_line.Flags = {
     "direction": {
         "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
         "outward, seen from the stance foot"
     },
-    "delta-v": {"type": finite, "help": "change of the robot's velocity [m/s]"},
+    "delta-v": {
+        "type": command_line.finite,
+        "help": "change of the robot's velocity [m/s]",
+    },
     "at": {
         "help": 'when it begins: in a phase, such as "right swing 25 %%" (the '
         'right foot swings) or "left transfer 50 %%" (the left one will), at a '
@@ -58,23 +49,20 @@ _FLAGS: Flags = {
 }
 
 
-@program
+@command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`.
-
-    Returns 0 recovered, 1 did not, 2 bad input, 3 undecided, 130 Ctrl-C.
-    """
-    parser = CommandLine(
+    """Runs the command line `argv`; returns the exit code of --help."""
+    parser = command_line.CommandLine(
         prog="push.py",
         description=__doc__.partition("\n")[0],
-        epilog=f"Exit code: 0 recovered, {EXIT_CODES}",
+        epilog=f"Exit code: 0 recovered, {command_line.EXIT_CODES}",
     )
     about = "Of the scenario's first push.  Default: as in the scenario."
-    add_flags(parser, "push", _FLAGS, about)
-    scenario_flags(parser, name="push", mechanisms=ONE_OF)
-    parser.set_defaults(scenario_name=None)  # the terrain's, or push
-    output_flags(parser)
-    return main_job(parser, argv, _pushed_scenario)
+    command_line.add_flags(parser, "push", _FLAGS, about)
+    command_line.scenario_flags(
+        parser, name="push", mechanisms=command_line.ONE_OF
+    )
+    return command_line.main_job(parser, argv, _pushed_scenario)
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
@@ -88,7 +76,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()
         args.scenario_name = args.terrain if has_own else "push"
-    scenario = scenario_from(args)
+    scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
     if not scenario.pushes:
@@ -146,7 +134,7 @@ def _degrees(direction: str, moment: Moment) -> float:
         mirrored = moment.swing is Side.LEFT
         return WORDS[direction] * (-1.0 if mirrored else 1.0)
     try:
-        return finite(direction)
+        return command_line.finite(direction)
     except (ValueError, argparse.ArgumentTypeError):
         raise ValueError(
             f"direction = {direction!r}: must be degrees, or one of "

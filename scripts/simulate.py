@@ -11,35 +11,23 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 import sys
 
 from nadia_balance.diagrams.scenario import scenario_names
-from nadia_balance.scripts.command_line import (
-    EXIT_CODES,
-    ONE_OF,
-    CommandLine,
-    main_job,
-    output_flags,
-    program,
-    scenario_flags,
-    scenario_from,
-)
+from nadia_balance.scripts import command_line
 
 
-@program
+@command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`.
-
-    Returns 0 stood, walked or recovered, 1 did not, 2 bad input, 3 undecided,
-    130 Ctrl-C.
-    """
+    """Runs the command line `argv`; returns the exit code of --help."""
     names = ", ".join(scenario_names())
-    parser = CommandLine(
+    parser = command_line.CommandLine(
         prog="simulate.py",
         description=__doc__.partition("\n")[0],
         epilog=f"scenarios: {names}. "
-        f"Exit code: 0 stood, walked or recovered, {EXIT_CODES}",
+        f"Exit code: 0 stood, walked or recovered, {command_line.EXIT_CODES}",
     )
-    scenario_flags(parser, name=None, mechanisms=ONE_OF)
-    output_flags(parser)
-    return main_job(parser, argv, scenario_from)
+    command_line.scenario_flags(
+        parser, name=None, mechanisms=command_line.ONE_OF
+    )
+    return command_line.main_job(parser, argv, command_line.scenario_from)
 
 
 if __name__ == "__main__":

@@ -126,11 +126,12 @@ def _bone(robot: Description, link: str, upper: str, lower: str) -> Capsule:
 
 def _shoe(measured: Measurements) -> list[Capsule]:
     """Two parallel capsules within the sole's rectangle, just above it."""
-    length = measured.toe - measured.heel
-    radius = min(2.0 / 3.0 * measured.half_width, 0.25 * length)
-    x = 0.5 * (measured.heel + measured.toe)
-    y = measured.half_width - radius
-    z = measured.sole_z + SHOE_ABOVE_SOLE + radius
+    sole = measured.sole
+    length = sole.x_max - sole.x_min
+    radius = min(2.0 / 3.0 * sole.half_width, 0.25 * length)
+    x = 0.5 * (sole.x_min + sole.x_max)
+    y = sole.half_width - radius
+    z = sole.z + SHOE_ABOVE_SOLE + radius
     along = RotationMatrix.MakeYRotation(0.5 * np.pi)
     return [
         Capsule(

@@ -184,11 +184,10 @@ def _sole(
 def _note_lengths(
     m: Measurements, sole: SolePlane, points: Array, notes: Notes
 ) -> None:
-    length, width = m.toe - m.heel, 2.0 * m.half_width
-    whole = np.ptp(points, axis=0)
+    size, whole = m.size, np.ptp(points, axis=0)
     notes.guessed += [
-        f"sole {length:.3f} x {width:.3f} m, of {whole[0]:.3f} x "
-        f"{whole[1]:.3f} m that the {sole.source} shapes have",
+        f"sole {size.sole_length:.3f} x {size.sole_width:.3f} m, of "
+        f"{whole[0]:.3f} x {whole[1]:.3f} m that the {sole.source} shapes have",
         f"legs {m.legs.length:.3f} m, hips {m.legs.hip_width:.3f} m apart, "
         f"ankles {m.legs.ankle_height:.3f} m high",
         f"CoM {m.com_height:.3f} m high where it stands, the soles "
@@ -207,23 +206,23 @@ def guess_drives(
     bare = [joint for joint in joints if not joint.rotor_inertia]
     for joint in bare:
         joint.rotor_inertia = inertia
-    if bare:
-        notes.unknown.append(
+    slow = ", ".join(j.name for j in joints if not j.speed)
+    fast = ", ".join(j.name for j in joints if j.speed > _PLAUSIBLE)
+    for applies, text in (
+        (
+            bare,
             f"rotor inertia of {len(bare)} joints: taken as {inertia:.3g} kg "
-            "m^2 at the joint, Nadia's by mass and length"
-        )
-    slow = [joint.name for joint in joints if not joint.speed]
-    if slow:
-        notes.unknown.append(
-            f"speed limits of {', '.join(slow)}: {_SPEED:g} rad/s"
-        )
-    fast = [joint.name for joint in joints if joint.speed > _PLAUSIBLE]
-    if fast:
-        notes.unknown.append(
-            f"whether {', '.join(fast)} are as fast as is written, > "
-            f"{_PLAUSIBLE:g} rad/s"
-        )
-    notes.unknown.append(
-        "dry friction of joints, which is left out; bandwidth and corner "
-        "speed of drives: the defaults of docs/robot_yaml.md"
-    )
+            "m^2 at the joint, Nadia's by mass and length",
+        ),
+        (slow, f"speed limits of {slow}: {_SPEED:g} rad/s"),
+        (
+            fast,
+            f"whether {fast} are as fast as is written, > {_PLAUSIBLE:g} rad/s",
+        ),
+        (
+            True,
+            "dry friction of joints, which is left out; bandwidth and corner "
+            "speed of drives: the defaults of docs/robot_yaml.md",
+        ),
+    ):
+        notes.unknown += [text] if applies else []

@@ -29,13 +29,20 @@ _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
 
 @dataclass
+class Sole:
+    """The field `sole` of RobotParams [m]."""
+
+    x_min: float
+    x_max: float
+    half_width: float
+    z: float
+
+
+@dataclass
 class Measurements:
     """The measured fields of RobotParams; lengths in m, angles in rad."""
 
-    heel: float  # x_min of the sole
-    toe: float
-    half_width: float
-    sole_z: float
+    sole: Sole
     legs: LegGeometry
     reach: LegReach
     com_height: float
@@ -47,13 +54,8 @@ class Measurements:
     @property
     def size(self) -> Size:
         """The size that scales Nadia's values to parameters not measured."""
-        leg = self.legs.length + self.legs.ankle_height
-        return Size(leg, self.toe - self.heel, 2.0 * self.half_width)
-
-    def corners(self) -> list[tuple[float, float]]:
-        """The corners (x, y) of the sole."""
-        sides, ends = (self.half_width, -self.half_width), (self.heel, self.toe)
-        return [(x, y) for x in ends for y in sides]
+        leg, sole = self.legs.length + self.legs.ankle_height, self.sole
+        return Size(leg, sole.x_max - sole.x_min, 2.0 * sole.half_width)
 
 
 def set_frames(
@@ -119,10 +121,7 @@ def measure(
     )
     com_height = float(com[2]) - ground
     return Measurements(
-        heel=heel,
-        toe=toe,
-        half_width=half_width,
-        sole_z=-depth,
+        sole=Sole(heel, toe, half_width, -depth),
         legs=geometry,
         reach=leg_reach(geometry, com_height, _lean(robot, anatomy)),
         com_height=com_height,

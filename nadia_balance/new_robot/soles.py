@@ -49,10 +49,8 @@ def sole_plane(
     if not shapes:
         return None
     hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
-    corners = hull.points[hull.simplices]
-    sides = np.cross(
-        corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    )
+    first, *others = hull.points[hull.simplices].swapaxes(0, 1)
+    sides = np.cross(*(corners - first for corners in others))
     areas = 0.5 * np.linalg.norm(sides, axis=1)
     normals = hull.equations[:, :3]
     below = normals @ down > _DOWNWARD
@@ -63,26 +61,20 @@ def sole_plane(
     near = alike[int((alike @ areas).argmax())]
     normal = areas[near] @ normals[near]
     normal /= np.linalg.norm(normal)
-    points, away = zip(
-        *(_lowest(shape, normal) for shape in shapes), strict=True
-    )
-    depth = max(float(height.max()) for height in away)
-    on_plane = np.concatenate(
-        [
-            p[height > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
-            for p, height, shape in zip(points, away, shapes, strict=True)
-        ]
-    )
-    return _spanned(on_plane, normal, depth, source)
+    lowest = [_lowest(shape, normal) for shape in shapes]
+    depth = max(float((points @ normal).max()) for points in lowest)
+    on_plane = [
+        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+        for p, shape in zip(lowest, shapes, strict=True)
+    ]
+    return _spanned(np.concatenate(on_plane), normal, depth, source)
 
 
-def _lowest(shape: Shape, normal: Array) -> tuple[Array, Array]:
-    """Points (k, 3) of a shape, and their distances (k,) along `normal`."""
-    points = shape.points()
-    if shape.kind == "sphere":
-        centre, radius = shape.X_LG.translation(), shape.solid.radius()
-        points = (centre + radius * normal)[None]
-    return points, points @ normal
+def _lowest(shape: Shape, normal: Array) -> Array:
+    """Points (k, 3) of a shape; of a sphere, the farthest along `normal`."""
+    if shape.kind != "sphere":
+        return shape.points()
+    return (shape.X_LG.translation() + shape.solid.radius() * normal)[None]
 
 
 def _spanned(

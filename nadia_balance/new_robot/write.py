@@ -1,5 +1,6 @@
 """Writer of a robot folder: robot.urdf, meshes and robot.yaml."""
 
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -67,8 +68,10 @@ def write_urdf(
             size = {"radius": capsule.radius, "length": capsule.length}
             _collision(link, capsule.X_LG, "capsule", size)
         if name in anatomy.feet.values():
-            for corner in measured.corners():
-                centre = RigidTransform([*corner, measured.sole_z + _SPHERE])
+            sole = measured.sole
+            ends, side = (sole.x_min, sole.x_max), sole.half_width
+            for x, y in itertools.product(ends, (side, -side)):
+                centre = RigidTransform([x, y, sole.z + _SPHERE])
                 _collision(link, centre, "sphere", {"radius": _SPHERE})
     for joint in robot.joints.values():
         add_transmission(top, joint.name, rotor_inertia=joint.rotor_inertia)
@@ -162,14 +165,10 @@ def _joint(
     SubElement(element, "parent", link=joint.parent)
     SubElement(element, "child", link=joint.child)
     SubElement(element, "axis", xyz=_text(robot.axis(joint)))
-    limit = {
-        "lower": _text(joint.lower),
-        "upper": _text(joint.upper),
-        "effort": _text(joint.effort),
-    }
+    limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
-        limit["velocity"] = _text(joint.speed)
-    SubElement(element, "limit", limit)
+        limits["velocity"] = joint.speed
+    SubElement(element, "limit", {k: _text(v) for k, v in limits.items()})
     if joint.damping:
         SubElement(element, "dynamics", damping=_text(joint.damping))
 
@@ -202,12 +201,7 @@ def robot_fields(
         "torso_body": anatomy.torso,
         "left_foot_body": left,
         "right_foot_body": right,
-        "sole": {
-            "x_min": m.heel,
-            "x_max": m.toe,
-            "half_width": m.half_width,
-            "z": m.sole_z,
-        },
+        "sole": asdict(m.sole),
         "com_height": m.com_height,
         "step_width": m.step_width,
         "posture": m.posture,
@@ -255,13 +249,10 @@ def _reach(m: Measurements) -> ReachabilityParams:
     """Lengths and widths [m]: Nadia's, scaled, at most the legs' reach."""
     nadias = scaled(ReachabilityParams(), m.size)
     length = min(nadias.length_forward, m.reach.length)
-    return replace(
-        nadias,
-        length_forward=length,
-        length_backward=length,
-        width_nominal=m.step_width,
-        width_max=min(nadias.width_max, m.reach.width_max),
-    )
+    width = min(nadias.width_max, m.reach.width_max)
+    lengths = {"length_forward": length, "length_backward": length}
+    widths = {"width_nominal": m.step_width, "width_max": width}
+    return replace(nadias, **lengths, **widths)
 
 
 def _widths(reach: ReachabilityParams) -> dict[str, float]:

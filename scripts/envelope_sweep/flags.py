@@ -7,6 +7,8 @@ from pathlib import Path
 
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.scripts.command_line import (
+    Flags,
+    add_flags,
     finite,
     scenario_flags,
     scenario_from,
@@ -29,62 +31,49 @@ def sweep_flags(parser: argparse.ArgumentParser) -> None:
     """Adds the flags of scenario, cells and search."""
     search, default = SearchParams(), PROTOCOLS[DEFAULT]
     quick = ", ".join(f"--{name} {value}" for name, value in QUICK.items())
-    group = parser.add_argument_group(
-        "sweep",
-        "--mechanisms and --scenario_name may name several, with "
-        "commas (default: those of the protocol).",
-    )
-    group.add_argument(
-        "--protocol",
-        choices=PROTOCOLS,
-        default=DEFAULT,
-        help="the paper's figure whose scenarios, moment, directions and "
-        "mechanisms are tried unless given (default: %(default)s)",
-    )
-    group.add_argument(
-        "--quick",
-        action="store_true",
-        help=f"unless given: {quick}, and the most mechanisms alone",
-    )
-    for names, kind, text in (
-        (
-            ["--directions"],
-            str,
-            'degrees from the stance heading, such as "0,30,90" (0 forward, '
-            '90 left; "90," for one), or how many all around (default: '
-            f"{default.directions})",
-        ),
-        (
-            ["--at", "--phases"],
-            str,
-            "when the push begins, with commas (default: "
-            f"{AT.replace('%', '%%')})",
-        ),
-        (
-            ["--resolution"],
-            finite,
-            f"of the limit (default: {search.resolution}) [m/s]",
-        ),
-        (
-            ["--stride"],
-            int,
-            f"of the march upward, in resolutions (default: {search.stride})",
-        ),
-        (
-            ["--replicas"],
-            int,
-            "of a push at the limit; four in five must be recovered from "
-            f"(default: {search.replicas})",
-        ),
-        (
-            ["--largest"],
-            finite,
-            f"no push is larger (default: {search.largest}) [m/s]",
-        ),
-    ):
-        group.add_argument(*names, type=kind, help=text)
+    flags: Flags = {
+        "protocol": {
+            "choices": PROTOCOLS,
+            "default": DEFAULT,
+            "help": "the paper's figure whose scenarios, moment, directions "
+            "and mechanisms are tried unless given (default: %(default)s)",
+        },
+        "quick": {
+            "action": "store_true",
+            "help": f"unless given: {quick}, and the most mechanisms alone",
+        },
+        "directions": {
+            "help": 'degrees from the stance heading, such as "0,30,90" (0 '
+            'forward, 90 left; "90," for one), or how many all around '
+            f"(default: {default.directions})"
+        },
+        "at --phases": {
+            "help": "when the push begins, with commas (default: "
+            f"{AT.replace('%', '%%')})"
+        },
+        "resolution": {
+            "type": finite,
+            "help": f"of the limit (default: {search.resolution}) [m/s]",
+        },
+        "stride": {
+            "type": int,
+            "help": "of the march upward, in resolutions (default: "
+            f"{search.stride})",
+        },
+        "replicas": {
+            "type": int,
+            "help": "of a push at the limit; four in five must be recovered "
+            f"from (default: {search.replicas})",
+        },
+        "largest": {
+            "type": finite,
+            "help": f"no push is larger (default: {search.largest}) [m/s]",
+        },
+    }
+    about = "--mechanisms and --scenario_name may name several, with commas "
+    about += "(default: those of the protocol)."
+    add_flags(parser, "sweep", flags, about)
     scenario_flags(parser, name=default.scenario_name)
-    parser.set_defaults(scenario_name=None)
 
 
 def sweep_from(args: argparse.Namespace) -> Sweep:

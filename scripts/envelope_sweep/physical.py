@@ -14,16 +14,18 @@ from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.robot import load_robot
 from nadia_balance.scripts.envelope_sweep.protocols import Curves
 from nadia_balance.scripts.envelope_sweep.search import Situation
+from nadia_balance.scripts.envelope_sweep.trial import limit_from
 
 AROUND = tuple(15.0 * i for i in range(24))  # directions of a picture [deg]
 
 
-class Physical(NamedTuple):
-    """The limits of any controller in one situation (core.lipm_limit)."""
+class References(NamedTuple):
+    """Curves to compare limits with, in one situation; empty if unknown."""
 
-    limit: Curves
-    with_hips: Curves
-    assumptions: str  # of `limit`
+    limit: Curves = {}  # of any controller, without angular momentum
+    with_hips: Curves = {}  # of any controller, with angular momentum
+    assumptions: str = ""  # of `limit`
+    paper: Curves = {}
 
 
 def limits_of(
@@ -39,29 +41,20 @@ def limits_of(
         ValueError: the push is not within the walk.
     """
     scenario = copy.deepcopy(scenario)
-    push, controller = scenario.pushes[0], scenario.controller
+    push = scenario.pushes[0]
     push.at, push.delta_v, push.force = situation.at, 0.0, None
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram, scenario.duration, lambda _: False)
-    state, icp, swing = (
-        diagram.GetOutputPort(name).Eval(context)
-        for name in ("walking_state", "icp", "swing_foot_reference")
-    )
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
     robot = diagram.robot
     if plant == "humanoid":
         robot = load_robot(scenario.robot, scenario.fidelity)
-    limit = LipmLimit(
-        state=state,
-        icp=icp,
-        foot=swing[:2],
-        model=robot.point_mass,
-        timing=controller.timing_adapter,
-        on=NAMED[scenario.mechanisms],
-        push_duration=push.duration,
+    limit = limit_from(
+        diagram, context, model=robot.point_mass, push_duration=push.duration
     )
-    return limit, replace(limit, kappa=controller.balance.max_kappa)
+    kappa = scenario.controller.balance.max_kappa
+    return limit, replace(limit, kappa=kappa)
 
 
 def physical_limits(
@@ -70,7 +63,7 @@ def physical_limits(
     situation: Situation,
     tried: Mapping[str, Iterable[float]],
     scenario_file: Path,
-) -> Physical:
+) -> References:
     """Returns the limits in the directions [deg] that each mechanisms tried.
 
     Those of the last mechanisms are also of AROUND.  The scenario is that of
@@ -88,7 +81,7 @@ def physical_limits(
         for name, angles in tried.items()
     }
     limit, with_hips = (_curves(one, directions) for one in limits)
-    return Physical(limit, with_hips, limits[0].assumptions)
+    return References(limit, with_hips, limits[0].assumptions)
 
 
 def _curves(limit: LipmLimit, directions: Mapping[str, set[float]]) -> Curves:

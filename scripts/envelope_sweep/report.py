@@ -13,19 +13,13 @@ import matplotlib as mpl
 from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep.plots import (
-    NAMES,
-    PLANTS,
-    WORDS,
-    draw_envelope,
-)
+from nadia_balance.scripts.envelope_sweep import plots, search
 from nadia_balance.scripts.envelope_sweep.rows import (
     NO_ANSWER,
     OUTCOMES,
     UNDECIDED,
     recovered,
 )
-from nadia_balance.scripts.envelope_sweep.search import SearchParams, Situation
 from nadia_balance.scripts.envelope_sweep.table import (
     AT_LEAST,
     UNSURE,
@@ -45,12 +39,6 @@ push from which, as from every smaller one that was tried, the robot recovered
 (`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was
 decided), *fails at* the smallest from which it did not; z is the height of the
 centre of mass. [`{LIMITS}`]({LIMITS}) has all digits."""
-_MOTION = {  # columns, and their names in a Record
-    "torso [deg]": "torso_deg",
-    "pelvis [deg]": "pelvis_deg",
-    "CoM sag [m]": "com_sag_m",
-    "power [W]": "power_w",
-}
 # Columns beside the limits, and their formats.
 _COLUMNS = {
     **{
@@ -58,9 +46,9 @@ _COLUMNS = {
         for other in ("paper", "limit", "with hips")
         for name in (f"{other} [m/s]", f"/ {other}")
     },
-    **{"[N s]": "{:.0f}", "/ sqrt(g z)": "{:.3f}"},
-    **dict.fromkeys(_MOTION, "{:.0f}"),
-    "CoM sag [m]": "{:.2f}",
+    **{"[N s]": "{:.0f}", "/ sqrt(g z)": "{:.3f}", "torso [deg]": "{:.0f}"},
+    **{"pelvis [deg]": "{:.0f}", "CoM sag [m]": "{:.2f}"},
+    "power [W]": "{:.0f}",
 }
 
 
@@ -71,7 +59,7 @@ def write_report(folder: Path, limits: LimitTable) -> list[str]:
         OSError: the folder cannot be written to.
     """
     with mpl.rc_context(RC), appearing(folder) as drafts:
-        draw_envelope(limits).savefig(drafts / PICTURE)
+        plots.draw_envelope(limits).savefig(drafts / PICTURE)
         (drafts / TABLES).write_text(report_text(limits), encoding="utf-8")
         with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
             records = list(map(asdict, limits.records))
@@ -83,7 +71,7 @@ def write_report(folder: Path, limits: LimitTable) -> list[str]:
 
 def report_text(limits: LimitTable) -> str:
     """Returns the text of tables.md."""
-    plant = PLANTS.get(limits.identity["plant"], "")
+    plant = plots.PLANTS.get(limits.identity["plant"], "")
     parts = [
         f"# Push-recovery envelope: {limits.identity['robot']}, {plant}",
         f"![envelope]({PICTURE})",
@@ -95,7 +83,7 @@ def report_text(limits: LimitTable) -> str:
         parts += [f"## Largest recovered pushes [m/s], {situation}"]
         parts += [overview(limits, situation)]
         for name in limits.mechanisms:
-            parts += [f"`{name}`: {NAMES[name]}"]
+            parts += [f"`{name}`: {plots.NAMES[name]}"]
             parts += [details(limits, limits.of(name, situation))]
     parts += ["## How the trials ended", outcomes_table(limits)]
     parts += ["## Predictions of the point-mass limit"]
@@ -172,7 +160,7 @@ def what_was_done(limits: LimitTable) -> str:
     """Table of the search parameters, its progress and the versions."""
     identity, records = limits.identity, limits.records
     replicas = identity["replicas"]
-    required = SearchParams(replicas=replicas).required
+    required = search.SearchParams(replicas=replicas).required
     found = {
         "scenario": ", ".join({s.scenario: 0 for s in limits.situations}),
         "limits": f"{sum(r.complete for r in records)} of {len(records)} "
@@ -188,7 +176,7 @@ def what_was_done(limits: LimitTable) -> str:
     return table(["sweep", ""], [[name, str(x)] for name, x in found.items()])
 
 
-def overview(limits: LimitTable, situation: Situation) -> str:
+def overview(limits: LimitTable, situation: search.Situation) -> str:
     """Table of the limits: directions by mechanisms, and the mean."""
     columns = [limits.of(name, situation) for name in limits.mechanisms]
     lines = [
@@ -219,26 +207,25 @@ def details(limits: LimitTable, records: Sequence[Record]) -> str:
 
 def direction_words(direction: float) -> str:
     """A direction in words, such as `90° left`."""
-    return " ".join(filter(None, (f"{direction:g}°", WORDS.get(direction))))
+    return " ".join(
+        filter(None, (f"{direction:g}°", plots.WORDS.get(direction)))
+    )
 
 
 def _values(limits: LimitTable, record: Record) -> dict[str, float | None]:
     """The values of _COLUMNS; None if unknown."""
-    values: dict[str, float | None] = dict.fromkeys(_COLUMNS)
     if (pushed := record.recovered) is None:
-        return values
-    for name in ("paper", "limit", "with_hips"):
-        other, words = getattr(record, name), name.replace("_", " ")
-        values[f"{words} [m/s]"] = other
-        values[f"/ {words}"] = pushed / other if other else None
-    if limits.scale:
-        values["[N s]"] = pushed * limits.scale.mass
-        values["/ sqrt(g z)"] = pushed / limits.scale.speed
-    motion = record.torso_deg, record.pelvis_deg, record.com_sag_m
-    motion = dict(
-        zip(list(_COLUMNS)[-4:], (*motion, record.power_w), strict=True)
-    )
-    return values | motion
+        return dict.fromkeys(_COLUMNS)
+    values: list[float | None] = []
+    for other in (record.paper, record.limit, record.with_hips):
+        values += [other, pushed / other if other else None]
+    if scale := limits.scale:
+        values += [pushed * scale.mass, pushed / scale.speed]
+    else:
+        values += [None, None]
+    values += [record.torso_deg, record.pelvis_deg]
+    values += [record.com_sag_m, record.power_w]
+    return dict(zip(_COLUMNS, values, strict=True))
 
 
 def _text(write: str, values: Iterable[float | None]) -> str:

@@ -17,6 +17,7 @@ from distributed import KilledWorker
 from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
+from nadia_balance.scripts.envelope_sweep import trial
 from nadia_balance.scripts.envelope_sweep.rows import Rows, cell_of, recovered
 from nadia_balance.scripts.envelope_sweep.search import (
     Attempt,
@@ -25,10 +26,6 @@ from nadia_balance.scripts.envelope_sweep.search import (
     next_attempts,
 )
 from nadia_balance.scripts.envelope_sweep.sweep import Sweep
-from nadia_balance.scripts.envelope_sweep.trial import (
-    row_without_run,
-    run_trial,
-)
 
 LOOK = 0.2  # period of the checks whether to stop [s]
 # A cluster without workers makes no trial end.  Dask begins a trial four times
@@ -72,11 +69,11 @@ class CellSearch:
         self._running.add(attempt)
         return attempt
 
-    def record(self, attempt: Attempt, recovered: bool | None) -> None:
-        """Records the outcome of an attempt that ran."""
-        self._running.remove(attempt)
-        self.known[attempt] = recovered
-        self.go_on()
+    def record(self, row: dict) -> None:
+        """Records a trial, which may have been begun before."""
+        attempt = row["delta_v"], row["replica"]
+        self._running.discard(attempt)
+        self.known[attempt] = recovered(row)
 
 
 def searches_of(sweep: Sweep, rows: Iterable[dict]) -> list[CellSearch]:
@@ -84,8 +81,7 @@ def searches_of(sweep: Sweep, rows: Iterable[dict]) -> list[CellSearch]:
     searches = {cell: CellSearch(sweep, cell) for cell in sweep.cells()}
     for row in rows:
         if (cell := cell_of(row)) in searches:
-            attempt = row["delta_v"], row["replica"]
-            searches[cell].known[attempt] = recovered(row)
+            searches[cell].record(row)
     for search in searches.values():
         search.go_on()
     return list(searches.values())
@@ -166,7 +162,7 @@ def run_sweep(
         OSError: a row cannot be written.
     """
     searches = searches_of(sweep, rows.all())
-    running: dict[Future, tuple[CellSearch, Attempt]] = {}
+    running: dict[Future, tuple[CellSearch, dict]] = {}
     show(progress_of(searches))
     patience = NO_TRIAL + TRIES * sweep.timeout
     latest = time.monotonic() + patience
@@ -174,16 +170,15 @@ def run_sweep(
         while not stopped():
             # One more than can run, so that no worker waits for the next one.
             while len(running) <= slots and (search := most_urgent(searches)):
-                attempt = search.begin()
-                future = _submit(executor, sweep, rows, search.cell, attempt)
-                running[future] = search, attempt
+                future, labels = _begin(search, sweep, rows, executor)
+                running[future] = search, labels
             if not running:
                 return True
             for future in wait(running, LOOK, FIRST_COMPLETED).done:
-                search, attempt = running.pop(future)
-                row = _labels(sweep, search.cell, attempt) | _result(future)
-                rows.add(row)
-                search.record(attempt, recovered(row))
+                search, labels = running.pop(future)
+                rows.add(row := labels | _result(future))
+                search.record(row)
+                search.go_on()
                 show(progress_of(searches))
                 latest = time.monotonic() + patience
             if time.monotonic() > latest:
@@ -194,26 +189,12 @@ def run_sweep(
             future.cancel()
 
 
-def _submit(
-    executor: Executor, sweep: Sweep, rows: Rows, cell: Cell, attempt: Attempt
-) -> Future:
-    delta_v, replica = attempt
-    walk = yaml_dump_typed(sweep.walk(cell, replica))
-    return executor.submit(
-        run_trial,
-        rows.identity,
-        walk,
-        sweep.plant,
-        delta_v,
-        cell.direction_deg,
-        sweep.timeout,
-    )
-
-
-def _labels(sweep: Sweep, cell: Cell, attempt: Attempt) -> dict:
-    """The columns of a row that describe the trial."""
-    delta_v, replica = attempt
-    return {
+def _begin(
+    search: CellSearch, sweep: Sweep, rows: Rows, executor: Executor
+) -> tuple[Future, dict]:
+    """Submits the next attempt; returns its result, and what describes it."""
+    cell, (delta_v, replica) = search.cell, search.begin()
+    labels = {
         **cell.situation._asdict(),
         "mechanisms": cell.mechanisms,
         "direction_deg": cell.direction_deg,
@@ -221,13 +202,17 @@ def _labels(sweep: Sweep, cell: Cell, attempt: Attempt) -> dict:
         "replica": replica,
         "seed": sweep.common.seed + replica,
     }
+    walk = yaml_dump_typed(sweep.walk(cell, replica))
+    push = delta_v, cell.direction_deg
+    args = rows.identity, walk, sweep.plant, *push, sweep.timeout
+    return executor.submit(trial.run_trial, *args), labels
 
 
 def _result(future: Future) -> dict:
     try:
         return future.result()
     except KilledWorker:  # after some tries
-        return row_without_run(*DIED)
+        return trial.row_without_run(*DIED)
     except CancelledError as error:
         raise RuntimeError("the workers are gone") from error
     except Exception as error:

@@ -9,11 +9,7 @@ from nadia_balance.core.mechanisms import MECHANISMS, NAMED
 from nadia_balance.core.push import Moment
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.scripts.envelope_sweep.fingerprint import (
-    parameters_hash,
-    robot_hash,
-    this_code,
-)
+from nadia_balance.scripts.envelope_sweep import fingerprint
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
@@ -53,12 +49,9 @@ class Sweep:
             ("plant", (self.plant,), PLANTS),
             ("mechanisms", self.mechanisms, NAMED),
         ):
-            for word in words:
-                if word not in allowed:
-                    raise ValueError(
-                        f"{name} = {word!r}: must be one of "
-                        f"{', '.join(allowed)}"
-                    )
+            for word in [word for word in words if word not in allowed]:
+                choice = ", ".join(allowed)
+                raise ValueError(f"{name} = {word!r}: must be one of {choice}")
         for angle in self.directions:
             if not 0.0 <= angle < 360.0:
                 raise ValueError(
@@ -145,10 +138,10 @@ class Sweep:
             "plant": self.plant,
             **asdict(self.search),
             "seed": self.common.seed,
-            "parameters": parameters_hash(*self.scenarios.values()),
-            **this_code(),
+            "parameters": fingerprint.parameters_hash(*self.scenarios.values()),
+            **fingerprint.this_code(),
             **versions(self.common.engine),
-            "robot_files": robot_hash(self.common.robot),
+            "robot_files": fingerprint.robot_hash(self.common.robot),
         }
 
 

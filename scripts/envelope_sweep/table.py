@@ -1,5 +1,6 @@
 """The table of a sweep's limits: one record for each cell, from the rows."""
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,14 +9,10 @@ from typing import NamedTuple
 from nadia_balance.core.mechanisms import NAMED
 from nadia_balance.core.push import Moment
 from nadia_balance.robot import load_robot
+from nadia_balance.scripts.envelope_sweep import protocols
 from nadia_balance.scripts.envelope_sweep.physical import (
-    Physical,
+    References,
     physical_limits,
-)
-from nadia_balance.scripts.envelope_sweep.protocols import (
-    Curves,
-    Protocol,
-    protocol_of,
 )
 from nadia_balance.scripts.envelope_sweep.rows import (
     cell_of,
@@ -33,14 +30,6 @@ from nadia_balance.scripts.envelope_sweep.search import (
 ORDER = tuple(NAMED)  # fewer mechanisms before more
 # Marks of a limit: search not complete; no larger push was decided.
 UNSURE, AT_LEAST = "~", ">="
-
-
-class References(NamedTuple):
-    """Reference curves by the name of the mechanisms; empty if unknown."""
-
-    paper: Curves
-    limit: Curves  # of any controller, without angular momentum
-    with_hips: Curves  # of any controller, with angular momentum
 
 
 class Scale(NamedTuple):
@@ -93,9 +82,9 @@ class LimitTable:
     scale: Scale | None  # None if the robot does not exist any more
 
     @property
-    def protocol(self) -> Protocol | None:
+    def protocol(self) -> protocols.Protocol | None:
         """The paper's figure with reference limits, if any."""
-        return protocol_of(self.identity["robot"], self.situations[0])
+        return protocols.protocol_of(self.identity["robot"], self.situations[0])
 
     @property
     def undecided(self) -> list[Record]:
@@ -174,29 +163,28 @@ def limit_table(
     )
     directions = sorted({cell.direction_deg for cell in limits})
     tried = dict.fromkeys(mechanisms, directions)
-    physical = {
-        situation: _physical(identity, situation, tried, scenario_file)
+    references = {
+        situation: _references(identity, situation, tried, scenario_file)
         for situation in situations
     }
-    references = {
-        situation: References(_paper(robot, situation), *found[:2])
-        for situation, found in physical.items()
-    }
+    cells = [
+        Cell(name, situation, direction)
+        for situation, name, direction in itertools.product(
+            situations, mechanisms, directions
+        )
+    ]
     return LimitTable(
         identity=identity,
         rows=rows,
         records=[
-            _record(cell, rows, limits.get(cell), references[situation])
-            for situation in situations
-            for name in mechanisms
-            for direction in directions
-            for cell in [Cell(name, situation, direction)]
+            _record(cell, rows, limits.get(cell), references[cell.situation])
+            for cell in cells
         ],
         situations=situations,
         mechanisms=mechanisms,
         directions=directions,
         references=references,
-        assumptions=sorted({p.assumptions for p in physical.values()} - {""}),
+        assumptions=sorted({r.assumptions for r in references.values()} - {""}),
         scale=scale_of(robot),
     )
 
@@ -204,36 +192,33 @@ def limit_table(
 def _rank(robot: str, situation: Situation) -> tuple:
     moment = Moment.parse(situation.at)
     phase, swing = moment.phase, moment.swing
-    unknown = protocol_of(robot, situation) is None
+    unknown = protocols.protocol_of(robot, situation) is None
     when = phase and phase.value, swing.value, moment.fraction
     return unknown, situation.scenario, *when
 
 
-def _paper(robot: str, situation: Situation) -> Curves:
-    protocol = protocol_of(robot, situation)
-    return protocol.curves(situation.scenario) if protocol else {}
-
-
-def _physical(identity: dict, situation: Situation, *args) -> Physical:
+def _references(identity: dict, situation: Situation, *args) -> References:
     robot, plant = identity["robot"], identity["plant"]
     try:
-        return physical_limits(robot, plant, situation, *args)
+        known = physical_limits(robot, plant, situation, *args)
     except (ValueError, OSError) as error:
         print(f"{situation}: no limit to compare with, {error}")
-        return Physical({}, {}, "")
+        known = References()
+    if protocol := protocols.protocol_of(robot, situation):
+        known = known._replace(paper=protocol.curves(situation.scenario))
+    return known
 
 
 def _record(
     cell: Cell, rows: list[dict], found: Limit | None, known: References
 ) -> Record:
     rows = [row for row in rows if cell_of(row) == cell]
+    none = {"recovered": None, "failed": None, "complete": False}
+    limits = vars(found) if found else none
+    best = [row for row in rows if row["delta_v"] == limits["recovered"]]
 
     def worst(name: str) -> float | None:
-        values = [
-            row[name]
-            for row in rows
-            if found and recovered(row) and row["delta_v"] == found.recovered
-        ]
+        values = [row[name] for row in best if recovered(row)]
         return max((v for v in values if v is not None), default=None)
 
     return Record(
@@ -241,12 +226,12 @@ def _record(
         mechanisms=cell.mechanisms,
         direction_deg=cell.direction_deg,
         trials=len(rows),
-        recovered=found.recovered if found else None,
-        failed=found.failed if found else None,
-        complete=found.complete if found else False,
+        **limits,
         **{
-            name: curves.get(cell.mechanisms, {}).get(cell.direction_deg)
-            for name, curves in known._asdict().items()
+            name: getattr(known, name)
+            .get(cell.mechanisms, {})
+            .get(cell.direction_deg)
+            for name in ("paper", "limit", "with_hips")
         },
         torso_deg=worst("max_torso_tilt_deg"),
         pelvis_deg=worst("max_pelvis_tilt_deg"),

@@ -9,24 +9,12 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.simulation import (
-    RecoveryWatch,
-    Run,
-    advance,
-    push_signal,
-    pushed,
-    run_info,
-    walk_to_push,
-)
 from nadia_balance.results.summary import summarize
-from nadia_balance.scripts.envelope_sweep.fingerprint import (
-    robot_hash,
-    this_code,
-)
+from nadia_balance.scripts.envelope_sweep import fingerprint
 from nadia_balance.typed_yaml import load_typed
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
@@ -85,7 +73,7 @@ def run_trial(
     guard.daemon = True
     guard.start()
     try:
-        row = _walk(walk, plant, latest).push(delta_v, direction_deg, latest)
+        row = _kept.walk(walk, plant).push(delta_v, direction_deg, latest)
     except TimeoutError:
         row = row_without_run("hung", f"no result after {timeout:g} s")
     except Exception as error:
@@ -102,7 +90,10 @@ def run_trial(
 @functools.lru_cache
 def _check_identity(walk: str, identity: frozenset) -> None:
     scenario, asked = load_typed(Scenario, "walk", data=walk), dict(identity)
-    ours = {**this_code(), "robot_files": robot_hash(scenario.robot)}
+    ours = {
+        **fingerprint.this_code(),
+        "robot_files": fingerprint.robot_hash(scenario.robot),
+    }
     for name, value in ours.items():
         if asked.get(name, value) != value:
             raise ValueError(
@@ -124,48 +115,15 @@ def row_without_run(outcome: str, reason: str) -> dict:
     }
 
 
-class _Kept(threading.local):
-    """The walks of this thread; threads do not share diagrams."""
-
-    def __init__(self):
-        self.walks: dict[tuple[str, str], Walk] = {}  # least recent first
-
-
-_kept = _Kept()
-
-
-def _walk(text: str, plant: str, latest: float) -> "Walk":
-    """Returns the walk of this scenario, from the cache or new."""
-    walks, key = _kept.walks, (text, plant)
-    walk = walks.pop(key, None)
-    if walk is None:
-        scenario = load_typed(Scenario, "scenario", data=text)
-        walk = Walk(scenario, plant, latest)
-        if len(walks) == MOST_WALKS:
-            del walks[next(iter(walks))]
-    walks[key] = walk
-    return walk
-
-
 class Walk:
     """A robot just before its push, which can be repeated with other sizes."""
 
-    def __init__(self, scenario: Scenario, plant: str, latest: float):
-        """Simulates `scenario` on `plant` up to its first push.
-
-        Raises:
-            TimeoutError: it runs longer than `latest` on the monotonic clock.
-        """
-        self.scenario, self.plant = scenario, plant
-        self.diagram = DIAGRAMS[plant](scenario)
-        self._context, self._run = walk_to_push(
-            self.diagram,
-            scenario.duration,
-            until=lambda context: time.monotonic() > latest,
-        )
-        _check(self._run, latest)
-        # Number of steps before the push.
-        self.taken = walking_state(self.diagram, self._context).steps_taken
+    def __init__(self, text: str, plant: str):
+        """Reads the scenario; it is simulated by the first `push`."""
+        self.scenario = load_typed(Scenario, "walk", data=text)
+        self.plant = plant
+        self.diagram = DIAGRAMS[plant](self.scenario)
+        self._to_push: tuple[Context, simulation.Run] | None = None
 
     def push(self, delta_v: float, direction_deg: float, latest: float) -> dict:
         """Returns the row of a push of `delta_v` [m/s] in a direction [deg].
@@ -173,21 +131,29 @@ class Walk:
         Raises:
             TimeoutError: it runs longer than `latest` on the monotonic clock.
         """
-        observer = Observer(self, latest)
-        if not self._run.until:  # the walk ended before the push
-            return self._row(self._run, observer)
-        simulator = pushed(self.diagram, self._context, delta_v, direction_deg)
-        run = advance(
-            simulator,
-            self.scenario.duration,
-            stop_at_failure=True,
-            until=observer,
-        )
-        _check(run, latest)
+        diagram, duration = self.diagram, self.scenario.duration
+        if self._to_push is None:
+            context, run = simulation.walk_to_push(
+                diagram, duration, until=lambda _: time.monotonic() > latest
+            )
+            _check(run, latest)
+            self._to_push = context, run
+        context, run = self._to_push
+        observer = Observer(self, context, latest)
+        if run.until:  # the walk did not end before the push
+            simulator = simulation.pushed(
+                diagram, context, delta_v, direction_deg
+            )
+            run = simulation.advance(
+                simulator, duration, stop_at_failure=True, until=observer
+            )
+            _check(run, latest)
         return self._row(run, observer)
 
-    def _row(self, run: Run, observer: "Observer") -> dict:
-        summary = summarize(run, run_info(self.scenario, run, self.plant))
+    def _row(self, run: simulation.Run, observer: "Observer") -> dict:
+        summary = summarize(
+            run, simulation.run_info(self.scenario, run, self.plant)
+        )
         outcome = summary["outcome"]
         if run.error:
             outcome = "error"
@@ -201,9 +167,33 @@ class Walk:
         }
 
 
-def walking_state(diagram, context: Context) -> WalkingState:
-    """The walking state in a `context` of the whole diagram."""
-    return diagram.GetOutputPort("walking_state").Eval(context)
+class _Kept(threading.local):
+    """The walks of this thread; threads do not share diagrams."""
+
+    def __init__(self):
+        self.walk = functools.lru_cache(MOST_WALKS)(Walk)
+
+
+_kept = _Kept()
+
+
+def limit_from(
+    diagram: simulation.ClosedLoop, context: Context, **more
+) -> LipmLimit:
+    """The limit of any controller from the state in `context` on."""
+    state, icp, swing = (
+        diagram.GetOutputPort(name).Eval(context)
+        for name in ("walking_state", "icp", "swing_foot_reference")
+    )
+    scenario = diagram.scenario
+    return LipmLimit(
+        state=state,
+        icp=icp,
+        foot=swing[:2],
+        timing=scenario.controller.timing_adapter,
+        on=NAMED[scenario.mechanisms],
+        **more,
+    )
 
 
 class Observer:
@@ -214,43 +204,36 @@ class Observer:
     each touchdown after that.
     """
 
-    def __init__(self, walk: Walk, latest: float):
-        """Observes a simulation that continues `walk`."""
-        self._walk, self._latest, self._steps = walk, latest, walk.taken
+    def __init__(self, walk: Walk, context: Context, latest: float):
+        """Observes a simulation that continues `walk` from `context` on."""
+        self._diagram, self._latest = walk.diagram, latest
+        self._point_mass = walk.scenario.point_mass(walk.diagram.robot)
+        self._steps = self._steps_in(context)
         self.at_push: int | None = None
         self.at_touchdowns: list[int] = []
-        self._watch = RecoveryWatch(walk.diagram)
+        self._watch = simulation.RecoveryWatch(walk.diagram)
 
     def __call__(self, context: Context) -> bool:
         """True if the robot has recovered, or the time is up."""
-        walk = self._walk
-        steps = walking_state(walk.diagram, context).steps_taken
+        steps = self._steps_in(context)
         landed, self._steps = steps > self._steps, steps
         if self.at_push is not None:
             if landed:
                 self.at_touchdowns.append(self._foretell(context))
-        elif push_signal(walk.diagram, context).waiting == 0.0:
+        elif simulation.push_signal(self._diagram, context).waiting == 0.0:
             self.at_push = self._foretell(context)
         return self._watch(context) or time.monotonic() > self._latest
 
     def _foretell(self, context: Context) -> int:
-        scenario, diagram = self._walk.scenario, self._walk.diagram
-        state, icp, swing = (
-            diagram.GetOutputPort(name).Eval(context)
-            for name in ("walking_state", "icp", "swing_foot_reference")
-        )
-        limit = LipmLimit(
-            state=state,
-            icp=icp,
-            foot=swing[:2],
-            model=scenario.point_mass(diagram.robot),
-            timing=scenario.controller.timing_adapter,
-            on=NAMED[scenario.mechanisms],
-        )
-        return limit.least_steps()
+        model = self._point_mass
+        return limit_from(self._diagram, context, model=model).least_steps()
+
+    def _steps_in(self, context: Context) -> int:
+        state = self._diagram.GetOutputPort("walking_state").Eval(context)
+        return state.steps_taken
 
 
-def _check(run: Run, latest: float) -> None:
+def _check(run: simulation.Run, latest: float) -> None:
     """Raises KeyboardInterrupt or TimeoutError of an interrupted run."""
     if run.interrupted:
         raise KeyboardInterrupt

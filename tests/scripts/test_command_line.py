@@ -20,7 +20,6 @@ from nadia_balance.scripts.command_line import (
     CommandLine,
     finite,
     main_job,
-    output_flags,
     scenario_flags,
     scenario_from,
 )
@@ -47,7 +46,7 @@ class Job:
     def main(argv):
         parser = CommandLine(prog="job")
         scenario_flags(parser, name="stand")
-        output_flags(parser)
+        parser.set_defaults(scenario_name="stand")
         return main_job(parser, argv, scenario_from)
 
 

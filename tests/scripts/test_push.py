@@ -39,7 +39,7 @@ def asked_for(monkeypatch, capsys):
         seen.append(diagram.scenario)
         raise ValueError("looked at")
 
-    monkeypatch.setattr(command_line, "start", look)
+    monkeypatch.setattr(command_line.simulation, "start", look)
 
     def scenario(*argv):
         outcome = run_script(push, [*QUICK, *argv], capsys)
@@ -152,7 +152,7 @@ def nothing_runs(monkeypatch, tmp_path):
     def fail(*args):
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(command_line, "advance", fail)
+    monkeypatch.setattr(command_line.simulation, "advance", fail)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -26,7 +26,7 @@ from nadia_balance.typed_yaml import load_typed
 SEARCH = SearchParams()
 AT = Situation("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
 PATIENCE = 60.0  # with a machine that is busy [s]
-NOTHING = table.Physical({}, {}, "")
+NOTHING = table.References({}, {}, "")
 ENDLESS = 999.0  # a run that no test waits for the end of [s]
 
 
@@ -85,7 +85,7 @@ def made_up_table(
     limits: Mapping[Cell, float],
     search: SearchParams = SEARCH,
     robot: str = "nadia",
-    physical: table.Physical = NOTHING,
+    physical: table.References = NOTHING,
     **options,
 ) -> table.LimitTable:
     """The table of the rows that made_up_rows gives.

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep.physical import Physical
+from nadia_balance.scripts.envelope_sweep.physical import References
 from nadia_balance.scripts.envelope_sweep.plots import (
     COLORS,
     HIPS_LABEL,
@@ -85,7 +85,7 @@ def test_limits_that_are_still_searched_for_are_hollow(hurried):
 def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
     """Oracle: the paper's 1.15 m/s forward, limits made up; 90 x 1 N s."""
     around = dict.fromkeys((15.0 * i for i in range(24)), 1.9)
-    physical = Physical(
+    physical = References(
         limit={ALL: around | {0.0: 1.86}},
         with_hips={ALL: {angle: 2.1 for angle in around}},
         assumptions="a point mass",

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.scripts.envelope_sweep.physical import Physical
+from nadia_balance.scripts.envelope_sweep.physical import References
 from nadia_balance.scripts.envelope_sweep.protocols import protocol_of
 from nadia_balance.scripts.envelope_sweep.report import (
     details,
@@ -50,7 +50,7 @@ LEFT, LATE, EARLY = (
 )
 COARSE = SearchParams(resolution=0.1, stride=4, largest=2.0)
 # The paper has 1.15, 0.41 and no 45 degrees.
-LIMITS = Physical(
+LIMITS = References(
     limit={ALL: {0.0: 1.86, 90.0: 0.82}},
     with_hips={ALL: {0.0: 2.60}},
     assumptions="a point mass 2 m high",

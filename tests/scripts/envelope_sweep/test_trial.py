@@ -32,7 +32,7 @@ WHOLE = Sweep(scenarios={"push": load_scenario("push")}, plant="lipm")
 
 @pytest.fixture(autouse=True)
 def no_walk_of_another_test():
-    module._kept.walks.clear()
+    module._kept.walk.cache_clear()
 
 
 def tried(walk, delta_v, direction=120.0, plant="lipm"):
@@ -95,7 +95,7 @@ def test_the_robot_itself_gives_the_bits_of_one_run():
     """Oracle: as above, of the whole robot, which is pushed at a time."""
     text = "{duration: 0.8, pushes: [{delta_v: 0, at: 0.3 s}]}"
     scenario = load_scenario("push_standing", text=text)
-    walked = module.Walk(scenario, "humanoid", np.inf)
+    walked = module.Walk(yaml_dump_typed(scenario), "humanoid")
     _, summary = judged(yaml_dump_typed(scenario), 0.2, 30.0, "humanoid")
     row = walked.push(0.2, 30.0, np.inf)
     assert row["max_icp_error_m"] == summary["max_icp_error_m"] > 0.01
@@ -165,7 +165,7 @@ def test_a_process_that_forgets_the_clock_is_ended(monkeypatch):
     ended = threading.Event()
     monkeypatch.setattr(module, "GRACE", 0.05)
     monkeypatch.setattr(module.os, "_exit", lambda code: ended.set())
-    monkeypatch.setattr(module, "_walk", lambda *_: ended.wait(PATIENCE))
+    monkeypatch.setattr(module._kept, "walk", lambda *_: ended.wait(PATIENCE))
     run_trial({}, "robot: nadia", "lipm", 0.1, 0.0, 0.05)
     assert ended.is_set()
 
@@ -186,14 +186,15 @@ def test_keeps_the_walks_that_were_used_last(monkeypatch):
     made = []
 
     class Counted:
-        def __init__(self, scenario, *args):
-            made.append(scenario.seed)
+        def __init__(self, text, _):
+            made.append(load_typed(Scenario, "walk", data=text).seed)
 
         def push(self, *args):
             return {}
 
     monkeypatch.setattr(module, "Walk", Counted)
     monkeypatch.setattr(module, "MOST_WALKS", 2)
+    monkeypatch.setattr(module, "_kept", module._Kept())
     for replica in (0, 1, 0, 2, 0, 1):
         tried(walk_of(stepping_sweep(1.5), replica=replica), 0.1)
     assert made == [0, 1, 2, 1]
