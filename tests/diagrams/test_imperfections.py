@@ -16,14 +16,14 @@ def diagram(text: str) -> HumanoidDiagram:
 def test_walks_in_place_with_all_of_them():
     """Oracle: it does not fall, and no foot moves but up and down."""
     result = simulated(
-        f"{{duration: 3.2, {EARLY % 'num_steps: 4'}, seed: 3, imperfections: "
+        f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, seed: 3, imperfections: "
         "{joint_noise: 0.0005, joint_speed_noise: 0.02, pelvis_noise: 0.001, "
         "pelvis_speed_noise: 0.02, delay: 0.012, friction_ratio: 0.5, "
         "torso_mass_ratio: 1.1}}"
     )
     feet = result.logs["foot_poses"].reshape(-1, 2, 4)
     assert np.max(np.abs(feet[-1, :, :2] - feet[0, :, :2])) < 0.03
-    assert result.logs["t"][-1] == pytest.approx(3.2)
+    assert result.logs["t"][-1] == pytest.approx(2.4)
 
 
 def test_a_heavy_torso_weighs_as_much_more():
@@ -50,19 +50,3 @@ def test_slippery_ground_is_slippery_for_every_shape():
         for shape in pair
     }
     assert found == {0.4}
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("imperfections: {delay: 0.003}", r"imperfections.delay = 0\.003"),
-        ("imperfections: {pelvis_noise: -1}", "pelvis_noise = -1"),
-        (
-            "engine: mujoco, imperfections: {friction_ratio: 0.5}",
-            r"imperfections.friction_ratio = 0\.5: must be 1",
-        ),
-    ],
-)
-def test_refuses_what_it_cannot_do(text, message):
-    with pytest.raises(ValueError, match=message):
-        load_scenario("walk_in_place", text=f"{{{text}}}")

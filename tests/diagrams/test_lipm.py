@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.lipm import com_after, icp_after
-from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import icp_error, signal
 from tests.diagrams.simulated import diagram_of, figures, simulated
@@ -50,14 +48,6 @@ def test_the_point_mass_follows_its_closed_form_under_a_push(model):
         then = com_after(com[i], velocity[i], pivots[i], model.omega, PERIOD)
         assert com[i + 1] == pytest.approx(then[0], abs=1e-12)
         assert velocity[i + 1] == pytest.approx(then[1], abs=1e-12)
-
-
-def test_a_push_lasts_as_long_as_it_is_told(model):
-    """Oracle: force x ticks x period = mass x delta_v."""
-    logs = simulated(pushed(0.3, 0.1, 90.0), "lipm").logs
-    impulse = PERIOD * np.sum(signal(logs, "push_signal").force, axis=1)
-    expected = [0.0, 0.3 * model.mass, 0.0]
-    assert impulse == pytest.approx(expected, abs=1e-9)
 
 
 def test_stands_without_any_error():
@@ -120,11 +110,3 @@ def test_the_seed_shifts_the_start():
     assert np.array_equal(starts[1], starts[2])
     assert not np.array_equal(starts[1], starts[3])
     assert 1e-9 < np.max(np.abs(starts)) < 1.1e-5
-
-
-def test_the_point_mass_refuses_a_push_on_a_body_that_is_not_there():
-    """Oracle: the robot's bodies; the message, by hand."""
-    text = "pushes: [{{delta_v: 0.1, at: 1 s, body: {}}}]"
-    LipmDiagram(load_scenario("push", text=text.format("PELVIS_LINK")))
-    with pytest.raises(ValueError, match="body = 'BOGUS': must be a body of"):
-        LipmDiagram(load_scenario("push", text=text.format("BOGUS")))

@@ -4,7 +4,6 @@ Of the protocol of the Nadia paper's Fig. 10: a push of 0.1 s at 25 % of the
 first right swing, while stepping in place.
 """
 
-import copy
 import itertools
 
 import numpy as np
@@ -53,15 +52,6 @@ def pushed(
     return scenario
 
 
-def mirrored(scenario: Scenario) -> Scenario:
-    """The same, as seen in a mirror."""
-    scenario = copy.deepcopy(scenario)
-    scenario.gait.first_swing = "left"
-    (push,) = scenario.pushes
-    push.at, push.direction_deg = "left swing 25 %", -push.direction_deg
-    return scenario
-
-
 def moderate(direction: int) -> Run:
     """All mechanisms, a push of 0.6 of the limit."""
     return run_of(pushed(ALL, direction, 0.6 * LIMIT[direction]), "lipm")
@@ -87,8 +77,8 @@ def recovers(
 
 @pytest.mark.parametrize("direction", [30, 90, 150, 210, 270, 330])
 def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
-    """Oracle: 0.85 of the physical limit, and 8 more steps."""
-    assert recovers(ALL, direction, 0.85 * LIMIT[direction], 8)
+    """Oracle: 0.85 of the physical limit, and 5 more steps."""
+    assert recovers(ALL, direction, 0.85 * LIMIT[direction], 5)
 
 
 @pytest.mark.parametrize(
@@ -111,14 +101,13 @@ def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
 )
 def test_the_atlas_paper_s_qp_recovers_what_ankles_do_not(direction, delta_v):
     """Oracle: column step of lipm_limit.csv [m/s], and icp_only."""
-    assert recovers("step", direction, delta_v, 8, by_qp=True)
+    assert recovers("step", direction, delta_v, by_qp=True)
     assert not recovers("icp_only", direction, delta_v)
 
 
 @pytest.mark.parametrize(
     "delta_v, names",
     [
-        (0.15, set(ATLAS_MECHANISMS)),
         (0.45, set(ATLAS_MECHANISMS) - {"feedback"}),
         (0.9, {"feedback_step_timing"}),
     ],
@@ -139,7 +128,7 @@ def commanded_steps(num_steps: int):
     return pushed(ALL, 0.0, 0.0, num_steps).start(model).schedule.footsteps
 
 
-@pytest.mark.parametrize("direction", [0, 120, 240])
+@pytest.mark.parametrize("direction", [0, 240])
 def test_goes_back_to_the_commanded_footholds(direction):
     """Oracle: the gait as it was commanded; 3 cm, from the 6th step on."""
     log = moderate(direction).logs
@@ -157,10 +146,12 @@ def test_goes_back_to_the_commanded_footholds(direction):
     assert max(away[5:]) < 0.03
 
 
-@pytest.mark.parametrize("direction", [120, 240])
-def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction):
+def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction=240):
     """Oracle: the mirror; rounding alone tells left from right."""
-    scenario = mirrored(pushed(ALL, direction, 0.6 * LIMIT[direction]))
+    scenario = pushed(ALL, direction, 0.6 * LIMIT[direction])
+    scenario.gait.first_swing = "left"
+    (push,) = scenario.pushes
+    push.at, push.direction_deg = "left swing 25 %", -push.direction_deg
     scenario.duration = 4.5  # until the third step has landed
     other = run_of(scenario, "lipm").logs
     log = cut(moderate(direction).logs, len(other["t"]))

@@ -46,14 +46,13 @@ def test_equals_the_ports_at_that_instant(plant):
         assert np.array_equal(ports[name].Eval(context), logs[name][k]), name
 
 
-@pytest.mark.parametrize("plant", ["lipm", "humanoid"])
-def test_knows_where_a_foot_could_have_gone(plant, tmp_path):
+def test_knows_where_a_foot_could_have_gone(tmp_path):
     """Oracle: Figs. 5 and 8, of a robot with another width."""
     shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
     path = tmp_path / "nadia" / "robot.yaml"
     text = path.read_text().replace("width_max: 0.8", "width_max: 0.6")
     path.write_text(text.replace("width_forward: 0.1", "width_forward: 0.2"))
-    diagram = diagram_of(f"{{robot: {path}}}", plant)
+    diagram = diagram_of(f"{{robot: {path}}}", "lipm")
     logs = diagram.read_logs(start(diagram).get_context())
     tips = [np.min(logs[f"region_{n}"][:, 1]) for n in REGIONS]
     assert tips == pytest.approx([0.125, -0.2, 0.05])

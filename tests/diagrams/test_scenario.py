@@ -89,6 +89,11 @@ BAD_TEXTS = {
     "{engine: mujoco, plant_config: {contact_model: hydroelastic}}": (
         "contact_model = 'hydroelastic': must be 'point' with engine = mujoco"
     ),
+    "imperfections: {delay: 0.003}": "imperfections.delay = 0.003: must",
+    "imperfections: {pelvis_noise: -1}": "imperfections.pelvis_noise = -1",
+    "{engine: mujoco, imperfections: {friction_ratio: 0.5}}": (
+        "imperfections.friction_ratio = 0.5: must be 1"
+    ),
     "plant_config: {time_step: .nan}": "time_step = nan: must be",
     "plant_config: {time_step: 0.0015}": "time_step = 0.0015: must divide",
     # Drake would end the process.

@@ -23,7 +23,8 @@ def pushed(ratio, robot, delta_v, direction):
     scenario.pushes[0].delta_v = delta_v * math.sqrt(ratio)
     scenario.pushes[0].duration *= math.sqrt(ratio)
     scenario.pushes[0].direction_deg = direction
-    scenario.duration = 7.0 * math.sqrt(ratio)
+    scenario.pushes[0].after_steps = 0
+    scenario.duration = 4.0 * math.sqrt(ratio)
     return run_of(scenario, "lipm").logs["icp"] / ratio
 
 

@@ -91,20 +91,6 @@ def test_whole_soles_land_on_stones(direction_deg, delta_v):
     assert found == pytest.approx(inside, abs=1e-9)
 
 
-def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
-    """Oracle: the same push without a terrain."""
-    (tmp_path / "large.yaml").write_text(LARGE)
-    logs = []
-    for name in "flat", str(tmp_path / "large.yaml"):
-        scenario = load_scenario("push", duration=7.0)
-        scenario.terrain.name = name
-        logs.append(run_of(scenario, "lipm").logs)
-    flat, large = logs
-    assert max(np.linalg.norm(s.adjustment) for s in steps(flat)) > 0.1
-    for name, values in flat.items():
-        np.testing.assert_array_equal(large[name], values)
-
-
 def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     """Oracle: by hand; the controller takes the stones to be elsewhere."""
     scenario = load_scenario("stepping_stones", duration=9.0)

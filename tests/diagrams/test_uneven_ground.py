@@ -7,7 +7,7 @@ from pydrake.math import RotationMatrix
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results.log import Log, steps
 from nadia_balance.robot import RobotModel, load_robot
-from tests.diagrams.simulated import EARLY, SOON, judged, run_of
+from tests.diagrams.simulated import EARLY, judged, run_of, soon
 
 STILE = """
 regions:
@@ -15,8 +15,8 @@ regions:
 - {name: up, height: 0.18, vertices: [[0.6, 1], [0.3, 1], [0.3, -1], [0.6, -1]]}
 - {name: far, vertices: [[2, 1], [0.6, 1], [0.6, -1], [2, -1]]}
 """
-FOOTHOLDS = """[{side: right, x: 0.15, y: -0.125}, {x: 0.45, y: 0.125},
-    {side: right, x: 0.76, y: -0.125}, {x: 0.76, y: 0.125}]"""
+FOOTHOLDS = """footholds: [{side: right, x: 0.15, y: -0.125},
+    {x: 0.45, y: 0.125}, {side: right, x: 0.76, y: -0.125}]"""
 
 
 @pytest.fixture(scope="module")
@@ -45,22 +45,22 @@ def soles_at(robot, log, time):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "duration", "num_steps", "top"),
+    ("name", "duration", "num_steps", "top"),
     [
-        ("stairs", EARLY % f"footholds: {FOOTHOLDS}", 7.15, 4, 0.18),
-        ("cinder_blocks", "", 7.8, 5, 0.30),
-        ("tilted_blocks", "", 7.8, 5, 0.30),
+        ("stairs", 5.0, 3, 0.18),
+        ("cinder_blocks", 5.6, 4, 0.15),
+        ("tilted_blocks", 4.3, 3, 0.15),
     ],
     ids=["18 cm up and down", "Fig. 11", "15 degrees"],
 )
 def test_soles_stand_on_the_planes_of_their_regions(
-    tmp_path, robot, name, text, duration, num_steps, top
+    tmp_path, robot, name, duration, num_steps, top
 ):
     """Oracle: heights and normals of the regions, 0.2 s after landing."""
-    if text:
-        (tmp_path / "stile.yaml").write_text(STILE)
-        text += f", terrain: {{name: {tmp_path}/stile.yaml}}"
-    scenario = load_scenario(name, text=f"{{{text}}}", duration=duration)
+    (tmp_path / "stile.yaml").write_text(STILE)
+    stile = f"terrain: {{name: {tmp_path}/stile.yaml}}"
+    text = f"{{gait: {{{FOOTHOLDS}}}, {stile}}}" if name == "stairs" else "{}"
+    scenario = soon(load_scenario(name, text=text, duration=duration))
     log = walked(scenario)
     ground, heights = scenario.terrain.ground(robot.sole), []
     taken = steps(log)
@@ -82,7 +82,7 @@ def test_soles_stand_on_the_planes_of_their_regions(
 
 def test_walks_on_tiles_that_it_takes_for_flat_ground(robot):
     """Oracle: by hand: its feet stand higher and lower by 2 cm, and tilted."""
-    log = walked(load_scenario("tiles", duration=6.6))
+    log = walked(soon(load_scenario("tiles", duration=5.75)))
     soles = [
         soles_at(robot, log, log["t"][step.swing.last])[step.side]
         for step in steps(log)
@@ -94,15 +94,16 @@ def test_walks_on_tiles_that_it_takes_for_flat_ground(robot):
 
 
 def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
-    """Oracle: the same walk without a terrain."""
+    """Oracle: the same run without a terrain: a push moves the foothold."""
     side = "vertices: [[-20, -20], [20, -20], [20, 20], [-20, 20]]"
     (tmp_path / "large.yaml").write_text(f"regions: [{{name: a, {side}}}]")
     logs = []
     for name in "flat", str(tmp_path / "large.yaml"):
-        text = f"{{terrain: {{name: {name}}}, {SOON % 'right'}}}"
-        scenario = load_scenario("walk_forward", text=text, duration=1.4)
-        logs.append(walked(scenario))
+        text = f"{{terrain: {{name: {name}}}, {EARLY % 'num_steps: 2'}}}"
+        scenario = load_scenario("push", text=text, duration=1.4)
+        scenario.pushes[0].after_steps = 0
+        logs.append(run_of(scenario).logs)
     flat, large = logs
-    assert len(steps(flat)) > 0
+    assert np.linalg.norm(steps(flat)[0].adjustment) > 0.1
     for name, values in flat.items():
         np.testing.assert_array_equal(large[name], values)

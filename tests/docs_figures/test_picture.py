@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Error
+from pydrake.geometry import Rgba, Sphere
+from pydrake.math import RigidTransform
 
 import picture
+from nadia_balance.results.pages import start_recording, write_replay
+from nadia_balance.results.scene import start_meshcat
+from nadia_balance.systems.balance_visualizer import MIDDLE
 from tests.results.made_up_run import Recipe, make_log
 from tests.scripts.running import assert_refused, run_script
-from tests.systems.test_balance_visualizer import PUSH, write_imitation
 
 VIEW = picture.View(width=200, height=300)
 
@@ -91,13 +95,18 @@ def red_pixels(image: np.ndarray) -> int:
 
 
 def test_shows_the_moments_side_by_side(browser, tmp_path):
-    """Oracle: pushed at 4.25 s, and a second later no more.
+    """Oracle: a ball, as red as a push, that is there at first, and then gone.
 
     The colours are explained below the pictures.
     """
     replay, out = tmp_path / "replay.html", tmp_path / "strip.png"
-    write_imitation(replay)
-    times = [0.5 * sum(PUSH), 5.5]
+    meshcat, times = start_meshcat()[0], [0.5, 1.5]
+    start_recording(meshcat)
+    meshcat.SetObject("ball", Sphere(0.2), Rgba(0.8, 0.1, 0.1))
+    for time, height in zip(times, (picture._TARGET, 100.0), strict=True):
+        meshcat.SetTransform(MIDDLE, RigidTransform(), time)
+        meshcat.SetTransform("ball", RigidTransform([0, 0, height]), time)
+    write_replay(meshcat, replay)
     page = picture.open_replay(browser, replay, times, VIEW)
     picture.write_strip(page, times, VIEW, out)
     page.close()

@@ -3,37 +3,28 @@
 import numpy as np
 import pytest
 
-from nadia_balance.results.folder import (
-    prepare_folder,
-    read_run,
-    write_plots,
-    write_run,
-)
+from nadia_balance.results import folder
 from nadia_balance.results.log import signal
 from nadia_balance.results.pages import start_recording
 from nadia_balance.results.plots import effort
 from nadia_balance.results.scene import start_meshcat
-from tests.results.made_up_run import (
-    Recipe,
-    cut,
-    make_log,
-    summary_of,
-    without_robot,
-)
+from tests.results import made_up_run
 
 PLOTS = ["timeline.png", "footsteps.png", "icp.png", "effort.png"]
 
 
 @pytest.fixture(scope="module")
 def log():
-    return make_log(Recipe())
+    return made_up_run.make_log(made_up_run.Recipe())
 
 
 def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
     meshcat = start_meshcat()[0]
     start_recording(meshcat)
-    names = write_run(tmp_path, log, summary_of(log), "robot: nadia\n", meshcat)
+    names = folder.write_run(
+        tmp_path, log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
+    )
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
     assert names == expected + PLOTS
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
@@ -43,16 +34,16 @@ def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
 
 def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
     """Oracle: the log bit by bit, its pictures to the last byte."""
-    first, again = (prepare_folder(tmp_path / name) for name in "ab")
-    summary = summary_of(log)
-    names = write_run(first, log, summary, "")
+    first, again = (folder.prepare_folder(tmp_path / name) for name in "ab")
+    summary = made_up_run.summary_of(log)
+    names = folder.write_run(first, log, summary, "")
     assert "replay.html" not in names, "without Meshcat"
-    log_again, summary_again = read_run(first)
+    log_again, summary_again = folder.read_run(first)
     assert summary_again == summary
     assert log_again.keys() == log.keys()
     for name, array in log.items():
         np.testing.assert_array_equal(log_again[name], array, err_msg=name)
-    assert write_plots(again, log_again, summary_again) == PLOTS
+    assert folder.write_plots(again, log_again, summary_again) == PLOTS
     for name in PLOTS:
         assert (again / name).read_bytes() == (first / name).read_bytes()
 
@@ -60,13 +51,13 @@ def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
 @pytest.mark.parametrize(
     ("change", "names"),
     [
-        (without_robot, PLOTS),
-        (lambda log: cut(log, 700), PLOTS),
-        (lambda log: cut(log, 1), []),
+        (made_up_run.without_robot, PLOTS),
+        (lambda log: made_up_run.cut(log, 700), PLOTS),
+        (lambda log: made_up_run.cut(log, 1), []),
         (
             lambda log: {
                 name: values
-                for name, values in without_robot(log).items()
+                for name, values in made_up_run.without_robot(log).items()
                 if name not in ("foot_forces", "momentum_qp_status")
             },
             PLOTS[:3],
@@ -76,7 +67,10 @@ def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
 )
 def test_plots_cope_with_what_a_log_lacks(log, tmp_path, change, names):
     poor = change(log)
-    assert write_plots(tmp_path, poor, summary_of(poor)) == names
+    assert (
+        folder.write_plots(tmp_path, poor, made_up_run.summary_of(poor))
+        == names
+    )
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
 
 
@@ -88,7 +82,7 @@ def test_failures_show_in_the_effort_plot(log, tmp_path):
     qp.fallback[1200:1300] = 1.0
     pictures = [tmp_path / "a.png", tmp_path / "b.png"]
     for path, run in zip(pictures, (log, worse), strict=True):
-        effort.draw(run, summary_of(log)).savefig(path)
+        effort.draw(run, made_up_run.summary_of(log)).savefig(path)
     assert pictures[0].read_bytes() != pictures[1].read_bytes()
 
 
@@ -98,6 +92,6 @@ def test_a_folder_that_cannot_be_written_is_refused(out, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(ValueError, match="must be a folder to write to") as e:
-        prepare_folder(out)
+        folder.prepare_folder(out)
     assert str(e.value).startswith("out = ")
     assert "\n" not in str(e.value)

@@ -6,11 +6,7 @@ import re
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
-from nadia_balance.results.pages import (
-    replay_status,
-    start_recording,
-    write_replay,
-)
+from nadia_balance.results import pages
 from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
 from nadia_balance.results.story import telling
 from nadia_balance.systems.balance_visualizer import MIDDLE
@@ -22,7 +18,7 @@ def test_a_recording_is_shown_meanwhile_only_if_it_is_live():
     meshcat = start_meshcat()[0]
     meshcat.SetObject("/ball", Sphere(0.1))
     for x, live in (1.0, True), (2.0, False):
-        start_recording(meshcat, live=live)
+        pages.start_recording(meshcat, live=live)
         recording = meshcat.get_mutable_recording()
         assert recording.frames_per_second() == FRAMES_PER_SECOND
         before = meshcat._GetPackedTransform("/ball")
@@ -47,7 +43,7 @@ class Page:
 
 def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
     """Oracle: the page as it was."""
-    write_replay(Page(), tmp_path / "replay.html", "said")
+    pages.write_replay(Page(), tmp_path / "replay.html", "said")
     page = (tmp_path / "replay.html").read_text("utf-8")
     assert page.startswith(Page.head)
     assert page.endswith(f"said{Page.tail}")
@@ -65,7 +61,7 @@ def test_the_page_tells_the_story_with_its_times():
     """Oracle: the story of the terminal, without the figures of its end."""
     log = make_log(Recipe())
     summary = summary_of(log) | {"scenario": "</script>"}
-    text = replay_status(log, summary)
+    text = pages.replay_status(log, summary)
     assert text.count("</script>") == 2
     said = said_by(text)
     assert said["title"].startswith("</script>  ·  ")
@@ -88,7 +84,7 @@ def test_an_end_that_is_no_recovery_is_red():
     for recovered in True, False:
         summary = summary_of(log) | {"recovered": recovered}
         summary["reason"] = "" if recovered else "fell: too low"
-        color = said_by(replay_status(log, summary))["story"][-1][2]
+        color = said_by(pages.replay_status(log, summary))["story"][-1][2]
         colors.append([int(color[i : i + 2], 16) for i in (1, 3, 5)])
     (red, green, _), (red_too, green_too, _) = colors
     assert green > 2 * red and red_too > 2 * green_too
@@ -97,13 +93,13 @@ def test_an_end_that_is_no_recovery_is_red():
 def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
     """Oracle: the story of the made-up run, and the viewer's own clock."""
     meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
-    start_recording(meshcat)
+    pages.start_recording(meshcat)
     log = make_log(Recipe())
     summary = summary_of(log)
     end, _ = telling(log, summary)[-1]
     for time in (0.0, end + 1.0):
         meshcat.SetTransform(MIDDLE, RigidTransform([time, 0.0, 0.0]), time)
-    write_replay(meshcat, path, replay_status(log, summary))
+    pages.write_replay(meshcat, path, pages.replay_status(log, summary))
     page = browser.new_page(offline=True)
     page.goto(path.as_uri())
     page.wait_for_function("viewer.animator.duration > 0")

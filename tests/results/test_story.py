@@ -5,7 +5,7 @@ import pytest
 
 from nadia_balance.results.log import pushes, signal
 from nadia_balance.results.story import direction_words, telling_lines
-from tests.results.made_up_run import Recipe, cut, make_log, summary_of
+from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
 def story(log, **told):
@@ -56,26 +56,6 @@ def test_tells_what_was_switched():
         "t=1.00 s  switched in Meshcat, now on: step, cross_over",
         "t=1.80 s  switched in Meshcat, now on: nothing",
     ]
-
-
-@pytest.mark.parametrize(
-    ("rows", "info", "told"),
-    [
-        # An early end is told at the time of the last row.
-        (1000, {"fell_at": 1.998, "fall_reason": "low"}, "2.00 s  FELL: low"),
-        (0, {"interrupted": True}, "0.00 s  INTERRUPTED"),
-        (200, {}, "0.40 s  STOOD"),
-        (2000, {"calm_steps": 2}, "4.00 s  THE ICP ERROR DID NOT STAY BELOW"),
-        (
-            2000,
-            {"calm_steps": 2, "is_long_enough": False},
-            "4.00 s  UNDECIDED: too short: the ICP error did not stay below ",
-        ),
-    ],
-)
-def test_tells_how_it_ended(rows, info, told):
-    line = story(cut(make_log(), rows), **info)[-1]
-    assert line.startswith(f"t={told}")
 
 
 @pytest.mark.parametrize(

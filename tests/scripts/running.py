@@ -41,28 +41,27 @@ def summary_of(folder: Path) -> dict:
     return json.loads((folder / "summary.json").read_text("utf-8"))
 
 
-def as_program(
-    module: str, *argv, cwd: Path, path: Path = ROOT
-) -> subprocess.CompletedProcess:
-    """Runs a module of the scripts as a program of its own in `cwd`.
+def program(module: str, *argv, **options) -> subprocess.Popen:
+    """Starts a module of the scripts as a program of its own."""
+    return python("-m", f"nadia_balance.scripts.{module}", *argv, **options)
 
-    It finds the modules in `path` before all others.
-    """
-    return subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            f"nadia_balance.scripts.{module}",
-            *map(str, argv),
-        ],
-        cwd=cwd,
-        env=environment(path),
-        capture_output=True,
-        text=True,
+
+def python(*argv, **options) -> subprocess.Popen:
+    """Starts Python; `options` are those of Popen."""
+    pipe = subprocess.PIPE
+    usual = {"env": environment(), "stdout": pipe, "stderr": pipe, "text": True}
+    return subprocess.Popen(
+        [sys.executable, *map(str, argv)], **(usual | options)
     )
 
 
-def environment(path: Path = ROOT) -> dict[str, str]:
-    """Finds our modules from anywhere, after those in `path`."""
-    paths = f"{path}{os.pathsep}{ROOT}"
-    return {**os.environ, "PYTHONPATH": paths, "MPLBACKEND": "Agg"}
+def ended(process: subprocess.Popen) -> Outcome:
+    """Waits for the end of a program."""
+    out, err = process.communicate()
+    out = (out or "").splitlines()  # it may go elsewhere
+    return Outcome(process.returncode, out, err.splitlines())
+
+
+def environment() -> dict[str, str]:
+    """Finds our modules from anywhere."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}

@@ -20,9 +20,9 @@ def test_an_unseen_biped_walks_by_one_command(
 ):
     """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
 
-    Three steps of the twenty.
+    Two steps of the twenty.
     """
-    short = f"{{duration: 4.1, {EARLY % 'num_steps: 3'}}}"
+    short = f"{{duration: 3.1, {EARLY % 'num_steps: 2'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     assert (outcome.code, outcome.err) == (0, [])
@@ -30,7 +30,7 @@ def test_an_unseen_biped_walks_by_one_command(
     assert {"guessed", "changed", "unknown"} <= words
     assert "rotor inertia of 16 joints" in " ".join(outcome.out)
     walked, error = outcome.out[-1].split("max ICP error ")
-    assert walked.startswith("WALKED: 3 steps")
+    assert walked.startswith("WALKED: 2 steps")
     assert float(error.split(" mm")[0]) < 10.0
 
 

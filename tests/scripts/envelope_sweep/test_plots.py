@@ -11,15 +11,8 @@ from matplotlib.colors import to_rgb
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
+from nadia_balance.scripts.envelope_sweep import plots
 from nadia_balance.scripts.envelope_sweep.physical import References
-from nadia_balance.scripts.envelope_sweep.plots import (
-    COLORS,
-    HIPS_LABEL,
-    LIMIT_LABEL,
-    SEARCHED_LABEL,
-    direction_name,
-    draw_envelope,
-)
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
@@ -52,7 +45,7 @@ def dashed(ax):
 
 def test_the_line_goes_through_the_limits():
     """Oracle: the corners by hand; forward is up, left is left."""
-    (ax,) = draw_envelope(table_from(CELLS)).axes
+    (ax,) = plots.draw_envelope(table_from(CELLS)).axes
     (line,) = lines_named(ax, ALL)
     angles = [0.0, math.pi / 2, math.pi, 1.5 * math.pi, 0.0]
     assert line.get_xdata() == pytest.approx(angles)
@@ -72,14 +65,14 @@ def test_limits_that_are_still_searched_for_are_hollow(hurried):
     limits = table_from(
         CELLS, is_unfinished=lambda c: c.direction_deg == hurried
     )
-    figure = draw_envelope(limits)
+    figure = plots.draw_envelope(limits)
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     hollow = [d for d in dots if d.get_markerfacecolor() == "white"]
     count = 1 if hurried else 0
     assert (len(dots), len(hollow)) == (4, count)
     for dot in hollow:
         assert dot.get_xydata()[0] == pytest.approx([math.pi / 2, 0.3])
-    assert legend_of(figure).count(SEARCHED_LABEL) == count
+    assert legend_of(figure).count(plots.SEARCHED_LABEL) == count
 
 
 def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
@@ -93,7 +86,7 @@ def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
     cells = paper_times(1.1) | {Cell(ALL, LEFT, 0.0): 1.0}
     limits = table_from(cells, physical=physical)
     scale = Scale(mass=90.0, speed=2.0)
-    figure = draw_envelope(replace(limits, scale=scale))
+    figure = plots.draw_envelope(replace(limits, scale=scale))
     known, other = figure.axes
     (line,) = dashed(known)
     assert line.get_xydata()[0] == pytest.approx([0.0, 1.15])
@@ -105,7 +98,7 @@ def test_the_paper_and_the_limit_are_beside_the_reference_moment_only():
     assert not dashed(other)
     words = legend_of(figure)
     assert "the Nadia paper's, Fig. 10" in words
-    assert {LIMIT_LABEL, HIPS_LABEL} <= set(words)
+    assert {plots.LIMIT_LABEL, plots.HIPS_LABEL} <= set(words)
     assert "1 m/s is 90 N s,\n0.500 $\\sqrt{gz}$" in words
     assert any(word.startswith("the paper's: only for") for word in words)
 
@@ -116,7 +109,7 @@ def test_the_atlas_papers_figure_has_a_panel_for_each_gait_in_weights():
     for name in PROTOCOLS["atlas_fig6"].scenario_name.split(","):
         gait = Situation(name, "right swing 50 %")
         cells |= paper_times(0.8, gait, "atlas")
-    figure = draw_envelope(table_from(cells, robot="atlas"))
+    figure = plots.draw_envelope(table_from(cells, robot="atlas"))
     assert [ax.get_title() for ax in figure.axes] == sorted(
         f"{name}, right swing 50 %" for name in {c.situation[0] for c in cells}
     )
@@ -139,7 +132,7 @@ def test_odd_envelopes_can_be_drawn_and_seen():
         ("nadia", {Cell("step", LEFT, 350.0): 9.0}),
     ):
         with mpl.rc_context(RC):
-            figure = draw_envelope(table_from(cells, robot=robot))
+            figure = plots.draw_envelope(table_from(cells, robot=robot))
             figure.draw_without_rendering()
         for ax in figure.axes:
             assert ax.bbox.width > 100
@@ -151,7 +144,7 @@ def test_odd_envelopes_can_be_drawn_and_seen():
 def test_directions_that_are_far_apart_are_not_joined():
     """Oracle: by hand; 120 degrees are too many, 60 are not."""
     cells = {Cell(ALL, AT, angle): 0.5 for angle in (0.0, 60.0, 180.0)}
-    (ax,) = draw_envelope(table_from(cells)).axes
+    (ax,) = plots.draw_envelope(table_from(cells)).axes
     (line,) = lines_named(ax, ALL)
     assert np.isnan(line.get_ydata()).tolist() == [0, 0, 1, 0, 1, 0]
 
@@ -166,16 +159,16 @@ def test_directions_that_are_far_apart_are_not_joined():
 )
 def test_inward_is_toward_the_stance_foot(moment, words):
     """Oracle: by hand; the foot that does not swing stands."""
-    names = [direction_name(a, moment) for a in (90.0, 270.0)]
+    names = [plots.direction_name(a, moment) for a in (90.0, 270.0)]
     assert names == list(words)
-    assert direction_name(22.5, moment) == "22.5°"
+    assert plots.direction_name(22.5, moment) == "22.5°"
 
 
 def test_the_mechanisms_can_be_told_apart_without_colours():
     """Oracle: relative luminance as WCAG defines it; ever darker."""
     found = []
     for name in MECHANISMS:
-        part = np.array(to_rgb(COLORS[name]))
+        part = np.array(to_rgb(plots.COLORS[name]))
         part = np.where(
             part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4
         )

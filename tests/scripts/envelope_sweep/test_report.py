@@ -10,19 +10,9 @@ from dataclasses import replace
 import pytest
 
 from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.physical import References
 from nadia_balance.scripts.envelope_sweep.protocols import protocol_of
-from nadia_balance.scripts.envelope_sweep.report import (
-    details,
-    foretold,
-    outcomes_table,
-    overview,
-    predictions_table,
-    report_text,
-    said_lines,
-    what_was_done,
-    write_report,
-)
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,
@@ -174,7 +164,9 @@ def test_knows_the_figures_of_the_papers():
 def test_a_row_for_each_direction_beside_the_paper_and_the_limit():
     """By hand: 1.3 / 1.15 = 1.130, 0.3 / 0.41 = 0.732, mean 0.931."""
     found = coarse_table(CELLS)
-    first, second, third, mean = read_table(details(found, found.records))
+    first, second, third, mean = read_table(
+        report.details(found, found.records)
+    )
     assert first == {
         "direction": "0° forward",
         "recovered [m/s]": "1.30",
@@ -204,35 +196,37 @@ def test_marks_what_is_not_sure_and_writes_the_digits_that_tell():
     hurried = Cell("step", AT, 90.0)
     cells = {**CELLS, Cell("step", AT, 0.0): 9.0, hurried: 0.3}
     found = coarse_table(cells, is_unfinished=hurried.__eq__)
-    rows = read_table(overview(found, AT))
+    rows = read_table(report.overview(found, AT))
     assert [row["direction"] for row in rows] == ["0", "45", "90", "mean"]
     assert [row["step"] for row in rows] == [">=2.00", "–", "~0.30", "~1.15"]
     assert [row[ALL] for row in rows] == ["1.30", "0.80", "0.30", "0.80"]
-    assert "4 of 6 complete |" in what_was_done(found)
-    told = said_lines(found)
+    assert "4 of 6 complete |" in report.what_was_done(found)
+    told = report.said_lines(found)
     assert any(line.startswith("~ the search") for line in told)
     assert any(line.startswith(">= nothing") for line in told)
     fine = made_up_table({hurried: 0.3}, SearchParams(resolution=0.005))
-    assert "0.300" in overview(fine, AT)
+    assert "0.300" in report.overview(fine, AT)
 
 
 def test_the_report_has_every_table(tmp_path):
     """Oracle: the tables one by one, and Python's reader of CSV."""
     cells = paper_times(1.0) | paper_times(0.8, LEFT)
     found = coarse_table(cells)
-    text = report_text(found)
+    text = report.report_text(found)
     assert "\n\n\n" not in text
     assert "computed for a point mass 2 m high." in text.replace("\n", " ")
-    parts = [what_was_done(found), outcomes_table(found)]
-    parts += [predictions_table(found)]
+    parts = [report.what_was_done(found), report.outcomes_table(found)]
+    parts += [report.predictions_table(found)]
     for at in (AT, LEFT):
-        parts.append(overview(found, at))
-        parts += [details(found, found.of(n, at)) for n in found.mechanisms]
+        parts.append(report.overview(found, at))
+        parts += [
+            report.details(found, found.of(n, at)) for n in found.mechanisms
+        ]
     for part in parts:
         assert part in text
     lines = [line for line in text.splitlines() if not line.startswith("|")]
     assert max(map(len, lines)) <= 80
-    names = write_report(tmp_path, found)
+    names = report.write_report(tmp_path, found)
     assert {path.name for path in tmp_path.iterdir()} == set(names)
     assert (tmp_path / "tables.md").read_text("utf-8") == text
     lines = (tmp_path / "limits.csv").read_text().splitlines()
@@ -256,7 +250,9 @@ def changed_table(changed):
 
 
 def test_counts_how_the_trials_ended():
-    rows = read_table(outcomes_table(changed_table({3: {"outcome": "failed"}})))
+    rows = read_table(
+        report.outcomes_table(changed_table({3: {"outcome": "failed"}}))
+    )
     assert [list(row.values()) for row in rows] == [
         ["recovered", "3", "1", "4"],
         ["fell", "0", "1", "1"],
@@ -268,14 +264,14 @@ def test_says_why_trials_have_no_answer_or_no_verdict():
     crash = {"outcome": "crashed", "reason": "SIGSEGV | x"}
     short = {"outcome": "undecided", "reason": "the run is too short"}
     found = changed_table({2: short, 3: crash, 5: crash})
-    _, second = outcomes_table(found).split("\n\n")
+    _, second = report.outcomes_table(found).split("\n\n")
     assert second.splitlines()[2:] == [
         "| crashed: SIGSEGV \\| x           |      2 |",
         "| undecided: the run is too short |      1 |",
     ]
-    assert any(line.startswith("2 of 6") for line in said_lines(found))
+    assert any(line.startswith("2 of 6") for line in report.said_lines(found))
     flood = {n: {"outcome": "error", "reason": f"no {n}"} for n in range(5)}
-    assert outcomes_table(changed_table(flood)).count("error: no") == 5
+    assert report.outcomes_table(changed_table(flood)).count("error: no") == 5
 
 
 def test_counts_false_predictions():
@@ -299,11 +295,11 @@ def test_counts_false_predictions():
     ]
     counts = [
         [pairs.count(pair) for pair in [(1, 1), (1, 0), (0, 0), (0, 1)]]
-        for pairs in foretold(rows).values()
+        for pairs in report.foretold(rows).values()
     ]
     assert counts == [[1, 2, 1, 1], [1, 1, 1, 1], [4, 2, 1, 1]]
     # Of four foretold capturable one fell; of two lost none recovered.
     found = changed_table({2: {"outcome": "fell"}})
-    *_, line = read_table(predictions_table(found))
+    *_, line = read_table(report.predictions_table(found))
     told = ["all", "every touchdown", "16", "4 (25.0 %)", "4", "0 (0.0 %)"]
     assert list(line.values()) == told

@@ -6,8 +6,6 @@ import platform
 import random
 import signal
 import sqlite3
-import subprocess
-import sys
 
 import pytest
 
@@ -24,13 +22,19 @@ from tests.scripts.envelope_sweep.made_up import (
     made_up_rows,
     paper_times,
 )
-from tests.scripts.running import environment
+from tests.scripts.running import python
 from tests.source_files import ROOT
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
 PUBLISHED = ROOT / "docs" / "results" / "fig10"
 ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
+
+
+def assert_refused(message, folder, identity=None):
+    with pytest.raises(ValueError, match=message):
+        with opened(folder, identity):
+            raise AssertionError("accepted")
 
 
 def test_has_every_row_that_was_added(tmp_path):
@@ -75,26 +79,21 @@ def test_refuses_the_rows_of_another_sweep(tmp_path, name, value):
     with opened(tmp_path, IDENTITY):
         pass
     before = (tmp_path / DATABASE).read_bytes()
-    with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
-        with opened(tmp_path, {**IDENTITY, name: value}):
-            raise AssertionError("accepted")
+    message = f"^{name} = {value}: must be "
+    assert_refused(message, tmp_path, {**IDENTITY, name: value})
     assert (tmp_path / DATABASE).read_bytes() == before
 
 
 def test_refuses_rows_of_an_older_protocol(tmp_path):
     with opened(tmp_path, {**IDENTITY, "protocol": 4}) as rows:
         rows.add(ROWS[0])
-    with pytest.raises(ValueError, match="^protocol = 5: must be 4 as in"):
-        with opened(tmp_path):
-            raise AssertionError("accepted")
+    assert_refused("^protocol = 5: must be 4 as in", tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\x89PNG\r\n\xff"])
 def test_another_kind_of_file_is_refused_and_kept(tmp_path, content):
     (tmp_path / DATABASE).write_bytes(content)
-    with pytest.raises(ValueError, match=f"trials = .*{DATABASE}"):
-        with opened(tmp_path):
-            raise AssertionError("accepted")
+    assert_refused(f"trials = .*{DATABASE}", tmp_path)
     assert (tmp_path / DATABASE).read_bytes() == content
 
 
@@ -122,17 +121,10 @@ with opened(Path(sys.argv[1]), IDENTITY) as rows:
 
 def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
     """Oracle: what the process said was added before it was killed."""
-    child = subprocess.Popen(
-        [sys.executable, "-c", WRITER, tmp_path],
-        env=environment(),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    child = python("-c", WRITER, tmp_path, stderr=None)
     for _ in range(5):
         child.stdout.readline()
-    with pytest.raises(ValueError, match="^out = .*in use by another sweep"):
-        with opened(tmp_path, IDENTITY):
-            raise AssertionError("both are in")
+    assert_refused("^out = .*in use by another sweep", tmp_path, IDENTITY)
     child.send_signal(signal.SIGKILL)
     said = 5 + len(child.stdout.readlines())
     child.wait()

@@ -7,42 +7,29 @@ from distributed import KilledWorker
 
 from nadia_balance.scripts.envelope_sweep import run as module
 from nadia_balance.scripts.envelope_sweep.rows import cell_of, opened
-from nadia_balance.scripts.envelope_sweep.run import (
-    Progress,
-    progress_bar,
-    run_sweep,
-)
 from nadia_balance.scripts.envelope_sweep.search import limit
-from tests.scripts.envelope_sweep.made_up import (
-    WEAKER,
-    MadeUpRobot,
-    facts,
-    identity_of,
-    largest,
-    made_up_sweep,
-    scenario_of,
-)
+from tests.scripts.envelope_sweep import made_up
 
 
 def run(sweep, folder, robot=None, **more):
     """Runs the sweep on a made-up robot; returns its rows, and if all."""
-    robot = robot or MadeUpRobot()
-    with opened(folder, identity_of()) as rows:
-        done = run_sweep(sweep, rows, robot, robot.slots, **more)
-        return list(map(facts, rows.all())), done
+    robot = robot or made_up.MadeUpRobot()
+    with opened(folder, made_up.identity_of()) as rows:
+        done = module.run_sweep(sweep, rows, robot, robot.slots, **more)
+        return list(map(made_up.facts, rows.all())), done
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The rows of a sweep that nobody disturbed."""
-    rows, done = run(made_up_sweep(), tmp_path_factory.mktemp("whole"))
+    rows, done = run(made_up.made_up_sweep(), tmp_path_factory.mktemp("whole"))
     assert done
     return rows
 
 
 def test_finds_the_limits_that_were_made_up(whole):
     """Oracle: the limits; all replicas must recover, also the weaker."""
-    sweep = made_up_sweep()
+    sweep = made_up.made_up_sweep()
     for cell in sweep.cells():
         found = limit(
             {
@@ -52,7 +39,10 @@ def test_finds_the_limits_that_were_made_up(whole):
             },
             sweep.search,
         )
-        weakest = largest(cell.mechanisms, cell.direction_deg) - WEAKER
+        weakest = (
+            made_up.largest(cell.mechanisms, cell.direction_deg)
+            - made_up.WEAKER
+        )
         assert found.complete
         assert weakest - 0.1 < found.recovered <= weakest < found.failed
     assert {row["seed"] - row["replica"] for row in whole} == {0}
@@ -60,14 +50,14 @@ def test_finds_the_limits_that_were_made_up(whole):
 
 @pytest.mark.parametrize("slots", [1, 7])
 def test_the_rows_do_not_depend_on_how_many_work(tmp_path, slots, whole):
-    robot = MadeUpRobot(slots)
-    assert run(made_up_sweep(), tmp_path, robot) == (whole, True)
+    robot = made_up.MadeUpRobot(slots)
+    assert run(made_up.made_up_sweep(), tmp_path, robot) == (whole, True)
     assert len(robot.tried) == len(set(robot.tried)) == len(whole)
 
 
 def test_goes_on_where_it_was_stopped(tmp_path, whole):
     """Oracle: the rows of the sweep that nobody stopped."""
-    sweep, done, rows = made_up_sweep(), False, []
+    sweep, done, rows = made_up.made_up_sweep(), False, []
     while not done:
         asked = iter(range(4))
         before = len(rows)
@@ -76,29 +66,21 @@ def test_goes_on_where_it_was_stopped(tmp_path, whole):
         )
         assert done or len(rows) > before
     assert rows == whole
-    robot = MadeUpRobot()
+    robot = made_up.MadeUpRobot()
     run(sweep, tmp_path, robot)
     assert robot.tried == []
-
-
-def test_directions_can_be_added_to_a_finished_sweep(tmp_path, whole):
-    """Oracle: both at once."""
-    run(made_up_sweep(directions=(90.0,)), tmp_path)
-    robot = MadeUpRobot()
-    assert run(made_up_sweep(), tmp_path, robot) == (whole, True)
-    assert {direction for _, direction, _, _ in robot.tried} == {0.0, 210.0}
 
 
 def test_one_moment_comes_after_the_other_and_first_replicas_first(tmp_path):
     """Oracle: the order of the trials when each waits for the one before."""
     moments = "right swing 25 %", "left swing 5 %"
-    robot = MadeUpRobot(1)
-    sweep = made_up_sweep(at=moments, directions=(0.0, 90.0))
+    robot = made_up.MadeUpRobot(1)
+    sweep = made_up.made_up_sweep(at=moments, directions=(0.0, 90.0))
     seen = []
     submit = robot.submit
 
     def spy(function, identity, walk, *rest):
-        scenario = scenario_of(walk)
+        scenario = made_up.scenario_of(walk)
         seen.append((scenario.pushes[0].at, scenario.seed > 0))
         return submit(function, identity, walk, *rest)
 
@@ -125,9 +107,9 @@ def test_ends_when_the_workers_are_gone_or_fail(tmp_path, error, told):
         if scenario.mechanisms == "step":
             raise error
 
-    sweep = made_up_sweep()
+    sweep = made_up.made_up_sweep()
     with pytest.raises(RuntimeError, match=told):
-        run(sweep, tmp_path, MadeUpRobot(spoil=spoil))
+        run(sweep, tmp_path, made_up.MadeUpRobot(spoil=spoil))
     with opened(tmp_path) as rows:
         assert {row["mechanisms"] for row in rows.all()} <= {"icp_only"}
     assert run(sweep, tmp_path)[1]
@@ -144,7 +126,7 @@ def test_ends_when_no_trial_ends(tmp_path, monkeypatch):
 
     monkeypatch.setattr(module, "NO_TRIAL", 0.0)
     with pytest.raises(RuntimeError, match="the workers are gone"):
-        run(made_up_sweep(timeout=0.01), tmp_path, Nobody())
+        run(made_up.made_up_sweep(timeout=0.01), tmp_path, Nobody())
 
 
 def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
@@ -154,7 +136,9 @@ def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
         if scenario.mechanisms == "step" and scenario.seed == 0:
             raise KilledWorker("a trial", None, None)
 
-    rows, done = run(made_up_sweep(), tmp_path, MadeUpRobot(spoil=spoil))
+    rows, done = run(
+        made_up.made_up_sweep(), tmp_path, made_up.MadeUpRobot(spoil=spoil)
+    )
     assert done
     crashed = [row for row in rows if row["outcome"] == "crashed"]
     assert {row["mechanisms"] for row in crashed} == {"step"}
@@ -164,7 +148,7 @@ def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
 
 def test_tells_its_progress_after_every_trial(tmp_path):
     told = []
-    rows, _ = run(made_up_sweep(), tmp_path, show=told.append)
+    rows, _ = run(made_up.made_up_sweep(), tmp_path, show=told.append)
     assert [now.done for now in told] == list(range(len(rows) + 1))
     for now in told:
         assert now.total >= now.done + (now.complete < now.cells)
@@ -176,9 +160,11 @@ def test_the_bar_shows_what_it_is_told(capsys):
     """Oracle: the text on stderr; what an earlier run did took no time."""
 
     def told(done, total, complete):
-        return Progress(done=done, total=total, complete=complete, cells=6)
+        return module.Progress(
+            done=done, total=total, complete=complete, cells=6
+        )
 
-    with progress_bar(told(20, 80, 0)) as show:
+    with module.progress_bar(told(20, 80, 0)) as show:
         show(told(95, 95, 6))
     said = capsys.readouterr().err
     assert "20/80" in said
