@@ -73,8 +73,8 @@ class HumanoidDiagram(ClosedLoop):
         `estimated_state` and the output `actuation` of one.  Its inputs
         `foot_forces` and `mechanisms` are connected if it has them, its outputs
         logged and drawn, too.  Without a `walking_state`, pushes must begin at
-        a time, in directions relative to W.  `blocks` replace blocks of the
-        BalanceController.
+        a time, in directions relative to W.  `blocks` are those of the
+        BalanceController, or its `tasks`.
 
         Raises:
             ValueError: the robot cannot stand with the step width of the gait

@@ -87,8 +87,7 @@ class Scenario:
 
     def start(self, model: PointMassModel) -> WalkingState:
         """The walking state of the standing `model` at the start."""
-        wait = self.controller.walking_state_machine.standing_duration
-        return walking_start(self.gait, model, wait)
+        return walking_start(self.gait, model)
 
     def validate_more(self) -> None:
         """Raises ValueError if fields contradict each other."""

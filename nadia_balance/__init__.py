@@ -19,6 +19,7 @@ _PUBLIC = {
     "core.mechanisms": ("MECHANISMS", "Mechanisms"),
     "core.model": ("PointMassModel",),
     "core.push": ("Push",),
+    "core.whole_body_tasks": ("Motion", "Task"),
     "diagrams.humanoid": ("HumanoidDiagram",),
     "diagrams.scenario": ("Scenario", "load_scenario"),
     "diagrams.simulation": ("simulate",),

@@ -64,8 +64,8 @@ def runs() -> dict[type, Simulator]:
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
         "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
-        "gait: {initial_transfer_duration: 0.4, num_steps: 2}, "
-        "controller: {walking_state_machine: {standing_duration: 0.05}}}"
+        "gait: {initial_transfer_duration: 0.4, standing_duration: 0.05, "
+        "num_steps: 2}}"
     )
     scenario = load_scenario("walk_in_place", text=text)
     simulators = {}

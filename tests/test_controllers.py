@@ -35,8 +35,8 @@ PERIOD = 0.004
 # Lifts the foot at 0.45 s, and is about to put it down at 0.95 s.
 SOON = (
     "mechanisms: all_with_cross_over, gait: {num_steps: 3, "
-    "initial_transfer_duration: 0.4, swing_duration: 0.5}, "
-    "controller: {walking_state_machine: {standing_duration: 0.05}%s}"
+    "initial_transfer_duration: 0.4, swing_duration: 0.5, "
+    "standing_duration: 0.05}%s"
 )
 PUSH = "{delta_v: 0.3, direction_deg: 90.0, at: right swing 25 %}"
 
@@ -116,7 +116,7 @@ def test_the_parameters_say_which_papers_blocks_there_are():
 
 def test_the_plan_of_the_atlas_paper_also_goes_with_our_blocks():
     """Oracle: the kind of plan; the same walk, 6 cm further out."""
-    scenario = scenario_of("pushes: []", ", atlas_icp_plan: {}")
+    scenario = scenario_of("pushes: []", ", controller: {atlas_icp_plan: {}}")
     diagram = LipmDiagram(scenario, step_adjuster=Aside())
     run = simulate(diagram, 3.6)
     assert run.fall_reason == ""

@@ -172,6 +172,21 @@ def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
     assert falls
 
 
+def test_some_20_lines_are_a_task_of_ones_own():
+    """Oracle: where the task wants the elbow, which it leaves at -0.7 rad."""
+    *_, block = blocks(OWN, "python")
+
+    def bent() -> float:
+        names = {}
+        exec(block, names)
+        plant, log = names["diagram"].plant, names["run"].logs
+        elbow = plant.GetJointByName("LEFT_ELBOW_Y").position_start()
+        return float(log["state"][-1, elbow])
+
+    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
+    assert run_cache.once(modules, block, bent) == pytest.approx(-1.2, abs=0.02)
+
+
 def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:
     """The names of input and output ports in a system's docstring."""
     block = inspect.getdoc(kind).split(".. pydrake_system::")[1]

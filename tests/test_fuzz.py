@@ -106,7 +106,7 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
     def accept(*args):
         raise AssertionError("accepted")
 
-    monkeypatch.setattr(command_line, "advance", accept)
+    monkeypatch.setattr(command_line.simulation, "advance", accept)
     monkeypatch.chdir(tmp_path)
     rng = random.Random(seed)
     argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]

@@ -109,17 +109,19 @@ def diagrams() -> list[Diagram]:
         "fidelity: realistic, mechanisms: all_with_cross_over, "
         "imperfections: {delay: 0.004}, "
     )
-    soon = "gait: {initial_transfer_duration: 0.4, num_steps: 2}, "
-    machine = "walking_state_machine: {standing_duration: 0.05}"
+    soon = (
+        "gait: {initial_transfer_duration: 0.4, standing_duration: 0.05, "
+        "num_steps: 2}, "
+    )
     scenario, by_qp, mujoco = (
         load_scenario(
             "walk_in_place",
-            text=f"{{{text}{soon}controller: {{{qp}{machine}}}}}",
+            text=f"{{{text}{soon}controller: {{{qp}}}}}",
             **engine,
         )
         for text, qp, engine in (
             (text, "", {}),
-            ("mechanisms: step_swing, ", "icp_step_qp: {}, ", {}),
+            ("mechanisms: step_swing, ", "icp_step_qp: {}", {}),
             ("", "", {"engine": "mujoco"}),
         )
     )

@@ -59,6 +59,8 @@ class Gait:
     first_swing: str = bounded("right", one_of=_SIDES)
     swing_duration: float = bounded(0.7, least=0.02, most=10.0, unit="s")
     transfer_duration: float = bounded(0.3, least=0.02, most=10.0, unit="s")
+    # Standing before the first transfer.
+    standing_duration: float = bounded(0.5, least=0.0, unit="s")
     # Durations of the transfers before the first and after the last step.
     initial_transfer_duration: float = bounded(
         0.8, least=0.02, most=10.0, unit="s"
@@ -108,15 +110,12 @@ def make_footsteps(
     return steps
 
 
-def walking_start(
-    gait: Gait, model: PointMassModel, standing_duration: float = 0.5
-) -> walking.WalkingState:
+def walking_start(gait: Gait, model: PointMassModel) -> walking.WalkingState:
     """Returns the initial walking state of a standing robot.
 
     The feet are side by side about the origin of W, the gait's or else the
-    robot's `step_width` apart; the first transfer begins after
-    `standing_duration` [s], or a tick later.  Without steps, standing does not
-    end.
+    robot's `step_width` apart; the first transfer begins after the gait's
+    `standing_duration`, or a tick later.  Without steps, standing does not end.
 
     Raises ValueError: see `make_footsteps`.
     """
@@ -133,7 +132,7 @@ def walking_start(
     schedule = walking.ContactSchedule(
         phase=walking.Phase.STANDING,
         support_side=first.other,
-        duration=max(standing_duration, _INSTANT) if steps else math.inf,
+        duration=max(gait.standing_duration, _INSTANT) if steps else math.inf,
         feet=feet,
         footsteps=steps,
         start=walking.ReferencePoint(centre, np.zeros(2), centre),

@@ -60,8 +60,6 @@ class LiftOffParams:
 class WalkingStateMachineParams:
     """Conditions that end a phase."""
 
-    # Duration of standing before the first step.
-    standing_duration: float = bounded(0.5, least=0.0, unit="s")
     # Share of the swing before which no contact counts as touchdown.
     earliest_touchdown: float = bounded(0.5, least=0.0, below=1.0)
     # Touchdown: forces above `contact_force`, as a share of the robot's weight,

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,14 +121,19 @@ def test_waits_and_then_shifts_to_the_foot_that_does_not_swing_first():
     left = Gait(num_steps=2, first_swing="left", final_transfer_duration=0.9)
     hold = Gait(footholds=[Foothold(side="left", y=0.2)])
     for gait in left, hold:
-        state = walking_start(gait, MODEL, 0.7)
+        state = walking_start(replace(gait, standing_duration=0.7), MODEL)
         assert state.schedule.duration == 0.7
         assert state.schedule.footsteps[0].side is Side.LEFT
         assert state.schedule.support_side is Side.RIGHT
         assert state.commanded == state.schedule.footsteps
     final = walking_start(left, MODEL).schedule.final_transfer_duration
     assert final == 0.9
-    assert walking_start(left, MODEL, 0.0).schedule.duration > 0.0
+    assert (
+        walking_start(
+            replace(left, standing_duration=0.0), MODEL
+        ).schedule.duration
+        > 0.0
+    )
 
 
 def step(side, x, y, yaw=0.0):

@@ -61,7 +61,7 @@ class FakePlan:
 
 def standing(num_steps):
     """Stands about to take `num_steps` steps in place."""
-    return walking_start(Gait(num_steps=num_steps), MODEL, 0.5)
+    return walking_start(Gait(num_steps=num_steps), MODEL)
 
 
 def step(
@@ -120,7 +120,9 @@ def test_a_walk_of_two_steps_goes_through_all_phases():
 def test_phases_last_as_planned_to_the_nearest_tick():
     """Oracle: durations over the period: 0.5 s, more or less, and 0.8 s."""
     for duration, expected in (0.5, 250), (0.5007, 250), (0.5013, 251):
-        start = walking_start(Gait(num_steps=3), MODEL, duration)
+        start = walking_start(
+            Gait(num_steps=3, standing_duration=duration), MODEL
+        )
         state, ticks = until(start, Phase.TRANSFER)
         assert ticks == expected
     state, ticks = until(state, Phase.SWING)

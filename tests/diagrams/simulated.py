@@ -15,10 +15,7 @@ from tests import run_cache
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 # Fields of a scenario by which the first foot is lifted at 0.45 s already.
-EARLY = (
-    "gait: {%s, initial_transfer_duration: 0.4}, "
-    "controller: {walking_state_machine: {standing_duration: 0.05}}"
-)
+EARLY = "gait: {%s, initial_transfer_duration: 0.4, standing_duration: 0.05}"
 SOON = EARLY % "num_steps: 2, first_swing: %s"
 
 
@@ -35,7 +32,7 @@ def scenario_of(text: str = "{}") -> Scenario:
 def soon(scenario: Scenario) -> Scenario:
     """Changes it so that the first foot is lifted at 0.45 s already."""
     scenario.gait.initial_transfer_duration = 0.4
-    scenario.controller.walking_state_machine.standing_duration = 0.05
+    scenario.gait.standing_duration = 0.05
     return scenario
 
 
