@@ -117,6 +117,7 @@ class HumanoidDiagram(ClosedLoop):
         self._close_loop(builder, meshcat)
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
+        if meshcat is not None and controller.HasOutputPort("walking_state"):
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             drawn = (self.controller, VISUALIZED), (self.push, ("push_force",))
             scene.add_drawings(builder, view, drawn)

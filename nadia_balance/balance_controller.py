@@ -102,6 +102,13 @@ class BalanceController(Diagram):
         lead = 0.0
         if robot.drives is not None:  # each torque is held for a period
             lead = robot.drives.lag + 0.5 * period
+        tasks = tuple(tasks)
+        if tasks and "whole_body_inverse_dynamics" in blocks:
+            names = ", ".join(task.name for task in tasks)
+            raise ValueError(
+                f"tasks = {names}: must be given to the block that replaces "
+                "whole_body_inverse_dynamics"
+            )
         inner = CapturePointController.ROLES
         if "capture_point_controller" in blocks:
             inner = ()

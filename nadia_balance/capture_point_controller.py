@@ -92,7 +92,7 @@ class CapturePointController(Diagram):
     momentum_qp            icp, icp_reference,               ecmp_command,
                            walking_state                     ...qp_status
     step_controller        takes the place of the last two   the outputs of
-                           blocks with `icp_step_qp`         both, and of the
+                           blocks with `icp_step_qp`         both, and
                                                              icp_reference
     com_height_controller  com_state, ecmp_command,          momentum_rate
                            walking_state

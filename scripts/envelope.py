@@ -191,7 +191,7 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
                 if _report(rows, [SCENARIO, COMMAND]).undecided:
                     code = code or command_line.UNDECIDED
             except ValueError as error:  # no trial was decided
-                return _complain(error, command_line.UNDECIDED)
+                code = _complain(error, code or command_line.UNDECIDED)
         if code in (command_line.FAILED, INTERRUPTED):
             command_line.say(
                 f"the same flags and --out {folder} go on from here"

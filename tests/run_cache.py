@@ -46,7 +46,7 @@ def once(modules: tuple[str, ...], given: str, make: Callable[[], Any]) -> Any:
 @functools.cache
 def data() -> str:
     """All robots and scenarios of the package, for who may look at any."""
-    paths = (*ROOT.glob("models/*/*"), *ROOT.glob("diagrams/scenarios/*"))
+    paths = (*ROOT.glob("models/*/*"), *ROOT.glob("diagrams/*/*.yaml"))
     return "\n".join(path.read_text("utf-8") for path in sorted(paths))
 
 

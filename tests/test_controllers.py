@@ -195,3 +195,25 @@ def test_meshcat_needs_no_capture_regions():
         scenario_of("pushes: []"), start_meshcat()[0], step_adjuster=Aside()
     )
     assert simulate(diagram, 0.1).error == ""
+
+
+def test_a_controller_without_a_walking_state_is_drawn_and_told():
+    """Oracle: a run that draws; one line that names port or moment."""
+
+    class Limp(LeafSystem):
+        def __init__(self, size=23):
+            super().__init__()
+            self.DeclareVectorInputPort("estimated_state", 59)
+            self.DeclareVectorOutputPort(
+                "actuation",
+                size,
+                lambda _, output: output.set_value(np.zeros(size)),
+            )
+
+    scenario = load_scenario("push_standing")
+    meshcat, _ = start_meshcat()
+    assert not simulate(HumanoidDiagram(scenario, meshcat, Limp()), 0.05).error
+    with pytest.raises(ValueError, match="^controller = Limp: .*'actuation'"):
+        HumanoidDiagram(scenario, controller=Limp(22))
+    with pytest.raises(ValueError, match="^at = 'right swing 25 %': must be"):
+        HumanoidDiagram(load_scenario("push"), controller=Limp())

@@ -321,11 +321,11 @@ def _parsed(file: Path, roots: Sequence[Path], mended: Mended) -> Description:
     """The description of the `mended` URDF, or of `file` if it has no text."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
     parser = Parser(plant)
-    for package in (p for root in roots for p in root.iterdir()):
-        if package.is_dir():
-            parser.package_map().Add(package.name, str(package.resolve()))
     # SystemExit is how pydrake reports a condition of Drake's own code.
     try:
+        for package in (p for root in roots for p in root.iterdir()):
+            if package.is_dir() and not mended.text:
+                parser.package_map().Add(package.name, str(package.resolve()))
         if mended.text:
             model, *_ = parser.AddModelsFromString(mended.text, "urdf")
         else:

@@ -33,6 +33,8 @@ from nadia_balance.new_robot.write import robot_fields, write_urdf, write_yaml
 
 # Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
 # for Nadia and Atlas at 90.9 kg.
+# Joints of a tree whose only floating link is the base.
+KINDS = ("revolute", "continuous", "prismatic")
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
@@ -124,10 +126,10 @@ def _undriven(robot: Description) -> dict[str, list[str]]:
     }
     mimic, prismatic, weak = found.values()
     for joint in robot.joints.values():
-        if joint.type == "planar":
+        if joint.type not in KINDS:
             raise ValueError(
-                f"joint {joint.name}: must not be planar; only one link "
-                "floats, the base"
+                f"joint {joint.name}: must not be {joint.type}; must be one of "
+                f"{', '.join(KINDS)}"
             )
         if joint.mimics:
             mimic.append(joint.name)

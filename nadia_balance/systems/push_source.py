@@ -200,6 +200,10 @@ class PushSource(framework.LeafSystem):
     def _await(self, context, i: int, row) -> None:
         """Updates the state `row` of push `i`, which has not begun."""
         push, walking = self._pushes[i], self._walking_state(context)
+        if walking is None and push.moment.phase is not None:
+            raise RuntimeError(
+                f"at = {push.at!r}: must be a time without a walking_state"
+            )
         due = push.is_due(context.get_time(), walking, self.period)
         in_phase = push.is_in_phase(walking)
         if due or in_phase:

@@ -41,7 +41,10 @@ class StatePredictor(LeafSystem):
         delay: float = 0.0,
         lead: float = 0.0,
     ):
-        """Predicts by `delay`, a multiple of `period`, plus `lead` [s]."""
+        """Predicts by `delay`, a multiple of `period`, plus `lead` [s].
+
+        Raises ValueError for another `delay`.
+        """
         super().__init__()
         self._period, self._lead = period, lead
         self._plant = plant = robot.control_plant()
@@ -50,6 +53,10 @@ class StatePredictor(LeafSystem):
         self._state = self.DeclareVectorInputPort("estimated_state", size)
         self._scratch = declare_scratch(self, plant)
         self._periods = round(delay / period)
+        if abs(self._periods * period - delay) > 1e-9:
+            raise ValueError(
+                f"delay = {delay}: must be a multiple of the period, {period} s"
+            )
         if self._periods:
             # Response to a step in acceleration: after a period, and its mean.
             self._share, self._mean_share = 1.0, 1.0

@@ -145,26 +145,35 @@ def opened(folder: Path, identity: dict | None = None) -> Iterator[Rows]:
         raise ValueError(
             f"folder = {str(folder)!r}: must have a {DATABASE} of a sweep"
         )
-    try:
-        # Each statement is a transaction; the first one takes the lock.
-        database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
-        with contextlib.closing(database):
+    if not path.is_file() and (folder / EXPORTS[0]).is_file():
+        raise ValueError(
+            f"folder = {str(folder)!r}: must be another one: its {EXPORTS[0]} "
+            "is of an older version"
+        )
+    # Each statement is a transaction; the first one takes the lock.
+    database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+    with contextlib.closing(database):
+        try:
             database.execute("PRAGMA locking_mode = EXCLUSIVE")
             database.execute("BEGIN EXCLUSIVE")
             if identity is not None:
                 _create(database, identity)
             database.execute("COMMIT")
             rows = Rows(path, database)
-            _compare(path, rows.identity, identity)
-            yield rows
-    except (sqlite3.Error, TypeError, json.JSONDecodeError) as error:
-        if "locked" in str(error):
-            raise ValueError(
-                f"out = {str(folder)!r}: must not be in use by another sweep"
-            ) from None
-        raise ValueError(
-            f"trials = {path}: must be a {DATABASE} of this program ({error})"
-        ) from None
+        except (sqlite3.Error, TypeError, json.JSONDecodeError) as error:
+            raise _refusal(path, error) from None
+        _compare(path, rows.identity, identity)
+        yield rows
+
+
+def _refusal(path: Path, error: Exception) -> ValueError:
+    if "locked" in str(error):
+        return ValueError(
+            f"folder = {str(path.parent)!r}: must not be in use by a sweep"
+        )
+    return ValueError(
+        f"trials = {path}: must be a {DATABASE} of this program ({error})"
+    )
 
 
 def _create(database: sqlite3.Connection, identity: dict) -> None:
@@ -177,7 +186,11 @@ def _create(database: sqlite3.Connection, identity: dict) -> None:
 
 def _compare(path: Path, found: dict, asked: dict | None) -> None:
     """Raises ValueError that names the first field that differs."""
-    asked = {**found, "protocol": PROTOCOL} if asked is None else asked
+    if asked is None and found.get("protocol") != PROTOCOL:
+        raise ValueError(
+            f"protocol = {found.get('protocol')}: must be {PROTOCOL} in {path}"
+        )
+    asked = found if asked is None else asked
     for name in {**asked, **found}:
         if found.get(name) != asked.get(name):
             raise ValueError(

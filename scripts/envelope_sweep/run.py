@@ -12,6 +12,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from distributed import KilledWorker
 from pydrake.common.yaml import yaml_dump_typed
@@ -28,8 +29,8 @@ from nadia_balance.scripts.envelope_sweep.search import (
 from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 
 LOOK = 0.2  # period of the checks whether to stop [s]
-# A cluster without workers makes no trial end.  Dask begins a trial four times
-# if its process dies, and each may take as long as the timeout.
+# If no trial has ended for NO_TRIAL + TRIES timeouts, there are no workers:
+# Dask begins a trial four times if its process dies, each up to the timeout.
 NO_TRIAL, TRIES = 300.0, 5  # [s], timeouts
 DIED = "crashed", "the process of the trial died"
 
@@ -42,6 +43,15 @@ class Progress:
     total: int  # trials done and expected
     complete: int  # cells
     cells: int
+
+
+class Job(NamedTuple):
+    """A trial that runs; `alone` if no other one can have ended its process."""
+
+    search: "CellSearch"
+    labels: dict
+    arguments: tuple
+    alone: bool = False
 
 
 class CellSearch:
@@ -162,25 +172,44 @@ def run_sweep(
         OSError: a row cannot be written.
     """
     searches = searches_of(sweep, rows.all())
-    running: dict[Future, tuple[CellSearch, dict]] = {}
+    running: dict[Future, Job] = {}
+    # Jobs whose process died, perhaps of another one that it was to run.
+    suspects: list[Job] = []
+
+    def next_job() -> Job | None:
+        if suspects or any(job.alone for job in running.values()):
+            return suspects.pop() if suspects and not running else None
+        # One more than can run, so that no worker waits for the next one.
+        search = most_urgent(searches) if len(running) <= slots else None
+        return search and _job(search, sweep, rows.identity)
+
     show(progress_of(searches))
     patience = NO_TRIAL + TRIES * sweep.timeout
     latest = time.monotonic() + patience
     try:
         while not stopped():
-            # One more than can run, so that no worker waits for the next one.
-            while len(running) <= slots and (search := most_urgent(searches)):
-                future, labels = _begin(search, sweep, rows, executor)
-                running[future] = search, labels
+            while job := next_job():
+                running[executor.submit(trial.run_trial, *job.arguments)] = job
             if not running:
                 return True
+            failure = None
             for future in wait(running, LOOK, FIRST_COMPLETED).done:
-                search, labels = running.pop(future)
-                rows.add(row := labels | _result(future))
-                search.record(row)
-                search.go_on()
+                job, latest = running.pop(future), time.monotonic() + patience
+                try:
+                    result = _result(future)
+                except RuntimeError as error:
+                    failure = error
+                    continue
+                if result is None and not job.alone:
+                    suspects.append(job._replace(alone=True))
+                    continue
+                row = job.labels | (result or trial.row_without_run(*DIED))
+                rows.add(row)
+                job.search.record(row)
+                job.search.go_on()
                 show(progress_of(searches))
-                latest = time.monotonic() + patience
+            if failure:
+                raise failure
             if time.monotonic() > latest:
                 raise RuntimeError("the workers are gone: no trial has ended")
         return False
@@ -189,10 +218,8 @@ def run_sweep(
             future.cancel()
 
 
-def _begin(
-    search: CellSearch, sweep: Sweep, rows: Rows, executor: Executor
-) -> tuple[Future, dict]:
-    """Submits the next attempt; returns its result, and what describes it."""
+def _job(search: CellSearch, sweep: Sweep, identity: dict) -> Job:
+    """The next attempt of `search`, which runs from now on."""
     cell, (delta_v, replica) = search.cell, search.begin()
     labels = {
         **cell.situation._asdict(),
@@ -204,15 +231,16 @@ def _begin(
     }
     walk = yaml_dump_typed(sweep.walk(cell, replica))
     push = delta_v, cell.direction_deg
-    args = rows.identity, walk, sweep.plant, *push, sweep.timeout
-    return executor.submit(trial.run_trial, *args), labels
+    arguments = identity, walk, sweep.plant, *push, sweep.timeout
+    return Job(search, labels, arguments)
 
 
-def _result(future: Future) -> dict:
+def _result(future: Future) -> dict | None:
+    """What a trial returned; None if its process died, after some tries."""
     try:
         return future.result()
-    except KilledWorker:  # after some tries
-        return trial.row_without_run(*DIED)
+    except KilledWorker:
+        return None
     except CancelledError as error:
         raise RuntimeError("the workers are gone") from error
     except Exception as error:

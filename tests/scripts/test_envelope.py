@@ -291,4 +291,4 @@ def test_refuses_a_folder_that_another_sweep_is_in(undisturbed, capsys, here):
     folder, _ = undisturbed
     with opened(folder):
         outcome = run_script(envelope, [*SWEEP, "--out", folder], capsys)
-    assert_refused(outcome, f"out = {str(folder)!r}: must not be in use")
+    assert_refused(outcome, f"folder = {str(folder)!r}: must not be in use")

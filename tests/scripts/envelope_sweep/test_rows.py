@@ -87,7 +87,7 @@ def test_refuses_the_rows_of_another_sweep(tmp_path, name, value):
 def test_refuses_rows_of_an_older_protocol(tmp_path):
     with opened(tmp_path, {**IDENTITY, "protocol": 4}) as rows:
         rows.add(ROWS[0])
-    assert_refused("^protocol = 5: must be 4 as in", tmp_path)
+    assert_refused("^protocol = 4: must be 5 in", tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\x89PNG\r\n\xff"])
@@ -124,7 +124,7 @@ def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
     child = python("-c", WRITER, tmp_path, stderr=None)
     for _ in range(5):
         child.stdout.readline()
-    assert_refused("^out = .*in use by another sweep", tmp_path, IDENTITY)
+    assert_refused("^folder = .*in use by a sweep", tmp_path, IDENTITY)
     child.send_signal(signal.SIGKILL)
     said = 5 + len(child.stdout.readlines())
     child.wait()
