@@ -31,12 +31,13 @@ class ClosedLoop(Diagram):
     """A Diagram that can be simulated here.
 
     Each `context` is that of the whole diagram.  RecoveryWatch requires output
-    ports walking_state, icp and icp_reference, sweeps swing_foot_reference.
+    ports walking_state, icp and icp_reference, sweeps swing_foot_reference, a
+    LiveSession the controller's port walking_signal.
     """
 
     scenario: Scenario
     push: PushSource  # one of its systems
-    controller: System  # one of its systems, with port walking_signal
+    controller: System  # one of its systems
     _signal_log: SignalLog
 
     def set_initial_state(self, context: Context) -> None:
@@ -44,7 +45,7 @@ class ClosedLoop(Diagram):
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
-        raise NotImplementedError
+        return ""
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""

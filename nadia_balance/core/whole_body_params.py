@@ -56,7 +56,7 @@ class WholeBodyQpParams:
     moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
     tangential_weight: float = bounded(1e-3, above=0.0)
     normal_weight: float = bounded(1e-6, above=0.0)
-    # Of all vdot.
+    # All generalized accelerations, which makes the QP strictly convex.
     acceleration_weight: float = bounded(1e-4, above=0.0, unit="m^2")
     # Soles in contact: damping of the sole's velocity, and gain of its tilt.
     stance_damping: float = bounded(30.0, least=0.0, unit="1/s")

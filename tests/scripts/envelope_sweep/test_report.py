@@ -298,7 +298,7 @@ def test_counts_false_predictions():
         for pairs in report.foretold(rows).values()
     ]
     assert counts == [[1, 2, 1, 1], [1, 1, 1, 1], [4, 2, 1, 1]]
-    # Of four foretold capturable one fell; of two lost none recovered.
+    # One of four trials predicted as capturable fell; no lost one recovered.
     found = changed_table({2: {"outcome": "fell"}})
     *_, line = read_table(report.predictions_table(found))
     told = ["all", "every touchdown", "16", "4 (25.0 %)", "4", "0 (0.0 %)"]
