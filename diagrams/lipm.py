@@ -113,6 +113,9 @@ class LipmDiagram(ClosedLoop):
         connect(builder, plant, controller, "foot_poses", "foot_forces")
         sensed = self._sensed(builder)
         connect(builder, sensed, controller, "com_state", "icp")
+        builder.Connect(
+            sensed.GetOutputPort("icp"), controller.GetInputPort("alip_icp")
+        )
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _sensed(self, builder: DiagramBuilder) -> System:

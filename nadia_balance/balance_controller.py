@@ -120,7 +120,7 @@ class BalanceController(Diagram):
             ),
             "centroidal_estimator": Role(
                 lambda: CentroidalEstimator(robot, whole_body.avoidance),
-                ("com_state", "icp", "foot_poses"),
+                ("com_state", "icp", "alip_icp", "foot_poses"),
             ),
             "capture_point_controller": Role(
                 lambda: CapturePointController(

@@ -112,7 +112,14 @@ class CapturePointController(Diagram):
                        ecmp_command, momentum_qp_status, momentum_rate]
     """
 
-    INPUTS = ("foot_poses", "foot_forces", "icp", "mechanisms", "com_state")
+    INPUTS = (
+        "foot_poses",
+        "foot_forces",
+        "icp",
+        "alip_icp",
+        "mechanisms",
+        "com_state",
+    )
     ROLES = (
         "walking_state_machine",
         "icp_planner",

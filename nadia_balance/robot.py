@@ -119,9 +119,23 @@ class RobotModel:
         """Adds the robot to a `plant` that is not finalized yet.
 
         Raises:
-            ValueError: the URDF is malformed (see `add_urdf`).
+            ValueError: the URDF is malformed (see `add_urdf`), or a torque
+                limit is of an unknown joint.
         """
-        return add_urdf(plant, self.urdf)
+        instance = add_urdf(plant, self.urdf)
+        limits = dict(self.drives.max_torque) if self.drives else {}
+        for index in plant.GetJointActuatorIndices():
+            actuator = plant.get_joint_actuator(index)
+            if actuator.model_instance() != instance:
+                continue
+            if limit := limits.pop(actuator.joint().name(), 0.0):
+                actuator.set_effort_limit(limit)
+        for joint in limits:
+            raise ValueError(
+                f"drives.max_torque.{joint}: must be of an actuated joint of "
+                f"{self.name}"
+            )
+        return instance
 
     def add_plant_to(
         self,

@@ -22,6 +22,7 @@ from nadia_balance.core.polygon import (
     clip_all,
     contains,
     halfspaces,
+    intersection,
     project,
 )
 from nadia_balance.core.reachability import BASE, closest_point
@@ -175,24 +176,23 @@ def adjust_foothold(
         holds = contains(current.pose.p_WF[:2], region)
         return return_to_nominal(current, holds, params, period)
     options = goals(landing, current, params)
-    if not options:
-        return current
 
     def cost(option: tuple[swing_geometry.Place, Array]) -> float:
         place, point = option
         kept = _is_last(place, current) * params.rules.distance_hysteresis
         return math.dist(point, nominal.p_WF[:2]) - kept
 
-    pose, place = current.pose, options[0].place
     found = [
         (goal.place, point)
         for goal in options
         if (point := _foothold(nominal, goal, landing.geometry)) is not None
     ]
-    if found:
-        place, target = min(found, key=cost)
-        if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
-            pose = landing.geometry.foot_at(target, nominal)
+    if not found:
+        return current
+    place, target = min(found, key=cost)
+    pose = current.pose
+    if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
+        pose = landing.geometry.foot_at(target, nominal)
     return Adjustment(current.nominal, pose, place.reach, ground=place.ground)
 
 
@@ -292,7 +292,9 @@ def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
         captures = landing.on_arrival(
             place.polygon, params.least_time_to_land, is_last
         )
-        _, gap = closest_point(place.polygon, captures)
+        gap = 0.0
+        if not len(intersection(place.polygon, captures)):
+            _, gap = closest_point(place.polygon, captures)
         return gap - is_last * params.rules.distance_hysteresis
 
     place = min(landing.geometry.places, key=gap)
@@ -352,13 +354,17 @@ def in_time(
     p, q = current.pose.p_WF[:2], wanted.pose.p_WF[:2]
     if wanted.pose == current.pose or not wanted.moved or is_in_time(q):
         return wanted
-    geometry, pose, share = landing.geometry, current.pose, 0.0
+    geometry, result, share = landing.geometry, current, 0.0
     for part in _BISECTION:
         point = p + (share + part) * (q - p)
-        if is_in_time(point) and geometry.has(point):
+        place = geometry.place_at(point, wanted.region)
+        if place is not None and is_in_time(point):
             pose = geometry.foot_at(point, wanted.nominal.pose)
+            result = Adjustment(
+                wanted.nominal, pose, place.reach, ground=place.ground
+            )
             share += part
-    return replace(wanted, pose=pose)
+    return result
 
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:

@@ -1,7 +1,7 @@
 """Limits of the joint drives: torque-speed line, lag, torque rate."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from nadia_balance.core.walking import Array
 
 @dataclass(kw_only=True)
 class JointDriveParams:
-    """Parameters common to all drives; torque and speed limits: see URDF."""
+    """Parameters of all drives; other torque and speed limits: see URDF."""
 
     # Bandwidth of the torque, a first-order lag.
     bandwidth: float = bounded(40.0, above=0.0, unit="Hz")
@@ -20,6 +20,16 @@ class JointDriveParams:
     corner_speed: float = bounded(0.5, above=0.0, below=1.0)
     # Largest rate of a commanded torque, in shares of its limit.
     max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
+    # Torque limits [N m] by joint, in place of those of the URDF.
+    max_torque: dict[str, float] = field(default_factory=dict)
+
+    def validate_more(self) -> None:
+        """Raises ValueError if a torque limit is not positive."""
+        for joint, torque in self.max_torque.items():
+            if not torque > 0.0:
+                raise ValueError(
+                    f"max_torque.{joint} = {torque}: must be > 0 N m"
+                )
 
     @property
     def lag(self) -> float:

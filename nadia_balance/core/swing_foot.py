@@ -31,6 +31,7 @@ STEP = 0.01  # spacing of the candidate times of a via point [s]
 _STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
 
+_SINKING = 0.04  # time to the touchdown velocity at the foothold [s]
 _SOON = 0.02  # via points closer in time than this are dropped [s]
 
 
@@ -99,15 +100,12 @@ def swing_foot_motion(
     if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
         return (FootMotion.at_rest(schedule.feet[side]),) * 2
     start = previous.pva
-    end, horizon, sinks = _course(start, state, period, params, model, edges)
-    motions = []
-    for t in (period, period + lead):
-        pva = quintic_at(start, end, horizon, t)
-        if sinks:
-            z = float(start[0, 2]) - params.touchdown_velocity * t
-            pva[:, 2] = z, -params.touchdown_velocity, 0.0
-        motions.append(FootMotion(pva))
-    return motions[0], motions[1]
+    end, horizon = _course(start, state, period, params, model, edges)
+    now, ahead = (
+        FootMotion(quintic_at(start, end, horizon, t))
+        for t in (period, period + lead)
+    )
+    return now, ahead
 
 
 def _course(
@@ -117,11 +115,10 @@ def _course(
     params: SwingFootParams,
     model: PointMassModel,
     edges: SwingEdges | None,
-) -> tuple[Array, Array, bool]:
+) -> tuple[Array, Array]:
     """Returns the end (3, 4) of the quintic from `start`, and its times (4,).
 
-    The times [s] are those of x, y, z and yaw.  The third result is True if the
-    foot instead sinks at the touchdown velocity.
+    The times [s] are those of x, y, z and yaw.
     """
     schedule, detour = state.schedule, model.detour
     goal, stance = schedule.footsteps[0].pose, schedule.support_side
@@ -157,8 +154,11 @@ def _course(
         end[:, Z] = _over_edges(start, end, landing, over, left, edges)
     # Above a foothold down a step, the clock may run out before the descent.
     low = arrived and (edges is None or height < params.descent_radius)
-    sinks = state.waiting and low and not braking
-    return end, np.array([over, over, left, over]), sinks
+    if state.waiting and low and not braking:  # sink until contact
+        left, slow = _SINKING, params.touchdown_velocity
+        mean = 0.5 * (float(start[1, 2]) - slow)
+        end[:, 2] = start[0, 2] + mean * left, -slow, 0.0
+    return end, np.array([over, over, left, over])
 
 
 def velocity_now(swing: Array, lead: float) -> Array:

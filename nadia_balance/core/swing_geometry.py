@@ -169,12 +169,18 @@ class SwingGeometry(walking.Immutable):
             return walking.FootPose(np.append(point, height), nominal.yaw)
         return self.ground.pose(point, nominal.yaw, height)
 
-    def has(self, foothold: Array) -> bool:
-        """True if `foothold` (2,) [m] is in a place, and not `blocked`."""
-        within = any(
-            contains(foothold, place.polygon, ROUNDING) for place in self.places
-        )
-        return within and not self.blocked(foothold)
+    def place_at(self, foothold: Array, reach: str = "") -> Place | None:
+        """Returns the place of `foothold` (2,) [m], if possible of `reach`.
+
+        None if there is none; a foothold that is `blocked` has no place.
+        """
+        if self.blocked(foothold):
+            return None
+        places = sorted(self.places, key=lambda place: place.reach != reach)
+        for place in places:
+            if contains(foothold, place.polygon, ROUNDING):
+                return place
+        return None
 
     def one_step_region(
         self, icp: Array, touchdown: tuple[float, float]

@@ -8,6 +8,7 @@ import numpy as np
 
 from nadia_balance.core.joint_drives import torque_limits
 from nadia_balance.core.walking import Array
+from nadia_balance.core.whole_body_command import PELVIS, TORSO
 from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body_command import WholeBodyModel as Model
 from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms
@@ -44,6 +45,7 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
 _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
+_TINY = 1e-9  # a smaller tilt has no direction [rad]
 _SIGNS = np.array([[-1.0], [1.0]])
 
 
@@ -52,8 +54,8 @@ class WholeBodyLimits:
 
     Wrenches [tau, f] and torques are per unit of the robot's mass; only soles
     in contact have wrenches.  Order of the rows: torques, joint accelerations,
-    the cone and the normal force of the left and of the right sole, avoidance
-    of self-collisions.
+    tilt of torso and pelvis, the cone and the normal force of the left and of
+    the right sole, avoidance of self-collisions.
     """
 
     def __init__(self, params: Params, model: Model, period: float):
@@ -64,6 +66,7 @@ class WholeBodyLimits:
         self._params, self._mass = params, model.mass
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
+        self._trunk_rows = slice(2 * n, 2 * n + 2)
         self._joints = np.eye(n)
         margin = 2.0 * params.sole_margin
         sides = model.sole_length - margin, model.sole_width - margin
@@ -91,7 +94,7 @@ class WholeBodyLimits:
 
     def num_rows(self, num_soles: int, terms: Terms) -> int:
         """Returns the number of rows with `num_soles` in contact."""
-        rows = self._joint_rows.stop + num_soles * _FOOT_ROWS
+        rows = self._trunk_rows.stop + num_soles * _FOOT_ROWS
         return rows + (len(terms.avoidance.limits) if terms.avoidance else 0)
 
     def fill(
@@ -111,10 +114,12 @@ class WholeBodyLimits:
         bounds[:, self._joint_rows] = self._braking(terms)
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
+        C[self._trunk_rows, :nv], least = self._upright(terms)
+        bounds[0, self._trunk_rows], bounds[1, self._trunk_rows] = least, np.inf
         cone = self._usual_cone
         if command.friction != self._params.friction:
             cone = self._cone(command.friction)
-        row, column = self._joint_rows.stop, nv
+        row, column = self._trunk_rows.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:
                 rows = slice(row, row + _FOOT_ROWS)
@@ -159,9 +164,11 @@ class WholeBodyLimits:
     ) -> Iterator[None]:
         """Relaxes `lower` and `upper` (m,) in place, one step per iteration.
 
-        Order: joint limits, torque rate limits by the factors _HASTE, link
-        distances.
+        Order: tilt of the trunk, joint limits, torque rate limits by the
+        factors _HASTE, link distances.
         """
+        lower[self._trunk_rows] = -np.inf
+        yield
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
         yield
@@ -173,6 +180,28 @@ class WholeBodyLimits:
         if terms.avoidance and (near := len(terms.avoidance.limits)):
             lower[-near:] = -np.inf
             yield
+
+    def _upright(self, terms: Terms) -> tuple[Array, Array]:
+        """Returns rows (2, nv) and lower bounds (2,) on the trunk's tilt.
+
+        The rotation e from upright to the torso about a horizontal axis, a
+        horizon T ahead at the present velocity, stays within the largest tilt:
+        -e / |e| . wdot >= 2 / T^2 (|e| - max).  So does that of the pelvis.
+        """
+        T = self._params.trunk_tilt_horizon
+        most = math.radians(self._params.max_trunk_tilt_deg)
+        found, least = [], []
+        for body, R in zip((TORSO, PELVIS), terms.rotations[2:], strict=True):
+            x, y, z = R[:, 2].tolist()
+            wx, wy, _ = terms.velocities[body].tolist()
+            sine = math.hypot(x, y)
+            scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
+            ex, ey = T * wx - scale * y, T * wy + scale * x
+            tilt = max(math.hypot(ex, ey), _TINY)
+            row = terms.rows[body][:2].T @ (-ex / tilt, -ey / tilt)
+            found.append(row[:-1])
+            least.append(2.0 / T**2 * (tilt - most) - row[-1])
+        return np.array(found), np.array(least)
 
     def _cone(self, friction: float) -> Array:
         """Returns the rows of the wrench cone and normal force of a sole.

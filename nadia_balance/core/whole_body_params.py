@@ -50,6 +50,12 @@ class WholeBodyQpParams:
     posture_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
     # Damping ratio of the above tasks: kd = 2 ratio sqrt(kp).
     damping_ratio: float = bounded(1.0, least=0.0)
+    # Largest tilt of torso and pelvis, and the horizon within which they stop
+    # there.  Below it the trunk is free to help: its weight is low.
+    max_trunk_tilt_deg: float = bounded(
+        35.0, above=0.0, most=180.0, unit="deg", of=""
+    )
+    trunk_tilt_horizon: float = bounded(0.15, above=0.0, unit="s")
     # Regularisation of sole moments, horizontal and normal forces / mass: it
     # distributes the load with small sole moments.  The normal force weight
     # biases the height.

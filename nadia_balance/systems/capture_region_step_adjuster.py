@@ -68,7 +68,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         check(params)
         params.usable_foot(model.sole)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
-        self._icp = ports.VectorInput(self, "icp", 2)
+        self._icp = ports.VectorInput(self, "alip_icp", 2)
         self._walking_state = ports.ValueInput(
             self, "walking_state", walking.WalkingState
         )

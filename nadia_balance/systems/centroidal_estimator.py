@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
@@ -9,7 +10,7 @@ from nadia_balance.collision_avoidance import CollisionAvoidance
 from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.walking import FootPose, FootPoses
-from nadia_balance.core.whole_body_command import WholeBodyTerms
+from nadia_balance.core.whole_body_command import BASE, WholeBodyTerms
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems import ports
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
@@ -67,6 +68,7 @@ class CentroidalEstimator(LeafSystem):
             "com_state", ports.size(ComState), self._calc_com_state, needs
         )
         self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
+        self.DeclareVectorOutputPort("alip_icp", 2, self._calc_alip, needs)
         ports.declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
     def _calc_terms(self, context) -> WholeBodyTerms:
@@ -87,6 +89,19 @@ class CentroidalEstimator(LeafSystem):
     def _calc_icp(self, context, output):
         com = ComState(self._terms.Eval(context).com_state)
         output.set_value(icp(com.position[:2], com.velocity[:2], self._omega))
+
+    def _calc_alip(self, context, output):
+        import os
+
+        share = float(os.environ.get("ALIP", "0"))
+        terms = self._terms.Eval(context)
+        com = ComState(terms.com_state)
+        p_BC = com.position - terms.q[4:7]
+        base = terms.velocities[BASE]
+        L = base[:3] - np.cross(p_BC, com.velocity)
+        z = com.position[2] - terms.sole_positions[:, 2].min()
+        v = com.velocity[:2] + share * np.array([L[1], -L[0]]) / z
+        output.set_value(icp(com.position[:2], v, self._omega))
 
     def _calc_foot_poses(self, context) -> FootPoses:
         terms = self._terms.Eval(context)

@@ -33,7 +33,7 @@ class TimingAdapter(LeafSystem):
         super().__init__()
         check(params)
         self._timing = Timing(params, model, period)
-        self._icp = VectorInput(self, "icp", 2)
+        self._icp = VectorInput(self, "alip_icp", 2)
         self._plan = ValueInput(self, "icp_plan", IcpPlan)
         self._state = ValueInput(self, "walking_state", WalkingState)
         self._feet = ValueInput(self, "foot_poses", FootPoses)

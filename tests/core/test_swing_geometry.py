@@ -230,7 +230,7 @@ def test_allows_feet_on_the_ground_side_by_side():
     found = on_ground((square("stone", 0.0, -0.1),), swing(length=0.0))
     for x, y, good in (0.0, -0.125, 1), (0.2, -0.125, 0), (0.0, 0.05, 0):
         assert found.allows(FootPose([x, y, 0.0])) == good
-    assert found.has(np.array([0.0, -0.125]))
-    assert not found.has(np.array([0.0, 0.05]))  # on the stance foot
-    assert not found.has(np.array([0.3, -0.125]))  # beside the stone
+    assert found.place_at(np.array([0.0, -0.125])) == found.places[0]
+    assert found.place_at(np.array([0.0, 0.05])) is None  # on the stance foot
+    assert found.place_at(np.array([0.3, -0.125])) is None  # beside the stone
     assert found.places[0].reach == BASE
