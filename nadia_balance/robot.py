@@ -1,6 +1,7 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from nadia_balance.core.size import scaled
 from nadia_balance.core.walking import Side, rectangle
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.ground_geometry import add_ground, default_plant_config
+from nadia_balance.leg_strength import cop_area, foot_limits
 from nadia_balance.robot_params import (
     MODELS,
     RobotParams,
@@ -92,14 +94,24 @@ class RobotModel:
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
+        plant, q = self.control_plant(), self.standing_positions()
+        legs = plant, q, self.foot_bodies, self.X_FootSole
+        a, v = foot_limits(*legs, self.max_joint_speeds)
+        detour = self.params.swing_detour
+        detour = replace(
+            detour,
+            max_acceleration=min(a, detour.max_acceleration),
+            max_speed=min(v, detour.max_speed),
+        )
         return PointMassModel(
             mass=self.mass,
             com_height=self.com_height,
             step_width=self.params.step_width,
             sole=self.sole,
+            held=cop_area(*legs, self.sole),
             legs=self.params.legs,
             reach=self.params.reachability,
-            detour=self.params.swing_detour,
+            detour=detour,
         )
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:

@@ -209,12 +209,14 @@ class LipmLimit:
     @cached_property
     def _ecmps(self) -> Halfplanes:
         """Half-planes of the eCMP about a sole's centre."""
-        return self._around(self.model.sole)
+        return self._around(self.model.cop_area)
 
     @cached_property
     def _support(self) -> Halfplanes:
         """Half-planes of the eCMP on the present contacts, see `_local`."""
-        soles = polygon.support_polygon(self.state.schedule, self.model.sole)
+        soles = polygon.support_polygon(
+            self.state.schedule, self.model.cop_area
+        )
         return self._around(self._local(soles))
 
     def _around(self, corners: Array) -> Halfplanes:

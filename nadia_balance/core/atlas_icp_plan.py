@@ -172,8 +172,8 @@ def cmps(
     schedule.start, then heel and toe of each stance foot (Eq. 15), and the
     middle of the soles.
     """
-    inner = shrink(model.sole, params.margin, "margin")
-    centre = centroid(model.sole)
+    inner = shrink(model.cop_area, params.margin, "margin")
+    centre = centroid(model.cop_area)
     feet = schedule.feet
     shares = dict.fromkeys(Side, [0.0] * len(steps))
     found = []

@@ -290,7 +290,7 @@ def plan_icp(
     Raises ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
-    path = cop_waypoints(schedule, params.cop, model.sole)
+    path = cop_waypoints(schedule, params.cop, model.cop_area)
     icp_start = icp(start.com, start.com_velocity, omega)
     ecmp, offset = _bent(path, icp_start, omega)
     coefficients = solve_segments(
@@ -346,7 +346,7 @@ def _unbent_icp(
     t: float,
     model: PointMassModel,
 ) -> Array:
-    path = cop_waypoints(schedule, cop, model.sole)
+    path = cop_waypoints(schedule, cop, model.cop_area)
     multipliers = recursive_multipliers(path.knots, t, model.omega)
     return np.asarray(multipliers @ path.points)
 

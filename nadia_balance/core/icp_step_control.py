@@ -110,7 +110,7 @@ def step_phase(
     stance = schedule.feet[schedule.support_side]
     steps = _in_force(state, params.num_steps)
     nominal = tuple(a.nominal for a in steps)
-    support = polygon.support_polygon(schedule, model.sole)
+    support = polygon.support_polygon(schedule, model.cop_area)
     room = polygon.shrink(
         support, params.cop_safe_distance, "cop_safe_distance"
     )

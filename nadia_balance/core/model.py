@@ -32,10 +32,17 @@ class PointMassModel:
     com_height: float  # of the CoM above the soles [m]
     step_width: float  # between the sole centres, standing [m]
     sole: Array  # (n, 2) corners of either sole, in its own frame [m]
+    # Part (k, 2) [m] of either sole where the ankle holds the CoP; None: all.
+    held: Array | None = None
     legs: LegGeometry
     reach: ReachabilityParams  # reachability regions of the swing foot
     detour: SwingDetourParams  # path of the swing foot past the stance leg
     ground: Ground | None = None  # None: unlimited level ground
+
+    @property
+    def cop_area(self) -> Array:
+        """Part (k, 2) [m] of either sole that the CoP can be in, when alone."""
+        return self.sole if self.held is None else self.held
 
     @property
     def is_uneven(self) -> bool:

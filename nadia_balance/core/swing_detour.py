@@ -41,7 +41,7 @@ class SwingDetourParams:
         0.15, least=0.0, most=1.0, unit="m", of="sole_width"
     )
     # Horizontal; accelerating the leg has a reaction on the rest of the robot.
-    max_acceleration: float = bounded(35.0, above=0.0, unit="m/s^2")
+    max_acceleration: float = bounded(50.0, above=0.0, unit="m/s^2")
     # Mean horizontal speed of a swing.
     max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
     # Mean velocity of the descent to the ground.

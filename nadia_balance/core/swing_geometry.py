@@ -227,7 +227,7 @@ def swing_geometry(
         stance=stance,
         swing=step.side,
         omega=model.omega,
-        foot=in_world(params.usable_foot(model.sole), stance, step.side),
+        foot=in_world(params.usable_foot(model.cop_area), stance, step.side),
         regions=regions,
         places=tuple(_places(regions, stance, step.pose.yaw, model)),
         ground=model.ground,

@@ -195,7 +195,7 @@ class Timing:
         """Returns the advance of the clock, up to `most` [s]."""
         ahead = plan.time_to(icp, state.time_in_phase)
         future = plan.at(state.time_in_phase + ahead)
-        support = support_polygon(state.schedule, self.model.sole)
+        support = support_polygon(state.schedule, self.model.cop_area)
         error = math.dist(icp, future.icp)
         if error >= self.params.icp_error_threshold and is_leaving(
             icp, future, support, self.params.support_margin

@@ -208,7 +208,7 @@ def may_lift(
     if excess < 0.0:
         return True
     length = math.hypot(*error)
-    support = support_polygon(schedule, model.sole)
+    support = support_polygon(schedule, model.cop_area)
     room = float(np.max((support - icp) @ (error / length)))
     if _is_held(schedule, room, waited, params):
         return False

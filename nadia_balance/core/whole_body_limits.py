@@ -167,8 +167,6 @@ class WholeBodyLimits:
         Order: tilt of the trunk, joint limits, torque rate limits by the
         factors _HASTE, link distances.
         """
-        lower[self._trunk_rows] = -np.inf
-        yield
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
         yield
@@ -177,6 +175,8 @@ class WholeBodyLimits:
             torques = torques - terms.forces[6:, -1]
             lower[self.torque_rows], upper[self.torque_rows] = torques
             yield
+        lower[self._trunk_rows] = -np.inf
+        yield
         if terms.avoidance and (near := len(terms.avoidance.limits)):
             lower[-near:] = -np.inf
             yield

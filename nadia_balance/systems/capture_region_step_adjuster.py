@@ -66,7 +66,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
     ):
         super().__init__()
         check(params)
-        params.usable_foot(model.sole)  # raises if it is empty
+        params.usable_foot(model.cop_area)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
         self._icp = ports.VectorInput(self, "alip_icp", 2)
         self._walking_state = ports.ValueInput(

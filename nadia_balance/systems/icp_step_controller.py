@@ -56,7 +56,7 @@ class IcpStepController(LeafSystem):
         """
         super().__init__()
         check(params)
-        shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
+        shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._params = params
         self._qp = IcpStepQp(params)
         self._icp = ports.VectorInput(self, "icp", 2)

@@ -61,7 +61,7 @@ class MomentumQp(LeafSystem):
     ):
         super().__init__()
         check(params)
-        shrink(model.sole, params.cop_safe_distance, "cop_safe_distance")
+        shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._qp = momentum_qp.IcpFeedbackQp(params)
         self._icp = ports.VectorInput(self, "icp", 2)
         self._reference = ports.VectorInput(self, "icp_reference", IcpReference)
@@ -70,7 +70,7 @@ class MomentumQp(LeafSystem):
             self,
             self._walking,
             lambda state: momentum_qp.feedback_limits(
-                support_polygon(state.schedule, model.sole),
+                support_polygon(state.schedule, model.cop_area),
                 state.schedule.feet[state.schedule.support_side].yaw,
                 params,
             ),
