@@ -22,9 +22,9 @@ from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.mujoco_plant import add_mujoco_plant
-from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.state_sensor import StateSensor
+from nadia_balance.systems.wiring import connect
 
 CONTROLLER_LOGS = (
     "com_state",

@@ -17,9 +17,9 @@ from nadia_balance.results.scene import add_drawings, add_mechanisms
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.point_mass_plant import PointMassPlant
-from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
+from nadia_balance.systems.wiring import connect
 
 CONTROLLER_LOGS = (
     "icp_reference",

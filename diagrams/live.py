@@ -14,7 +14,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.scene import CONTROLS, move_floor
 from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.balance_visualizer import FOOTPRINTS
-from nadia_balance.systems.walking_state_machine import WalkingSignal
+from nadia_balance.systems.signals import WalkingSignal
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
 MOST_STEPS = 1000  # the most that a Gait allows; then the session restarts

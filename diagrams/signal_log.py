@@ -103,7 +103,7 @@ class MeasuredPoses:
     def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
         """Returns the signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
 
-        Rows are MeasuredFeet and TrunkTilt (see nadia_balance.results.log) of
+        Rows are MeasuredFeet and TrunkTilt (see systems.signals) of
         the `states` (n, nq + nv).
         """
         feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))

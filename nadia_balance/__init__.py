@@ -36,7 +36,7 @@ _PUBLIC = {
     "systems.momentum_qp": ("MomentumQp",),
     "systems.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
     "systems.point_mass_plant": ("PointMassPlant",),
-    "systems.ports": ("connect",),
+    "systems.wiring": ("connect",),
     "systems.push_source": ("PushSource",),
     "systems.state_predictor": ("StatePredictor",),
     "systems.state_sensor": ("StateSensor",),

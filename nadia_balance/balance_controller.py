@@ -16,12 +16,12 @@ from nadia_balance.core.whole_body_tasks import Task
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from nadia_balance.systems.friction_estimator import FrictionEstimator
-from nadia_balance.systems.ports import Role, fill, wire
 from nadia_balance.systems.state_predictor import StatePredictor
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
+from nadia_balance.systems.wiring import Role, fill, wire
 
 
 class BalanceController(Diagram):

@@ -24,9 +24,9 @@ from nadia_balance.systems.com_height_controller import ComHeightController
 from nadia_balance.systems.icp_planner import IcpPlanner
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
-from nadia_balance.systems.ports import Role, fill, wire
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
+from nadia_balance.systems.wiring import Role, fill, wire
 
 
 @dataclass(kw_only=True)

@@ -25,8 +25,7 @@ from nadia_balance.results.log import steps
 from nadia_balance.results.scene import start_meshcat
 from nadia_balance.robot import load_robot
 from nadia_balance.systems.ports import ValueInput, declare_output
-from nadia_balance.systems.push_source import PushSignal
-from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 from tests.blocks import answer, asked, fix
 from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL

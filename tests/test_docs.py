@@ -75,7 +75,7 @@ def test_25_lines_make_a_robot_walk_and_recover():
 import json, sys
 sys.modules.update(dict.fromkeys({blocked}))
 {block}
-from nadia_balance.systems.push_source import PushSignal
+from nadia_balance.systems.signals import PushSignal
 root = simulator.get_context()
 def value(system, port):
     context = system.GetMyContextFromRoot(root)

@@ -16,8 +16,8 @@ from nadia_balance import palette
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.systems.balance_visualizer import BalanceVisualizer
 from nadia_balance.systems.live_controls import LiveControls
-from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.wiring import connect
 
 FRAMES_PER_SECOND = 32.0
 ROBOT = "/drake/robot"  # path of the robot in the scene

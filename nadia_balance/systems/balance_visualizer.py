@@ -16,10 +16,8 @@ from nadia_balance.core.polygon import intersection, support_polygon
 from nadia_balance.core.reachability import circle
 from nadia_balance.core.walking import FootPose, WalkingState
 from nadia_balance.systems import overlay
-from nadia_balance.systems.centroidal_estimator import ComState
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.ports import ValueInput
+from nadia_balance.systems.signals import ComState, EcmpCommand, IcpReference
 
 ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>

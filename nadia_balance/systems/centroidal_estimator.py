@@ -2,7 +2,6 @@
 
 import math
 
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.collision_avoidance import CollisionAvoidance
@@ -12,13 +11,8 @@ from nadia_balance.core.walking import FootPose, FootPoses
 from nadia_balance.core.whole_body_command import WholeBodyTerms
 from nadia_balance.robot import RobotModel
 from nadia_balance.systems import ports
+from nadia_balance.systems.signals import ComState, size
 from nadia_balance.whole_body_kinematics import WholeBodyKinematics
-
-
-class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
-    """Position and velocity of the centre of mass, (3,) in W [m], [m/s]."""
-
-    position, velocity = ports.entries(0, 3), ports.entries(3, 6)
 
 
 class CentroidalEstimator(LeafSystem):
@@ -64,7 +58,7 @@ class CentroidalEstimator(LeafSystem):
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
-            "com_state", ports.size(ComState), self._calc_com_state, needs
+            "com_state", size(ComState), self._calc_com_state, needs
         )
         self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
         ports.declare_output(self, "foot_poses", self._calc_foot_poses, needs)

@@ -14,8 +14,12 @@ from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import shrink
 from nadia_balance.core.walking import Phase
 from nadia_balance.systems import ports
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
+from nadia_balance.systems.signals import (
+    EcmpCommand,
+    IcpReference,
+    QpStatus,
+    size,
+)
 
 
 class IcpStepController(LeafSystem):
@@ -95,9 +99,9 @@ class IcpStepController(LeafSystem):
         ports.Outcome(
             self,
             {
-                "ecmp_command": ports.size(EcmpCommand),
-                "momentum_qp_status": ports.size(QpStatus),
-                "icp_reference": ports.size(IcpReference),
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
+                "icp_reference": size(IcpReference),
             },
             3,
             self._calc_outcome,

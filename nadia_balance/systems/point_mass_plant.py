@@ -6,10 +6,12 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core import walking
 from nadia_balance.core.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.systems.centroidal_estimator import ComState
-from nadia_balance.systems.momentum_qp import EcmpCommand
 from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
-from nadia_balance.systems.swing_foot_planner import SwingFootReference
+from nadia_balance.systems.signals import (
+    ComState,
+    EcmpCommand,
+    SwingFootReference,
+)
 
 
 class PointMassPlant(LeafSystem):

@@ -14,9 +14,8 @@ from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
 from nadia_balance.core.whole_body_tasks import Task
 from nadia_balance.robot import RobotModel, actuated_velocities
-from nadia_balance.systems.momentum_qp import QpStatus
-from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput, size
-from nadia_balance.systems.swing_foot_planner import SwingFootReference
+from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput
+from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 from nadia_balance.whole_body_kinematics import whole_body_model
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]

@@ -25,7 +25,7 @@ from nadia_balance.results.scene import start_meshcat
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot import MODELS
 from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
-from nadia_balance.systems.walking_state_machine import PHASES
+from nadia_balance.systems.signals import PHASES
 from tests.clicks import click
 from tests.diagrams import simulated as runs
 from tests.source_files import ROOT

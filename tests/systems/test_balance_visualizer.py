@@ -39,7 +39,7 @@ from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
 from nadia_balance.systems.overlay import LINE
-from nadia_balance.systems.ports import connect
+from nadia_balance.systems.wiring import connect
 from tests.blocks import asked
 from tests.core.test_ground import square
 from tests.example_walks import MODEL, SOLE

@@ -19,10 +19,9 @@ from nadia_balance.core.reachability import in_world
 from nadia_balance.core.walking import Side, WalkingState
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.icp_step_controller import IcpStepController
-from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
 from nadia_balance.systems.ports import NOTHING
+from nadia_balance.systems.signals import EcmpCommand, IcpReference, QpStatus
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import MODEL, swing, walk
 

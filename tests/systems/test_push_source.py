@@ -19,8 +19,9 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.ports import connect
-from nadia_balance.systems.push_source import PushSignal, PushSource
+from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import PushSignal
+from nadia_balance.systems.wiring import connect
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import standing
 

@@ -12,11 +12,8 @@ from nadia_balance.core.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.systems.walking_state_machine import (
-    PHASES,
-    WalkingSignal,
-    WalkingStateMachine,
-)
+from nadia_balance.systems.signals import PHASES, WalkingSignal
+from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import FEET, MODEL, standing, walk
 

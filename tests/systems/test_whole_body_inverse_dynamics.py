@@ -7,7 +7,7 @@ from nadia_balance.core.walking import WalkingState
 from nadia_balance.core.whole_body_limits import WholeBodyLimits
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.systems.momentum_qp import QpStatus
+from nadia_balance.systems.signals import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
