@@ -16,11 +16,12 @@ from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from nadia_balance import robot_checks
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.size import scaled
-from nadia_balance.core.walking import Side, rectangle
+from nadia_balance.core.walking import Side
 from nadia_balance.core.whole_body_params import WholeBodyQpParams
 from nadia_balance.ground_geometry import add_ground, default_plant_config
 from nadia_balance.robot_params import (

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.mechanisms import MECHANISMS
 from nadia_balance.core.model import LegGeometry, PointMassModel
@@ -19,7 +20,6 @@ from nadia_balance.core.walking import (
     Phase,
     ReferencePoint,
     Side,
-    rectangle,
 )
 
 SOLE = rectangle(0.25, 0.12)

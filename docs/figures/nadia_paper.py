@@ -21,6 +21,7 @@ from nadia_balance import palette
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core import capture_region as regions
 from nadia_balance.core import momentum_qp, reachability
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -33,7 +34,7 @@ from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking import Array, FootPose, FootPoses, Side
+from nadia_balance.core.walking import FootPose, FootPoses, Side
 from nadia_balance.results.plots.style import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot import load_robot
 from nadia_balance.scripts.command_line import program

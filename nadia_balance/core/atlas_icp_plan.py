@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.cop_waypoints import REST_DURATION
 from nadia_balance.core.icp_plan import IcpPlan, solve_segments
 from nadia_balance.core.lipm import icp, icp_after
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import centroid, project, shrink
-from nadia_balance.core.walking import Array, Phase, Side
+from nadia_balance.core.walking import Phase, Side
 
 _SHORTEST = 1e-9  # shorter segments are omitted [s]
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from nadia_balance.core import polygon
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.polygon import minkowski_sum
-from nadia_balance.core.walking import Array
 
 _ORIGIN = np.zeros((1, 2))
 

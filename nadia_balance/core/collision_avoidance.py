@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Array
 
 _TINY = 1e-12  # lower bound of divisors, for spheres and parallel segments
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import centroid, convex_hull, project, shrink
-from nadia_balance.core.walking import Array, FootPose, Side
+from nadia_balance.core.walking import FootPose, Side
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 REST_DURATION = 10.0  # [s]; long enough to count as infinite

@@ -8,7 +8,7 @@ import daqp  # type: ignore[import-not-found]
 import numpy as np
 from pydrake import solvers
 
-from nadia_balance.core.walking import Array
+from nadia_balance.core.arrays import Array
 
 # Primal tolerance of rows that DAQP has normalised.  With its default, 1e-6,
 # rows of very different lengths are violated by centimetres.

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core import swing_geometry, walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.polygon import (
     area,
     clip_all,
@@ -29,7 +30,7 @@ from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.swing_geometry import (
     CaptureRegionStepAdjusterParams as Params,
 )
-from nadia_balance.core.walking import Adjustment, Array, FootPose
+from nadia_balance.core.walking import Adjustment, FootPose
 
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
 _HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Array
 
 _LOADED = 0.2  # share of the weight below which slips are ignored [-]
 _LESS = 0.9  # new estimate over the friction used in a slip [-]

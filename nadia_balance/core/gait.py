@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from nadia_balance.core import ground_steps, walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded, check
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.model import PointMassModel
@@ -242,14 +243,14 @@ def _is_at(foot: FootPose, commanded: FootPose, reach: Reach) -> bool:
     return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
-def _share_of_region(reach: Reach, share: float) -> walking.Array:
+def _share_of_region(reach: Reach, share: float) -> Array:
     """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
     region = base_region(reach)
     part = intersection(convex_hull(_scaled(region, reach, share)), region)
     return part if len(part) else region
 
 
-def _scaled(points: walking.Array, reach: Reach, share: float) -> walking.Array:
+def _scaled(points: Array, reach: Reach, share: float) -> Array:
     """Returns footholds (..., 2), scaled by `share` in x and in y beyond w_nom.
 
     Footholds with y below w_nom keep their y.
@@ -259,7 +260,7 @@ def _scaled(points: walking.Array, reach: Reach, share: float) -> walking.Array:
     return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
 
 
-def _moved(step: Footstep, stance: FootPose, p_F: walking.Array) -> Footstep:
+def _moved(step: Footstep, stance: FootPose, p_F: Array) -> Footstep:
     xy = stance.to_world(p_F[None])[0]
     p_WF = np.append(xy, step.pose.p_WF[2])
     return replace(step, pose=replace(step.pose, p_WF=p_WF))

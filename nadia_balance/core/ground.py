@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import (
     area,
@@ -18,7 +19,7 @@ from nadia_balance.core.polygon import (
     intersection,
     project,
 )
-from nadia_balance.core.walking import Array, FootPose, Immutable
+from nadia_balance.core.walking import FootPose, Immutable
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from nadia_balance.core import reachability, walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.ground import Ground
 
 
@@ -62,7 +63,7 @@ def snapped_to(
 
 
 def moved_to(
-    ground: Ground, step: walking.Footstep, within: Iterable[walking.Array]
+    ground: Ground, step: walking.Footstep, within: Iterable[Array]
 ) -> walking.Footstep | None:
     """Returns the step at the nearest foothold in the first feasible polygon.
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.cop_waypoints import (
     CopWaypointParams,
     CopWaypoints,
@@ -17,7 +18,6 @@ from nadia_balance.core.cop_waypoints import (
 from nadia_balance.core.lipm import icp
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import project
-from nadia_balance.core.walking import Array
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
 _LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]

@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core import icp_step_qp, polygon, walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.foothold_adjustment import unadjusted
 from nadia_balance.core.icp_plan import IcpReference, reference_of
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.qp import QpResult
 from nadia_balance.core.reachability import base_region, in_world
-from nadia_balance.core.walking import Adjustment, Array, WalkingState
+from nadia_balance.core.walking import Adjustment, WalkingState, support_polygon
 
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
@@ -110,7 +111,7 @@ def step_phase(
     stance = schedule.feet[schedule.support_side]
     steps = _in_force(state, params.num_steps)
     nominal = tuple(a.nominal for a in steps)
-    support = polygon.support_polygon(schedule, model.sole)
+    support = support_polygon(schedule, model.sole)
     room = polygon.shrink(
         support, params.cop_safe_distance, "cop_safe_distance"
     )

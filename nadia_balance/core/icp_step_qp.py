@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.core.walking import Array, FootPose, Immutable
+from nadia_balance.core.walking import FootPose, Immutable
 
 
 def _diagonal(weight: float) -> Any:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Array
 
 
 @dataclass(kw_only=True)

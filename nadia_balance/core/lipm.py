@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from nadia_balance.core.walking import Array
+from nadia_balance.core.arrays import Array
 
 GRAVITY = 9.81  # [m/s^2]
 

@@ -4,7 +4,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from nadia_balance.core.walking import Array
+from nadia_balance.core.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.lipm import natural_frequency
 from nadia_balance.core.reachability import ReachabilityParams
 from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.walking import Array
 
 
 @dataclass(kw_only=True)

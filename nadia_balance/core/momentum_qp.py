@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import halfspaces, project, shrink
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.core.walking import Array
 
 
 @dataclass(kw_only=True)

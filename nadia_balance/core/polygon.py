@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from nadia_balance.core.walking import Array, ContactSchedule, Side
+from nadia_balance.core.arrays import Array
 
 Point = tuple[float, float]
 # Vertex x, y [m] and vector dx, dy [m] to the next vertex.
@@ -268,16 +268,3 @@ def merge(first: list[Edge], second: list[Edge]) -> Array:
     ax, ay, *_ = first[0]
     total += [(ax + bx, ay + by) for bx, by, _, _ in second[j:]]
     return as_array(total)
-
-
-def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
-    """Returns the hull (n, 2) [m] in W of the soles in contact.
-
-    `sole` (k, 2) [m] are the corners of either sole in its own frame.
-    """
-    soles = [
-        schedule.feet[side].to_world(sole)
-        for side in Side
-        if schedule.in_contact(side)
-    ]
-    return convex_hull(np.concatenate(soles))

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Array, Phase, Side, WalkingState
+from nadia_balance.core.walking import Phase, Side, WalkingState
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]

@@ -7,8 +7,8 @@ import numpy as np
 from pydrake import solvers
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.daqp_solver import DaqpSolver
-from nadia_balance.core.walking import Array
 
 # A hundredth of Clarabel's default.
 _GAP_TOLERANCE = 1e-10

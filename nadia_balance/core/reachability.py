@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.polygon import convex_hull
-from nadia_balance.core.walking import Array, FootPose, Side
+from nadia_balance.core.walking import FootPose, Side
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.ground import Ground, Region
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.polygon import convex_hull, intersection
-from nadia_balance.core.walking import Array
 
 _PARTS = 40  # intervals of the path, at whose ends the ground is evaluated
 _BESIDE = 0.01  # lateral tolerance of the foot on its path [m]

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
-from nadia_balance.core.walking import Array, FootPose, Side
+from nadia_balance.core.walking import FootPose, Side
 
 Point = tuple[float, float]
 

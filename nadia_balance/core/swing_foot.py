@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.core import swing_detour
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.model import PointMassModel
 from nadia_balance.core.swing_clearance import SwingEdges
-from nadia_balance.core.walking import Array, FootPose, Phase, WalkingState
+from nadia_balance.core.walking import FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
 # Indices of FootMotion's elements in its vector, and the inverse permutation.

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from nadia_balance.core import reachability, walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.capture_region import later_steps, one_step_region
 from nadia_balance.core.ground import Ground
@@ -30,7 +31,6 @@ from nadia_balance.core.polygon import (
 )
 from nadia_balance.core.reachability import in_world
 from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.walking import Array
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]

@@ -11,18 +11,19 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.icp_plan import IcpPlan, IcpReference
 from nadia_balance.core.mechanisms import Mechanisms
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import contains, project, support_polygon
+from nadia_balance.core.polygon import contains, project
 from nadia_balance.core.swing_detour import UNDER_WAY, time_of_way
 from nadia_balance.core.walking import (
-    Array,
     FootPose,
     FootPoses,
     Phase,
     WalkingState,
+    support_polygon,
 )
 
 # Least distance [m] along the plan to the end of the phase in Eq. 16: at the

@@ -14,9 +14,9 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from nadia_balance.core.arrays import Array, read_only
+from nadia_balance.core.polygon import convex_hull
 
 
 class Side(enum.Enum):
@@ -42,13 +42,6 @@ class Phase(enum.Enum):
     STANDING = "standing"  # both feet carry, no step has started
     TRANSFER = "transfer"  # both feet carry, weight moves to support_side
     SWING = "swing"  # support_side carries, the other foot is in the air
-
-
-def read_only(values: object, size: int) -> Array:
-    """Returns a read-only float copy of `values`, shape (size,)."""
-    array = np.array(values, dtype=float).reshape(size)
-    array.flags.writeable = False
-    return array
 
 
 def tilt(normal: Array) -> Array:
@@ -253,12 +246,19 @@ class WalkingState(Immutable):
         return max(self.time_in_phase - self.elapsed, 0.0)
 
 
-def rectangle(length: float, width: float) -> Array:
-    """Corners (4, 2) [m] of a centred rectangle, counter-clockwise."""
-    x, y = 0.5 * length, 0.5 * width
-    return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
-
-
 def number_of_ticks(duration: float, period: float) -> int:
     """Returns `duration` [s] in ticks of `period` [s], rounded, at least 1."""
     return max(round(duration / period), 1)
+
+
+def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
+    """Returns the hull (n, 2) [m] in W of the soles in contact.
+
+    `sole` (k, 2) [m] are the corners of either sole in its own frame.
+    """
+    soles = [
+        schedule.feet[side].to_world(sole)
+        for side in Side
+        if schedule.in_contact(side)
+    ]
+    return convex_hull(np.concatenate(soles))

@@ -9,20 +9,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.bounds import bounded
 from nadia_balance.core.gait import within_reach
 from nadia_balance.core.icp_plan import IcpPlan
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
-    Array,
     ContactSchedule,
     FootPoses,
     Footstep,
     Phase,
     Side,
     WalkingState,
+    support_polygon,
 )
 
 _HUGE = 700.0  # largest exponent: e^700 is finite [-]

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.joint_drives import JointDriveParams
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.walking import Array, Phase, Side, WalkingState
+from nadia_balance.core.walking import Phase, Side, WalkingState
 from nadia_balance.core.whole_body_params import CrossingTurnParams
 from nadia_balance.core.whole_body_params import WholeBodyQpParams as Params
 

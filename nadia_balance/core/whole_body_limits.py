@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.joint_drives import torque_limits
-from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body_command import WholeBodyModel as Model
 from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms

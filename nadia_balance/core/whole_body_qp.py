@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core import whole_body_command
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.core.walking import Array
 from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body_command import WholeBodyModel as Model
 from nadia_balance.core.whole_body_command import WholeBodyTerms as Terms

@@ -6,8 +6,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.walking import Array, tilt
+from nadia_balance.core.walking import tilt
 from nadia_balance.core.whole_body_command import BASE, PELVIS, SOLES, TORSO
 from nadia_balance.core.whole_body_command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body_command import WholeBodyModel as Model

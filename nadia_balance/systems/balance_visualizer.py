@@ -10,11 +10,12 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance import palette
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import Array
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.ground import Ground
-from nadia_balance.core.polygon import intersection, support_polygon
+from nadia_balance.core.polygon import intersection
 from nadia_balance.core.reachability import circle
-from nadia_balance.core.walking import FootPose, WalkingState
+from nadia_balance.core.walking import FootPose, WalkingState, support_polygon
 from nadia_balance.systems import overlay
 from nadia_balance.systems.ports import ValueInput
 from nadia_balance.systems.signals import ComState, EcmpCommand, IcpReference
@@ -256,7 +257,7 @@ class BalanceVisualizer(LeafSystem):
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
-        drawn: dict[str, walking.Array] = {"reach": found.reach}
+        drawn: dict[str, Array] = {"reach": found.reach}
         for i, region in zip_longest(range(3), found.regions[:3]):
             clipped = _NOTHING if region is None else intersection(region, near)
             drawn[f"c_{i + 1}"] = clipped

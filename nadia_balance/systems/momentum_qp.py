@@ -6,8 +6,8 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core import momentum_qp
 from nadia_balance.core.bounds import check
 from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import shrink, support_polygon
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.polygon import shrink
+from nadia_balance.core.walking import WalkingState, support_polygon
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import (
     EcmpCommand,

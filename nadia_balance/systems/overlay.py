@@ -12,7 +12,8 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Array, FootPose
+from nadia_balance.core.arrays import Array
+from nadia_balance.core.walking import FootPose
 
 LINE = 0.012  # width of outlines [m]
 

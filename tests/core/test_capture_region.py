@@ -11,6 +11,7 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.capture_region import (
     capture_region,
     later_steps,
@@ -25,7 +26,7 @@ from nadia_balance.core.reachability import (
     step_regions,
     total_region,
 )
-from nadia_balance.core.walking import FootPose, Side, rectangle
+from nadia_balance.core.walking import FootPose, Side
 from tests.example_walks import MODEL, OMEGA
 
 FOOT = convex_hull(rectangle(0.22, 0.11))

@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from nadia_balance.core import walking
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -124,7 +125,7 @@ RULES = replace(
 )
 # Towers of unit width on the x axis: a capture region below them of depth 10
 # shares with each tower as much as the tower reaches down.
-ABOVE = convex_hull(walking.rectangle(20.0, 10.0) - [0.0, 5.0])
+ABOVE = convex_hull(rectangle(20.0, 10.0) - [0.0, 5.0])
 NAMES = (BASE, FORWARD, BACKWARD)
 STEP = IN_PLACE.footsteps[0]
 
@@ -377,7 +378,7 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
 def shifted_region(x):
     """A region whose edge, less the margin, is at `x`."""
     edge = x - PARAMS.margin
-    return convex_hull(walking.rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
+    return convex_hull(rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
 
 
 def test_within_the_dead_band_nothing_moves():
@@ -411,7 +412,7 @@ def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
     """Oracle: a region that covers the nominal foothold, not the present."""
     pose = walking.FootPose([0.5, -0.125, 0.0])
     current = walking.Adjustment(STEP, pose, FORWARD)
-    region = convex_hull(walking.rectangle(0.4, 0.4) + [0.0, -0.125])
+    region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
     found = adjust(current, region)
     assert found.pose == NOMINAL
 
@@ -422,7 +423,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     """
     now, foot, icp = (0.4, 0.9), np.array([0.0, -0.125]), np.array([0.0, 0.4])
     case = Landing(GEOMETRY, icp, now, foot)
-    ahead = foot + convex_hull(walking.rectangle(0.2, 0.1)) + [0.3, -0.2]
+    ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
     corner, _ = closest_point(ahead, case.capture_region)
     detour = GEOMETRY.detour
     t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
@@ -576,7 +577,7 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
         square("right", 0.25 - shift, -0.2),
     )
     case, ground = on_stones([0.0, -0.2], stones)
-    everywhere = convex_hull(walking.rectangle(2.0, 2.0))
+    everywhere = convex_hull(rectangle(2.0, 2.0))
     case = Given(case.geometry, case.icp, TOUCHDOWN, capture_region=everywhere)
     for last, expected in (None, "right"), (0, kept), (1, "right"):
         current = unadjusted(IN_PLACE)

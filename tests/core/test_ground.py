@@ -9,6 +9,7 @@ import shapely
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.bounds import check
 from nadia_balance.core.ground import (
     Ground,
@@ -19,7 +20,7 @@ from nadia_balance.core.ground import (
     check_ground,
 )
 from nadia_balance.core.polygon import contains, convex_hull
-from nadia_balance.core.walking import FootPose, rectangle
+from nadia_balance.core.walking import FootPose
 from tests.example_walks import SOLE
 
 

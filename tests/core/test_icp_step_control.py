@@ -18,8 +18,14 @@ from nadia_balance.core.icp_step_control import (
     uncrossed_reach,
 )
 from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
-from nadia_balance.core.polygon import contains, shrink, support_polygon
-from nadia_balance.core.walking import FootPose, Phase, Side, WalkingState
+from nadia_balance.core.polygon import contains, shrink
+from nadia_balance.core.walking import (
+    FootPose,
+    Phase,
+    Side,
+    WalkingState,
+    support_polygon,
+)
 from tests.example_walks import MODEL, random_walks, standing, swing, walk
 
 PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()

@@ -8,11 +8,9 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
-from shapely import affinity
 
 from nadia_balance.core import polygon
-from nadia_balance.core.walking import Phase, rectangle
-from tests.example_walks import SOLE, random_walks
+from nadia_balance.core.arrays import rectangle
 
 # On a grid of 1 cm, so that many are on one line or coincide, while no
 # triangle is so flat that its orientation is a matter of rounding.
@@ -209,22 +207,3 @@ def test_the_minkowski_sum_is_the_hull_of_all_sums(first, second):
     # Edges that are parallel but for 1e-16 m^2 are merged.
     assert ours.hausdorff_distance(expected) < 1e-7
     assert len(total) <= len(first) + len(second)
-
-
-def sole_in_world(foot):
-    """The sole, placed by shapely."""
-    turned = affinity.rotate(
-        shapely.Polygon(SOLE), foot.yaw, origin=(0, 0), use_radians=True
-    )
-    return affinity.translate(turned, foot.p_WF[0], foot.p_WF[1])
-
-
-@given(random_walks())
-def test_is_the_hull_of_the_soles_in_contact(schedule):
-    """Oracle: shapely's hull of both soles, or of the stance sole alone."""
-    feet = [schedule.feet.left, schedule.feet.right]
-    if schedule.phase is Phase.SWING:
-        feet = [schedule.feet[schedule.support_side]]
-    expected = shapely.union_all([sole_in_world(f) for f in feet]).convex_hull
-    ours = shapely.Polygon(polygon.support_polygon(schedule, SOLE))
-    assert ours.symmetric_difference(expected).area < 1e-12

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
+from nadia_balance.core.arrays import rectangle
 from nadia_balance.core.ground import Ground
 from nadia_balance.core.lipm import icp_after
 from nadia_balance.core.polygon import contains, convex_hull
@@ -21,7 +22,7 @@ from nadia_balance.core.swing_geometry import (
     geometry_key,
     swing_geometry,
 )
-from nadia_balance.core.walking import FootPose, Side, rectangle
+from nadia_balance.core.walking import FootPose, Side
 from tests.core.test_capture_region import random_points
 from tests.core.test_ground import square
 from tests.example_walks import ALL, MODEL, OMEGA, SOLE, UNCROSSED, moved, swing

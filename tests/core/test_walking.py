@@ -1,4 +1,4 @@
-"""Oracles: hand-computed frames; numpy's own refusal to write."""
+"""Oracles: hand-computed frames; shapely."""
 
 import copy
 import importlib
@@ -8,9 +8,13 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
+import shapely
+from hypothesis import given
+from shapely import affinity
 
 from nadia_balance import core
 from nadia_balance.core import walking
+from tests.example_walks import SOLE, random_walks
 
 POSE = walking.FootPose([1.0, 2.0, 0.5], math.pi / 2)
 FEET = walking.FootPoses(
@@ -91,3 +95,22 @@ def test_a_time_is_a_number_of_ticks_to_the_nearest():
         (0.0, 0.002, 1),
     ):
         assert walking.number_of_ticks(duration, period) == ticks
+
+
+def sole_in_world(foot):
+    """The sole, placed by shapely."""
+    turned = affinity.rotate(
+        shapely.Polygon(SOLE), foot.yaw, origin=(0, 0), use_radians=True
+    )
+    return affinity.translate(turned, foot.p_WF[0], foot.p_WF[1])
+
+
+@given(random_walks())
+def test_the_support_polygon_is_the_hull_of_the_soles_in_contact(schedule):
+    """Oracle: shapely's hull of both soles, or of the stance sole alone."""
+    feet = [schedule.feet.left, schedule.feet.right]
+    if schedule.phase is walking.Phase.SWING:
+        feet = [schedule.feet[schedule.support_side]]
+    expected = shapely.union_all([sole_in_world(f) for f in feet]).convex_hull
+    ours = shapely.Polygon(walking.support_polygon(schedule, SOLE))
+    assert ours.symmetric_difference(expected).area < 1e-12

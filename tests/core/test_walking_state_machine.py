@@ -10,7 +10,6 @@ import pytest
 
 from nadia_balance.core.gait import Gait, walking_start
 from nadia_balance.core.lipm import icp_after
-from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.walking import (
     Adjustment,
     FootPose,
@@ -19,6 +18,7 @@ from nadia_balance.core.walking import (
     ReferencePoint,
     Side,
     WalkingState,
+    support_polygon,
 )
 from nadia_balance.core.walking_state_machine import (
     KEEP,

@@ -26,8 +26,8 @@ from nadia_balance import palette
 from nadia_balance.core import walking
 from nadia_balance.core.foothold_adjustment import CaptureRegions
 from nadia_balance.core.ground import Ground
-from nadia_balance.core.polygon import support_polygon
 from nadia_balance.core.swing_geometry import CaptureRegionStepAdjusterParams
+from nadia_balance.core.walking import support_polygon
 from nadia_balance.results import scene
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.systems.balance_visualizer import (
