@@ -5,9 +5,12 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
-from nadia_balance.core.ground import Ground
-from nadia_balance.core.reachability import ReachabilityParams, step_regions
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    step_regions,
+)
+from nadia_balance.robot.model import RobotModel
 
 
 class SignalLog:

@@ -21,7 +21,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
-from nadia_balance.robot_params import RobotParams
+from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope_sweep.flags import sweep_from

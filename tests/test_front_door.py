@@ -51,7 +51,8 @@ import sys
 def loaded(*names): return [name for name in names if name in sys.modules]
 import nadia_balance
 assert not loaded("numpy", "pydrake")
-from nadia_balance.core import polygon, walking
+from nadia_balance.core.math import polygon
+from nadia_balance.core.walking import vocabulary as walking
 assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")

@@ -22,15 +22,15 @@ LAYERS = (
     "nadia_balance.new_robot",
     "nadia_balance.palette",
     "nadia_balance.typed_yaml",
-    "nadia_balance.robot_params",
-    "nadia_balance.urdf",
-    "nadia_balance.ground_geometry",
-    "nadia_balance.robot_checks",
-    "nadia_balance.robot",
-    "nadia_balance.reach",
-    "nadia_balance.collision_avoidance",
-    "nadia_balance.whole_body_kinematics",
-    "nadia_balance.mujoco_model",
+    "nadia_balance.robot.params",
+    "nadia_balance.robot.urdf",
+    "nadia_balance.robot.ground_geometry",
+    "nadia_balance.robot.checks",
+    "nadia_balance.robot.model",
+    "nadia_balance.robot.reach",
+    "nadia_balance.robot.collision_avoidance",
+    "nadia_balance.robot.kinematics",
+    "nadia_balance.engines.mujoco_model",
     "nadia_balance.systems",
     "nadia_balance.capture_point_controller",
     "nadia_balance.balance_controller",
@@ -75,7 +75,7 @@ def test_every_file_is_in_a_layer():
     """But the front door, which is above none: it imports when it is asked."""
     outside = [path for path in RUNTIME if rank(module_name(path)) < 0]
     assert outside == [Path("nadia_balance/__init__.py")]
-    assert Path("nadia_balance/core/walking.py") in PACKAGE
+    assert Path("nadia_balance/core/walking/vocabulary.py") in PACKAGE
 
 
 def test_imports_only_its_own_layer_and_those_below():

@@ -16,14 +16,19 @@ from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core import polygon, walking
-from nadia_balance.core.arrays import Array, rectangle
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.qp import largest_first
-from nadia_balance.core.reachability import circle, step_regions, total_region
-from nadia_balance.core.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import support_polygon
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.reachability import (
+    circle,
+    step_regions,
+    total_region,
+)
+from nadia_balance.core.math import polygon
+from nadia_balance.core.math.arrays import Array, rectangle
+from nadia_balance.core.math.qp import largest_first
+from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import support_polygon
 
 LOST = -1  # no number of steps captures the robot
 

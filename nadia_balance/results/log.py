@@ -9,7 +9,7 @@ plots need: `sole` (4, 2) [m]; `weight` () [N]; of the actuators, all (nu,),
 `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s] and
 `joint_speed_columns` of `state`; `region_base`, `region_forward` and
 `region_backward` (n, 2) [m], the reachability regions (see
-nadia_balance.core.reachability); and, on a ground of regions, `ground` (n, 3),
+nadia_balance.core.body.reachability); and, on a ground of regions, `ground` (n, 3),
 the number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
@@ -26,8 +26,8 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.walking import FootPose, Phase, Side
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.systems.signals import (
     PHASES,
     ComState,

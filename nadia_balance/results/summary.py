@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.walking import Phase
+from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest

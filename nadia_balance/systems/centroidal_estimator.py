@@ -4,15 +4,17 @@ import math
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.collision_avoidance import CollisionAvoidance
-from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
-from nadia_balance.core.lipm import icp
-from nadia_balance.core.walking import FootPose, FootPoses
-from nadia_balance.core.whole_body_command import WholeBodyTerms
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.math.lipm import icp
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses
+from nadia_balance.core.whole_body.collision_avoidance import (
+    CollisionAvoidanceParams,
+)
+from nadia_balance.core.whole_body.command import WholeBodyTerms
+from nadia_balance.robot.collision_avoidance import CollisionAvoidance
+from nadia_balance.robot.kinematics import WholeBodyKinematics
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import ComState, size
-from nadia_balance.whole_body_kinematics import WholeBodyKinematics
 
 
 class CentroidalEstimator(LeafSystem):

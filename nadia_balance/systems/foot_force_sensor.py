@@ -5,8 +5,8 @@ from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import EventStatus, LeafSystem, System
 
-from nadia_balance.core.walking import Side
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.model import RobotModel
 
 
 class FootForceSensor(LeafSystem):

@@ -3,11 +3,14 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import icp_plan
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.plan import icp_plan
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import IcpReference, size
 

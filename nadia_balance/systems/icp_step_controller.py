@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import icp_step_control, walking
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
-from nadia_balance.core.bounds import check
-from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import shrink
-from nadia_balance.core.walking import Phase
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback import icp_step_control
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.polygon import shrink
+from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import (
     EcmpCommand,

@@ -3,11 +3,11 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import momentum_qp
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import shrink
-from nadia_balance.core.walking import WalkingState, support_polygon
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.polygon import shrink
+from nadia_balance.core.walking.vocabulary import WalkingState, support_polygon
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import (
     EcmpCommand,

@@ -20,8 +20,8 @@ from pydrake.common.value import Value
 from pydrake.systems import framework
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.mechanisms import MECHANISMS, Mechanisms
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.signals import size
 
 _REQUIRED = object()

@@ -13,9 +13,9 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems import framework
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.push import Push
-from nadia_balance.core.walking import WalkingState, number_of_ticks
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import WalkingState, number_of_ticks
 from nadia_balance.systems.ports import ValueInput, declare_cache
 from nadia_balance.systems.signals import PushSignal
 

@@ -8,8 +8,8 @@ import itertools
 import numpy as np
 from pydrake.common.containers import namedview
 
-from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.walking.vocabulary import Phase, Side
 
 PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
 _ICP = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"

@@ -3,11 +3,11 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import swing_foot
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.swing_clearance import edges_on_way
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.steps import swing_foot
+from nadia_balance.core.steps.swing_clearance import edges_on_way
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import SwingFootReference, size
 

@@ -5,12 +5,13 @@ import math
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core import walking, walking_state_machine
-from nadia_balance.core.bounds import check
-from nadia_balance.core.gait import Gait, walking_start
-from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.model import PointMassModel
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.plan import walking_state_machine
+from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
 from nadia_balance.systems.signals import PHASES, WalkingSignal, size
 

@@ -12,7 +12,7 @@ from pydrake.common.yaml import yaml_dump_typed
 import nadia_balance
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.robot import RobotModel, load_robot
+from nadia_balance.robot.model import RobotModel, load_robot
 
 # Folders and modules on which a row depends; not reports and plots.
 FOLDERS = (

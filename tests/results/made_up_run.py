@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from nadia_balance.core.arrays import rectangle
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.diagrams.signal_log import region_logs
 from nadia_balance.results.summary import Run, RunInfo, summarize
 from nadia_balance.systems.signals import (

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core import momentum_qp
-from nadia_balance.core.polygon import contains
-from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import (
+from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.math.polygon import contains
+from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.walking.vocabulary import (
     ContactSchedule,
     FootPose,
     FootPoses,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.mechanisms import MECHANISMS
-from nadia_balance.core.walking import FootPose, Footstep, Side
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import asked, fix

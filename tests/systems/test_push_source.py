@@ -11,8 +11,8 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.push import Push
-from nadia_balance.core.walking import (
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import (
     FootPose,
     FootPoses,
     Phase,

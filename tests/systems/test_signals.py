@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import Side
+from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems import signals
 
 

@@ -12,9 +12,9 @@ import sys
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import ENGINES, load_scenario
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope_sweep import fingerprint
 from nadia_balance.scripts.envelope_sweep.flags import (
     QUICK,
