@@ -9,21 +9,22 @@ import importlib
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
 # they are links to the folders of the same names beside it.
 _PUBLIC = {
-    "robot.model": ("RobotModel", "add_ground", "load_robot"),
     "balance_controller": ("BalanceController",),
     "capture_point_controller": ("CapturePointController", "ControllerParams"),
+    "core.body.ground": ("Ground", "Region"),
+    "core.body.model": ("PointMassModel",),
     "core.math.daqp_solver": ("DaqpSolver",),
     "core.plan.gait": ("Gait", "StepVector", "walking_start"),
-    "core.body.ground": ("Ground", "Region"),
     "core.walking.imperfections": ("Imperfections",),
     "core.walking.mechanisms": ("MECHANISMS", "Mechanisms"),
-    "core.body.model": ("PointMassModel",),
     "core.walking.push": ("Push",),
     "core.whole_body.tasks": ("Motion", "Task"),
     "diagrams.humanoid": ("HumanoidDiagram",),
     "diagrams.scenario": ("Scenario", "load_scenario"),
     "diagrams.simulation": ("simulate",),
-    "view.balance_visualizer": ("BalanceVisualizer",),
+    "engines.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
+    "engines.point_mass_plant": ("PointMassPlant",),
+    "robot.model": ("RobotModel", "add_ground", "load_robot"),
     "systems.capture_region_step_adjuster": ("CaptureRegionStepAdjuster",),
     "systems.centroidal_estimator": ("CentroidalEstimator",),
     "systems.com_height_controller": ("ComHeightController",),
@@ -32,11 +33,7 @@ _PUBLIC = {
     "systems.icp_planner": ("IcpPlanner",),
     "systems.icp_step_controller": ("IcpStepController",),
     "systems.joint_drives": ("JointDrives",),
-    "view.live_controls": ("LiveControls",),
     "systems.momentum_qp": ("MomentumQp",),
-    "engines.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
-    "engines.point_mass_plant": ("PointMassPlant",),
-    "systems.wiring": ("connect",),
     "systems.push_source": ("PushSource",),
     "systems.state_predictor": ("StatePredictor",),
     "systems.state_sensor": ("StateSensor",),
@@ -44,6 +41,9 @@ _PUBLIC = {
     "systems.timing_adapter": ("TimingAdapter",),
     "systems.walking_state_machine": ("WalkingStateMachine",),
     "systems.whole_body_inverse_dynamics": ("WholeBodyInverseDynamics",),
+    "systems.wiring": ("connect",),
+    "view.balance_visualizer": ("BalanceVisualizer",),
+    "view.live_controls": ("LiveControls",),
 }
 _HOME = {name: home for home, names in _PUBLIC.items() for name in names}
 __all__ = sorted(_HOME)

@@ -9,8 +9,8 @@ plots need: `sole` (4, 2) [m]; `weight` () [N]; of the actuators, all (nu,),
 `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s] and
 `joint_speed_columns` of `state`; `region_base`, `region_forward` and
 `region_backward` (n, 2) [m], the reachability regions (see
-nadia_balance.core.body.reachability); and, on a ground of regions, `ground` (n, 3),
-the number of the region and x, y [m] of each corner.
+core.body.reachability); and, on a ground of regions, `ground` (n, 3), the
+number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log

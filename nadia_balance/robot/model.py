@@ -200,7 +200,7 @@ class RobotModel:
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: mbp.ContactResults
     ) -> set[str]:
-        """Calls improper_contacts of robot_checks for this robot in `plant`."""
+        """Calls checks.improper_contacts for this robot in `plant`."""
         robot = plant.GetBodyByName(self.pelvis_body).model_instance()
         feet = set(self.foot_bodies.values())
         return robot_checks.improper_contacts(

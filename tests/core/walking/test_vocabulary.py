@@ -59,8 +59,8 @@ def test_clones_share_the_value(value):
 
 def dataclasses_of_core():
     """All that there are in nadia_balance.core, by name."""
-    for info in pkgutil.iter_modules(core.__path__):
-        module = importlib.import_module(f"{core.__name__}.{info.name}")
+    for info in pkgutil.walk_packages(core.__path__, f"{core.__name__}."):
+        module = importlib.import_module(info.name)
         for name, value in vars(module).items():
             if isinstance(value, type) and is_dataclass(value):
                 yield name, value
