@@ -5,6 +5,7 @@ compared are lists of offenders, which are empty.
 """
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -23,7 +24,7 @@ FLOORS = (
     "core.walking",
     "core.body palette",
     "core.plan core.steps core.whole_body new_robot",
-    "core.feedback analysis robot",
+    "core.feedback robot analysis",
     "systems",
     "capture_point_controller engines view",
     "balance_controller results",
@@ -78,6 +79,14 @@ def test_every_file_is_in_a_room():
 def test_every_room_has_a_file():
     """Oracle: the files; a room that has gone is on no floor."""
     assert {room_of(module_name(path)) for path in RUNTIME} - {""} == set(FLOOR)
+
+
+def test_contributing_shows_the_floors():
+    """Oracle: the table here."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d+) \|(.*)\|$", text, re.MULTILINE)
+    shown = [(int(n), re.findall(r"`([\w.]+)`", row)) for n, row in rows]
+    assert shown == [(i, rooms.split()) for i, rooms in enumerate(FLOORS, 1)]
 
 
 def test_imports_only_its_own_room_and_those_on_lower_floors():
