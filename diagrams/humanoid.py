@@ -8,23 +8,23 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import BalanceController
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import MeasuredPoses, SignalLog
 from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
-from nadia_balance.ground_geometry import scale_friction
-from nadia_balance.results import scene
+from nadia_balance.engines.mujoco_plant import add_mujoco_plant
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot import actuated_velocities, load_robot
-from nadia_balance.systems.balance_visualizer import BalanceVisualizer
+from nadia_balance.robot.ground_geometry import scale_friction
+from nadia_balance.robot.model import actuated_velocities, load_robot
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
-from nadia_balance.systems.mujoco_plant import add_mujoco_plant
-from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.state_sensor import StateSensor
+from nadia_balance.systems.wiring import connect
+from nadia_balance.view import scene
+from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
 CONTROLLER_LOGS = (
     "com_state",

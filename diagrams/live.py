@@ -8,13 +8,13 @@ from dataclasses import replace
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.walking import Phase, Side, WalkingState
+from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.scene import CONTROLS, move_floor
 from nadia_balance.results.story import LiveStory, moment_words
-from nadia_balance.systems.balance_visualizer import FOOTPRINTS
-from nadia_balance.systems.walking_state_machine import WalkingSignal
+from nadia_balance.systems.signals import WalkingSignal
+from nadia_balance.view.balance_visualizer import FOOTPRINTS
+from nadia_balance.view.scene import CONTROLS, move_floor
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
 MOST_STEPS = 1000  # the most that a Gait allows; then the session restarts

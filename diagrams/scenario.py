@@ -8,17 +8,17 @@ from pydrake.common.yaml import yaml_load_file
 from pydrake.multibody.plant import MultibodyPlantConfig
 
 from nadia_balance.capture_point_controller import ControllerParams
-from nadia_balance.core.bounds import bounded, check
-from nadia_balance.core.gait import Gait, walking_start
-from nadia_balance.core.imperfections import Imperfections
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, NAMED
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.push import Push
-from nadia_balance.core.size import scaled
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.math.size import scaled
+from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.walking.imperfections import Imperfections
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.ground_geometry import default_plant_config
-from nadia_balance.robot import FIDELITIES, RobotModel, load_robot_params
+from nadia_balance.robot.ground_geometry import default_plant_config
+from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -44,7 +44,7 @@ class Scenario:
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # Units of the values in its file: SI, or "froude": for a robot of Nadia's
-    # size (core/size.py).  Defaults are always in froude units.
+    # size (core/math/size.py).  Defaults are always in froude units.
     units: str = bounded("si", one_of=UNITS)
     # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)

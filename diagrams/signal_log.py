@@ -5,9 +5,12 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
-from nadia_balance.core.ground import Ground
-from nadia_balance.core.reachability import ReachabilityParams, step_regions
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    step_regions,
+)
+from nadia_balance.robot.model import RobotModel
 
 
 class SignalLog:
@@ -103,7 +106,7 @@ class MeasuredPoses:
     def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
         """Returns the signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
 
-        Rows are MeasuredFeet and TrunkTilt (see nadia_balance.results.log) of
+        Rows are MeasuredFeet and TrunkTilt (see systems.signals) of
         the `states` (n, nq + nv).
         """
         feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))

@@ -18,9 +18,9 @@ from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
 from nadia_balance.results.measurements import CalmSteps
 from nadia_balance.results.summary import Run, RunInfo
-from nadia_balance.robot import load_robot
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.push_source import PushSignal, PushSource
+from nadia_balance.robot.model import load_robot
+from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import IcpReference, PushSignal
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery

@@ -9,19 +9,19 @@ from nadia_balance.capture_point_controller import (
     CapturePointController,
     ControllerParams,
 )
-from nadia_balance.core.bounds import check
-from nadia_balance.core.ground import Ground
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.core.whole_body_tasks import Task
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.whole_body.tasks import Task
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from nadia_balance.systems.friction_estimator import FrictionEstimator
-from nadia_balance.systems.ports import Role, fill, wire
 from nadia_balance.systems.state_predictor import StatePredictor
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
+from nadia_balance.systems.wiring import Role, fill, wire
 
 
 class BalanceController(Diagram):

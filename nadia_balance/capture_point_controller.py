@@ -4,19 +4,23 @@ from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams
-from nadia_balance.core.bounds import bounded, check
-from nadia_balance.core.com_height import ComHeightParams
-from nadia_balance.core.icp_plan import IcpPlanParams
-from nadia_balance.core.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.momentum_qp import MomentumQpParams
-from nadia_balance.core.swing_foot import SwingFootParams
-from nadia_balance.core.swing_geometry import CaptureRegionStepAdjusterParams
-from nadia_balance.core.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.core.walking_state_machine import WalkingStateMachineParams
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.body.com_height import ComHeightParams
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
+from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
+from nadia_balance.core.plan.icp_plan import IcpPlanParams
+from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
+from nadia_balance.core.plan.walking_state_machine import (
+    WalkingStateMachineParams,
+)
+from nadia_balance.core.steps.swing_foot import SwingFootParams
+from nadia_balance.core.steps.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+)
+from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -24,9 +28,9 @@ from nadia_balance.systems.com_height_controller import ComHeightController
 from nadia_balance.systems.icp_planner import IcpPlanner
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
-from nadia_balance.systems.ports import Role, fill, wire
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
+from nadia_balance.systems.wiring import Role, fill, wire
 
 
 @dataclass(kw_only=True)

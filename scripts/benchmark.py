@@ -30,13 +30,13 @@ from pydrake.multibody.tree import PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from nadia_balance.collision_avoidance import CollisionAvoidance
-from nadia_balance.core.qp import DenseQp
+from nadia_balance.core.math.qp import DenseQp
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.summary import versions
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.collision_avoidance import CollisionAvoidance
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 
 GAINS = PdControllerGains(p=3000.0, d=100.0)  # of the joints of a plant alone

@@ -14,8 +14,8 @@ from typing import Any, NoReturn, Protocol, TextIO
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.mechanisms import MECHANISMS, NAMED
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -24,10 +24,10 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
-from nadia_balance.results.scene import set_scene, start_meshcat
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import INTERRUPTED, interruptible
+from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay

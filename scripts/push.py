@@ -15,9 +15,9 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 import argparse
 import sys
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.push import SHAPES, Moment, random_pushes
-from nadia_balance.core.walking import Side
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.push import SHAPES, Moment, random_pushes
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
 from nadia_balance.scripts import command_line
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.mechanisms import MECHANISMS
-from nadia_balance.core.model import LegGeometry, PointMassModel
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.swing_detour import SwingDetourParams
-from nadia_balance.core.walking import (
+from nadia_balance.core.body.model import LegGeometry, PointMassModel
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.body.swing_detour import SwingDetourParams
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import (
     ContactSchedule,
     FootPose,
     FootPoses,
@@ -19,7 +20,6 @@ from nadia_balance.core.walking import (
     Phase,
     ReferencePoint,
     Side,
-    rectangle,
 )
 
 SOLE = rectangle(0.25, 0.12)

@@ -4,7 +4,7 @@ import numpy as np
 import quadprog
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
-from nadia_balance.core.qp import QpProblem
+from nadia_balance.core.math.qp import QpProblem
 
 # Sizes (variables, equalities, inequalities); some twenty of the last one's
 # inequalities are active.

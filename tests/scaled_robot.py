@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import yaml
 
-from nadia_balance.robot import MODELS, load_robot_params
+from nadia_balance.robot.model import MODELS, load_robot_params
 
 _DRAKE = "http://drake.mit.edu"
 ElementTree.register_namespace("drake", _DRAKE)  # Drake knows this prefix

@@ -17,6 +17,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from tests.blocks import fix
 from tests.test_ports import systems_in
 
+OURS = ("nadia_balance.engines.", "nadia_balance.systems.")
 MID_SWING = 0.68  # as a tick is due [s]
 PORTS = {
     HumanoidDiagram: {
@@ -81,7 +82,7 @@ def runs() -> dict[type, Simulator]:
 def our_blocks(simulator: Simulator) -> Iterator[tuple[System, Context]]:
     """The blocks of a diagram, and their contexts."""
     for block in systems_in(simulator.get_system()):
-        if type(block).__module__.startswith("nadia_balance.systems."):
+        if type(block).__module__.startswith(OURS):
             yield block, block.GetMyContextFromRoot(simulator.get_context())
 
 

@@ -13,20 +13,19 @@ from nadia_balance.capture_point_controller import (
     CapturePointController,
     ControllerParams,
 )
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
-from nadia_balance.core.foothold_adjustment import current_adjustment
-from nadia_balance.core.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.walking import FootPose, Phase, WalkingState
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
+from nadia_balance.core.steps.foothold_adjustment import current_adjustment
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import steps
-from nadia_balance.results.scene import start_meshcat
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.ports import ValueInput, declare_output
-from nadia_balance.systems.push_source import PushSignal
-from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
+from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, asked, fix
 from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL

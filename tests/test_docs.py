@@ -21,7 +21,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
-from nadia_balance.robot_params import RobotParams
+from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope_sweep.flags import sweep_from
@@ -75,7 +75,7 @@ def test_25_lines_make_a_robot_walk_and_recover():
 import json, sys
 sys.modules.update(dict.fromkeys({blocked}))
 {block}
-from nadia_balance.systems.push_source import PushSignal
+from nadia_balance.systems.signals import PushSignal
 root = simulator.get_context()
 def value(system, port):
     context = system.GetMyContextFromRoot(root)

@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import LeafSystem
 
 import nadia_balance
-import nadia_balance.systems
+from nadia_balance import engines, systems, view
 from tests.source_files import ROOT
 
 
@@ -28,18 +28,17 @@ def test_every_public_name_is_there():
 
 
 def test_all_leaf_systems_are_public():
-    """Oracle: the classes in the modules of nadia_balance.systems."""
+    """Oracle: the classes in the modules of the rooms that have systems."""
     found = set()
-    for module in pkgutil.walk_packages(
-        nadia_balance.systems.__path__, "nadia_balance.systems."
-    ):
-        values = vars(importlib.import_module(module.name)).values()
-        found |= {
-            value.__name__
-            for value in filter(inspect.isclass, values)
-            if issubclass(value, LeafSystem)
-            and value.__module__.startswith("nadia_balance.")
-        }
+    for room in engines, systems, view:
+        for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
+            values = vars(importlib.import_module(module.name)).values()
+            found |= {
+                value.__name__
+                for value in filter(inspect.isclass, values)
+                if issubclass(value, LeafSystem)
+                and value.__module__.startswith("nadia_balance.")
+            }
     assert len(found) > 10
     assert found <= set(nadia_balance.__all__)
 
@@ -51,7 +50,8 @@ import sys
 def loaded(*names): return [name for name in names if name in sys.modules]
 import nadia_balance
 assert not loaded("numpy", "pydrake")
-from nadia_balance.core import polygon, walking
+from nadia_balance.core.math import polygon
+from nadia_balance.core.walking import vocabulary
 assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")

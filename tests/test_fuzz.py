@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import pytest
 
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
 from tests.scripts.running import environment, run_script
 

@@ -5,6 +5,7 @@ compared are lists of offenders, which are empty.
 """
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -16,42 +17,35 @@ from tests.source_files import (
     syntax_tree,
 )
 
-# Lowest first: a layer imports itself and those before it.
-LAYERS = (
-    "nadia_balance.core",
-    "nadia_balance.new_robot",
-    "nadia_balance.palette",
-    "nadia_balance.typed_yaml",
-    "nadia_balance.robot_params",
-    "nadia_balance.urdf",
-    "nadia_balance.ground_geometry",
-    "nadia_balance.robot_checks",
-    "nadia_balance.robot",
-    "nadia_balance.reach",
-    "nadia_balance.collision_avoidance",
-    "nadia_balance.whole_body_kinematics",
-    "nadia_balance.mujoco_model",
-    "nadia_balance.systems",
-    "nadia_balance.capture_point_controller",
-    "nadia_balance.balance_controller",
-    "nadia_balance.analysis",
-    "nadia_balance.results",
-    "nadia_balance.diagrams",
-    "nadia_balance.scripts",
-    "tests",
+# The rooms of the house, floor by floor, the lowest first: a room imports from
+# itself and from the floors below it.
+FLOORS = (
+    "core.math typed_yaml",
+    "core.walking",
+    "core.body palette",
+    "core.plan core.steps core.whole_body new_robot",
+    "core.feedback robot analysis",
+    "systems",
+    "capture_point_controller engines view",
+    "balance_controller results",
+    "diagrams",
+    "scripts",
 )
+FLOOR = {
+    f"nadia_balance.{room}": floor
+    for floor, rooms in enumerate(FLOORS)
+    for room in rooms.split()
+}
 PACKAGE = python_files("nadia_balance")
 MATHEMATICS = python_files("nadia_balance/core", "nadia_balance/analysis")
 RUNTIME = python_files("nadia_balance", "diagrams", "scripts")
 IMPORTS = {path: set(imports(syntax_tree(path))) for path in RUNTIME}
 
 
-def rank(module: str) -> int:
-    """Number of the layer that holds `module`; -1 if it is in none."""
-    for i, layer in enumerate(LAYERS):
-        if f"{module}.".startswith(f"{layer}."):
-            return i
-    return -1
+def room_of(module: str) -> str:
+    """The room that holds `module`, or the name in it; "" if none does."""
+    rooms = [r for r in FLOOR if f"{module}.".startswith(f"{r}.")]
+    return max(rooms, key=len, default="")
 
 
 def calls(path: Path) -> set[str]:
@@ -71,17 +65,38 @@ def offenders(breaks_rule, paths=RUNTIME) -> list[str]:
     ]
 
 
-def test_every_file_is_in_a_layer():
-    """But the front door, which is above none: it imports when it is asked."""
-    outside = [path for path in RUNTIME if rank(module_name(path)) < 0]
-    assert outside == [Path("nadia_balance/__init__.py")]
-    assert Path("nadia_balance/core/walking.py") in PACKAGE
+def test_every_file_is_in_a_room():
+    """But the front door, which is above all: it imports when it is asked."""
+    outside = [path for path in RUNTIME if not room_of(module_name(path))]
+    assert outside == [
+        Path("nadia_balance/__init__.py"),
+        Path("nadia_balance/core/__init__.py"),
+    ]
+    assert {name for path in outside for name in IMPORTS[path]} == {"importlib"}
+    assert Path("nadia_balance/core/walking/vocabulary.py") in PACKAGE
 
 
-def test_imports_only_its_own_layer_and_those_below():
-    assert not offenders(
-        lambda path, name: rank(name) > rank(module_name(path))
-    )
+def test_every_room_has_a_file():
+    """Oracle: the files; a room that has gone is on no floor."""
+    assert {room_of(module_name(path)) for path in RUNTIME} - {""} == set(FLOOR)
+
+
+def test_contributing_shows_the_floors():
+    """Oracle: the table here."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d+) \|(.*)\|$", text, re.MULTILINE)
+    shown = [(int(n), re.findall(r"`([\w.]+)`", row)) for n, row in rows]
+    assert shown == [(i, rooms.split()) for i, rooms in enumerate(FLOORS, 1)]
+
+
+def test_imports_only_its_own_room_and_those_on_lower_floors():
+    """Oracle: the table; so no rooms import each other in a circle."""
+
+    def climbs(path: Path, name: str) -> bool:
+        here, there = room_of(module_name(path)), room_of(name)
+        return here != there and FLOOR.get(there, -1) >= FLOOR.get(here, 99)
+
+    assert not offenders(climbs)
 
 
 def test_nothing_is_imported_from_the_top_of_the_repository():
@@ -129,12 +144,14 @@ def test_names_the_solver_of_every_program():
 
 def test_every_module_has_the_tests_of_its_name():
     """Each __init__ is empty, and has none."""
-    folders = ("core", "analysis", "systems")
+    folders = ("analysis", "core", "engines", "systems", "view")
     modules = python_files(*(f"nadia_balance/{name}" for name in folders))
     untested = [
         path
         for path in modules
-        if not (ROOT / f"tests/{path.parent.name}/test_{path.name}").exists()
+        if not (
+            ROOT.joinpath("tests", *path.parts[1:-1], f"test_{path.name}")
+        ).exists()
     ]
     assert {path.name for path in untested} == {"__init__.py"}
     assert not any(IMPORTS[path] for path in untested)

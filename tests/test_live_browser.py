@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Browser, Page
 
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from tests.scripts.running import environment
 
 PATIENCE = 60.0  # with a machine that is busy [s]

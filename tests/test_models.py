@@ -9,7 +9,7 @@ from pydrake.geometry import Sphere
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.robot import RobotModel, load_robot, robot_names
+from nadia_balance.robot.model import RobotModel, load_robot, robot_names
 
 
 class Urdf:

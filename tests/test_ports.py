@@ -20,13 +20,13 @@ from nadia_balance.capture_point_controller import (
     CapturePointController,
     ControllerParams,
 )
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams
-from nadia_balance.core.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.results.scene import start_meshcat
-from nadia_balance.systems.mujoco_plant import PointContacts
+from nadia_balance.engines.mujoco_plant import PointContacts
+from nadia_balance.view.scene import start_meshcat
 from tests.example_walks import MODEL
 
 # output port: the input ports that it depends on within the same instant.

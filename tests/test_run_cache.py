@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from tests import run_cache
 from tests.diagrams import simulated
 from tests.source_files import ROOT
@@ -82,7 +82,10 @@ def test_a_run_is_of_the_controller_and_not_of_pages_and_plots():
         for path in run_cache._files(simulated.__name__)
     }
     assert files >= {
-        *("nadia_balance/core/qp.py", "nadia_balance/mujoco_model.py"),
+        *(
+            "nadia_balance/core/math/qp.py",
+            "nadia_balance/engines/mujoco_model.py",
+        ),
         *("diagrams/humanoid.py", "tests/diagrams/simulated.py"),
         "nadia_balance/systems/whole_body_inverse_dynamics.py",
     }

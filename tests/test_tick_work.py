@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from nadia_balance.core.daqp_solver import DaqpSolver
+from nadia_balance.core.math.daqp_solver import DaqpSolver
 from nadia_balance.diagrams.simulation import start
 from tests.diagrams.simulated import diagram_of
 

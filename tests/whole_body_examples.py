@@ -5,14 +5,11 @@ import math
 
 import numpy as np
 
-from nadia_balance.core import whole_body_command
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyQp, WholeBodySolution
-from nadia_balance.robot import RobotModel, load_robot
-from nadia_balance.whole_body_kinematics import (
-    WholeBodyKinematics,
-    whole_body_model,
-)
+from nadia_balance.core.whole_body import command as whole_body_command
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp, WholeBodySolution
+from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
+from nadia_balance.robot.model import RobotModel, load_robot
 
 # The solver accepts 1e-8 of the largest acceleration, here times 91 kg.
 ROUNDING = 1e-5  # [N], [N m]

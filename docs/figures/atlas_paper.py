@@ -19,12 +19,16 @@ from matplotlib.figure import Figure
 
 from drawing import draw, note, plan_views, right_swing, share_legend
 from nadia_balance import palette
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
-from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.time_adjustment import fraction_done, time_ahead
-from nadia_balance.core.walking import Array, FootPose, FootPoses, Side
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.plan.time_adjustment import fraction_done, time_ahead
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 from nadia_balance.results.plots.style import FAINT, TEXT, draw_sole
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 
 MODEL = load_robot("atlas").point_mass

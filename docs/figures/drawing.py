@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from nadia_balance.core.walking import (
+from nadia_balance.core.walking.vocabulary import (
     ContactSchedule,
     FootPose,
     FootPoses,

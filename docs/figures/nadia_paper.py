@@ -19,23 +19,25 @@ from matplotlib.figure import Figure
 from drawing import draw, note, plan_views, right_swing, share_legend
 from nadia_balance import palette
 from nadia_balance.capture_point_controller import ControllerParams
-from nadia_balance.core import capture_region as regions
-from nadia_balance.core import momentum_qp, reachability
-from nadia_balance.core.foothold_adjustment import (
+from nadia_balance.core.body import reachability
+from nadia_balance.core.body.reachability import BACKWARD, BASE, FORWARD
+from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import intersection
+from nadia_balance.core.steps import capture_region as regions
+from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     adjust_foothold,
     unadjusted,
 )
-from nadia_balance.core.mechanisms import MECHANISMS
-from nadia_balance.core.polygon import intersection
-from nadia_balance.core.reachability import BACKWARD, BASE, FORWARD
-from nadia_balance.core.swing_geometry import (
+from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking import Array, FootPose, FootPoses, Side
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 from nadia_balance.results.plots.style import FAINT, arrow, draw_sole, fill
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 
 MODEL = load_robot("nadia").point_mass

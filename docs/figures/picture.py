@@ -24,11 +24,11 @@ import numpy as np
 from PIL import Image
 from playwright import sync_api
 
-from nadia_balance.core.bounds import bounded, check
+from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.results.folder import appearing, read_run
 from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts import command_line
-from nadia_balance.systems.balance_visualizer import MIDDLE, REGIONS_PERIOD
+from nadia_balance.view.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
 _FLAGS = (
     "--no-sandbox",  # root has no sandbox

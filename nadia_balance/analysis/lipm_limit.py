@@ -16,13 +16,19 @@ from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core import polygon, walking
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.qp import largest_first
-from nadia_balance.core.reachability import circle, step_regions, total_region
-from nadia_balance.core.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import Array
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.reachability import (
+    circle,
+    step_regions,
+    total_region,
+)
+from nadia_balance.core.math import polygon
+from nadia_balance.core.math.arrays import Array, rectangle
+from nadia_balance.core.math.qp import largest_first
+from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import support_polygon
 
 LOST = -1  # no number of steps captures the robot
 
@@ -214,15 +220,13 @@ class LipmLimit:
     @cached_property
     def _support(self) -> Halfplanes:
         """Half-planes of the eCMP on the present contacts, see `_local`."""
-        soles = polygon.support_polygon(
-            self.state.schedule, self.model.cop_area
-        )
+        soles = support_polygon(self.state.schedule, self.model.cop_area)
         return self._around(self._local(soles))
 
     def _around(self, corners: Array) -> Halfplanes:
         """Half-planes of the hull of `corners` (n, 2), widened by kappa."""
         hull = polygon.convex_hull(corners)
-        square = walking.rectangle(2.0 * self.kappa, 2.0 * self.kappa)
+        square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
         return polygon.halfspaces(
             polygon.minkowski_sum(hull, square) if self.kappa else hull
         )

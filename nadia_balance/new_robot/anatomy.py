@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nadia_balance.core.walking import Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named, Notes
 from nadia_balance.new_robot.description import Array, Description, Joint
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
-from nadia_balance.core.size import NADIA
-from nadia_balance.core.walking import Side
+from nadia_balance.core.math.size import NADIA
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named, Notes
 from nadia_balance.new_robot.anatomy import (
     Anatomy,

@@ -7,10 +7,10 @@ import numpy as np
 from pydrake.math import RotationMatrix
 from scipy.optimize import least_squares
 
-from nadia_balance.core.leg_reach import LegReach, leg_reach
-from nadia_balance.core.model import LegGeometry
-from nadia_balance.core.size import Size
-from nadia_balance.core.walking import Side
+from nadia_balance.core.body.leg_reach import LegReach, leg_reach
+from nadia_balance.core.body.model import LegGeometry
+from nadia_balance.core.math.size import Size
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.description import Array, Description
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle

@@ -14,8 +14,8 @@ import trimesh
 import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.size import scaled
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.size import scaled
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
 from nadia_balance.new_robot.description import (

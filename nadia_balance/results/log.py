@@ -9,8 +9,8 @@ plots need: `sole` (4, 2) [m]; `weight` () [N]; of the actuators, all (nu,),
 `actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s] and
 `joint_speed_columns` of `state`; `region_base`, `region_forward` and
 `region_backward` (n, 2) [m], the reachability regions (see
-nadia_balance.core.reachability); and, on a ground of regions, `ground` (n, 3),
-the number of the region and x, y [m] of each corner.
+core.body.reachability); and, on a ground of regions, `ground` (n, 3), the
+number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
@@ -25,36 +25,25 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from pydrake.common.containers import namedview
 
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.walking import FootPose, Phase, Side
-from nadia_balance.systems.centroidal_estimator import ComState
-from nadia_balance.systems.foot_force_sensor import FootForces
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
-from nadia_balance.systems.ports import entries
-from nadia_balance.systems.push_source import PushSignal
-from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.systems.signals import (
+    PHASES,
+    ComState,
+    EcmpCommand,
+    FootForces,
+    IcpReference,
+    MeasuredFeet,
+    PushSignal,
+    QpStatus,
+    TrunkTilt,
+    WalkingSignal,
+)
 
 Log = Mapping[str, np.ndarray]
 
 QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
-
-
-_PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
-
-
-class MeasuredFeet(
-    namedview("MeasuredFeet", [f"{s.value}_{part}" for s, part in _PARTS])
-):
-    """The measured soles: their centres p_WF [m], and yaw [rad]."""
-
-    left, right = entries(0, 3), entries(4, 7)
-
-
-# Angles of torso and pelvis against the vertical [rad].
-TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
 
 # Rows from the tick in which a push begins to its first row in the signal.
 _FELT = 1

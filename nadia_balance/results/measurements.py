@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.polygon import halfspaces, minkowski_sum, project
-from nadia_balance.core.walking import Array, FootPose, Phase, Side
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 

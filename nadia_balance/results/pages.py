@@ -18,11 +18,11 @@ from urllib.request import ProxyHandler, build_opener
 from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.log import Log, phase_spans
-from nadia_balance.results.scene import FRAMES_PER_SECOND
 from nadia_balance.results.story import telling
-from nadia_balance.systems.balance_visualizer import MIDDLE
+from nadia_balance.view.balance_visualizer import MIDDLE
+from nadia_balance.view.scene import FRAMES_PER_SECOND
 
 _FOLLOW, _STATUS, _LEGEND, _REPLAY, _LIVE = (
     (Path(__file__).parent / f"{name}.html").read_text(encoding="utf-8")

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from nadia_balance.core.walking import Array, FootPose, Phase, Side
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import CalmSteps, recovered_at
-from nadia_balance.systems.push_source import PushSignal
-from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05

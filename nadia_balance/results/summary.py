@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.walking import Phase
+from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
-from nadia_balance.systems.walking_state_machine import PHASES
+from nadia_balance.systems.signals import PHASES
 from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
 SETTLED = 0.5  # time below ICP_BACK at the end of a run without steps [s]

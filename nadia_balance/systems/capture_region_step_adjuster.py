@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import walking
-from nadia_balance.core.bounds import check
-from nadia_balance.core.foothold_adjustment import (
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.steps.foothold_adjustment import (
     CaptureRegions,
     Landing,
     capture_regions,
@@ -15,13 +15,13 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.swing_geometry import (
+from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     geometry_key,
     swing_geometry,
 )
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.systems import ports
 
 

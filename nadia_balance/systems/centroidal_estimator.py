@@ -2,39 +2,36 @@
 
 import math
 
-import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.collision_avoidance import CollisionAvoidance
-from nadia_balance.core.collision_avoidance import CollisionAvoidanceParams
-from nadia_balance.core.lipm import icp
-from nadia_balance.core.walking import FootPose, FootPoses
-from nadia_balance.core.whole_body_command import BASE, WholeBodyTerms
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.math.lipm import alip_velocity, icp
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses
+from nadia_balance.core.whole_body.collision_avoidance import (
+    CollisionAvoidanceParams,
+)
+from nadia_balance.core.whole_body.command import WholeBodyTerms
+from nadia_balance.robot.collision_avoidance import CollisionAvoidance
+from nadia_balance.robot.kinematics import WholeBodyKinematics
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import ports
-from nadia_balance.whole_body_kinematics import WholeBodyKinematics
-
-
-class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
-    """Position and velocity of the centre of mass, (3,) in W [m], [m/s]."""
-
-    position, velocity = ports.entries(0, 3), ports.entries(3, 6)
+from nadia_balance.systems.signals import ComState, size
 
 
 class CentroidalEstimator(LeafSystem):
     """Computes CoM, ICP (Nadia paper, Eq. 1), foot poses and dynamics terms.
 
-    icp = c + c_dot / omega.  `predicted_state` is [q, v] of the robot's
-    `control_plant`.  `whole_body_terms` are WholeBodyTerms, from which the
-    other outputs follow: `com_state`, a ComState, `icp` (2,) [m] in W, and
-    `foot_poses`, FootPoses (as if level).
+    icp = c + c_dot / omega; in alip_icp, c_dot is the velocity of a pendulum
+    with the robot's angular momentum about its contact (`alip_velocity`), which
+    a leg that is swung does not change.  `predicted_state` is [q, v] of the
+    robot's `control_plant`; `whole_body_terms` are WholeBodyTerms, from which the
+    other outputs follow: `com_state`, a ComState, `icp` and `alip_icp` (2,) [m]
+    in W, and `foot_poses`, FootPoses (as if level).
 
     .. pydrake_system::
 
         name: CentroidalEstimator
         input_ports: [predicted_state]
-        output_ports: [whole_body_terms, com_state, icp, foot_poses]
+        output_ports: [whole_body_terms, com_state, icp, alip_icp, foot_poses]
     """
 
     def __init__(
@@ -55,6 +52,7 @@ class CentroidalEstimator(LeafSystem):
             avoidance, robot, plant, scene_graph
         )
         self._omega = robot.point_mass.omega
+        self._height = robot.com_height
         self._state = ports.VectorInput(
             self, "predicted_state", plant.num_multibody_states()
         )
@@ -65,10 +63,10 @@ class CentroidalEstimator(LeafSystem):
         )
         needs = {self._terms.ticket()}
         self.DeclareVectorOutputPort(
-            "com_state", ports.size(ComState), self._calc_com_state, needs
+            "com_state", size(ComState), self._calc_com_state, needs
         )
         self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
-        self.DeclareVectorOutputPort("alip_icp", 2, self._calc_alip, needs)
+        self.DeclareVectorOutputPort("alip_icp", 2, self._calc_alip_icp, needs)
         ports.declare_output(self, "foot_poses", self._calc_foot_poses, needs)
 
     def _calc_terms(self, context) -> WholeBodyTerms:
@@ -90,17 +88,10 @@ class CentroidalEstimator(LeafSystem):
         com = ComState(self._terms.Eval(context).com_state)
         output.set_value(icp(com.position[:2], com.velocity[:2], self._omega))
 
-    def _calc_alip(self, context, output):
-        import os
-
-        share = float(os.environ.get("ALIP", "0"))
+    def _calc_alip_icp(self, context, output):
         terms = self._terms.Eval(context)
-        com = ComState(terms.com_state)
-        p_BC = com.position - terms.q[4:7]
-        base = terms.velocities[BASE]
-        L = base[:3] - np.cross(p_BC, com.velocity)
-        z = com.position[2] - terms.sole_positions[:, 2].min()
-        v = com.velocity[:2] + share * np.array([L[1], -L[0]]) / z
+        com, L = ComState(terms.com_state), terms.angular_momentum
+        v = alip_velocity(com.velocity[:2], L, self._height)
         output.set_value(icp(com.position[:2], v, self._omega))
 
     def _calc_foot_poses(self, context) -> FootPoses:

@@ -2,18 +2,17 @@
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.com_height import (
+from nadia_balance.core.body.com_height import (
     ComHeightParams,
     plan_com_height,
     vertical_acceleration,
 )
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.momentum_qp import momentum_rate
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.systems.centroidal_estimator import ComState
-from nadia_balance.systems.momentum_qp import EcmpCommand
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback.momentum_qp import momentum_rate
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.ports import ValueInput, VectorInput, declare_plan
+from nadia_balance.systems.signals import ComState, EcmpCommand
 
 
 class ComHeightController(LeafSystem):

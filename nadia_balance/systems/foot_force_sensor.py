@@ -1,15 +1,12 @@
 """Vertical force on each foot."""
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import EventStatus, LeafSystem, System
 
-from nadia_balance.core.walking import Side
-from nadia_balance.robot import RobotModel
-
-FootForces = namedview("FootForces", [side.value for side in Side])
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.model import RobotModel
 
 
 class FootForceSensor(LeafSystem):

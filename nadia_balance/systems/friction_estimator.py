@@ -3,11 +3,14 @@
 import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core.friction import FrictionEstimate, friction_after
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.whole_body_command import SOLES, WholeBodyTerms
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.whole_body.command import SOLES, WholeBodyTerms
+from nadia_balance.core.whole_body.friction import (
+    FrictionEstimate,
+    friction_after,
+)
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.systems.ports import ValueInput, VectorInput
 
 

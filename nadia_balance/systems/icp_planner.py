@@ -1,24 +1,18 @@
 """Reference ICP of the present phase, planned from the next footsteps."""
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import icp_plan
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.plan import icp_plan
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
-
-_FIELDS = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
-
-
-class IcpReference(namedview("IcpReference", _FIELDS.split())):
-    """The ICP plan at the present time, xy in W [m], [m/s]."""
-
-    icp, icp_velocity = ports.entries(0, 2), ports.entries(2, 4)
-    cop, ecmp = ports.entries(4, 6), ports.entries(6, 8)
+from nadia_balance.systems.signals import IcpReference, size
 
 
 class IcpPlanner(LeafSystem):
@@ -59,10 +53,7 @@ class IcpPlanner(LeafSystem):
         ports.declare_output(self, "icp_plan", self._plan, needs)
         if has_reference:
             self.DeclareVectorOutputPort(
-                "icp_reference",
-                ports.size(IcpReference),
-                self._calc_reference,
-                needs,
+                "icp_reference", size(IcpReference), self._calc_reference, needs
             )
 
     def _plan(self, context) -> icp_plan.IcpPlan:

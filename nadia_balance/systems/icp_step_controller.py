@@ -5,17 +5,22 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import icp_step_control, walking
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlan
-from nadia_balance.core.bounds import check
-from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import shrink
-from nadia_balance.core.walking import Phase
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback import icp_step_control
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.polygon import shrink
+from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.systems import ports
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
+from nadia_balance.systems.signals import (
+    EcmpCommand,
+    IcpReference,
+    QpStatus,
+    size,
+)
 
 
 class IcpStepController(LeafSystem):
@@ -95,9 +100,9 @@ class IcpStepController(LeafSystem):
         ports.Outcome(
             self,
             {
-                "ecmp_command": ports.size(EcmpCommand),
-                "momentum_qp_status": ports.size(QpStatus),
-                "icp_reference": ports.size(IcpReference),
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
+                "icp_reference": size(IcpReference),
             },
             3,
             self._calc_outcome,

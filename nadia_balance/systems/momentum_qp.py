@@ -1,39 +1,20 @@
 """ICP feedback by the CoP and the eCMP."""
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import momentum_qp
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.polygon import shrink, support_polygon
-from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.polygon import shrink
+from nadia_balance.core.walking.vocabulary import WalkingState, support_polygon
 from nadia_balance.systems import ports
-from nadia_balance.systems.icp_planner import IcpReference
-
-_STATUS = "solved fallback solves violation failures"
-
-
-class EcmpCommand(
-    namedview("EcmpCommand", "cop_x cop_y ecmp_x ecmp_y".split())
-):
-    """The commanded CoP and eCMP, xy in W [m]."""
-
-    cop, ecmp = ports.entries(0, 2), ports.entries(2, 4)
-
-
-class QpStatus(namedview("QpStatus", _STATUS.split())):
-    """Status of a QP in this tick, with the number of failures until now.
-
-    `violation` is the largest constraint violation, in units of the QP's rows.
-    """
-
-    def after(self, qp: QpResult) -> tuple[float, ...]:
-        """The next status, after the result `qp`."""
-        failures = self.failures + (not qp.solved)
-        return qp.solved, qp.fallback, qp.solves, qp.violation, failures
+from nadia_balance.systems.signals import (
+    EcmpCommand,
+    IcpReference,
+    QpStatus,
+    size,
+)
 
 
 class MomentumQp(LeafSystem):
@@ -78,8 +59,8 @@ class MomentumQp(LeafSystem):
         ports.Outcome(
             self,
             {
-                "ecmp_command": ports.size(EcmpCommand),
-                "momentum_qp_status": ports.size(QpStatus),
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
                 "increments": 4,
             },
             2,

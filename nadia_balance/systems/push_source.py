@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.common.value import AbstractValue
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import (
@@ -14,32 +13,11 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems import framework
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.push import Push
-from nadia_balance.core.walking import WalkingState, number_of_ticks
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import WalkingState, number_of_ticks
 from nadia_balance.systems.ports import ValueInput, declare_cache
-
-
-class PushSignal(
-    namedview(
-        "PushSignal",
-        [
-            # Number of the active push, from 1 on, live pushes after scripted
-            # ones; of several, the one that began last; 0: no push.
-            "number",
-            "delta_v",  # of that push [m/s]
-            *("force_x", "force_y", "force_z"),  # of that push, in W [N]
-            "waiting",  # number of scripted pushes that have not ended
-        ],
-    )
-):
-    """The push that acts now, and the number of scripted ones to come."""
-
-    @property
-    def force(self) -> np.ndarray:
-        """The force of the push (3,) [N] in W."""
-        return self[2:5]
-
+from nadia_balance.systems.signals import PushSignal
 
 # "Ticks left" of a push that has not begun: before its phase, and within it.
 _PENDING, _EXPECTED = -1.0, -2.0

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core.joint_drives import lag_share
-from nadia_balance.robot import RobotModel
+from nadia_balance.core.body.joint_drives import lag_share
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import VectorInput, declare_scratch
 
 

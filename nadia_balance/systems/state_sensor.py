@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core.imperfections import Imperfections
+from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.systems.ports import VectorInput
 
 _FEET = 2

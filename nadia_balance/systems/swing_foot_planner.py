@@ -1,27 +1,15 @@
 """Swing-foot reference, continuous when the step is re-planned."""
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core import swing_foot
-from nadia_balance.core.bounds import check
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.swing_clearance import edges_on_way
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.steps import swing_foot
+from nadia_balance.core.steps.swing_clearance import edges_on_way
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
-
-_FIELDS = "x y z vx vy vz ax ay az yaw yaw_rate yaw_acceleration"
-
-
-class SwingFootReference(namedview("SwingFootReference", _FIELDS.split())):
-    """The motion of a sole in W: [m], [rad] and their time derivatives [s].
-
-    Its twelve entries are those of core's FootMotion.
-    """
-
-    position, velocity = ports.entries(0, 3), ports.entries(3, 6)
-    acceleration = ports.entries(6, 9)
+from nadia_balance.systems.signals import SwingFootReference, size
 
 
 class SwingFootPlanner(LeafSystem):
@@ -62,8 +50,8 @@ class SwingFootPlanner(LeafSystem):
         ports.Outcome(
             self,
             {
-                "swing_foot_reference": ports.size(SwingFootReference),
-                "motion": ports.size(SwingFootReference),
+                "swing_foot_reference": size(SwingFootReference),
+                "motion": size(SwingFootReference),
             },
             1,
             self._calc,

@@ -2,11 +2,11 @@
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
-from nadia_balance.core.walking import FootPoses, WalkingState
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
+from nadia_balance.core.walking.vocabulary import FootPoses, WalkingState
 from nadia_balance.systems.ports import MechanismsInput, ValueInput, VectorInput
 
 

@@ -2,40 +2,18 @@
 
 import math
 
-from pydrake.common.containers import namedview
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core import walking, walking_state_machine
-from nadia_balance.core.bounds import check
-from nadia_balance.core.gait import Gait, walking_start
-from nadia_balance.core.icp_plan import IcpPlan
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.model import PointMassModel
-from nadia_balance.systems.ports import (
-    ValueInput,
-    VectorInput,
-    declare_output,
-    entries,
-    size,
-)
-
-PHASES = (walking.Phase.STANDING, walking.Phase.TRANSFER, walking.Phase.SWING)
-_FIELDS = """phase support_side time_in_phase duration waiting steps_taken
-    left_x left_y left_yaw right_x right_y right_yaw
-    target_x target_y target_yaw target_side"""
-
-
-class WalkingSignal(namedview("WalkingSignal", _FIELDS.split())):
-    """The walking state as numbers, for logs.
-
-    `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
-    left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
-    are the present or last stance poses, `target` is the next foothold (NaN,
-    and side 0, without one), each (x, y, yaw) in W [m], [rad].
-    """
-
-    left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.plan import walking_state_machine
+from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
+from nadia_balance.systems.signals import PHASES, WalkingSignal, size
 
 
 class WalkingStateMachine(LeafSystem):

@@ -5,19 +5,18 @@ from collections.abc import Iterable
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.core.whole_body_command import (
+from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.whole_body.command import (
     WholeBodyTerms,
     whole_body_command,
 )
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.core.whole_body_tasks import Task
-from nadia_balance.robot import RobotModel, actuated_velocities
-from nadia_balance.systems.momentum_qp import QpStatus
-from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput, size
-from nadia_balance.systems.swing_foot_planner import SwingFootReference
-from nadia_balance.whole_body_kinematics import whole_body_model
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.core.whole_body.tasks import Task
+from nadia_balance.robot.kinematics import whole_body_model
+from nadia_balance.robot.model import RobotModel, actuated_velocities
+from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput
+from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 

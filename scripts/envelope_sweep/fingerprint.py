@@ -12,7 +12,7 @@ from pydrake.common.yaml import yaml_dump_typed
 import nadia_balance
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.robot import RobotModel, load_robot
+from nadia_balance.robot.model import RobotModel, load_robot
 
 # Folders and modules on which a row depends; not reports and plots.
 FOLDERS = (
@@ -20,9 +20,12 @@ FOLDERS = (
     "analysis",
     "core/**",
     "diagrams",
+    "engines",
     "models/*",
     "results",
+    "robot",
     "systems",
+    "view",
 )
 TRIAL_FILES = ("fingerprint.py", "search.py", "sweep.py", "trial.py")
 
@@ -39,6 +42,18 @@ def code_hash(package: Path = Path(nadia_balance.__file__).parent) -> str:
     Comments and docstrings do not count; the hash depends on Python's version.
     `package` is the folder of nadia_balance.
     """
+    return _digest(
+        part
+        for path in code_files(package)
+        for part in (
+            path.relative_to(package).as_posix().encode(),
+            without_words(path.read_bytes(), path.suffix == ".py"),
+        )
+    )
+
+
+def code_files(package: Path) -> list[Path]:
+    """Returns the files in `package` that trials use, in order."""
     paths = {
         path
         for folder in FOLDERS
@@ -46,14 +61,7 @@ def code_hash(package: Path = Path(nadia_balance.__file__).parent) -> str:
         for path in package.glob(f"{folder}/*.{ending}".lstrip("/"))
     }
     paths |= {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
-    return _digest(
-        part
-        for path in sorted(paths)
-        for part in (
-            path.relative_to(package).as_posix().encode(),
-            without_words(path.read_bytes(), path.suffix == ".py"),
-        )
-    )
+    return sorted(paths)
 
 
 @functools.cache

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from nadia_balance.analysis.lipm_limit import LipmLimit
-from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import walk_to_push
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.envelope_sweep.protocols import Curves
 from nadia_balance.scripts.envelope_sweep.search import Situation
 from nadia_balance.scripts.envelope_sweep.trial import limit_from

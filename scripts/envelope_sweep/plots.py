@@ -16,8 +16,9 @@ from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 
 from nadia_balance import palette
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.core.walking import Array, Side
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.plots.style import FAINT, TEXT
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
 from nadia_balance.scripts.envelope_sweep.search import Situation

@@ -3,8 +3,8 @@
 import csv
 from dataclasses import dataclass
 
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.robot import MODELS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope_sweep.search import Situation
 
 Curve = dict[float, float]  # direction [deg] in [0, 360) -> velocity [m/s]

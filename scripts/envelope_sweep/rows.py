@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
-from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
     SearchParams,

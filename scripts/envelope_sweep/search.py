@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from nadia_balance.core.bounds import bounded
+from nadia_balance.core.math.bounds import bounded
 
 FINEST = 1e-4  # resolution [m/s]
 LARGEST = 100.0  # bound of pushes, far above any recovery [m/s]

@@ -4,9 +4,9 @@ import contextlib
 import copy
 from dataclasses import asdict, dataclass, field
 
-from nadia_balance.core.bounds import check
-from nadia_balance.core.mechanisms import MECHANISMS, NAMED
-from nadia_balance.core.push import Moment
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
+from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.scripts.envelope_sweep import fingerprint

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from nadia_balance.core.mechanisms import NAMED
-from nadia_balance.core.push import Moment
-from nadia_balance.robot import load_robot
+from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.envelope_sweep import protocols
 from nadia_balance.scripts.envelope_sweep.physical import (
     References,

@@ -8,7 +8,7 @@ import time
 from pydrake.systems.framework import Context
 
 from nadia_balance.analysis.lipm_limit import LipmLimit
-from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram

@@ -14,10 +14,11 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from nadia_balance.analysis.lipm_limit import LOST, LipmLimit
-from nadia_balance.core import walking
-from nadia_balance.core.mechanisms import MECHANISMS
-from nadia_balance.core.reachability import step_regions
-from nadia_balance.core.time_adjustment import TimingAdapterParams
+from nadia_balance.core.body.reachability import step_regions
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from tests.example_walks import ALL, FEET, MODEL, UNCROSSED, walk
 
 SPEED = 3.0  # of a foot [m/s]
@@ -44,7 +45,7 @@ def robot(height=0.888, length=0.25, speed=SPEED):
     return replace(
         MODEL,
         com_height=height,
-        sole=walking.rectangle(length, 0.12),
+        sole=rectangle(length, 0.12),
         detour=replace(MODEL.detour, max_speed=speed),
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.systems.ports import connect
+from nadia_balance.systems.wiring import connect
 
 
 class VelocityNoise(LeafSystem):

@@ -10,7 +10,7 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import run_info, simulate
 from nadia_balance.results.summary import Run, summarize
-from nadia_balance.robot import MODELS, load_robot_params
+from nadia_balance.robot.model import MODELS, load_robot_params
 from tests import run_cache
 
 DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}

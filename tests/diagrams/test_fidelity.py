@@ -8,10 +8,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.balance_controller import BalanceController
-from nadia_balance.robot import FIDELITIES, load_robot
+from nadia_balance.robot.model import FIDELITIES, load_robot
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
-from nadia_balance.systems.ports import connect
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.wiring import connect
 from tests.diagrams.simulated import (
     SOON,
     diagram_of,

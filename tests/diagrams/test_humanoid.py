@@ -15,17 +15,17 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import ContactResults
 
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.walking import Phase, Side
-from nadia_balance.core.whole_body_qp import WholeBodyLimits
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.whole_body.qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, run_info, simulate, start
 from nadia_balance.results.log import signal, switches
-from nadia_balance.results.scene import start_meshcat
 from nadia_balance.results.summary import summarize
-from nadia_balance.robot import MODELS
-from nadia_balance.systems.live_controls import LABELS, PUSH, SIZE
-from nadia_balance.systems.walking_state_machine import PHASES
+from nadia_balance.robot.model import MODELS
+from nadia_balance.systems.signals import PHASES
+from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
+from nadia_balance.view.scene import start_meshcat
 from tests.clicks import click
 from tests.diagrams import simulated as runs
 from tests.source_files import ROOT

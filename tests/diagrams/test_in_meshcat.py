@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
-from nadia_balance.results.scene import add_mouse, connect_forces, start_meshcat
+from nadia_balance.view.scene import add_mouse, connect_forces, start_meshcat
 
 MASS = 2.0
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.lipm import com_after, icp_after
+from nadia_balance.core.math.lipm import com_after, icp_after
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import icp_error, signal
 from tests.diagrams.simulated import diagram_of, figures, simulated

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import EventStatus
 
-from nadia_balance.core.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.log import Log, pushes, signal, steps
 from nadia_balance.results.summary import Run
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from tests import run_cache
 from tests.diagrams.noisy_lipm import NoisyLipmDiagram
 from tests.diagrams.simulated import all_of, judged, run_of

@@ -4,14 +4,14 @@ import signal
 
 import pytest
 
-from nadia_balance.core.walking import Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.diagrams import live
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import RESET, SPEED, LiveSession, endless
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.results.scene import start_meshcat
-from nadia_balance.systems.balance_visualizer import FOOTPRINTS
-from nadia_balance.systems.live_controls import PUSH, SIZE
+from nadia_balance.view.balance_visualizer import FOOTPRINTS
+from nadia_balance.view.live_controls import PUSH, SIZE
+from nadia_balance.view.scene import start_meshcat
 from tests.clicks import click
 
 

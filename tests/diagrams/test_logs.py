@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.log import pushes, signal
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from tests.diagrams.simulated import diagram_of
 
 REGIONS = ("base", "forward", "backward")

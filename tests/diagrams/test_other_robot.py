@@ -34,7 +34,7 @@ def test_recovers_from_what_the_paper_shows_for_nadia(delta_v, direction):
     """Oracle: Fig. 10 of the Nadia paper, all mechanisms [m/s].
 
     Outward it is pushed in test_stories.  The QP meets its torque limits to
-    1e-8 (core/qp.py).
+    1e-8 (core/math/qp.py).
     """
     found = figures(shoved(delta_v, direction))
     assert found["recovered"], found["reason"]

@@ -3,13 +3,13 @@
 import pytest
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_file
 
-from nadia_balance.core.gait import StepVector
+from nadia_balance.core.plan.gait import StepVector
 from nadia_balance.diagrams.scenario import (
     SCENARIO_FOLDER,
     load_scenario,
     scenario_names,
 )
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 
 FILES = sorted(SCENARIO_FOLDER.glob("*.yaml"))
 

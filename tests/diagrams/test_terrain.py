@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
-from nadia_balance.core.gait import Gait, StepVector, walking_start
-from nadia_balance.core.ground import GroundError
-from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.core.body.ground import GroundError
+from nadia_balance.core.plan.gait import Gait, StepVector, walking_start
+from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario

@@ -11,7 +11,7 @@ from shapely import Polygon as Shape
 
 import atlas_paper
 import nadia_paper as nadia
-from nadia_balance.core.reachability import (
+from nadia_balance.core.body.reachability import (
     BACKWARD,
     BASE,
     FORWARD,

@@ -13,8 +13,8 @@ from pydrake.math import RigidTransform
 
 import picture
 from nadia_balance.results.pages import start_recording, write_replay
-from nadia_balance.results.scene import start_meshcat
-from nadia_balance.systems.balance_visualizer import MIDDLE
+from nadia_balance.view.balance_visualizer import MIDDLE
+from nadia_balance.view.scene import start_meshcat
 from tests.results.made_up_run import Recipe, make_log
 from tests.scripts.running import assert_refused, run_script
 

@@ -7,7 +7,7 @@ import pytest
 from pydrake.geometry import Role
 
 from nadia_balance.new_robot.make import make_robot
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from tests.new_robot.biped import Biped
 
 

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.description import VISUAL, read
 from nadia_balance.new_robot.make import make_robot
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from tests.new_robot.biped import Biped
 
 NAMES = ("waist", "bow", "l_hip", "l_knee", "l_tilt", "r_roll", "r_ankle")

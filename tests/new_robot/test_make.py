@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from nadia_balance.core.walking import Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named
 from nadia_balance.new_robot.make import make_robot
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from tests.new_robot.biped import Biped
 
 # Rows: forward, left, up.

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.polygon import contains
-from nadia_balance.core.reachability import ReachabilityParams, step_regions
-from nadia_balance.core.size import scaled
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    step_regions,
+)
+from nadia_balance.core.math.polygon import contains
+from nadia_balance.core.math.size import scaled
 from nadia_balance.new_robot.make import make_robot
-from nadia_balance.reach import reaches
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.reach import reaches
 from tests.new_robot.biped import Biped
 
 SAMPLES = 40

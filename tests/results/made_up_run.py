@@ -8,16 +8,20 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from nadia_balance.core.reachability import ReachabilityParams
-from nadia_balance.core.walking import Phase, Side, rectangle
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.diagrams.signal_log import region_logs
-from nadia_balance.results.log import MeasuredFeet
 from nadia_balance.results.summary import Run, RunInfo, summarize
-from nadia_balance.systems.centroidal_estimator import ComState
-from nadia_balance.systems.icp_planner import IcpReference
-from nadia_balance.systems.momentum_qp import EcmpCommand
-from nadia_balance.systems.push_source import PushSignal
-from nadia_balance.systems.walking_state_machine import PHASES, WalkingSignal
+from nadia_balance.systems.signals import (
+    PHASES,
+    ComState,
+    EcmpCommand,
+    IcpReference,
+    MeasuredFeet,
+    PushSignal,
+    WalkingSignal,
+)
 
 T, OMEGA, MASS = 0.002, 3.2, 90.9
 HALF_WIDTH = 0.125

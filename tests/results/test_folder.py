@@ -7,7 +7,7 @@ from nadia_balance.results import folder
 from nadia_balance.results.log import signal
 from nadia_balance.results.pages import start_recording
 from nadia_balance.results.plots import effort
-from nadia_balance.results.scene import start_meshcat
+from nadia_balance.view.scene import start_meshcat
 from tests.results import made_up_run
 
 PLOTS = ["timeline.png", "footsteps.png", "icp.png", "effort.png"]

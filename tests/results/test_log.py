@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.log import (
     phase_spans,
     pushes,

@@ -7,9 +7,9 @@ from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
 from nadia_balance.results import pages
-from nadia_balance.results.scene import FRAMES_PER_SECOND, start_meshcat
 from nadia_balance.results.story import telling
-from nadia_balance.systems.balance_visualizer import MIDDLE
+from nadia_balance.view.balance_visualizer import MIDDLE
+from nadia_balance.view.scene import FRAMES_PER_SECOND, start_meshcat
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 

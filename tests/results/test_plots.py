@@ -8,8 +8,11 @@ from matplotlib.colors import to_hex
 from shapely import Polygon
 
 from nadia_balance import palette
-from nadia_balance.core.reachability import ReachabilityParams, step_regions
-from nadia_balance.core.walking import Side
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    step_regions,
+)
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.log import pushes
 from nadia_balance.results.plots import effort, footsteps, timeline
 from tests.results.made_up_run import (

@@ -103,7 +103,7 @@ def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
     message = "engine = 'mujoco': must be drake for a point mass"
     assert_refused(run(capsys, "--engine", "mujoco"), message)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "nadia_balance.mujoco_model")
+    monkeypatch.delitem(sys.modules, "nadia_balance.engines.mujoco_model")
     message = "engine = 'mujoco': must have its package: pip install mujoco"
     assert_refused(run(capsys, *flags), message)
 

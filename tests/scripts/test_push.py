@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from nadia_balance.results import folder
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
-from nadia_balance.systems.push_source import PushSignal
+from nadia_balance.systems.signals import PushSignal
 from tests.scripts.running import (
     assert_refused,
     ended,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import scenario_names
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import simulate
 from tests.scripts.running import run_script, summary_of
 

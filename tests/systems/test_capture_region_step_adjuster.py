@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.foothold_adjustment import (
+from nadia_balance.core.steps.foothold_adjustment import (
     CaptureRegions,
     Landing,
     capture_regions,
@@ -13,11 +13,15 @@ from nadia_balance.core.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.swing_geometry import (
+from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking import Adjustment, FootPose, WalkingState
+from nadia_balance.core.walking.vocabulary import (
+    Adjustment,
+    FootPose,
+    WalkingState,
+)
 from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking import FootPoses, Side
+from nadia_balance.core.walking.vocabulary import FootPoses, Side
 from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
 from tests.blocks import answer, asked
 from tests.whole_body_examples import nadia, random_state

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.com_height import ComHeightParams
-from nadia_balance.core.walking import FootPose, Side
+from nadia_balance.core.body.com_height import ComHeightParams
+from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.systems.com_height_controller import ComHeightController
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL

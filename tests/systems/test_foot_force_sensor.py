@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nadia_balance.core.walking import Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from tests.boxes import ground, register
 

@@ -5,11 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp, reference_of
-from nadia_balance.core.walking import Phase, WalkingState
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.icp_plan import (
+    IcpPlanParams,
+    plan_icp,
+    reference_of,
+)
+from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems import icp_planner
-from nadia_balance.systems.icp_planner import IcpPlanner, IcpReference
+from nadia_balance.systems.icp_planner import IcpPlanner
+from nadia_balance.systems.signals import IcpReference
 from tests.blocks import answer, asked, fix
 from tests.example_walks import MODEL, successor, walk
 

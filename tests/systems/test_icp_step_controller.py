@@ -6,23 +6,25 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from nadia_balance.core.atlas_icp_plan import AtlasIcpPlanParams, plan_atlas_icp
-from nadia_balance.core.foothold_adjustment import CaptureRegions
-from nadia_balance.core.icp_plan import reference_of
-from nadia_balance.core.icp_step_control import (
+from nadia_balance.core.body.reachability import in_world
+from nadia_balance.core.feedback.icp_step_control import (
     step_feedback,
     step_phase,
     uncrossed_reach,
 )
-from nadia_balance.core.icp_step_qp import IcpStepQp, IcpStepQpParams
-from nadia_balance.core.reachability import in_world
-from nadia_balance.core.walking import Side, WalkingState
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.icp_plan import reference_of
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.walking.vocabulary import Side, WalkingState
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.systems.icp_planner import IcpReference
 from nadia_balance.systems.icp_step_controller import IcpStepController
-from nadia_balance.systems.momentum_qp import EcmpCommand, QpStatus
 from nadia_balance.systems.ports import NOTHING
+from nadia_balance.systems.signals import EcmpCommand, IcpReference, QpStatus
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import MODEL, swing, walk
 

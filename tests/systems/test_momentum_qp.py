@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core import momentum_qp
-from nadia_balance.core.polygon import contains
-from nadia_balance.core.qp import QpResult
-from nadia_balance.core.walking import (
+from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.math.polygon import contains
+from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.walking.vocabulary import (
     ContactSchedule,
     FootPose,
     FootPoses,
@@ -17,7 +17,8 @@ from nadia_balance.core.walking import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.momentum_qp import EcmpCommand, MomentumQp
+from nadia_balance.systems.momentum_qp import MomentumQp
+from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import answer, asked, running, tick
 from tests.example_walks import MODEL, SOLE, at_rest
 

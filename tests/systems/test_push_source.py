@@ -11,16 +11,17 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.push import Push
-from nadia_balance.core.walking import (
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import (
     FootPose,
     FootPoses,
     Phase,
     Side,
     WalkingState,
 )
-from nadia_balance.systems.ports import connect
-from nadia_balance.systems.push_source import PushSignal, PushSource
+from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import PushSignal
+from nadia_balance.systems.wiring import connect
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import standing
 

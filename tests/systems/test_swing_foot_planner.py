@@ -1,23 +1,23 @@
-"""Oracle: core.swing_foot, called with the same values."""
+"""Oracle: core.steps.swing_foot, called with the same values."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from nadia_balance.core.ground import Ground
-from nadia_balance.core.swing_clearance import edges_on_way
-from nadia_balance.core.swing_foot import (
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.steps.swing_clearance import edges_on_way
+from nadia_balance.core.steps.swing_foot import (
     FootMotion,
     SwingFootParams,
     swing_foot_motion,
     velocity_now,
 )
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from tests import example_walks
 from tests.blocks import answer, asked
-from tests.core.test_ground import square
+from tests.core.body.test_ground import square
 from tests.example_walks import MODEL
 
 PERIOD, LEAD, PARAMS = 0.002, 0.005, SwingFootParams()

@@ -1,12 +1,12 @@
-"""Oracles: core.time_adjustment, called with the same values; Eq. 16."""
+"""Oracles: core.plan.time_adjustment, called with the same values; Eq. 16."""
 
 import numpy as np
 import pytest
 
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.mechanisms import Mechanisms
-from nadia_balance.core.time_adjustment import Timing, TimingAdapterParams
-from nadia_balance.core.walking import WalkingState
+from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, successor, walk

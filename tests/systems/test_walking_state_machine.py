@@ -1,22 +1,19 @@
-"""Oracle: core.walking_state_machine, called with the same values."""
+"""Oracle: core.plan.walking_state_machine, called with the same values."""
 
 import numpy as np
 import pytest
 
-from nadia_balance.core.foothold_adjustment import unadjusted
-from nadia_balance.core.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.lipm import GRAVITY
-from nadia_balance.core.walking import Phase, WalkingState
-from nadia_balance.core.walking_state_machine import (
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
+from nadia_balance.core.plan.walking_state_machine import (
     Measurement,
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.systems.walking_state_machine import (
-    PHASES,
-    WalkingSignal,
-    WalkingStateMachine,
-)
+from nadia_balance.core.steps.foothold_adjustment import unadjusted
+from nadia_balance.core.walking.vocabulary import Phase, WalkingState
+from nadia_balance.systems.signals import PHASES, WalkingSignal
+from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 from tests.blocks import answer, asked, fix, running
 from tests.example_walks import FEET, MODEL, standing, walk
 

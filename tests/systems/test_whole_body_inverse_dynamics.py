@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking import WalkingState
-from nadia_balance.core.whole_body_limits import WholeBodyLimits
-from nadia_balance.core.whole_body_params import WholeBodyQpParams
-from nadia_balance.core.whole_body_qp import WholeBodyQp
-from nadia_balance.systems.momentum_qp import QpStatus
+from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.whole_body.limits import WholeBodyLimits
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.systems.signals import QpStatus
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
 from tests import example_walks
 from tests.blocks import answer, asked, fix, running, tick
-from tests.core.test_whole_body_tasks import ELBOW, JointTask
+from tests.core.whole_body.test_tasks import ELBOW, JointTask
 from tests.whole_body_examples import (
     PERIOD,
     command,

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.log import QP_STATUS, Log, icp_error, signal
 from nadia_balance.results.measurements import (
     ICP_BACK,

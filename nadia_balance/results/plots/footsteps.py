@@ -10,9 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from nadia_balance import palette
-from nadia_balance.core.polygon import contains
-from nadia_balance.core.reachability import BACKWARD, BASE, FORWARD, in_world
-from nadia_balance.core.walking import Array, FootPose, Side
+from nadia_balance.core.body.reachability import (
+    BACKWARD,
+    BASE,
+    FORWARD,
+    in_world,
+)
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import contains
+from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, PushSpan, Step, signal, sole_pose
 from nadia_balance.results.measurements import recovered_at

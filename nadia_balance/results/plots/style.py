@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.log import Log, phase_spans, pushes
 
 TEXT = "#2f3440"

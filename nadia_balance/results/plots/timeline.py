@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from nadia_balance import palette
-from nadia_balance.core.walking import Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.log import Log, PhaseSpan, phase_spans, signal
 from nadia_balance.results.plots import style
 from nadia_balance.results.plots.style import FAINT, RC, TEXT

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from nadia_balance.core.mechanisms import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.robot import load_robot
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.envelope_sweep.physical import (
     limits_of,
     physical_limits,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.envelope_sweep import plots
 from nadia_balance.scripts.envelope_sweep.physical import References

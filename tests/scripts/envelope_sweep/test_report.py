@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.physical import References
 from nadia_balance.scripts.envelope_sweep.protocols import protocol_of

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.bounds import check
+from nadia_balance.core.math.bounds import check
 from nadia_balance.scripts.envelope_sweep.search import (
     TYPICAL,
     Limit,

@@ -12,9 +12,9 @@ import sys
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import ENGINES, load_scenario
-from nadia_balance.robot import MODELS
+from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope_sweep import fingerprint
 from nadia_balance.scripts.envelope_sweep.flags import (
     QUICK,
@@ -29,7 +29,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
 )
 from nadia_balance.scripts.envelope_sweep.sweep import moment_of
 from tests.scripts.envelope_sweep.made_up import made_up_sweep
-from tests.source_files import ROOT
+from tests.source_files import ROOT, module_name
 
 LATER = "left transfer 50 %"
 
@@ -198,12 +198,18 @@ def test_the_fingerprint_is_of_every_file_of_a_trial():
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
     )
+    modules = {m for m in done.stdout.split() if m.startswith("nadia_balance")}
     names = {
         f"{module.removeprefix(f'{package}.')}.py"
-        for module in done.stdout.split()
+        for module in modules
         if module.startswith(f"{package}.")
     }
     assert names == set(fingerprint.TRIAL_FILES)
+    covered = {
+        module_name(path.relative_to(ROOT)).removesuffix(".__init__")
+        for path in fingerprint.code_files(ROOT / "nadia_balance")
+    }
+    assert modules - covered == {"nadia_balance.scripts", package}
 
 
 def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
@@ -213,7 +219,7 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
     before = fingerprint.code_hash(tmp_path / "lib")
     assert before == fingerprint.code_hash()
     assert re.fullmatch("[0-9a-f]{16}", before)
-    lipm = tmp_path / "lib" / "core" / "lipm.py"
+    lipm = tmp_path / "lib" / "core" / "math" / "lipm.py"
     text = lipm.read_text()
     assert text.startswith('"""') and "    return " in text
     for words in (
@@ -226,8 +232,9 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
         ("lib/results/plots/style.py", False),
         ("lib/scripts/envelope_sweep/report.py", False),
         ("lib/scripts/envelope_sweep/trial.py", True),
-        ("lib/core/lipm.py", True),
-        ("lib/robot.py", True),
+        ("lib/core/math/lipm.py", True),
+        ("lib/robot/model.py", True),
+        ("lib/engines/mujoco_model.py", True),
         ("lib/diagrams/lipm.py", True),
         ("lib/models/nadia/robot.yaml", True),
     ):

@@ -1,0 +1,1 @@
+"""What the robot can do: mass, reach, ground, drives, height."""

@@ -1,0 +1,124 @@
+"""CoM height: the nominal one, limited by the reach of bent legs."""
+
+import math
+from dataclasses import dataclass
+
+from nadia_balance.core.body.model import LegGeometry, PointMassModel
+from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.vocabulary import (
+    ContactSchedule,
+    FootPose,
+    Phase,
+)
+
+
+@dataclass(kw_only=True)
+class ComHeightParams:
+    """Gains of the vertical motion, and limits of the leg length."""
+
+    position_gain: float = bounded(50.0, above=0.0, unit="1/s^2")  # k_p
+    damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
+    # Half of gravity, so that the feet keep their load.
+    max_acceleration: float = bounded(
+        4.9, above=0.0, below=GRAVITY, unit="m/s^2"
+    )
+    # Bound on the commanded vertical velocity.
+    max_velocity: float = bounded(1.0, above=0.0, unit="m/s")
+    # Largest distance from hip to ankle, as a share of the straight leg.
+    max_stretch: float = bounded(0.97, above=0.0, most=1.0)
+    # Largest horizontal distance from hip to ankle while both feet carry, as a
+    # share of the distance of the feet: 0.5 if the hips are half-way.
+    reach_ratio: float = bounded(0.65, above=0.0, most=1.0)
+    # Lowest height, as a share of the nominal one.
+    min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
+
+
+def height_limit(
+    stance: FootPose,
+    other: FootPose,
+    params: ComHeightParams,
+    legs: LegGeometry,
+) -> float:
+    """Returns the largest CoM height [m] above the soles that the legs allow.
+
+    It follows from Pythagoras for a leg of `max_stretch` times its length and
+    a horizontal distance of `reach_ratio` times that of the feet, less
+    `hip_width` sideways.  0 if there is no such height.
+    """
+    x, y = stance.to_sole(other.p_WF[None, :2])[0]
+    reach = params.reach_ratio * math.hypot(
+        x, max(abs(y) - legs.hip_width, 0.0)
+    )
+    squared = (params.max_stretch * legs.length) ** 2 - reach**2
+    if squared <= 0.0:
+        return 0.0
+    return legs.ankle_height + math.sqrt(squared) + legs.com_above_hip
+
+
+@dataclass(frozen=True)
+class ComHeightPlan:
+    """Desired CoM height [m] in W during one phase of `duration` [s]."""
+
+    start: float
+    end: float
+    duration: float
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Returns the height [m] and its rate [m/s] at the time `t` [s].
+
+        The height is a cubic from start to end, at rest at both and beyond.
+        """
+        rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
+        return (
+            self.start + rise * s * s * (3.0 - 2.0 * s),
+            rise * 6.0 * s * (1.0 - s) / self.duration,
+        )
+
+
+def plan_com_height(
+    schedule: ContactSchedule, params: ComHeightParams, model: PointMassModel
+) -> ComHeightPlan:
+    """Returns the desired CoM height during the present phase.
+
+    It is the model's height above the support sole (on uneven ground above the
+    lower sole), reduced to `height_limit` down to `min_height_ratio`.  It
+    changes only during a swing, from the limit at lift-off to that at the next
+    foothold.
+    """
+    side = schedule.support_side
+    stance, nominal = schedule.feet[side], model.com_height
+    lowest = params.min_height_ratio * nominal
+
+    def height(other: FootPose) -> float:
+        limit = height_limit(stance, other, params, model.legs)
+        ground = float(stance.p_WF[2])
+        if model.is_uneven:
+            ground = min(ground, float(other.p_WF[2]))
+        return ground + min(max(limit, lowest), nominal)
+
+    start = end = height(schedule.feet[side.other])
+    if schedule.phase is Phase.SWING and schedule.footsteps:
+        end = height(schedule.footsteps[0].pose)
+    return ComHeightPlan(start, end, schedule.duration)
+
+
+def vertical_acceleration(
+    height: float,
+    velocity: float,
+    desired: float,
+    desired_rate: float,
+    params: ComHeightParams,
+) -> float:
+    """Returns the desired vertical acceleration of the CoM [m/s^2].
+
+    It is a PD law with the velocity command limited to `max_velocity` and the
+    result to `max_acceleration` (heights [m], velocities [m/s], all in W).
+    """
+    k_p = params.position_gain
+    k_d = 2.0 * params.damping_ratio * math.sqrt(k_p)
+    command = desired_rate + k_p / k_d * (desired - height)
+    limit = params.max_velocity
+    command = min(max(command, -limit), limit)
+    limit = params.max_acceleration
+    return min(max(k_d * (command - velocity), -limit), limit)

@@ -1,0 +1,287 @@
+"""Ground of convex planar regions, and the footholds on them."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.math.polygon import (
+    area,
+    clip_all,
+    contains,
+    convex_hull,
+    halfspaces,
+    intersection,
+    project,
+)
+from nadia_balance.core.walking.vocabulary import FootPose, Immutable
+
+_OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
+_ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
+_TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
+
+
+@dataclass(kw_only=True)
+class Region:
+    """A convex part of a plane; `vertices` are its corners from above.
+
+    The plane has the `height` at the mean of the vertices, and the `normal`.
+    Obstacles have no footholds.
+    """
+
+    name: str = ""
+    vertices: list[list[float]] = field(default_factory=list)  # [x, y] in W [m]
+    height: float = 0.0  # [m]
+    normal: list[float] = field(default_factory=lambda: [0.0, 0.0, 1.0])
+    obstacle: bool = False
+
+    def validate_more(self) -> None:
+        """Raises ValueError, with the name, if the region is not valid."""
+        corners, of = self.vertices, f"(region {self.name!r})"
+        if any(len(corner) != 2 for corner in corners):
+            raise ValueError(f"vertices = {corners} {of}: must be [x, y] each")
+        if not corners or not 3 <= len(self.polygon) == len(corners):
+            raise ValueError(
+                f"vertices = {corners} {of}: must be convex, with 3 or more "
+                "corners"
+            )
+        if len(self.normal) != 3 or not self.normal[2] > 0.0:
+            raise ValueError(
+                f"normal = {self.normal} {of}: must be [x, y, z] with z > 0, "
+                "or the region is upside down"
+            )
+
+    @cached_property
+    def polygon(self) -> Array:
+        """The corners (n, 2) [m], counter-clockwise."""
+        return convex_hull(np.array(self.vertices, dtype=float))
+
+    @cached_property
+    def unit_normal(self) -> Array:
+        """The unit normal (3,)."""
+        return np.array(self.normal) / math.hypot(*self.normal)
+
+    @property
+    def slope(self) -> float:
+        """The slope: tangent of the tilt [-]."""
+        x, y, z = self.normal
+        return math.hypot(x, y) / z
+
+    @property
+    def is_level(self) -> bool:
+        """True if the normal is vertical."""
+        return bool(self.unit_normal[2] == 1.0)
+
+    def heights(self, points: Array) -> Array:
+        """Returns the heights (n,) [m] of the plane at `points` (n, 2) [m]."""
+        x, y, z = self.unit_normal.tolist()
+        offsets = points - self.polygon.mean(axis=0)
+        return np.asarray(self.height - offsets @ [x / z, y / z])
+
+    def between(self, polygon: Array, lowest: float, highest: float) -> Array:
+        """Returns the part of `polygon` (n, 2) [m] between two heights [m]."""
+        x, y, z = self.unit_normal.tolist()
+        slope = np.array([-x / z, -y / z])
+        at_origin = float(self.heights(np.zeros((1, 2)))[0])
+        limits = np.array([highest - at_origin, at_origin - lowest])
+        return clip_all(polygon, np.array([slope, -slope]), limits)
+
+    def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
+        """Returns the polygon (n, 2) [m] of sole centres, seen from above.
+
+        It is the Minkowski difference of the region and the sole, which has the
+        tilt of the plane and the `yaw` [rad], shrunk by `margin` [m]; `sole`
+        (k, 2) [m] in its own frame.  (0, 2) if the sole does not fit.
+        """
+        foot = FootPose(yaw=yaw, normal=self.unit_normal)
+        corners = foot.outline(sole)
+        A, b = halfspaces(self.polygon)
+        farthest = (A @ corners.T).max(axis=1)
+        return clip_all(self.polygon, A, b - farthest - margin)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground(Immutable):
+    """All regions, with the sole (n, 2) [m] and its margin to their edges."""
+
+    regions: tuple[Region, ...]
+    sole: Array
+    margin: float = 0.02  # [m]
+
+    @cached_property
+    def is_level(self) -> bool:
+        """True if all regions but obstacles are level, at z = 0."""
+        return all(
+            region.height == 0.0 and region.is_level
+            for region in self.regions
+            if not region.obstacle
+        )
+
+    @cached_property
+    def _known(self) -> dict[float, tuple[Array, ...]]:
+        return {}
+
+    def footholds(self, yaw: float) -> tuple[Array, ...]:
+        """Returns the foothold polygon of each region for this `yaw` [rad].
+
+        Polygons (n, 2) [m] in W; (0, 2) where the sole does not fit.
+        """
+        if yaw not in self._known:
+            self._known[yaw] = tuple(
+                np.empty((0, 2))
+                if region.obstacle
+                else region.footholds(self.sole, yaw, self.margin)
+                for region in self.regions
+            )
+        return self._known[yaw]
+
+    def allows(self, foot: FootPose) -> bool:
+        """True if the sole is on a single region, with the margin."""
+        return any(
+            contains(foot.p_WF[:2], part, _ROUNDING)
+            for part in self.footholds(foot.yaw)
+            if len(part)
+        )
+
+    def nearest(
+        self, point: Array, yaw: float, within: Array | None = None
+    ) -> Array | None:
+        """Returns the foothold (2,) [m] closest to `point` (2,), or None.
+
+        If `within` (n, 2) [m] is given, the foothold is in that polygon.
+        """
+        parts = [part for part in self.footholds(yaw) if len(part)]
+        if within is not None:
+            parts = [intersection(part, within) for part in parts]
+        points = [project(point, part) for part in parts if len(part)]
+        return min(points, key=lambda p: math.dist(p, point), default=None)
+
+    def footholds_within(
+        self, polygon: Array, yaw: float, lowest: float, highest: float
+    ) -> Iterator[tuple[int, Array]]:
+        """Yields the footholds within `polygon` (n, 2) [m] in W, by region.
+
+        Each is the index of a region, and the part (k, 2) [m] of its footholds
+        for this `yaw` [rad] at heights from `lowest` to `highest` [m].
+        """
+        for index, hold in enumerate(self.footholds(yaw)):
+            part = intersection(polygon, hold) if len(hold) else hold
+            part = self.regions[index].between(part, lowest, highest)
+            if len(part):
+                yield index, part
+
+    def region_under(self, foot: FootPose) -> Region | None:
+        """Returns the region that contains the whole sole, or None."""
+        corners = foot.outline(self.sole)
+        for region in self.regions:
+            if not region.obstacle and all(
+                contains(p, region.polygon, _ROUNDING) for p in corners
+            ):
+                return region
+        return None
+
+    def pose(self, point: Array, yaw: float, height: float) -> FootPose:
+        """Returns the sole at `point` (2,) [m], on the plane of its region.
+
+        Without a region, the sole is level at `height` [m].
+        """
+        foot = FootPose(np.append(point, height), yaw)
+        if (region := self.region_under(foot)) is None:
+            return foot
+        p_WF = np.append(point, region.heights(point[None]))
+        if region.is_level:
+            return FootPose(p_WF, yaw)
+        return FootPose(p_WF, yaw, region.unit_normal)
+
+
+def check_ground(ground: Ground) -> None:
+    """Checks that regions do not overlap, and that soles fit on them.
+
+    Raises ValueError: names the region and the condition.
+    """
+    names = [region.name for region in ground.regions]
+    for name in names:
+        if not name or names.count(name) > 1:
+            raise ValueError(f"regions.name = {name!r}: must be given, once")
+    for region in ground.regions:
+        yaws = np.arange(0.0, math.pi, _TURN).tolist()
+        if not region.obstacle and not any(
+            len(region.footholds(ground.sole, yaw, ground.margin))
+            for yaw in yaws
+        ):
+            length, width = np.ptp(ground.sole, axis=0)
+            raise ValueError(
+                f"region {region.name!r}: must be larger than the sole, "
+                f"{length:.2f} m x {width:.2f} m, by margin = "
+                f"{ground.margin} m on each side"
+            )
+    for one, other in itertools.combinations(ground.regions, 2):
+        shared = area(intersection(one.polygon, other.polygon))
+        if shared > _OVERLAP:
+            raise ValueError(
+                f"regions {one.name!r} and {other.name!r}, at heights "
+                f"{one.height:g} and {other.height:g} m: must not overlap, "
+                f"but share {shared:.2g} m^2 seen from above"
+            )
+
+
+def check_friction(ground: Ground, friction: float) -> None:
+    """Checks that a vertical force is in every region's cone of `friction`.
+
+    Raises ValueError: names the region that is too steep.
+    """
+    for region in ground.regions:
+        if not region.obstacle and region.slope >= friction:
+            tilt, most = (math.atan(s) for s in (region.slope, friction))
+            raise ValueError(
+                f"region {region.name!r}: must be tilted by less than "
+                f"{math.degrees(most):.1f} deg, as friction is {friction:g}, "
+                f"but is by {math.degrees(tilt):.1f} deg"
+            )
+
+
+@dataclass(kw_only=True)
+class GroundError:
+    """Bounds of the random errors in the controller's knowledge of regions."""
+
+    height: float = bounded(0.0, least=0.0, most=0.2, unit="m")
+    tilt_deg: float = bounded(0.0, least=0.0, most=20.0, unit="deg")
+    place: float = bounded(0.0, least=0.0, most=0.5, unit="m")
+
+
+def believed(
+    regions: tuple[Region, ...], error: GroundError, seed: int
+) -> tuple[Region, ...]:
+    """Returns the regions with random errors, determined by `seed`.
+
+    The region at the origin of W, where the robot starts, has no error.
+    """
+    if error == GroundError():
+        return regions
+    rng = np.random.default_rng(seed)
+    found = []
+    for region in regions:
+        if contains(np.zeros(2), region.polygon):
+            found.append(region)
+            continue
+        up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()
+        slope = math.tan(math.radians(error.tilt_deg))
+        x, y, z = region.normal
+        found.append(
+            Region(
+                name=region.name,
+                vertices=[
+                    [u + dx * error.place, v + dy * error.place]
+                    for u, v in region.vertices
+                ],
+                height=region.height + up * error.height,
+                normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
+                obstacle=region.obstacle,
+            )
+        )
+    return tuple(found)

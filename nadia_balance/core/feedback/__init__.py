@@ -1,0 +1,1 @@
+"""ICP feedback: by the CoP, the angular momentum, the next steps."""

@@ -1,0 +1,134 @@
+"""The bounds of a parameter, written beside its default and checked together.
+
+@dataclass(kw_only=True)
+class Params:
+gain: float = bounded(3.0, above=1.0)
+
+check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+"""
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+# Largest magnitude of a parameter without a bound, by unit, and for all others.
+LARGEST = {"s": 10.0, "m": 10.0}
+LARGEST_OF_ALL = 1e6
+
+
+class Bounds(NamedTuple):
+    """Allowed values: >= `least`, > `above`, <= `most`, < `below`, `one_of`.
+
+    A side without a bound ends at +-LARGEST of the `unit`; if not `finite`,
+    infinity is allowed, too.
+    """
+
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+    below: float | None = None
+    one_of: tuple[str, ...] = ()
+    finite: bool = True
+    unit: str = ""
+    of: str = "leg"  # length that it scales with (see size.py); empty: none
+
+    def allow(self, value: float) -> bool:
+        """True if the number is within these bounds."""
+        return (
+            self._is_sane(value)
+            and (self.least is None or value >= self.least)
+            and (self.above is None or value > self.above)
+            and (self.most is None or value <= self.most)
+            and (self.below is None or value < self.below)
+        )
+
+    @property
+    def _largest(self) -> float:
+        return LARGEST.get(self.unit, LARGEST_OF_ALL)
+
+    def _is_sane(self, value: float) -> bool:
+        """False for NaN, and beyond LARGEST on a side without a bound."""
+        if math.isinf(value):
+            return not self.finite
+        above = value > 0.0
+        given = (self.most, self.below) if above else (self.least, self.above)
+        return given != (None, None) or abs(value) <= self._largest
+
+    def rule(self, value: float) -> str:
+        """Returns the rule that the number `value` breaks, as text."""
+        low, high = self.least, self.most
+        unit = f" {self.unit}" if self.unit else ""
+        if math.isfinite(value) and not self._is_sane(value):
+            low = -self._largest if low is None else low
+            high = self._largest if high is None else high
+        opening, closing = "[", "]"
+        if self.above is not None:
+            low, opening = self.above, "("
+        if self.below is not None:
+            high, closing = self.below, ")"
+        if low is not None and high is not None:
+            return f"in {opening}{low:g}, {high:g}{closing}{unit}"
+        rule = "a number"
+        if low is not None:
+            rule = f"{'>=' if opening == '[' else '>'} {low:g}{unit}"
+        elif high is not None:
+            rule = f"{'<=' if closing == ']' else '<'} {high:g}{unit}"
+        elif self.finite:
+            return "finite"
+        needs_to_be = self.finite and not math.isfinite(value)
+        return f"finite and {rule}" if needs_to_be else rule
+
+
+UNBOUNDED = Bounds()
+
+
+def bounded(default: Any, **bounds: Any) -> Any:
+    """Returns a dataclass field with this default and `Bounds` for `check`.
+
+    None is always allowed.
+    """
+    metadata = {"bounds": Bounds(**bounds)}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def check(params: object, name: str = "") -> None:
+    """Checks all fields of the dataclass `params` against their bounds.
+
+    Numbers without bounds must be finite, and no larger than LARGEST_OF_ALL.
+    Descends into dataclasses, lists and mappings, then calls
+    `params.validate_more()`, if defined, for conditions between fields.
+    `name` is that of `params` itself.
+
+    Raises ValueError: names the first field out of its bounds, its value and
+    the rule, such as `steps[1].length = nan: must be finite`.
+    """
+    for field in dataclasses.fields(params):  # type: ignore[arg-type]
+        bounds = field.metadata.get("bounds", UNBOUNDED)
+        _check(getattr(params, field.name), _join(name, field.name), bounds)
+    if hasattr(params, "validate_more"):
+        try:
+            params.validate_more()
+        except ValueError as error:
+            raise ValueError(_join(name, str(error))) from None
+
+
+def _check(value: object, name: str, bounds: Bounds) -> None:
+    if dataclasses.is_dataclass(value):
+        check(value, name)
+    elif isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            _check(item, f"{name}[{i}]", bounds)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _check(item, _join(name, str(key)), bounds)
+    elif isinstance(value, str):
+        if bounds.one_of and value not in bounds.one_of:
+            words = ", ".join(bounds.one_of)
+            raise ValueError(f"{name} = {value!r}: must be one of {words}")
+    elif isinstance(value, float | int) and not isinstance(value, bool):
+        if not bounds.allow(value):
+            raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")
+
+
+def _join(name: str, part: str) -> str:
+    return f"{name}.{part}" if name else part

@@ -1,0 +1,298 @@
+"""DAQP as a Drake solver, for small dense convex QPs."""
+
+import math
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import daqp  # type: ignore[import-not-found]
+import numpy as np
+from pydrake import solvers
+
+from nadia_balance.core.math.arrays import Array
+
+# Primal tolerance of rows that DAQP has normalised.  With its default, 1e-6,
+# rows of very different lengths are violated by centimetres.
+_PRIMAL_TOLERANCE = 1e-10
+# Settings of the second attempt: with dependent rows and an ill-conditioned H,
+# rounding may look like infeasibility.  With these settings, it never did in
+# thousands of such programs.
+_WITH_CARE = {
+    "primal_tol": 1e-8,
+    "eps_prox": 0.01,
+    "eta_prox": 1e-9,
+    "eq_reduction": 1,
+}
+_INFEASIBLE = -1
+_DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # also cycles, contradicting equalities
+# Range of the cost's norm without scaling: DAQP treats values below 1e-11 as 0.
+_LEAST_SIZE, _MOST_SIZE = 1.0, 1e6
+_RESULTS = {
+    1: solvers.SolutionResult.kSolutionFound,
+    2: solvers.SolutionResult.kSolutionFound,
+    _INFEASIBLE: solvers.SolutionResult.kInfeasibleConstraints,
+    -3: solvers.SolutionResult.kUnbounded,
+    -4: solvers.SolutionResult.kIterationLimit,
+    -6: solvers.SolutionResult.kInfeasibleConstraints,
+}
+_NO_COSTS = {
+    solvers.SolutionResult.kInfeasibleConstraints: math.inf,
+    solvers.SolutionResult.kUnbounded: -math.inf,
+}
+_ATTRIBUTES = {
+    solvers.ProgramAttribute.kQuadraticCost,
+    solvers.ProgramAttribute.kLinearCost,
+    solvers.ProgramAttribute.kLinearConstraint,
+    solvers.ProgramAttribute.kLinearEqualityConstraint,
+}
+
+
+# Selection matrices E (k, n) of each binding, see _pick().
+_Picks = dict[Any, Array | None]
+_UNKNOWN = np.empty(0)
+
+
+class DaqpSolution(NamedTuple):
+    """DAQP's solution `x` (n,), NaN unless `result` is kSolutionFound.
+
+    `iterations` counts the tried working sets.
+    """
+
+    x: Array
+    result: solvers.SolutionResult
+    iterations: int
+
+
+class DaqpSolver(solvers.SolverInterface):
+    """Solves convex QPs exactly, by a dual active-set method.
+
+        min 1/2 x'Hx + g'x  s.t.  lower <= A x <= upper
+
+    It is for dense programs of up to some hundred variables and rows, solved
+    repeatedly in a loop: `solve` takes about 20 us more than DAQP itself after
+    the first solve of a program.  No result depends on an earlier one.
+    Arnstroem, Bemporad and Axehill, A dual active-set solver for embedded
+    quadratic programming using recursive LDL' updates, IEEE Transactions on
+    Automatic Control 67 (2022).
+
+    Initial guess and solver options are not used.  A result has no dual
+    solution, and its `get_solver_id` names another solver: Drake does not let
+    Python solvers set them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        # Cache of the variables of each program and the selection matrices of
+        # its bindings: Drake's lookup takes as long as DAQP's solve.
+        self._picks: WeakKeyDictionary[Any, tuple[Any, _Picks]] = (
+            WeakKeyDictionary()
+        )
+
+    def available(self) -> bool:
+        """True: DAQP is a dependency of this package."""
+        return True
+
+    def enabled(self) -> bool:
+        """True: DAQP needs no licence."""
+        return True
+
+    def solver_id(self) -> solvers.SolverId:
+        """Returns the id "DAQP"."""
+        return solvers.SolverId("DAQP")
+
+    def AreProgramAttributesSatisfied(
+        self, prog: solvers.MathematicalProgram
+    ) -> bool:
+        """True for linear and convex quadratic costs, linear constraints."""
+        return not self.ExplainUnsatisfiedProgramAttributes(prog)
+
+    def ExplainUnsatisfiedProgramAttributes(
+        self, prog: solvers.MathematicalProgram
+    ) -> str:
+        """Returns the unsupported attributes of `prog`; empty if none."""
+        more = set(prog.required_capabilities()) - _ATTRIBUTES
+        names = sorted(attribute.name for attribute in more)
+        costs: Any = prog.quadratic_costs()
+        if not all(binding.evaluator().is_convex() for binding in costs):
+            names.append("a quadratic cost that is not convex")
+        if not names:
+            return ""
+        return f"DaqpSolver cannot solve a program with {', '.join(names)}"
+
+    def Solve(  # type: ignore[override]
+        self,
+        prog: solvers.MathematicalProgram,
+        initial_guess: Array | None = None,
+        solver_options: Any = None,
+        result: solvers.MathematicalProgramResult | None = None,
+    ) -> solvers.MathematicalProgramResult | None:
+        """Solves `prog` like any Drake solver.
+
+        Returns a result, or writes into `result` if given.
+
+        Raises:
+            ValueError: `prog` is no convex QP, or a coefficient is not finite.
+        """
+        if why := self.ExplainUnsatisfiedProgramAttributes(prog):
+            raise ValueError(why)
+        solution = self.solve(prog)
+        filled = (
+            solvers.MathematicalProgramResult() if result is None else result
+        )
+        _fill(filled, prog, solution)
+        return filled if result is None else None
+
+    def solve(self, prog: solvers.MathematicalProgram) -> DaqpSolution:
+        """Solves the convex QP `prog`, without a MathematicalProgramResult.
+
+        Raises ValueError: a cost is not convex, a coefficient not finite, a
+        bound is NaN, a lower bound is inf or an upper bound is -inf.
+        """
+        n, variables = prog.num_vars(), prog.decision_variable_index()
+        known, picks = self._picks.get(prog, (None, {}))
+        if known != variables:
+            picks = {}
+            self._picks[prog] = variables, picks
+        H, g = _cost(prog, n, picks)
+        A, lower, upper = _rows(prog, n, picks)
+        _check(lower, upper)
+        x, flag, iterations = _solved(H, g, A, lower, upper)
+        result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
+        if result is not solvers.SolutionResult.kSolutionFound:
+            x = np.full(n, np.nan)
+        return DaqpSolution(x, result, iterations)
+
+
+def _pick(
+    binding: Any, prog: solvers.MathematicalProgram, picks: _Picks
+) -> Array | None:
+    """Returns E (k, n) of a binding with the variables E x; None for E = I."""
+    E = picks.get(binding, _UNKNOWN)
+    if E is _UNKNOWN:
+        n = prog.num_vars()
+        indices = prog.FindDecisionVariableIndices(binding.variables())
+        E = np.eye(n)[indices]
+        E = picks[binding] = None if np.array_equal(E, np.eye(n)) else E
+    return E
+
+
+def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
+    """Returns H (n, n) and g (n,) of the sum of all costs."""
+    squares, slopes = [], []
+    for binding in prog.quadratic_costs():
+        E, cost = _pick(binding, prog, picks), binding.evaluator()
+        if not cost.is_convex():  # DAQP may not detect slight non-convexity
+            raise ValueError("quadratic cost of the QP: must be convex")
+        squares.append(cost.Q() if E is None else E.T @ cost.Q() @ E)
+        slopes.append(cost.b() if E is None else cost.b() @ E)
+    for binding in prog.linear_costs():
+        E, cost = _pick(binding, prog, picks), binding.evaluator()
+        slopes.append(cost.a() if E is None else cost.a() @ E)
+    H = squares[0] if len(squares) == 1 else sum(squares, np.zeros((n, n)))
+    g = slopes[0] if len(slopes) == 1 else sum(slopes, np.zeros(n))
+    return H, g
+
+
+def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
+    """Returns A (m, n), lower (m,) and upper (m,) of all constraints."""
+    rows, lower, upper = [], [], []
+    for bindings in (
+        prog.linear_equality_constraints(),
+        prog.linear_constraints(),
+        prog.bounding_box_constraints(),
+    ):
+        for binding in bindings:
+            E, constraint = _pick(binding, prog, picks), binding.evaluator()
+            A = constraint.GetDenseA()
+            rows.append(A if E is None else A @ E)
+            lower.append(constraint.lower_bound())
+            upper.append(constraint.upper_bound())
+    if len(rows) == 1:
+        return np.ascontiguousarray(rows[0]), lower[0], upper[0]
+    A = np.ascontiguousarray(np.concatenate([np.zeros((0, n)), *rows]))
+    return A, np.concatenate([[], *lower]), np.concatenate([[], *upper])
+
+
+def _size(H: Array, g: Array) -> float:
+    """Returns the Frobenius norm of H; if it is 0, that of g; if both, 1.
+
+    Raises ValueError if H or g is not finite: DAQP would return NaN and report
+    a solution.
+    """
+    # A sum of squares is finite only if all are; H.T is contiguous.
+    square, more = np.vdot(H.T, H.T), g @ g
+    if not math.isfinite(square + more):
+        if not (np.isfinite(H).all() and np.isfinite(g).all()):
+            raise ValueError("cost of the QP: must be finite")
+        return 1.0
+    return math.sqrt(square) or math.sqrt(more) or 1.0
+
+
+def _check(lower: Array, upper: Array) -> None:
+    """Raises ValueError for bounds that are NaN or infeasible infinities."""
+    # argmax() and argmin() return the index of a NaN.
+    if lower.size and not lower[lower.argmax()] < math.inf:
+        raise ValueError("lower bound of the QP: must be < inf, not NaN")
+    if upper.size and not upper[upper.argmin()] > -math.inf:
+        raise ValueError("upper bound of the QP: must be > -inf, not NaN")
+
+
+def _solved(
+    H: Array, g: Array, A: Array, lower: Array, upper: Array
+) -> tuple[Array, int, int]:
+    """Returns DAQP's x (n,), its flag, and its iterations.
+
+    The comments explain the precautions for a reliable result.
+    """
+    size = _size(H, g)
+    if not _LEAST_SIZE <= size <= _MOST_SIZE:
+        H, g, size = H / size, g / size, 1.0
+    if len(A):
+        squares = np.einsum("ij,ij->i", A, A)
+        # DAQP ignores a row, whatever its bounds, if a' inv(H) a < 1e-11.
+        if squares[squares.argmin()] < 1e-10 * size:
+            A, lower, upper = _of_length_1(A, lower, upper)
+        # DAQP may treat lower > upper as an equality.
+        gaps = lower - upper
+        if gaps[gaps.argmax()] > _PRIMAL_TOLERANCE:
+            return g, _INFEASIBLE, 0
+    x, _, flag, info = daqp.solve(
+        H.T, g, A, upper, lower, primal_tol=_PRIMAL_TOLERANCE
+    )
+    if flag not in _DOUBTFUL:
+        return x, flag, info["iterations"]
+    A, lower, upper = _of_length_1(A, lower, upper)
+    x, _, flag, more = daqp.solve(
+        H.T / size, g / size, A, upper, lower, **_WITH_CARE
+    )
+    return x, flag, info["iterations"] + more["iterations"]
+
+
+def _of_length_1(
+    A: Array, lower: Array, upper: Array
+) -> tuple[Array, Array, Array]:
+    """Returns rows and bounds with non-zero rows scaled to length 1."""
+    lengths = np.linalg.norm(A, axis=1)
+    scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+    return A * scale[:, None], scale * lower, scale * upper
+
+
+def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
+    """Writes `solution` of `prog` into `result`.
+
+    Only Drake's own solvers can set the variables and the cost of a result.
+    One of them solves x = solution.x with that cost.
+    """
+    x = np.nan_to_num(solution.x)
+    cost = _NO_COSTS.get(solution.result, math.nan)
+    if solution.result is solvers.SolutionResult.kSolutionFound:
+        costs = [*prog.quadratic_costs(), *prog.linear_costs()]
+        cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
+    known: Any = solvers.MathematicalProgram()
+    variables = prog.decision_variables()
+    known.AddDecisionVariables(variables)
+    known.AddLinearEqualityConstraint(np.eye(len(x)), x, variables)
+    known.AddQuadraticCost(np.diag(0.0 * x), 0.0 * x, cost, variables, True)
+    solver = solvers.MakeSolver(solvers.ChooseBestSolver(known))
+    solver.Solve(known, None, None, result)
+    result.set_x_val(solution.x)
+    result.set_solution_result(solution.result)

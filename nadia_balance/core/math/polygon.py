@@ -1,0 +1,270 @@
+"""Convex polygons in the plane: (n, 2) vertices [m], counter-clockwise.
+
+Plain Python loops, as they run in every control tick: at four vertices they
+take half of shapely's time.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+
+Point = tuple[float, float]
+# Vertex x, y [m] and vector dx, dy [m] to the next vertex.
+Edge = tuple[float, float, float, float]
+
+# Tolerances, far below relevant sizes and far above rounding errors:
+_FLAT = 1e-12  # a triangle of half this area [m^2] is a line
+_COINCIDENT = 1e-9  # vertices closer than this [m] are one
+_PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
+
+_NOTHING = np.empty((0, 2))
+
+
+def as_array(points: list[Point]) -> Array:
+    """Returns `points` as an array (n, 2)."""
+    # Twice as fast as np.array, which treats each pair as a sequence.
+    coordinates = itertools.chain.from_iterable(points)
+    return np.fromiter(coordinates, float, 2 * len(points)).reshape(-1, 2)
+
+
+def convex_hull(points: Array) -> Array:
+    """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
+
+    One vertex if all points coincide, two if they are on one line.
+
+    Raises ValueError: NaN or infinity.
+    """
+    return as_array(hull([(x, y) for x, y in points.tolist()]))
+
+
+def hull(points: Iterable[Point]) -> list[Point]:
+    """Returns the hull of few points by Andrew's monotone chain."""
+    ordered = sorted(set(points))
+    if not math.isfinite(sum(itertools.chain.from_iterable(ordered))):
+        raise ValueError(f"points = {ordered}: must be finite")
+    if len(ordered) < 3:
+        return ordered
+    lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
+    vertices = lower[:-1] + upper[:-1]
+    if _area(vertices) <= _FLAT:  # a line up to rounding
+        pairs = itertools.combinations(vertices, 2)
+        vertices = list(max(pairs, key=lambda ends: math.dist(*ends)))
+    return vertices
+
+
+def _half_hull(ordered: Iterable[Point]) -> list[Point]:
+    """Returns the right-hand boundary along the direction of `ordered`."""
+    chain: list[Point] = []
+    for p in ordered:
+        x, y = p
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            ux, uy = bx - ax, by - ay
+            turn = ux * (y - ay) - uy * (x - ax)
+            if turn > _FLAT:
+                break
+            # On a line that is vertical up to rounding, b may be beyond p.
+            if turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0:
+                break
+            chain.pop()
+        chain.append(p)
+    return chain
+
+
+def _edges(polygon: Array) -> Iterable[tuple[Point, Point]]:
+    """Returns the (start, end) pairs of all edges, in order."""
+    vertices: list[Point] = polygon.tolist()
+    return zip(vertices, vertices[1:] + vertices[:1], strict=True)
+
+
+def halfspaces(polygon: Array) -> tuple[Array, Array]:
+    """Returns A (n, 2), b (n,) [m] with the polygon = {p : A p <= b}.
+
+    The rows of A are the unit outward normals of the edges, so that b - d
+    describes the polygon shrunk by d.
+
+    Raises ValueError: fewer than 3 vertices, so no interior.
+    """
+    if len(polygon) < 3:
+        raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
+    normals, offsets = [], []
+    for (x0, y0), (x1, y1) in _edges(polygon):
+        length = math.hypot(x1 - x0, y1 - y0)
+        nx, ny = (y1 - y0) / length, (x0 - x1) / length
+        normals.append((nx, ny))
+        offsets.append(nx * x0 + ny * y0)
+    return as_array(normals), np.array(offsets)
+
+
+def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
+    """True if `point` (2,) is in the polygon, within `tolerance` [m]."""
+    if len(polygon) < 3:
+        return bool(
+            np.linalg.norm(point - project(point, polygon)) <= tolerance
+        )
+    x, y = float(point[0]), float(point[1])
+    for (ax, ay), (bx, by) in _edges(polygon):
+        ux, uy = bx - ax, by - ay
+        turn = ux * (y - ay) - uy * (x - ax)
+        if not turn >= -tolerance * math.hypot(ux, uy):
+            return False
+    return True
+
+
+def project(point: Array, polygon: Array) -> Array:
+    """Returns the point (2,) of the polygon that is closest to `point` (2,).
+
+    A degenerate hull of one or two vertices is allowed.
+    """
+    if len(polygon) > 2 and contains(point, polygon):
+        return point
+    p = (float(point[0]), float(point[1]))
+    candidates = [_project_on_segment(p, a, b) for a, b in _edges(polygon)]
+    return np.array(min(candidates, key=lambda c: math.dist(c, p)))
+
+
+def _project_on_segment(p: Point, a: Point, b: Point) -> Point:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    squared = dx * dx + dy * dy
+    if squared == 0.0:
+        return a
+    along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / squared
+    along = min(max(along, 0.0), 1.0)
+    return a[0] + along * dx, a[1] + along * dy
+
+
+def centroid(polygon: Array) -> Array:
+    """Returns the centroid (2,) [m]; the mean vertex if the area is 0."""
+    origin = polygon[0]
+    area, x, y = 0.0, 0.0, 0.0
+    for a, b in _edges(polygon - origin):
+        cross = a[0] * b[1] - a[1] * b[0]
+        area += cross
+        x += (a[0] + b[0]) * cross
+        y += (a[1] + b[1]) * cross
+    if area <= _FLAT:
+        return np.asarray(polygon.mean(axis=0))
+    return np.array([origin[0] + x / (3 * area), origin[1] + y / (3 * area)])
+
+
+def area(polygon: Array) -> float:
+    """Returns the area [m^2]; 0 for fewer than three vertices."""
+    return _area(polygon.tolist())
+
+
+def _area(vertices: list[Point]) -> float:
+    if len(vertices) < 3:
+        return 0.0
+    (x0, y0), (x, y), *others = vertices
+    twice, ux, uy = 0.0, x - x0, y - y0
+    for x, y in others:
+        vx, vy = x - x0, y - y0
+        twice += ux * vy - uy * vx
+        ux, uy = vx, vy
+    return 0.5 * twice
+
+
+def _clip(
+    vertices: list[Point], nx: float, ny: float, offset: float
+) -> list[Point]:
+    """Returns the part with n . p <= offset (Sutherland-Hodgman clipping)."""
+    kept: list[Point] = []
+    if not vertices:
+        return kept
+    x0, y0 = vertices[-1]
+    over0 = nx * x0 + ny * y0 - offset
+    for x, y in vertices:
+        over = nx * x + ny * y - offset
+        if over0 * over < 0.0:
+            s = over0 / (over0 - over)
+            kept.append((x0 + s * (x - x0), y0 + s * (y - y0)))
+        if over <= 0.0:
+            kept.append((x, y))
+        x0, y0, over0 = x, y, over
+    return kept
+
+
+def clip_all(polygon: Array, A: Array, b: Array) -> Array:
+    """Returns the part of the polygon with A p <= b, (m, 2).
+
+    `A` (k, 2) and `b` (k,) [m] as of `halfspaces`.  (0, 2) if no area is left.
+    """
+    excess = polygon @ A.T - b
+    if not len(polygon) or excess.min(axis=0).max() >= 0.0:
+        return _NOTHING
+    cutting = (excess.max(axis=0) > 0.0).nonzero()[0]
+    vertices = polygon.tolist()
+    offsets = b[cutting].tolist()
+    for (nx, ny), offset in zip(A[cutting].tolist(), offsets, strict=True):
+        vertices = _clip(vertices, nx, ny, offset)
+    # An edge between nearly coincident vertices would have no direction.
+    last = vertices[-1:] + vertices[:-1]
+    part = [
+        p
+        for p, q in zip(vertices, last, strict=True)
+        if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
+    ]
+    return as_array(part) if _area(part) > _FLAT else _NOTHING
+
+
+def intersection(first: Array, second: Array) -> Array:
+    """Returns the intersection (n, 2); (0, 2) if it has no area."""
+    return clip_all(first, *halfspaces(second))
+
+
+def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
+    """Returns the polygon of all points at least `distance` [m] inside.
+
+    Raises ValueError: no area is left; the message has the `name`.
+    """
+    A, b = halfspaces(polygon)
+    inner = convex_hull(clip_all(polygon, A, b - distance))
+    if len(inner) < 3:
+        raise ValueError(f"{name} = {distance}: must leave some of the polygon")
+    return inner
+
+
+def minkowski_sum(first: Array, second: Array) -> Array:
+    """Returns {p + q : p in first, q in second}.
+
+    Both have to be counter-clockwise and strictly convex, as from
+    `convex_hull`; one may be a single point or a line.
+    """
+    return merge(edges(first), edges(second))
+
+
+def edges(polygon: Array) -> list[Edge]:
+    """Returns all edges, from the lowest vertex; of several, the leftmost."""
+    vertices: list[Point] = polygon.tolist()
+    upright = [(y, x) for x, y in vertices]
+    k = upright.index(min(upright))
+    starts = vertices[k:] + vertices[:k]
+    return [
+        (x, y, u - x, v - y)
+        for (x, y), (u, v) in zip(starts, starts[1:] + starts[:1], strict=True)
+    ]
+
+
+def merge(first: list[Edge], second: list[Edge]) -> Array:
+    """Returns the sum (n, 2) of two polygons given by their `edges`."""
+    total: list[Point] = []
+    j, num_second = 0, len(second)
+    for ax, ay, ux, uy in first:
+        while j < num_second:
+            bx, by, vx, vy = second[j]
+            total.append((ax + bx, ay + by))
+            turn = ux * vy - uy * vx
+            if turn <= _PARALLEL:
+                j += 1
+            if turn >= -_PARALLEL:
+                break
+        else:  # the second polygon is complete
+            bx, by, *_ = second[0]
+            total.append((ax + bx, ay + by))
+    ax, ay, *_ = first[0]
+    total += [(ax + bx, ay + by) for bx, by, _, _ in second[j:]]
+    return as_array(total)

@@ -1,0 +1,1 @@
+"""Where to walk and when: gait, CoP and ICP plans, the walking clock."""

@@ -1,0 +1,270 @@
+"""The piecewise linear CoP reference through the next footsteps."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.math.polygon import (
+    centroid,
+    convex_hull,
+    project,
+    shrink,
+)
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import FootPose, Side
+
+_MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
+REST_DURATION = 10.0  # [s]; long enough to count as infinite
+
+
+@dataclass(kw_only=True)
+class CopPointParams:
+    """One CoP point relative to the sole's centroid: x forward, y to the left.
+
+    x = clamp(offset_x + step_length_factor * step length, min_x, max_x), and
+    y is offset_inside toward the other foot.
+    """
+
+    offset_x: float = bounded(0.0, unit="m", of="sole_length")
+    offset_inside: float = bounded(0.0, unit="m", of="sole_width")
+    step_length_factor: float = 0.0  # [-]
+    min_x: float = bounded(0.0, unit="m", of="sole_length")
+    max_x: float = bounded(0.0, unit="m", of="sole_length")
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the range of x is empty."""
+        if self.min_x > self.max_x:
+            raise ValueError(
+                f"min_x = {self.min_x}: must be <= max_x = {self.max_x}"
+            )
+
+
+@dataclass(kw_only=True)
+class CopWaypointParams:
+    """Positions and times of the CoP waypoints in each phase."""
+
+    entry: CopPointParams = field(
+        default_factory=lambda: CopPointParams(
+            offset_inside=-0.005,
+            step_length_factor=1.0 / 3.0,
+            min_x=-0.04,
+            max_x=0.03,
+        )
+    )
+    ball: CopPointParams = field(
+        default_factory=lambda: CopPointParams(
+            offset_inside=0.010, step_length_factor=0.125, max_x=0.055
+        )
+    )
+    exit: CopPointParams = field(
+        default_factory=lambda: CopPointParams(
+            offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
+        )
+    )
+    # Margin of the points to the edge of the sole.
+    margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
+    # Weight of the leading foot's entry in the mid-transfer point.
+    mid_weight: float = bounded(0.5, above=0.0, below=1.0)
+    # Shares: of a transfer before its mid-point, of the swing's CoP shift
+    # before the ball, and of a swing before the exit.
+    transfer_split: float = bounded(0.5, above=0.0, below=1.0)
+    swing_split: float = bounded(0.5, above=0.0, below=1.0)
+    swing_shift_fraction: float = bounded(0.85, above=0.0, below=1.0)
+    num_previewed_steps: int = bounded(3, least=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """A sole and the part of it that the CoP reference may use.
+
+    `corners` (k, 2) and `inner` (m, 2) [m] counter-clockwise, `centroid` (2,),
+    all in the sole frame.
+    """
+
+    corners: Array
+    inner: Array
+    centroid: Array
+
+    @classmethod
+    def with_margin(cls, corners: Array, margin: float) -> "Sole":
+        """Returns a sole with the CoP kept `margin` [m] from its edge.
+
+        Raises ValueError: the margin leaves no area of the sole.
+        """
+        inner = shrink(corners, margin, "cop.margin")
+        return cls(corners, inner, centroid(corners))
+
+    def step_length(self, foot: FootPose, other: FootPose) -> float:
+        """Returns the distance [m] from toe to toe by which `other` leads."""
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        x, y, _ = other.p_WF - foot.p_WF
+        turn = other.yaw - foot.yaw
+        toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
+        return float(c * x + s * y + toes.max() - self.corners[:, 0].max())
+
+    def cop_point(
+        self, params: CopPointParams, side: Side, step_length: float
+    ) -> Array:
+        """Returns the CoP point (2,) [m] in the sole frame of `side`."""
+        x = params.offset_x + params.step_length_factor * step_length
+        x = min(max(x, params.min_x), params.max_x)
+        offset = np.array([x, -side.sign * params.offset_inside])
+        return project(self.centroid + offset, self.inner)
+
+
+@dataclass(frozen=True, eq=False)
+class CopWaypoints:
+    """N linear CoP segments; the first `num_present` are the present phase.
+
+    They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
+    `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
+    in W, within the margin, that bound points[1], points[2], ... up to the end
+    of the next phase, without the points at rest.
+    """
+
+    points: Array
+    durations: Array
+    num_present: int
+    start_time: float
+    supports: list[Array]
+
+    @property
+    def knots(self) -> Array:
+        """Times (N + 1,) [s] of the points since the phase began."""
+        times = np.append(0.0, self.durations)
+        return np.asarray(self.start_time + np.cumsum(times))
+
+
+def cop_waypoints(
+    schedule: walking.ContactSchedule, params: CopWaypointParams, sole: Array
+) -> CopWaypoints:
+    """Returns the CoP from schedule.start through the footsteps, and to rest.
+
+    In a transfer the CoP moves via mid-transfer to the entry of the new stance
+    foot; in a swing via the ball to the exit, where it stays; at the end it
+    rests midway between the soles.  `sole` (k, 2) [m] are the corners of
+    either sole.
+
+    Raises ValueError: a swing without a footstep, or no sole within the margin.
+    """
+    if schedule.phase is walking.Phase.SWING and not schedule.footsteps:
+        raise ValueError("footsteps = (): a swing needs the step in the air")
+    path = _Path(schedule, params, sole)
+    steps = (
+        () if schedule.phase is walking.Phase.STANDING else schedule.footsteps
+    )
+    for i, step in enumerate(steps[: params.num_previewed_steps]):
+        if i > 0 or schedule.phase is walking.Phase.TRANSFER:
+            path.add_transfer(step.side.other, step.transfer_duration)
+        path.add_swing(step.side, step.pose, step.swing_duration)
+    unseen = steps[params.num_previewed_steps :]
+    path.add_final_transfer(
+        unseen[0].transfer_duration
+        if unseen
+        else schedule.final_transfer_duration
+    )
+    return path.waypoints()
+
+
+class _Path:
+    """Builder of the segments, phase by phase, from schedule.start on."""
+
+    def __init__(
+        self,
+        schedule: walking.ContactSchedule,
+        params: CopWaypointParams,
+        sole: Array,
+    ) -> None:
+        self._params = params
+        self._sole = Sole.with_margin(sole, params.margin)
+        self._feet: walking.FootPoses = schedule.feet
+        self._present_duration = schedule.duration
+        self._start_time = schedule.start_time
+        self._points: list[Array] = [schedule.start.cop]
+        self._phases: list[list[float]] = []  # durations of the segments
+        self._supports: list[Array] = []
+
+    def add_transfer(self, support: Side, duration: float) -> None:
+        """Appends the shift of the weight to the `support` foot."""
+        trailing, leading = self._feet[support.other], self._feet[support]
+        (exit_,) = self._cops(support.other, trailing, leading, "exit")
+        (entry,) = self._cops(support, leading, trailing, "entry")
+        mid = exit_ + self._params.mid_weight * (entry - exit_)
+        split = self._params.transfer_split
+        supports = [self._support(*Side), self._support(support)]
+        self._add([mid, entry], [split, 1.0 - split], duration, supports)
+
+    def add_swing(self, side: Side, pose: FootPose, duration: float) -> None:
+        """Appends the swing of the foot of `side` to `pose`."""
+        support = side.other
+        ball, exit_ = self._cops(
+            support, self._feet[support], pose, "ball", "exit"
+        )
+        shift = self._params.swing_shift_fraction
+        split = self._params.swing_split
+        times = [shift * split, shift * (1.0 - split), 1.0 - shift]
+        supports = 3 * [self._support(support)]
+        self._add([ball, exit_, exit_], times, duration, supports)
+        self._feet = self._feet.with_foot(side, pose)
+
+    def add_final_transfer(self, duration: float) -> None:
+        """Appends the shift to midway between the soles, and a long rest."""
+        centre = self._sole.centroid
+        left, right = (self._feet[side].to_world(centre) for side in Side)
+        mid = 0.5 * (left + right)
+        split = self._params.transfer_split
+        supports = [self._support(*Side)]
+        self._add([mid, mid], [split, 1.0 - split], duration, supports)
+        self._points.append(mid)
+
+    def waypoints(self) -> CopWaypoints:
+        """Returns the waypoints of the appended phases."""
+        durations = [d for phase in self._phases for d in phase]
+        lasts = np.maximum([*durations, REST_DURATION], _MIN_DURATION)
+        ends, present = np.cumsum(lasts), len(self._phases[0])
+        over = int(np.searchsorted(ends, self._start_time, side="right"))
+        over = min(over, present - 1)
+        left = max(ends[over] - self._start_time, _MIN_DURATION)
+        points = np.array(self._points[:1] + self._points[over + 1 :])
+        return CopWaypoints(
+            points,
+            np.append(left, lasts[over + 1 :]),
+            present - over,
+            self._start_time,
+            self._supports[over:],
+        )
+
+    def _add(
+        self,
+        points: list[Array],
+        times: list[float],
+        duration: float,
+        supports: list[Array],
+    ) -> None:
+        """Appends a phase; `times` are the shares of its `duration` [s]."""
+        if len(self._phases) < 2:
+            self._supports += supports
+        # The schedule's duration of the present phase overrides the footstep's.
+        if not self._phases and math.isfinite(self._present_duration):
+            duration = self._present_duration
+        self._points += points
+        self._phases.append([share * duration for share in times])
+
+    def _support(self, *sides: Side) -> Array:
+        """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
+        soles = [self._feet[side].to_world(self._sole.inner) for side in sides]
+        return convex_hull(np.concatenate(soles))
+
+    def _cops(
+        self, side: Side, foot: FootPose, other: FootPose, *names: str
+    ) -> list[Array]:
+        """Returns the named points (2,) of the foot of `side`."""
+        length = self._sole.step_length(foot, other)
+        cops = (
+            self._sole.cop_point(getattr(self._params, name), side, length)
+            for name in names
+        )
+        return [foot.to_world(cop) for cop in cops]

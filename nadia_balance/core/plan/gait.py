@@ -1,0 +1,272 @@
+"""Footsteps from user commands: step vectors, or a list of footholds."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from nadia_balance.core.body import ground_steps
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.reachability import ReachabilityParams as Reach
+from nadia_balance.core.body.reachability import base_region, in_world
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.math.polygon import convex_hull, intersection, project
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Side,
+)
+
+_SIDES = ("left", "right")
+_DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
+_INSTANT = 1e-5  # keeps rates finite; a phase lasts at least one tick [s]
+_ROUNDING = 1e-9  # tolerance of a rise [m]
+_NEXT = 3  # steps that are brought within reach
+
+
+@dataclass(kw_only=True)
+class StepVector:
+    """The displacement of the next step, in the frame between the feet."""
+
+    length: float = bounded(0.0, unit="m")  # forward
+    sideways: float = bounded(0.0, unit="m")  # to the left
+    yaw_deg: float = 0.0  # turn to the left [deg]
+
+
+@dataclass(kw_only=True)
+class Foothold:
+    """A foothold in the frame between the feet at the start."""
+
+    side: str = bounded("left", one_of=_SIDES)  # the foot that moves
+    x: float = bounded(0.0, unit="m")  # sole centre, forward
+    y: float = bounded(0.0, unit="m")  # sole centre, to the left
+    yaw_deg: float = 0.0  # [deg]
+
+
+@dataclass(kw_only=True)
+class Gait:
+    """A walking command.
+
+    At most one of: `num_steps` times the same `step`, the list `steps`, or the
+    list `footholds` with alternating sides.
+    """
+
+    num_steps: int = bounded(0, least=0, most=1000)  # repetitions of `step`
+    step: StepVector = field(default_factory=StepVector)
+    steps: list[StepVector] = field(default_factory=list)
+    footholds: list[Foothold] = field(default_factory=list)
+    # Distance of the sole centres; None: that of the standing robot.
+    step_width: float | None = bounded(None, above=0.0, below=1.0, unit="m")
+    first_swing: str = bounded("right", one_of=_SIDES)
+    swing_duration: float = bounded(0.7, least=0.02, most=10.0, unit="s")
+    transfer_duration: float = bounded(0.3, least=0.02, most=10.0, unit="s")
+    # Standing before the first transfer.
+    standing_duration: float = bounded(0.5, least=0.0, unit="s")
+    # Durations of the transfers before the first and after the last step.
+    initial_transfer_duration: float = bounded(
+        0.8, least=0.02, most=10.0, unit="s"
+    )
+    final_transfer_duration: float = bounded(
+        0.8, least=0.02, most=10.0, unit="s"
+    )
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the steps contradict each other."""
+        given = [self.num_steps > 0, bool(self.steps), bool(self.footholds)]
+        if sum(given) > 1:
+            raise ValueError(
+                "num_steps, steps, footholds: must give only one of them"
+            )
+        for i, (last, hold) in enumerate(itertools.pairwise(self.footholds), 1):
+            if hold.side == last.side:
+                raise ValueError(
+                    f"footholds[{i}].side = {hold.side!r}: must be "
+                    f"{Side(hold.side).other.value}, as the feet take turns"
+                )
+
+
+def make_footsteps(
+    gait: Gait, feet: FootPoses, reach: Reach, ground: Ground | None = None
+) -> tuple[Footstep, ...]:
+    """Returns the footsteps of `gait` for a robot that stands at `feet`.
+
+    With a `ground`, step vectors end at the nearest foothold.
+
+    Raises ValueError: a field of `gait` is out of range, or a footstep is not
+    within `reach` of the stance foot, or not on the `ground`.
+    """
+    check(gait)
+    wanted: list[Footstep] = []
+    for side, pose in _poses(gait, feet):
+        transfer = (
+            gait.transfer_duration if wanted else gait.initial_transfer_duration
+        )
+        wanted.append(Footstep(side, pose, transfer, gait.swing_duration))
+    steps = tuple(wanted)
+    if ground is not None and gait.footholds:
+        steps = ground_steps.given_on(ground, steps)
+    elif ground is not None:
+        steps = ground_steps.snapped_to(ground, steps, feet, reach)
+    _check(steps, feet, reach)
+    return steps
+
+
+def walking_start(gait: Gait, model: PointMassModel) -> walking.WalkingState:
+    """Returns the initial walking state of a standing robot.
+
+    The feet are side by side about the origin of W, the gait's or else the
+    robot's `step_width` apart; the first transfer begins after the gait's
+    `standing_duration`, or a tick later.  Without steps, standing does not end.
+
+    Raises ValueError: see `make_footsteps`.
+    """
+    width = model.step_width if gait.step_width is None else gait.step_width
+    feet = FootPoses(
+        FootPose(np.array([0.0, 0.5 * width, 0.0])),
+        FootPose(np.array([0.0, -0.5 * width, 0.0])),
+    )
+    if model.ground is not None:
+        feet = ground_steps.standing_on(model.ground, feet)
+    steps = make_footsteps(gait, feet, model.reach, model.ground)
+    first = steps[0].side if steps else Side(gait.first_swing)
+    centre = middle(feet).p_WF[:2]
+    schedule = walking.ContactSchedule(
+        phase=walking.Phase.STANDING,
+        support_side=first.other,
+        duration=max(gait.standing_duration, _INSTANT) if steps else math.inf,
+        feet=feet,
+        footsteps=steps,
+        start=walking.ReferencePoint(centre, np.zeros(2), centre),
+        final_transfer_duration=gait.final_transfer_duration,
+    )
+    return walking.WalkingState(schedule, commanded=steps)
+
+
+def middle(feet: FootPoses) -> FootPose:
+    """Returns the frame half-way between the soles."""
+    left, right = feet.left, feet.right
+    turn = math.remainder(right.yaw - left.yaw, math.tau)
+    return FootPose(0.5 * (left.p_WF + right.p_WF), left.yaw + 0.5 * turn)
+
+
+def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
+    frame = middle(feet)
+    if gait.footholds:
+        for hold in gait.footholds:
+            yaw = math.radians(hold.yaw_deg)
+            yield Side(hold.side), _offset(frame, hold.x, hold.y, yaw)
+        return
+    vectors = list(gait.steps) or [gait.step] * gait.num_steps
+    if vectors and vectors[-1] != StepVector():
+        vectors.append(StepVector())  # the last step brings the feet together
+    width = gait.step_width
+    if width is None:
+        width = math.dist(feet.left.p_WF[:2], feet.right.p_WF[:2])
+    side = Side(gait.first_swing)
+    for v in vectors:
+        yaw = math.radians(v.yaw_deg)
+        frame = _offset(frame, v.length, v.sideways, yaw)
+        yield side, _offset(frame, 0.0, side.sign * 0.5 * width, 0.0)
+        side = side.other
+
+
+def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
+    xy = frame.to_world(np.array([[x, y]]))[0]
+    return FootPose(np.append(xy, frame.p_WF[2]), frame.yaw + yaw)
+
+
+def _check(steps: tuple[Footstep, ...], feet: FootPoses, reach: Reach) -> None:
+    """Raises ValueError if a step is out of reach of the other foot."""
+    for number, step in enumerate(steps, start=1):
+        stance = feet[step.side.other]
+        p_F = stance.to_sole(step.pose.p_WF[None, :2])[0]
+        x, y = p_F[0], step.side.sign * p_F[1]
+        if not reach.in_base_region(x, y):
+            raise ValueError(
+                f"step {number} ({step.side.value}): {x:.3f} m forward and "
+                f"{y:.3f} m out of the stance foot: must be within "
+                f"{reach.describe()}"
+            )
+        rise = float(step.pose.p_WF[2] - stance.p_WF[2])
+        if abs(rise) > reach.rise_max + _ROUNDING:
+            raise ValueError(
+                f"step {number} ({step.side.value}): {rise:+.3f} m above the "
+                f"stance foot: must be within rise_max = {reach.rise_max} m"
+            )
+        feet = feet.with_foot(step.side, step.pose)
+
+
+def within_reach(
+    commanded: tuple[Footstep, ...],
+    feet: FootPoses,
+    reach: Reach,
+    landed: Footstep | None = None,
+    ground: Ground | None = None,
+) -> tuple[Footstep, ...]:
+    """Returns the footsteps, the first three within reach.
+
+    After an adjusted step, the next commanded foothold may be out of reach, or
+    on the wrong side of the stance foot: it is moved to the nearest foothold
+    with uncrossed legs.  Each step is relative to the previous one, so that the
+    feet return to the commanded footholds in a few steps, each within
+    `return_share` of the reach.  `landed` is the command of the previous step,
+    or None: if the foot landed there, the next step may use the full reach.
+    With a `ground`, the step is moved to the nearest foothold, if any.  An
+    unchanged step is the same object.
+    """
+    share = 1.0
+    if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
+        share = reach.return_share
+    steps = []
+    for step in commanded[:_NEXT]:
+        stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
+        p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
+        if reach.in_base_region(*p_F) and reach.in_base_region(
+            *_scaled(p_F, reach, 1.0 / share)
+        ):
+            share = 1.0
+        else:
+            region = _share_of_region(reach, share)
+            step = _moved(step, stance, mirror * project(p_F, region))
+            if ground is not None and not ground.allows(step.pose):
+                within = (region, base_region(reach))
+                parts = [in_world(part, stance, step.side) for part in within]
+                step = ground_steps.moved_to(ground, step, parts) or step
+            share = reach.return_share
+        feet = feet.with_foot(step.side, step.pose)
+        steps.append(step)
+    return (*steps, *commanded[_NEXT:])
+
+
+def _is_at(foot: FootPose, commanded: FootPose, reach: Reach) -> bool:
+    near = _DISPLACED * reach.width_nominal
+    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
+
+
+def _share_of_region(reach: Reach, share: float) -> Array:
+    """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
+    region = base_region(reach)
+    part = intersection(convex_hull(_scaled(region, reach, share)), region)
+    return part if len(part) else region
+
+
+def _scaled(points: Array, reach: Reach, share: float) -> Array:
+    """Returns footholds (..., 2), scaled by `share` in x and in y beyond w_nom.
+
+    Footholds with y below w_nom keep their y.
+    """
+    x, y = points[..., 0], points[..., 1]
+    wider = np.maximum(y - reach.width_nominal, 0.0)
+    return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
+
+
+def _moved(step: Footstep, stance: FootPose, p_F: Array) -> Footstep:
+    xy = stance.to_world(p_F[None])[0]
+    p_WF = np.append(xy, step.pose.p_WF[2])
+    return replace(step, pose=replace(step.pose, p_WF=p_WF))

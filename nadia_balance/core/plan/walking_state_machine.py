@@ -1,0 +1,329 @@
+"""The walking state machine, advanced once per control period.
+
+Standing -> transfer -> swing -> transfer -> ... -> standing.  The papers do not
+specify it; see also the Atlas paper, Sec. II.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.plan.gait import within_reach
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.walking.vocabulary import (
+    Adjustment,
+    ContactSchedule,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
+    support_polygon,
+)
+
+_HUGE = 700.0  # largest exponent: e^700 is finite [-]
+
+
+@dataclass(kw_only=True)
+class LiftOffParams:
+    """ICP error for which a foot is lifted, and the longest wait for it."""
+
+    # The foot is lifted when the ICP error is within this ellipse in the sole
+    # frame: semi-axes forward, toward the other foot, and away from it.
+    icp_error_forward: float = bounded(
+        0.035, above=0.0, unit="m", of="sole_length"
+    )
+    icp_error_inward: float = bounded(
+        0.015, above=0.0, unit="m", of="sole_width"
+    )
+    icp_error_outward: float = bounded(
+        0.012, above=0.0, unit="m", of="sole_width"
+    )
+    # Largest distance of the eCMP from the support.
+    ecmp_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
+    # The longest wait, if the footholds can be adjusted; infinite otherwise.
+    max_wait: float = bounded(0.2, least=0.0, finite=False, unit="s")
+    # The wait is extended to `max_held_wait` while the support extends
+    # `held_room` beyond the ICP, so that the ICP error can be reduced.  Not for
+    # feet farther apart than `held_stance`: the ankle of the trailing foot
+    # would meet its limit, and the pelvis would tilt.
+    max_held_wait: float = bounded(1.0, least=0.0, finite=False, unit="s")
+    held_room: float = bounded(0.08, least=0.0, finite=False, unit="m")
+    held_stance: float = bounded(0.45, least=0.0, finite=False, unit="m")
+
+
+@dataclass(kw_only=True)
+class WalkingStateMachineParams:
+    """Conditions that end a phase."""
+
+    # Share of the swing before which no contact counts as touchdown.
+    earliest_touchdown: float = bounded(0.5, least=0.0, below=1.0)
+    # Touchdown: forces above `contact_force`, as a share of the robot's weight,
+    # have without interruption accumulated `contact_impulse`, per weight: a few
+    # ms of load, or one hard impact that may bounce.
+    contact_force: float = bounded(0.034, least=0.0, below=1.0)
+    contact_impulse: float = bounded(3.4e-4, least=0.0, unit="s")
+    lift_off: LiftOffParams = field(default_factory=LiftOffParams)
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Measured sole poses, normal forces and ICP, in W."""
+
+    feet: FootPoses
+    forces: Array  # (2,) normal, left and right, as a share of the weight [-]
+    icp: Array  # (2,) [m]
+
+    def force(self, side: Side) -> float:
+        """Normal force on the foot of `side`, as a share of the weight [-]."""
+        return float(self.forces[0 if side is Side.LEFT else 1])
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Timing and foothold adjustment proposed for this tick."""
+
+    # Advance of the clock on top of the tick; negative: the clock is held [s].
+    time_gain: float = 0.0
+    adjustment: Adjustment | None = None  # None: footholds are not adjustable
+
+
+KEEP = Proposal()
+
+
+@dataclass(frozen=True, eq=False)
+class StateMachine:
+    """The walking state machine of a robot, advanced once per `period` [s]."""
+
+    params: WalkingStateMachineParams
+    model: PointMassModel
+    period: float
+
+    def advance(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        measured: Measurement,
+        proposal: Proposal = KEEP,
+    ) -> WalkingState:
+        """Returns the walking state one period later.
+
+        `plan` is the ICP plan of `state.schedule`: its reference at the end of
+        a phase is the start of the next plan.
+        """
+        state = _adjusted(
+            state, plan, measured.icp, proposal.adjustment, self.model
+        )
+        state = self._tick(state, measured, proposal.time_gain)
+        match state.schedule.phase:
+            case Phase.STANDING if state.waiting:
+                return _start_transfer(state, plan, measured, self.model)
+            case Phase.TRANSFER if state.waiting:
+                lift_off = self.params.lift_off
+                if proposal.adjustment is None:  # only waiting reduces it
+                    lift_off = replace(lift_off, max_wait=math.inf)
+                if may_lift(state, plan, measured.icp, lift_off, self.model):
+                    return _end_transfer(state, plan, measured)
+            case Phase.SWING if self._has_landed(state):
+                commanded = state.commanded
+                landed = replace(
+                    state,
+                    commanded=commanded[1:],
+                    steps_taken=state.steps_taken + 1,
+                )
+                return _start_transfer(
+                    landed, plan, measured, self.model, *commanded[:1]
+                )
+        return state
+
+    def _has_landed(self, state: WalkingState) -> bool:
+        return state.contact_impulse > self.params.contact_impulse
+
+    def _tick(
+        self, state: WalkingState, measured: Measurement, time_gain: float
+    ) -> WalkingState:
+        """Returns the state one period later in the same phase."""
+        schedule, period = state.schedule, self.period
+        time = state.time_in_phase + max(period + time_gain, 0.0)
+        done = time >= schedule.duration - 0.5 * period
+        time = schedule.duration if done else time
+        elapsed = state.elapsed + period
+        waits = done and schedule.phase is Phase.TRANSFER
+        force = self._contact_force(schedule, time, elapsed, measured)
+        impulse = state.contact_impulse + period * force if force else 0.0
+        return replace(
+            state,
+            time_in_phase=time,
+            elapsed=elapsed,
+            waiting=done,
+            waited=state.waited + period if waits else 0.0,
+            contact_impulse=impulse,
+        )
+
+    def _contact_force(
+        self,
+        schedule: ContactSchedule,
+        time: float,
+        elapsed: float,
+        measured: Measurement,
+    ) -> float:
+        """Returns the contact force [-] on a swing foot; 0 if it may not land.
+
+        The share of the swing before which it may not is of real time: an
+        advanced clock may pass half of the plan before the foot has left the
+        ground.
+        """
+        if schedule.phase is not Phase.SWING:
+            return 0.0
+        whole = elapsed + schedule.duration - time
+        force = measured.force(schedule.support_side.other)
+        early = elapsed < self.params.earliest_touchdown * whole
+        return 0.0 if early or force <= self.params.contact_force else force
+
+
+def may_lift(
+    state: WalkingState,
+    plan: IcpPlan,
+    icp: Array,
+    params: LiftOffParams,
+    model: PointMassModel,
+) -> bool:
+    """True if the ICP is near its reference, or waiting cannot bring it there.
+
+    `icp` (2,) [m] in W is measured after the transfer of `state`.  In double
+    support, the eCMP can be held beyond the ICP, on the far side of the
+    support.  If this cannot return the ICP in the remaining wait, the foot is
+    lifted at once.  Crossed legs are always uncrossed at once, as the rear
+    thigh approaches the other shin while the CoM moves on.
+    """
+    schedule, waited = state.schedule, state.waited
+    if schedule.legs_crossed or not schedule.footsteps:
+        return True
+    error = icp - plan.at(schedule.duration).icp
+    excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
+    if excess < 0.0:
+        return True
+    length = math.hypot(*error)
+    support = support_polygon(schedule, model.cop_area)
+    room = float(np.max((support - icp) @ (error / length)))
+    if _is_held(schedule, room, waited, params):
+        return False
+    room += params.ecmp_outside
+    left = params.max_wait - waited
+    # Eq. 3: the ICP moves back by room (e^wt - 1).
+    growth = math.expm1(min(model.omega * left, _HUGE))
+    return room <= 0.0 or room * growth < length * excess
+
+
+def _is_held(
+    schedule: ContactSchedule, room: float, waited: float, params: LiftOffParams
+) -> bool:
+    """True if the wait goes on, with `room` [m] of support beyond the ICP."""
+    left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
+    return (
+        room >= params.held_room
+        and waited < params.max_held_wait
+        and math.dist(left[:2], right[:2]) <= params.held_stance
+    )
+
+
+def _size(
+    error: Array, schedule: ContactSchedule, params: LiftOffParams
+) -> float:
+    """Returns the norm [-] of the ICP `error`: 1 on the lift-off ellipse."""
+    side = schedule.support_side
+    x, y = schedule.feet[side].rotation.T @ error
+    inward = -side.sign * y > 0.0
+    width = params.icp_error_inward if inward else params.icp_error_outward
+    return math.hypot(x / params.icp_error_forward, y / width)
+
+
+def _adjusted(
+    state: WalkingState,
+    plan: IcpPlan,
+    icp: Array,
+    adjustment: Adjustment | None,
+    model: PointMassModel,
+) -> WalkingState:
+    """Returns the state with the footholds of `adjustment`."""
+    schedule = state.schedule
+    steps = list(schedule.footsteps)
+    if adjustment is None or not steps or schedule.phase is Phase.STANDING:
+        return state
+    moved = False
+    for i, new in enumerate((adjustment, *adjustment.later)):
+        if new.pose != steps[i].pose:
+            steps[i], moved = replace(steps[i], pose=new.pose), True
+    if moved:
+        time = state.time_in_phase
+        schedule = plan.moved(schedule, tuple(steps), time, icp, model)
+    return replace(state, schedule=schedule, adjustment=adjustment)
+
+
+def _start_transfer(
+    state: WalkingState,
+    plan: IcpPlan,
+    measured: Measurement,
+    model: PointMassModel,
+    landed: Footstep | None = None,
+) -> WalkingState:
+    old = state.schedule
+    wanted = old.feet
+    if old.phase is Phase.SWING:
+        step = old.footsteps[0]
+        wanted = wanted.with_foot(step.side, step.pose)
+    feet = _tilted(measured.feet, wanted)
+    steps = within_reach(
+        state.commanded, feet, model.reach, landed, ground=model.ground
+    )
+    schedule = replace(
+        old,
+        phase=Phase.TRANSFER,
+        support_side=steps[0].side.other if steps else old.support_side.other,
+        duration=(
+            steps[0].transfer_duration if steps else old.final_transfer_duration
+        ),
+        feet=feet,
+        footsteps=steps,
+        start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
+    )
+    return _begin(state, schedule)
+
+
+def _end_transfer(
+    state: WalkingState, plan: IcpPlan, measured: Measurement
+) -> WalkingState:
+    """Lifts the foot, or comes to rest if there are no more steps."""
+    old = state.schedule
+    steps = old.footsteps
+    schedule = replace(
+        old,
+        phase=Phase.SWING if steps else Phase.STANDING,
+        duration=steps[0].swing_duration if steps else math.inf,
+        feet=_tilted(measured.feet, old.feet),
+        start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
+    )
+    # Footholds that were adjusted in the transfer are kept.
+    return replace(_begin(state, schedule), adjustment=state.adjustment)
+
+
+def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
+    """Returns the measured `feet` with the normals of the `wanted` ones."""
+    for side in Side:
+        normal = wanted[side].normal
+        if feet[side].normal is not normal:
+            feet = feet.with_foot(side, replace(feet[side], normal=normal))
+    return feet
+
+
+def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:
+    """Returns the state at the start of the phase of `schedule`."""
+    return WalkingState(
+        schedule, steps_taken=state.steps_taken, commanded=state.commanded
+    )

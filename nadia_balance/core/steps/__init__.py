@@ -1,0 +1,1 @@
+"""Where the next foot goes: capture regions, footholds, the swing."""

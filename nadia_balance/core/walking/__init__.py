@@ -1,0 +1,1 @@
+"""The words of walking: feet, steps, phases, pushes, mechanisms."""

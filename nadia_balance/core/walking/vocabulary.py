@@ -1,0 +1,264 @@
+"""Data types of walking: sides, phases, footsteps, the walking state.
+
+All values are frozen and their arrays read-only, because Drake passes the same
+object to every reader of an abstract port, and clones of a Context share it.
+Types that hold arrays compare by identity, except FootPose.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array, read_only
+from nadia_balance.core.math.polygon import convex_hull
+
+
+class Side(enum.Enum):
+    """Left or right, as seen by the robot."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+    @property
+    def other(self) -> Side:
+        """The opposite side."""
+        return Side.RIGHT if self is Side.LEFT else Side.LEFT
+
+    @property
+    def sign(self) -> int:
+        """Sign of the lateral (y) coordinate of this side: left is +1."""
+        return 1 if self is Side.LEFT else -1
+
+
+class Phase(enum.Enum):
+    """Contact phases of the gait."""
+
+    STANDING = "standing"  # both feet carry, no step has started
+    TRANSFER = "transfer"  # both feet carry, weight moves to support_side
+    SWING = "swing"  # support_side carries, the other foot is in the air
+
+
+def tilt(normal: Array) -> Array:
+    """Returns the shortest rotation (3, 3) from vertical to `normal` (3,)."""
+    x, y, z = normal.tolist()
+    c = 1.0 / (1.0 + z)
+    return np.array(
+        [
+            [1.0 - c * x * x, -c * x * y, x],
+            [-c * x * y, 1.0 - c * y * y, y],
+            [-x, -y, z],
+        ]
+    )
+
+
+UPRIGHT = read_only([0.0, 0.0, 1.0], 3)
+
+
+class Immutable:
+    """A frozen value, shared by the clones of a Context."""
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class FootPose(Immutable):
+    """Pose of a sole: its centre p_WF (3,) [m] and its yaw [rad], in W.
+
+    The sole frame F is z-up with x along the foot and y to the left.  The
+    rotation of a tilted sole with the unit `normal` (3,) is
+    R = tilt(normal) Rz(yaw); F itself stays level.  Poses compare by value.
+    """
+
+    p_WF: Array = field(default_factory=lambda: np.zeros(3))
+    yaw: float = 0.0
+    normal: Array = field(default_factory=lambda: UPRIGHT)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
+        if self.normal is not UPRIGHT:
+            object.__setattr__(self, "normal", read_only(self.normal, 3))
+
+    @cached_property
+    def _values(self) -> tuple[float, ...]:
+        return (*self.p_WF.tolist(), self.yaw, *self.normal.tolist())
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        return isinstance(other, FootPose) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    @cached_property
+    def rotation(self) -> Array:
+        """R_WF restricted to the plane, shape (2, 2)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        matrix = np.array([[c, -s], [s, c]])
+        matrix.flags.writeable = False
+        return matrix
+
+    def to_world(self, points_F: Array) -> Array:
+        """Points (n, 2) [m] of the sole frame, expressed in W."""
+        return np.asarray(self.p_WF[:2] + points_F @ self.rotation.T)
+
+    def outline(self, sole: Array) -> Array:
+        """Corners (n, 2) [m] in W of the tilted `sole`, seen from above."""
+        seen = tilt(self.normal)[:2, :2] @ self.rotation
+        return np.asarray(self.p_WF[:2] + sole @ seen.T)
+
+    def to_sole(self, points_W: Array) -> Array:
+        """Points (n, 2) [m] of W, expressed in the sole frame."""
+        return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
+
+
+@dataclass(frozen=True)
+class FootPoses(Immutable):
+    """The poses of both soles in W."""
+
+    left: FootPose
+    right: FootPose
+
+    def __getitem__(self, side: Side) -> FootPose:
+        return self.left if side is Side.LEFT else self.right
+
+    def with_foot(self, side: Side, pose: FootPose) -> FootPoses:
+        """Returns these poses with the foot of `side` moved to `pose`."""
+        return replace(self, **{side.value: pose})
+
+
+@dataclass(frozen=True)
+class Footstep(Immutable):
+    """One foothold, and the durations of the step to it.
+
+    `side` is the swing foot; `transfer_duration` [s] is the weight shift
+    before the swing, `swing_duration` [s] the swing itself.
+    """
+
+    side: Side
+    pose: FootPose
+    transfer_duration: float
+    swing_duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePoint(Immutable):
+    """A sample of the reference motion, each (2,) in W: [m], [m/s]."""
+
+    com: Array
+    com_velocity: Array
+    cop: Array
+
+    def __post_init__(self) -> None:
+        for name in ("com", "com_velocity", "cop"):
+            object.__setattr__(self, name, read_only(getattr(self, name), 2))
+
+
+@dataclass(frozen=True)
+class ContactSchedule(Immutable):
+    """The input of the ICP plan; replaced only when it is re-planned.
+
+    The present phase began at time 0.  `support_side` is the stance foot of a
+    swing, and in a transfer the foot that receives the weight.  `footsteps`
+    have not landed yet: in a swing, footsteps[0] is in the air.  A transfer
+    without footsteps is the last one and ends between the feet.  The plan
+    continues from `start`, the reference at `start_time`: the end of the
+    previous phase or, after a foothold change, the moved reference.
+    """
+
+    phase: Phase
+    support_side: Side
+    duration: float  # of the present phase [s]; infinite when standing
+    feet: FootPoses
+    footsteps: tuple[Footstep, ...]
+    start: ReferencePoint
+    final_transfer_duration: float = 0.8  # after the last step [s]
+    start_time: float = 0.0  # since the phase began [s]
+
+    def in_contact(self, side: Side) -> bool:
+        """True if the foot of `side` carries weight in this phase."""
+        return self.phase is not Phase.SWING or side is self.support_side
+
+    @cached_property
+    def legs_crossed(self) -> bool:
+        """True if the other foot is (in swing: was) across the support foot."""
+        side = self.support_side.other
+        stance, p_WF = self.feet[self.support_side], self.feet[side].p_WF
+        return bool(side.sign * stance.to_sole(p_WF[None, :2])[0, 1] < 0.0)
+
+
+@dataclass(frozen=True)
+class Adjustment(Immutable):
+    """The adjusted pose of the next foothold, with its nominal step.
+
+    `region` names the reachability region that was chosen: base, forward or
+    backward; `ground` is the index of the ground region, 0 if it is flat;
+    `covered_ticks` counts the ticks for which the capture region has
+    covered the nominal foothold again; `later` adjusts the steps after it.
+    """
+
+    nominal: Footstep
+    pose: FootPose
+    region: str = "base"
+    covered_ticks: int = 0
+    later: tuple[Adjustment, ...] = ()
+    ground: int = 0
+
+    @property
+    def moved(self) -> bool:
+        """True if the pose differs from the nominal one."""
+        return self.pose != self.nominal.pose
+
+
+@dataclass(frozen=True)
+class WalkingState(Immutable):
+    """The walking clock: the schedule and the present time in it.
+
+    `commanded` are the user's footsteps that have not landed yet;
+    schedule.footsteps are the same steps with the adjusted footholds.
+    """
+
+    schedule: ContactSchedule
+    time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
+    elapsed: float = 0.0  # real time since the phase began [s]
+    waiting: bool = False  # the clock has run out, the phase has not ended
+    waited: float = 0.0  # waiting time for the ICP at a transfer's end [s]
+    contact_impulse: float = 0.0  # of the swing foot, per weight [s]
+    steps_taken: int = 0
+    commanded: tuple[Footstep, ...] = ()
+    adjustment: Adjustment | None = None  # of the next step
+
+    @property
+    def remaining_time(self) -> float:
+        """Planned time [s] until the present phase ends."""
+        return max(self.schedule.duration - self.time_in_phase, 0.0)
+
+    @property
+    def gained_time(self) -> float:
+        """Time [s] by which the clock leads real time; most to be returned."""
+        return max(self.time_in_phase - self.elapsed, 0.0)
+
+
+def number_of_ticks(duration: float, period: float) -> int:
+    """Returns `duration` [s] in ticks of `period` [s], rounded, at least 1."""
+    return max(round(duration / period), 1)
+
+
+def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
+    """Returns the hull (n, 2) [m] in W of the soles in contact.
+
+    `sole` (k, 2) [m] are the corners of either sole in its own frame.
+    """
+    soles = [
+        schedule.feet[side].to_world(sole)
+        for side in Side
+        if schedule.in_contact(side)
+    ]
+    return convex_hull(np.concatenate(soles))

@@ -1,0 +1,1 @@
+"""Joint torques: the command, its tasks and limits, one QP."""

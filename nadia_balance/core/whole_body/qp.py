@@ -1,0 +1,233 @@
+"""Whole-body inverse dynamics as a single quadratic program."""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
+from nadia_balance.core.whole_body import command as whole_body_command
+from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
+from nadia_balance.core.whole_body.command import WholeBodyModel as Model
+from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
+from nadia_balance.core.whole_body.limits import WholeBodyLimits
+from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
+from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
+
+# Rows of J of the soles in contact, by (left, right).
+_CARRYING = {
+    (True, True): slice(0, 12),
+    (True, False): whole_body_command.LEFT_SOLE,
+    (False, True): whole_body_command.RIGHT_SOLE,
+}
+
+
+class WholeBodySolution(NamedTuple):
+    """Consistent accelerations, contact wrenches and torques.
+
+    `vdot` (nv,); `wrenches` (12,) = [tau, f] of the left and the right sole
+    at its centre, in W [N m], [N], zero without contact; `torques` (nj,)
+    [N m].  All other entries are NaN unless `qp.solved`.
+    """
+
+    vdot: Array
+    wrenches: Array
+    torques: Array
+    qp: QpResult
+
+
+class WholeBodyQp:
+    """Whole-body QP: joint torques for soft tasks under hard physical limits.
+
+    Nadia paper, Sec. III, in the form of Herzog et al., Momentum control with
+    hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
+    Robots 40 (2016), with weights instead of the hierarchy.  Minimises the
+    weighted squares of task errors, posture error and sole wrenches over
+    [vdot (nv), w_left (6), w_right (6)], without the wrench of a sole in the
+    air, subject to
+
+    * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
+    * M vdot + bias = sum J' w in the six rows of the floating base,
+    * limits on contact wrenches, torques, joints and the distances of near
+      links; if the QP is infeasible, joint limits, torque rate limits and link
+      distances are dropped in this order.
+
+    Internally, forces, torques and M are per unit of the robot's mass.
+    """
+
+    def __init__(
+        self,
+        params: Params,
+        model: Model,
+        period: float,
+        tasks: Iterable[Task] = (),
+    ):
+        """Builds the QP for `model`, to be solved every `period` [s].
+
+        `tasks` are added to those of momentum, trunk and swing foot.
+
+        Raises ValueError: a task's weight is negative, or the margin leaves no
+        area of the sole.
+        """
+        self._params, self._model = params, model
+        self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
+        self._limits = WholeBodyLimits(params, model, period)
+        nv = 6 + model.num_joints
+        # By the number of soles in contact.
+        self._qps = {n: DenseQp(nv + 6 * n) for n in (1, 2)}
+        # The posture's PD law, and the constant costs of vdot and wrenches.
+        weights = np.where(
+            model.is_leg_joint, params.leg_posture_weight, params.posture_weight
+        )
+        kp = params.posture_gain
+        kd = 2.0 * params.damping_ratio * math.sqrt(kp)
+        self._posture_kp, self._posture_kd = weights * kp, weights * kd
+        vdot = np.concatenate((np.zeros(6), weights))
+        vdot += params.acceleration_weight
+        wrench = np.full(6, params.moment_weight)  # [tau, f] of a sole
+        wrench[3:5] = params.tangential_weight
+        wrench[5] = params.normal_weight
+        self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
+
+    def solve(
+        self, terms: Terms, command: Command, last_torques: Array | None = None
+    ) -> WholeBodySolution:
+        """Returns the solution of the QP, relaxed if it is infeasible.
+
+        `last_torques` (nj,) [N m], if given, are the start of the torque rate
+        limit.
+
+        Raises ValueError: NaN or infinity in `terms` or `command`.
+        """
+        contacts = command.contacts
+        problem = self.problem(terms, command, last_torques)
+        solver = self._qps[sum(contacts)]
+        qp = solver.solve(problem)
+        # At the touchdown of a long step, contact, torque and friction limits
+        # may make joint braking and torque rate limits infeasible.  These are
+        # not physical and may be relaxed.
+        limits = slice(6 * sum(contacts) + 6, None)
+        freed = self._limits.freed(
+            terms, last_torques, problem.lower[limits], problem.upper[limits]
+        )
+        while not qp.solved and next(freed, True) is None:
+            again = solver.solve(problem)
+            solves, helped = qp.solves + again.solves, qp.fallback
+            qp = again._replace(
+                solves=solves, fallback=helped or again.fallback
+            )
+        nv, mass = terms.v.size, self._model.mass
+        torques = problem.A[limits][self._limits.torque_rows] @ qp.x
+        torques += terms.forces[6:, -1]
+        wrenches = np.zeros(12)
+        wrenches[_CARRYING[contacts]] = mass * qp.x[nv:]
+        return WholeBodySolution(qp.x[:nv], wrenches, mass * torques, qp)
+
+    def damping_torques(self, terms: Terms, last: Array | None = None) -> Array:
+        """Returns the damping torques -d M v (nj,) [N m], within limits.
+
+        M is the joints' block of the mass matrix; d is low enough for drives
+        with a lag.  The torque rate limit starts at the `last` torques, so that
+        a single tick without a solution does not drop the load.
+        """
+        M, v = terms.forces[6:, 6:-1], terms.v[6:]
+        lower, upper = self._limits.torque_bounds(v, last)
+        wanted = -self._params.failure_damping * (M @ v)
+        torques = np.minimum(np.maximum(wanted, lower), upper)
+        return np.asarray(self._model.mass * torques)
+
+    def problem(
+        self, terms: Terms, command: Command, last_torques: Array | None = None
+    ) -> QpProblem:
+        """Returns the matrices and bounds of the QP."""
+        nv, soles = terms.v.size, _CARRYING[command.contacts]
+        J, n = terms.rows[soles, :nv], sum(command.contacts)
+        num_rows = self._limits.num_rows(n, terms)
+        rows = np.zeros((6 * n + 6 + num_rows, nv + 6 * n))
+        bounds = np.empty((2, len(rows)))
+        A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
+        A[: 6 * n, :nv] = J
+        # Equations of motion: rows of the base, followed by the torque rows.
+        motion = rows[6 * n : 6 * n + nv]
+        motion[:, :nv] = terms.forces[:, :nv]
+        motion[:, nv:] = -J.T
+        b = -terms.rows[: whole_body_command.BASE.stop, -1]
+        b[:12] += self._rest(terms, command.normals)
+        b = np.concatenate((b[soles], b[whole_body_command.BASE]))
+        limits = bounds[:, len(A) :]
+        self._limits.fill(C, limits, terms, command, last_torques)
+        H, g = self._cost(terms, command)
+        if all(command.contacts):
+            for side, edge in enumerate(command.edges):
+                if edge:
+                    self._let_roll(terms, side, edge, A, b, H, g)
+        bounds[:, : len(A)] = b
+        return QpProblem(H, g, rows, *bounds)
+
+    def _let_roll(
+        self,
+        terms: Terms,
+        side: int,
+        edge: float,
+        A: Array,
+        b: Array,
+        H: Array,
+        g: Array,
+    ) -> None:
+        """Changes the rows of A x = b of a sole to rolling about its edge.
+
+        The line at x = `edge` [m] in the sole frame is kept at rest, the sole
+        does not rotate about its x and z axes, and the moment about the edge
+        is zero.  Keeping the sole flat is a soft task in H and g instead, with
+        the weight of a swing foot.
+        """
+        sole, nv = whole_body_command.SOLES[side], terms.v.size
+        x, y, z = terms.rotations[side].T
+        px, py, pz = p = edge * x
+        cross = np.array([[0.0, -pz, py], [pz, 0.0, -px], [-py, px, 0.0]])
+        turn, move = A[sole, :nv].reshape(2, 3, nv)
+        # At the edge: a + alpha x p + w x (w x p).
+        w = terms.velocities[sole][:3]
+        rest, bias = b[sole].copy(), -terms.rows[sole, -1]
+        slip = terms.velocities[sole][3:] + np.cross(w, p)
+        rows, values = np.zeros((6, A.shape[1])), np.zeros(6)
+        rows[:3, :nv] = move - cross @ turn
+        values[:3] = bias[3:] - cross @ bias[:3]
+        values[:3] -= np.cross(w, np.cross(w, p))
+        values[:3] -= self._params.stance_damping * slip
+        axes = np.stack((x, z))
+        rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest[:3]
+        roll, weight = y @ turn, self._params.swing_orientation_weight
+        H[:nv, :nv] += weight * np.outer(roll, roll)
+        g[:nv] -= weight * (y @ rest[:3]) * roll
+        wrench = rows[5, nv + sole.start : nv + sole.stop]
+        wrench[:3], wrench[3:] = y, -y @ cross
+        A[sole], b[sole] = rows, values
+
+    def _rest(self, terms: Terms, normals: Array) -> Array:
+        """Accelerations (12,) that damp and align soles to `normals`."""
+        params = self._params
+        rest = -params.stance_damping * terms.velocities[:12]
+        x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
+        nx, ny, nz = normals.T
+        rest[0::6] += y * nz - z * ny
+        rest[1::6] -= x * nz - z * nx
+        rest[2::6] += x * ny - y * nx
+        return np.asarray(rest)
+
+    def _cost(self, terms: Terms, command: Command) -> tuple[Array, Array]:
+        """Returns H and g of the cost of all soft tasks."""
+        nv = terms.v.size
+        n = nv + 6 * sum(command.contacts)
+        tasks = self._tasks.rows(terms, command)
+        square = tasks.T @ tasks
+        H, g = self._H[:n, :n].copy(), np.zeros(n)
+        H[:nv, :nv] += square[:-1, :-1]
+        g[:nv] = square[:-1, -1]
+        g[6:nv] += (
+            self._posture_kp * (terms.q[7:] - self._model.posture)
+            + self._posture_kd * terms.v[6:]
+        )
+        return H, g

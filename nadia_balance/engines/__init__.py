@@ -1,0 +1,1 @@
+"""Physics other than Drake's: MuJoCo, and the point mass."""

@@ -1,0 +1,1 @@
+"""A robot: its folder, its model, and its kinematics in Drake."""

@@ -1,0 +1,185 @@
+"""Checks of a robot's plant against robot.yaml, and of its contacts."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from pydrake.geometry import GeometryId
+from pydrake.math import RigidTransform
+from pydrake.multibody import tree
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
+
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.params import RobotParams
+from nadia_balance.robot.urdf import require
+
+
+def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
+    """Raises ValueError if `plant` lacks parts that `params` name."""
+    for part in ("pelvis", "torso", "left_foot", "right_foot"):
+        name = getattr(params, f"{part}_body")
+        require(
+            plant.HasBodyNamed(name),
+            f"{part}_body = {name!r}: must be a link of the URDF",
+        )
+    bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
+    floating = sorted(body.name() for body in bodies)
+    require(
+        floating == [params.pelvis_body],
+        f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
+        f"joint holds; these are: {', '.join(floating) or 'none'}",
+    )
+    context = plant.CreateDefaultContext()
+    left, right = (
+        plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
+        for foot in (params.left_foot_body, params.right_foot_body)
+    )
+    require(
+        left > right,
+        f"left_foot_body = {params.left_foot_body!r}: must be left of "
+        f"right_foot_body = {params.right_foot_body!r}",
+    )
+    # Joints of one degree of freedom by name, without the floating base.
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    joints = {j.name(): j for j in joints if j.num_positions() == 1}
+    _check_drives(plant, params, joints)
+    for field, angles in (
+        ("posture", params.posture),
+        ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
+        ("whole_body.joint_upper_limits", params.whole_body.joint_upper_limits),
+    ):
+        for name, angle in angles.items():
+            what = f"{field}.{name} = {angle}: must be"
+            known = ", ".join(sorted(joints))
+            require(name in joints, f"{what} one of the joints {known}")
+            low = joints[name].position_lower_limits()[0]
+            high = joints[name].position_upper_limits()[0]
+            require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
+
+
+def _check_drives(
+    plant: MultibodyPlant, params: RobotParams, joints: dict
+) -> None:
+    where = f"urdf = {params.urdf}"
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    actuators = {actuator.joint().name(): actuator for actuator in actuators}
+    for name, joint in joints.items():
+        speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+        require(
+            speed < math.inf,
+            f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
+            "a max_joint_speed",
+        )
+        actuator = actuators.get(name)
+        require(
+            actuator is not None and actuator.effort_limit() < math.inf,
+            f"{where}: joint {name}: must have an effort limit",
+        )
+        inertia = actuator.default_reflected_inertia()
+        require(
+            inertia >= 0.0,
+            f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
+            "must be >= 0 kg m^2",
+        )
+
+
+def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
+    """Warnings about legal but suspicious settings of a plant with shapes."""
+    remarks = []
+    if {body.name() for body in _body_of_shape(plant).values()} == feet:
+        remarks.append(
+            "only the feet have collision shapes: a fall, or legs in each "
+            "other, are not noticed"
+        )
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    light = [
+        a.joint().name() for a in actuators if not a.default_reflected_inertia()
+    ]
+    if light:
+        remarks.append(f"no rotor inertia: {', '.join(light)}")
+    return remarks
+
+
+def check_standing(
+    plant: MultibodyPlant,
+    q: np.ndarray,
+    feet: Mapping[Side, str],
+    X_FootSole: Mapping[Side, RigidTransform],
+) -> None:
+    """Raises ValueError if a joint is too weak for the robot to stand.
+
+    The robot of `plant` stands at `q` (nq,), with half of its weight at the
+    centre of either sole.
+    """
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    plant.SetPositions(context, q)
+    gravity = plant.gravity_field().gravity_vector()
+    half_weight = -0.5 * plant.CalcTotalMass(context) * gravity
+    torques = -plant.CalcGravityGeneralizedForces(context)
+    for side, foot in feet.items():
+        frame, p_FS = plant.GetFrameByName(foot), X_FootSole[side].translation()
+        torques -= half_weight @ plant.CalcJacobianTranslationalVelocity(
+            context, tree.JacobianWrtVariable.kV, frame, p_FS, world, world
+        )
+    for i in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(i)
+        joint, limit = actuator.joint(), actuator.effort_limit()
+        needed = abs(torques[joint.velocity_start()])
+        require(
+            needed <= limit,
+            f"effort limit of {joint.name()} = {limit:g}: must be >= "
+            f"{needed:.0f} N m, for the robot to stand",
+        )
+
+
+def improper_contacts(
+    plant: MultibodyPlant,
+    results: ContactResults,
+    robot: tree.ModelInstanceIndex,
+    feet: set[str],
+) -> set[str]:
+    """Returns the pairs of bodies in contact that are not foot and ground.
+
+    Pairs are named, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK
+    - ground".  A foot may touch all bodies that are not of the `robot`.
+    """
+    improper = set()
+    for pair in set(_touching(plant, results)):
+        bodies = [plant.get_body(tree.BodyIndex(i)) for i in pair]
+        own = {b.name() for b in bodies if b.model_instance() == robot}
+        # Two robots may have bodies of the same name.
+        others = {
+            "ground"
+            if b.index() == tree.world_index()
+            else str(b.scoped_name())
+            for b in bodies
+            if b.model_instance() != robot
+        }
+        if own and not (others and own <= feet):
+            improper.add(" - ".join([*sorted(own), *others]))
+    return improper
+
+
+def _touching(
+    plant: MultibodyPlant, results: ContactResults
+) -> Iterator[tuple[int, int]]:
+    """The indices of the two bodies of every contact."""
+    for i in range(results.num_point_pair_contacts()):
+        contact = results.point_pair_contact_info(i)
+        yield int(contact.bodyA_index()), int(contact.bodyB_index())
+    surfaces = range(results.num_hydroelastic_contacts())
+    body_of = _body_of_shape(plant) if surfaces else {}
+    for i in surfaces:
+        surface = results.hydroelastic_contact_info(i).contact_surface()
+        pair = body_of[surface.id_M()], body_of[surface.id_N()]
+        yield int(pair[0].index()), int(pair[1].index())
+
+
+def _body_of_shape(plant: MultibodyPlant) -> dict[GeometryId, tree.RigidBody]:
+    """The body of every collision shape of the `plant`."""
+    bodies = map(plant.get_body, map(tree.BodyIndex, range(plant.num_bodies())))
+    return {
+        shape: body
+        for body in bodies
+        for shape in plant.GetCollisionGeometriesForBody(body)
+    }

@@ -1,0 +1,177 @@
+"""Terms of the equations of motion, computed by few Drake calls."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body import command
+from nadia_balance.core.whole_body.command import BASE, TORSO, WholeBodyModel
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot.model import (
+    RobotModel,
+    actuated_velocities,
+    body_poses,
+)
+
+_V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
+
+
+class WholeBodyKinematics:
+    """Computes the terms of the whole-body QP from a plant's context.
+
+    The plant must contain one robot: the pelvis as floating base, then joints
+    of one degree of freedom, each with one actuator.
+    """
+
+    def __init__(self, robot: RobotModel, plant: MultibodyPlant):
+        """Raises ValueError if `plant` has another structure."""
+        self.plant = plant
+        num_joints = plant.num_velocities() - 6
+        pelvis = plant.GetBodyByName(robot.pelvis_body)
+        if not (
+            pelvis.is_floating_base_body()
+            and pelvis.floating_positions_start() == 0
+            and plant.num_positions() == 7 + num_joints
+            and plant.num_actuators() == num_joints
+        ):
+            raise ValueError(
+                f"{robot.name}: needs a floating {robot.pelvis_body}, joints "
+                "of one degree of freedom, and one actuator for each"
+            )
+        self._damping = np.zeros(plant.num_velocities())
+        for joint in map(plant.get_joint, plant.GetJointIndices()):
+            if joint.num_velocities() == 1:  # neither welded nor floating
+                (damping,) = joint.default_damping_vector()
+                self._damping[joint.velocity_start()] = damping
+        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
+        torso = plant.GetBodyByName(robot.torso_body)
+        self._bodies = [*feet, torso, pelvis]
+        # The frames of soles, torso and pelvis in these bodies (4, 4, 4).
+        self._X_BodyFrame = np.tile(np.eye(4), (4, 1, 1))
+        for i, side in enumerate(Side):
+            self._X_BodyFrame[i] = robot.X_FootSole[side].GetAsMatrix4()
+        # Rows of J, frame of the foot, and position of the sole in it.
+        self._points = [
+            (rows, foot.body_frame(), robot.X_FootSole[side].translation())
+            for rows, foot, side in zip(command.SOLES, feet, Side, strict=True)
+        ]
+        self._torso, self._world = torso.body_frame(), plant.world_frame()
+        self._gravity = plant.gravity_field().gravity_vector()
+        self._mass = robot.mass
+        # Constant rows: the base's angular velocity is that of the pelvis.
+        self._rows = np.zeros((24 + num_joints, 7 + num_joints))
+        self._rows[command.PELVIS, :3] = np.eye(3)
+
+    def calc(self, context: Context) -> command.WholeBodyTerms:
+        """Returns the terms of the state in the plant's `context`."""
+        plant, rows = self.plant, self._rows.copy()
+        state = plant.GetPositionsAndVelocities(context)
+        v = state[-self._damping.size :]
+        self._fill_forces(context, v, rows[BASE.start : TORSO.start])
+        self._fill_motions(context, rows)
+        poses = body_poses(plant, context, self._bodies) @ self._X_BodyFrame
+        velocities = rows[:, :-1] @ v
+        return command.WholeBodyTerms(
+            rows=rows,
+            velocities=velocities,
+            rotations=poses[:, :, :3],
+            sole_positions=poses[:2, :, 3],
+            q=state[: -v.size],
+            v=v,
+            com_state=_com_state(state[4:7], rows, velocities),
+        )
+
+    def _fill_forces(self, context, v, forces):
+        """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""
+        M = self.plant.CalcMassMatrix(context)
+        bias = self.plant.CalcBiasTerm(context) + self._damping * v
+        # Gravity from M: the base's linear velocity is expressed in W.
+        bias -= M[:, 3:6] @ self._gravity
+        forces[:, :-1], forces[:, -1] = M, bias
+        forces /= self._mass
+
+    def _fill_motions(self, context, rows):
+        """Writes [J, Jdot v] of soles and torso."""
+        plant, world = self.plant, self._world
+        for sole, frame, p_BP in self._points:
+            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
+                context, _V, frame, p_BP, world, world
+            )
+            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
+                context, _V, frame, p_BP, world, world
+            ).get_coeffs()
+        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+            context, _V, self._torso, world, world
+        )
+        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+            context, _V, self._torso, _ORIGIN, world, world
+        ).rotational()
+
+
+def _com_state(p_WB, rows, velocities) -> np.ndarray:
+    """State (6,) of the centre of mass, from the base rows of M per mass.
+
+    A linear velocity v of the base, expressed in W, gives the angular momentum
+    p_BC x v per mass about the base's origin B, from which p_BC follows.
+    """
+    (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
+    return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
+
+
+def whole_body_model(
+    robot: RobotModel, plant: MultibodyPlant, params: WholeBodyQpParams
+) -> WholeBodyModel:
+    """Returns the constants of `robot`, joints in the order of velocities.
+
+    Position limits are the tighter ones of `plant` and `params`.
+
+    Raises:
+        ValueError: a named joint does not exist.
+    """
+    n = plant.num_velocities() - 6
+
+    def values(named: Mapping[str, float], others: float) -> np.ndarray:
+        found = np.full(n, others)
+        for joint, value in named.items():
+            found[_joint_index(plant, joint)] = value
+        return found
+
+    lower = values(params.joint_lower_limits, -np.inf)
+    upper = values(params.joint_upper_limits, np.inf)
+    effort = np.zeros(n)
+    effort[actuated_velocities(plant) - 6] = plant.GetEffortUpperLimits()
+    return WholeBodyModel(
+        mass=robot.mass,
+        sole_length=robot.sole_length,
+        sole_width=robot.sole_width,
+        posture=values(robot.posture, 0.0),
+        position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
+        position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),
+        max_torque=effort,
+        max_speed=robot.max_joint_speeds,
+        is_leg_joint=_is_leg_joint(robot, plant),
+        drives=robot.drives,
+    )
+
+
+def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
+    """Marks (nj,) the joints between the pelvis and either foot."""
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    moves = np.zeros(plant.num_velocities(), dtype=bool)
+    for body in robot.foot_bodies.values():
+        J = plant.CalcJacobianSpatialVelocity(
+            context, _V, plant.GetFrameByName(body), _ORIGIN, world, world
+        )
+        moves |= np.any(J != 0.0, axis=0)
+    return moves[6:]
+
+
+def _joint_index(plant: MultibodyPlant, name: str) -> int:
+    """Index of a joint among those of the robot."""
+    if not plant.HasJointNamed(name):
+        raise ValueError(f"joint = {name!r}: the robot has no such joint")
+    return plant.GetJointByName(name).velocity_start() - 6

@@ -1,0 +1,143 @@
+"""What the joints of the legs can do: the foot in the air, and the ankle."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, Joint
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.vocabulary import Side
+
+Feet = Mapping[Side, str]
+Soles = Mapping[Side, RigidTransform]
+
+# Horizontal directions of a foot's motion in W (6, n): [w, v].
+_ANGLES = np.linspace(0.0, math.pi, 8, endpoint=False)
+_WAYS = np.zeros((6, _ANGLES.size))
+_WAYS[3], _WAYS[4] = np.cos(_ANGLES), np.sin(_ANGLES)
+# Peak over mean speed of a quintic from rest to rest [-], and share of the
+# joints' speed for the way over the ground: the rest lifts the foot.
+_PEAK, _SHARE = 1.875, 0.7
+_DIGITS = 4  # of lengths [m], more than any drive is known to
+
+
+def foot_limits(
+    plant: MultibodyPlant, q: Array, feet: Feet, soles: Soles, speeds: Array
+) -> tuple[float, float]:
+    """Returns acceleration [m/s^2] and mean speed [m/s] that a foot can have.
+
+    They are the least over both feet and all horizontal directions d, with the
+    pelvis at rest and the sole level.  The acceleration a is that at which the
+    first joint's torque is at its limit: J qdd = d a, tau = M qdd + gravity.
+    The speed follows in the same way from the joints' limits `speeds` (nj,)
+    [rad/s].  The robot stands at `q` (nq,); `soles` are X_FootSole.
+    """
+    context, effort = _standing(plant, q)
+    M = plant.CalcMassMatrix(context)
+    room = effort - np.abs(plant.CalcGravityGeneralizedForces(context))
+    fastest = np.append(np.zeros(6), speeds)
+    found = []
+    for side, foot in feet.items():
+        J = _jacobian(plant, context, foot, soles[side].translation())
+        leg = [joint.velocity_start() for joint in _joints(plant, foot)]
+        motion = np.linalg.lstsq(J[:, leg], _WAYS, rcond=None)[0]
+        torque = np.abs(M[np.ix_(leg, leg)] @ motion)
+        with np.errstate(divide="ignore"):
+            a = np.maximum(room[leg], 0.0)[:, None] / torque
+            v = fastest[leg][:, None] / np.abs(motion)
+        found.append((a.min(), v.min() * _SHARE / _PEAK))
+    acceleration, speed = np.min(found, axis=0)
+    return round(float(acceleration), 1), round(float(speed), 2)
+
+
+def cop_area(
+    plant: MultibodyPlant, q: Array, feet: Feet, soles: Soles, sole: Array
+) -> Array:
+    """Returns the part (4, 2) [m] of the `sole` where the ankle holds the CoP.
+
+    It is the rectangle, in the sole frame, at whose edges the first ankle joint
+    reaches its torque limit under the robot's whole weight.  Ankle joints are
+    those between the foot and the knee, which is the second pitch axis above
+    the foot; with other legs, the part is the `sole` (4, 2).
+
+    Raises:
+        ValueError: an ankle cannot carry the robot at any point of the sole.
+    """
+    context, effort = _standing(plant, q)
+    weight = plant.CalcTotalMass(context) * GRAVITY
+    low, high = sole.min(axis=0), sole.max(axis=0)
+    for side, foot in feet.items():
+        p_FS = soles[side].translation()
+        at = _jacobian(plant, context, foot, p_FS)
+        for joint in _ankle(plant, context, foot):
+            i = joint.velocity_start()
+            # Torque per unit of vertical force at the sole's centre, and its
+            # change along x and across y of the level sole.
+            change = np.array([-at[1, i], at[0, i]])
+            axis = int(np.abs(change).argmax())
+            slope, bias = change[axis], at[5, i]
+            ends = (np.array([-1.0, 1.0]) * effort[i] / weight - bias) / slope
+            near, far = sorted(ends.round(_DIGITS).tolist())
+            low[axis] = max(low[axis], near)
+            high[axis] = min(high[axis], far)
+            if not low[axis] < high[axis]:
+                raise ValueError(
+                    f"effort limit of {joint.name()} = {effort[i]:g}: must "
+                    f"hold the weight of {weight:.0f} N somewhere on the sole"
+                )
+    low[1] = max(low[1], -high[1])  # alike for both feet
+    high[1] = -low[1]
+    return sole.clip(low, high)
+
+
+def _standing(plant: MultibodyPlant, q: Array) -> tuple[Context, Array]:
+    """The context of the standing robot, and effort limits by velocity."""
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    effort = np.zeros(plant.num_velocities())
+    for index in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(index)
+        effort[actuator.joint().velocity_start()] = actuator.effort_limit()
+    return context, effort
+
+
+def _jacobian(
+    plant: MultibodyPlant, context: Context, foot: str, p_FS: Array
+) -> Array:
+    """Jacobian (6, nv) [w, v] of the sole's centre in W."""
+    frame, world = plant.GetFrameByName(foot), plant.world_frame()
+    wrt = JacobianWrtVariable.kV
+    return np.asarray(
+        plant.CalcJacobianSpatialVelocity(
+            context, wrt, frame, p_FS, world, world
+        )
+    )
+
+
+def _joints(plant: MultibodyPlant, foot: str) -> list[Joint]:
+    """The moving joints from the foot up to the floating base."""
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    above = {joint.child_body().name(): joint for joint in joints}
+    found, link = [], foot
+    while (joint := above.get(link)) and joint.num_velocities() < 2:
+        if joint.num_velocities():
+            found.append(joint)
+        link = joint.parent_body().name()
+    return found
+
+
+def _ankle(plant: MultibodyPlant, context: Context, foot: str) -> list[Joint]:
+    """The joints between foot and knee; none if there is no such knee."""
+    ankle, pitches = [], 0
+    for joint in _joints(plant, foot):
+        J = _jacobian(plant, context, foot, np.zeros(3))
+        pitches += abs(J[1, joint.velocity_start()]) > math.cos(math.pi / 4)
+        if pitches == 2:
+            return ankle
+        ankle.append(joint)
+    return []

@@ -1,0 +1,407 @@
+"""The robot: one robot.yaml, parsed alike for the plant and the controller."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody import inverse_kinematics as ik
+from pydrake.multibody import plant as mbp
+from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.solvers import SnoptSolver
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.size import scaled
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot import checks as robot_checks
+from nadia_balance.robot.ground_geometry import add_ground, default_plant_config
+from nadia_balance.robot.leg_strength import cop_area, foot_limits
+from nadia_balance.robot.params import (
+    MODELS,
+    RobotParams,
+    idealised,
+    overridden,
+)
+from nadia_balance.robot.urdf import add_urdf, check_urdf, naming, with_lengths
+from nadia_balance.typed_yaml import load_tree, load_typed
+
+# realistic: limits of a real robot.  ideal: any torque at any joint speed, any
+# foot speed, and no collisions between arms and legs.
+FIDELITIES = ("realistic", "ideal")
+
+
+class RobotModel:
+    """A humanoid with two flat feet, as robot.yaml and its URDF describe it.
+
+    `drives` are JointDriveParams; None if the robot is ideal (see `idealised`).
+    `remarks` are warnings about legal but suspicious settings.
+    """
+
+    def __init__(self, params: RobotParams, urdf: Path):
+        """Takes `params` and `urdf` of `load_robot_params`.
+
+        Raises:
+            ValueError: the robot cannot stand with these parameters; names the
+                field, its value and what is allowed.
+        """
+        self.params, self.urdf, self.name = params, urdf, params.name
+        self.com_height, self.posture = params.com_height, params.posture
+        self.drives = params.drives
+        self.pelvis_body = params.pelvis_body
+        self.torso_body = params.torso_body
+        feet = params.left_foot_body, params.right_foot_body
+        self.foot_bodies = dict(zip(Side, feet, strict=True))
+        sole = params.sole
+        self.sole_length = sole.x_max - sole.x_min
+        self.sole_width = 2.0 * sole.half_width
+        self.sole = rectangle(self.sole_length, self.sole_width)
+        centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
+        self.X_FootSole = {side: RigidTransform(centre) for side in Side}
+        shaped, q = self.control_diagram()[1], self.standing_positions()
+        self.remarks = robot_checks.remarks_on(shaped, set(feet))
+        with naming(f"urdf = {urdf}"):
+            robot_checks.check_standing(
+                self.control_plant(), q, self.foot_bodies, self.X_FootSole
+            )
+
+    @cached_property
+    def mass(self) -> float:
+        """Total mass of the robot [kg]."""
+        plant = self.control_plant()
+        return plant.CalcTotalMass(plant.CreateDefaultContext())
+
+    @cached_property
+    def max_joint_speeds(self) -> np.ndarray:
+        """Speed limits (nj,) [rad/s] of the joints, in the order of v.
+
+        Ideal drives have none: inf.
+        """
+        speeds = self.control_plant().GetVelocityUpperLimits()[6:]
+        if self.drives is None:
+            return np.full(speeds.size, np.inf)
+        known = np.isfinite(speeds)
+        return np.where(known, speeds, self.params.max_joint_speed)
+
+    @cached_property
+    def point_mass(self) -> PointMassModel:
+        """The robot's model for capture-point control."""
+        plant, q = self.control_plant(), self.standing_positions()
+        legs = plant, q, self.foot_bodies, self.X_FootSole
+        a, v = foot_limits(*legs, self.max_joint_speeds)
+        detour = self.params.swing_detour
+        detour = replace(
+            detour,
+            max_acceleration=min(a, detour.max_acceleration),
+            max_speed=min(v, detour.max_speed),
+        )
+        return PointMassModel(
+            mass=self.mass,
+            com_height=self.com_height,
+            step_width=self.params.step_width,
+            sole=self.sole,
+            held=cop_area(*legs, self.sole),
+            legs=self.params.legs,
+            reach=self.params.reachability,
+            detour=detour,
+        )
+
+    def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
+        """Returns `params` with the values that are this robot's own.
+
+        They are those of its robot.yaml that are not Nadia's, scaled.
+
+        Raises:
+            ValueError: values contradict each other.
+        """
+        usual = scaled(WholeBodyQpParams(), self.params.size)
+        params = overridden(params, self.params.whole_body, usual)
+        check(params, "whole_body")
+        return params
+
+    def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+        """Adds the robot to a `plant` that is not finalized yet.
+
+        Raises:
+            ValueError: the URDF is malformed (see `add_urdf`), or a torque
+                limit is of an unknown joint.
+        """
+        instance = add_urdf(plant, self.urdf)
+        limits = dict(self.drives.max_torque) if self.drives else {}
+        for index in plant.GetJointActuatorIndices():
+            actuator = plant.get_joint_actuator(index)
+            if actuator.model_instance() != instance:
+                continue
+            if limit := limits.pop(actuator.joint().name(), 0.0):
+                actuator.set_effort_limit(limit)
+        for joint in limits:
+            raise ValueError(
+                f"drives.max_torque.{joint}: must be of an actuated joint of "
+                f"{self.name}"
+            )
+        return instance
+
+    def add_plant_to(
+        self,
+        builder: DiagramBuilder,
+        config: MultibodyPlantConfig | None = None,
+        ground: Ground | None = None,
+    ) -> tuple[MultibodyPlant, SceneGraph]:
+        """Adds a plant, finalized, in which the robot stands on the `ground`.
+
+        `config` is by default `default_plant_config()`; see `add_ground`.
+        """
+        config = config or default_plant_config()
+        plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
+        self.stand_in(plant, scene_graph, ground)
+        return plant, scene_graph
+
+    def stand_in(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        ground: Ground | None = None,
+    ) -> None:
+        """Puts robot and `ground` into an empty `plant`; finalizes it."""
+        self.add_to(plant)
+        add_ground(plant, ground)
+        plant.Finalize()
+        if not self.params.self_collisions:
+            self._let_pass(plant, scene_graph)
+        plant.SetDefaultPositions(self.standing_positions())
+
+    def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+        """Excludes the robot's self-collisions except those between its legs.
+
+        The feet do not collide with each other either.
+        """
+        joints = map(plant.get_joint, plant.GetJointIndices())
+        parent = {j.child_body().name(): j.parent_body().name() for j in joints}
+        legs = []
+        for link in self.foot_bodies.values():
+            legs.append([])
+            while link != self.pelvis_body:
+                legs[-1].append(link)
+                link = parent[link]
+        pelvis = plant.GetBodyByName(self.pelvis_body)
+        own = plant.GetBodyIndices(pelvis.model_instance())
+        names = {plant.get_body(body).name() for body in own}
+
+        def shapes(links: Iterable[str]) -> GeometrySet:
+            return plant.CollectRegisteredGeometries(
+                [plant.GetBodyByName(link) for link in links]
+            )
+
+        left, right = map(set, legs)
+        others = shapes(names - left - right)
+        scene_graph.collision_filter_manager().Apply(
+            CollisionFilterDeclaration()
+            .ExcludeWithin(shapes(left))
+            .ExcludeWithin(shapes(right))
+            .ExcludeWithin(shapes(self.foot_bodies.values()))
+            .ExcludeWithin(others)
+            .ExcludeBetween(others, shapes(left | right))
+        )
+
+    def control_plant(self) -> MultibodyPlant:
+        """A plant of the robot alone, without geometry, finalized."""
+        plant = MultibodyPlant(0.001)
+        self.add_to(plant)
+        plant.Finalize()
+        return plant
+
+    def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+        """A diagram of a plant of the robot alone and its SceneGraph."""
+        return _shaped(self.urdf)
+
+    def improper_contacts(
+        self, plant: MultibodyPlant, contact_results: mbp.ContactResults
+    ) -> set[str]:
+        """Calls checks.improper_contacts for this robot in `plant`."""
+        robot = plant.GetBodyByName(self.pelvis_body).model_instance()
+        feet = set(self.foot_bodies.values())
+        return robot_checks.improper_contacts(
+            plant, contact_results, robot, feet
+        )
+
+    def standing_positions(self, step_width: float | None = None) -> np.ndarray:
+        """Returns q (nq,) of the robot, standing about the origin of W.
+
+        Both soles are level on z = 0, `step_width` [m] apart, the pelvis is
+        upright, the CoM over the origin at `com_height`, the joints as near
+        to the posture as that allows.
+
+        Raises:
+            ValueError: no posture fulfils this.
+        """
+        width = self.params.step_width if step_width is None else step_width
+        if not 0.0 < width < np.inf:
+            raise ValueError(f"step_width = {width}: must be > 0 m")
+        com = [0.0, 0.0, self.com_height]
+        places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
+        found = StandingKinematics(self, places, com, com)
+        plant = found.plant
+        upright = [1.0, 0.0, 0.0, 0.0]
+        found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
+        nominal = np.zeros(plant.num_positions())
+        nominal[0], nominal[6] = 1.0, self.com_height
+        for joint, angle in self.posture.items():
+            nominal[plant.GetJointByName(joint).position_start()] = angle
+        if (q := found.nearest(nominal, com)) is not None:
+            return q
+        legs = self.params.legs
+        highest = legs.length + legs.ankle_height + legs.com_above_hip
+        raise ValueError(
+            f"step_width = {width}, com_height = {self.com_height}: must "
+            f"be within reach of the legs of {self.name}, in m; with "
+            f"straight ones, the CoM is {highest:.3f} m high"
+        )
+
+
+class StandingKinematics(ik.InverseKinematics):
+    """Inverse kinematics with level soles and a bounded centre of mass."""
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        places: Mapping[Side, ArrayLike],
+        com_lower: ArrayLike,
+        com_upper: ArrayLike,
+    ):
+        """Constrains the `plant` of the `robot` alone.
+
+        `places` are the positions (2,) [m] of the sole centres on the plane
+        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
+        `com_upper`.
+        """
+        self.plant = plant = robot.control_plant()
+        super().__init__(plant)
+        world, free = plant.world_frame(), np.inf
+        for side, (x, y) in places.items():
+            foot = plant.GetFrameByName(robot.foot_bodies[side])
+            p_FS = robot.X_FootSole[side].translation()
+            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
+            for p_S, low, high in (
+                ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
+                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
+                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
+            ):
+                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
+        prog = self.prog()
+        self._com = prog.NewContinuousVariables(3, "com")
+        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
+        context = self.get_mutable_context()
+        com = ik.ComPositionConstraint(plant, None, world, context)
+        prog.AddConstraint(com, [*self.q(), *self._com])
+
+    def nearest(
+        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
+    ) -> np.ndarray | None:
+        """Returns the positions (nq,) nearest to `q`; None if there are none.
+
+        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
+        """
+        prog = self.prog()
+        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
+        prog.SetInitialGuess(self.q(), q)
+        prog.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(prog)
+        return result.GetSolution(self.q()) if result.is_success() else None
+
+
+def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+    """A diagram of a plant of the robot in `urdf` alone and its SceneGraph."""
+    builder = DiagramBuilder()
+    plant, scene_graph = mbp.AddMultibodyPlantSceneGraph(builder, 0.001)
+    add_urdf(plant, urdf)
+    with naming(f"urdf = {urdf}"):
+        plant.Finalize()
+    return builder.Build(), plant, scene_graph
+
+
+def robot_names() -> list[str]:
+    """The names of the robots of the package."""
+    return sorted(path.parent.name for path in MODELS.glob("*/robot.yaml"))
+
+
+def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
+    """Returns the robot `name` of the package, or of the robot.yaml `name`.
+
+    Raises:
+        ValueError: unknown name, fidelity or field, malformed YAML or URDF, a
+            value out of range; one line that names it.
+        FileNotFoundError: the robot.yaml or its URDF does not exist.
+    """
+    if fidelity not in FIDELITIES:
+        raise ValueError(
+            f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
+        )
+    params, urdf = load_robot_params(name)
+    if fidelity == "ideal":
+        params = idealised(params)
+    return RobotModel(params, urdf)
+
+
+def load_robot_params(name: str) -> tuple[RobotParams, Path]:
+    """Returns the parameters of a robot.yaml, and the path of its URDF.
+
+    Lengths that it does not give are those of the URDF, other parameters are
+    Nadia's, scaled to its `size`.
+
+    Raises:
+        ValueError, FileNotFoundError: as load_robot.
+    """
+    what, path = f"robot = {name}", Path(name)
+    if name in robot_names():
+        path = MODELS / name / "robot.yaml"
+    elif path.suffix not in (".yaml", ".yml"):
+        raise ValueError(
+            f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
+            "or a path to a robot.yaml"
+        )
+    if not path.is_file():
+        raise FileNotFoundError(f"{what}: no such file")
+    params = load_typed(RobotParams, what, filename=path)
+    given = load_tree(path.read_text(encoding="utf-8"))
+    urdf = path.parent / params.urdf
+    with naming(what):
+        params.validate_more()
+    if not urdf.is_file():
+        raise FileNotFoundError(f"urdf = {urdf}: no such file")
+    params = _measured(params, given, urdf)
+    with naming(what):
+        check(params)
+    return scaled(params, params.size, given), urdf
+
+
+def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
+    """Returns `params` with lengths of the URDF, checked but for numbers."""
+    with naming(f"urdf = {urdf}"):
+        check_urdf(urdf)
+    _, plant, scene_graph = _shaped(urdf)
+    robot_checks.check_plant(plant, params)
+    with naming(f"urdf = {urdf}"):
+        return with_lengths(params, given, plant, scene_graph.model_inspector())
+
+
+def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
+    """Index (nu,) in v of `plant` of each actuator's joint."""
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    return np.array([a.joint().velocity_start() for a in actuators])
+
+
+def body_poses(
+    plant: MultibodyPlant, context: Context, bodies: Iterable[RigidBody]
+) -> np.ndarray:
+    """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
+    poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
+    return np.array([X_WB.GetAsMatrix34() for X_WB in poses])

@@ -1,0 +1,112 @@
+"""The fields of robot.yaml: the parameters of a robot."""
+
+import math
+from dataclasses import dataclass, field, is_dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import nadia_balance
+from nadia_balance.core.body.joint_drives import JointDriveParams
+from nadia_balance.core.body.model import LegGeometry
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.body.swing_detour import SwingDetourParams
+from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.math.size import Size
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+
+T = TypeVar("T")
+
+# The folder `models` of a checkout or an installation.  `import models` would
+# also find a user's folder of that name.
+MODELS = (Path(nadia_balance.__file__).parent / "models").resolve()
+
+
+@dataclass(kw_only=True)
+class SoleParams:
+    """The rectangle of either sole in the frame of its foot body."""
+
+    x_min: float = 0.0  # heel [m]
+    x_max: float = 0.0  # toe [m]
+    half_width: float = bounded(0.0, above=0.0, unit="m", of="")
+    z: float = 0.0  # [m]
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the toe is not in front of the heel."""
+        if not self.x_max > self.x_min:
+            raise ValueError(
+                f"x_max = {self.x_max}: must be > x_min = {self.x_min} m"
+            )
+
+
+@dataclass(kw_only=True)
+class RobotParams:
+    """Parameters that a URDF lacks; bodies and joints have their URDF names."""
+
+    name: str = ""
+    urdf: str = ""  # relative to robot.yaml
+    pelvis_body: str = ""  # the floating base
+    torso_body: str = ""
+    left_foot_body: str = ""
+    right_foot_body: str = ""
+    sole: SoleParams = field(default_factory=SoleParams)
+    # Height of the CoM above the soles, standing [m].
+    com_height: float = bounded(0.0, above=0.0, unit="m", of="")
+    # Distance between the sole centres, standing [m].
+    step_width: float = bounded(0.0, above=0.0, unit="m")
+    posture: dict[str, float] = field(default_factory=dict)  # [rad]
+    legs: LegGeometry = field(default_factory=LegGeometry)
+    reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
+    swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
+    # Velocity limit of joints that have none in the URDF.
+    max_joint_speed: float = bounded(
+        math.inf, above=0.0, finite=False, unit="rad/s"
+    )
+    # Null: ideal drives, with any torque at any speed, without lag.
+    drives: JointDriveParams | None = field(default_factory=JointDriveParams)
+    # False: the robot's links pass through each other, but for its legs.
+    self_collisions: bool = True
+    # The robot's own values of the controller's parameters of that name.
+    whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
+
+    @property
+    def size(self) -> Size:
+        """The size that scales Nadia's values to parameters not given here."""
+        sole = self.sole
+        return Size(
+            leg=self.legs.length + self.legs.ankle_height,
+            sole_length=sole.x_max - sole.x_min,
+            sole_width=2.0 * sole.half_width,
+        )
+
+    def validate_more(self) -> None:
+        """Raises ValueError if the robot has no name, or no URDF."""
+        for name in ("name", "urdf"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} = '': must not be empty")
+
+
+def idealised(params: RobotParams) -> RobotParams:
+    """The same robot with ideal drives and no limits on feet and loading.
+
+    Its arms pass through the rest of it.
+    """
+    free = dict.fromkeys(("max_speed", "max_descent", "max_braking"), math.inf)
+    return replace(
+        params,
+        drives=None,
+        self_collisions=False,
+        swing_detour=replace(params.swing_detour, settling=0.0, **free),
+        whole_body=replace(params.whole_body, loading_time=0.0, avoidance=None),
+    )
+
+
+def overridden(params: T, own: T, usual: T) -> T:
+    """Returns the dataclass `params` with the values of `own` not `usual`."""
+    values = {}
+    for name in vars(params):
+        parts = [getattr(each, name) for each in (params, own, usual)]
+        if all(map(is_dataclass, parts)):
+            values[name] = overridden(*parts)
+        elif parts[1] != parts[2]:
+            values[name] = parts[1]
+    return replace(params, **values)

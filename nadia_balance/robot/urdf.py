@@ -1,0 +1,256 @@
+"""A robot's URDF: its strict reader, and lengths that are measured in it."""
+
+import contextlib
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from pydrake import geometry
+from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Context
+
+from nadia_balance.robot.params import RobotParams
+
+_JOINTS = ("revolute", "continuous", "fixed")
+_PITCH = 0.75  # least |y| of a pitch axis; also of slanted hips [-]
+_LEVEL = 1e-3  # points of a foot so near to its lowest one are of the sole [m]
+_DIGITS = 3  # lengths are rounded to millimetres
+
+
+@contextlib.contextmanager
+def naming(what: str) -> Iterator[None]:
+    """Turns errors of its block into a ValueError that begins with `what`."""
+    try:
+        yield
+    # SystemExit is how pydrake reports a condition of Drake's own code.
+    except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{what}: {reason}") from error
+
+
+def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
+    """Adds the robot in `urdf` to a `plant` that is not finalized yet.
+
+    Raises:
+        ValueError: the URDF is malformed; Drake's warnings count as errors,
+            because Drake then substitutes values of its own.
+    """
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    with naming(f"urdf = {urdf}"):
+        instance = parser.AddModels(str(urdf))[0]
+        _add_actuators(plant, instance, _effort_limits(urdf))
+    return instance
+
+
+def check_urdf(urdf: Path) -> None:
+    """Checks values that Drake accepts unchecked, or for which it aborts.
+
+    Raises:
+        ValueError: a value is out of range.
+        SyntaxError: `urdf` is no XML.
+    """
+    root = ElementTree.parse(urdf).getroot()
+    for link in root.iter("link"):
+        for mass in link.iter("mass"):
+            _positive(f"mass of {link.get('name')}", mass.get("value"), "kg")
+    for joint in root.findall("joint"):
+        name, kind = joint.get("name"), joint.get("type", "")
+        require(
+            kind in _JOINTS and joint.find("mimic") is None,
+            f"joint {name}: must be one of {', '.join(_JOINTS)}, and no mimic "
+            f"(nadia-new-robot welds others); it is {kind}",
+        )
+        for limit in joint.iter("limit"):
+            velocity = limit.get("velocity", "1")
+            _positive(f"velocity limit of {name}", velocity, "rad/s")
+            low, high = limit.get("lower", "0"), limit.get("upper", "0")
+            require(
+                not _number(low) > _number(high),
+                f"lower limit of {name} = {low}: must be <= its upper limit = "
+                f"{high}",
+            )
+
+
+def _effort_limits(urdf: Path) -> dict[str, float]:
+    """The effort limit of each joint of a checked `urdf` that has one."""
+    limits = {
+        joint.get("name", ""): _number(limit.get("effort"))
+        for joint in ElementTree.parse(urdf).getroot().findall("joint")
+        for limit in joint.findall("limit")
+    }
+    return {name: effort for name, effort in limits.items() if effort > 0.0}
+
+
+def require(fulfilled: bool, message: str) -> None:
+    """Raises ValueError(message) unless it is fulfilled."""
+    if not fulfilled:
+        raise ValueError(message)
+
+
+def _number(text: str | None) -> float:
+    """The number in `text`; NaN if it is none, which Drake reports itself."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return math.nan
+
+
+def _positive(what: str, text: str | None, unit: str) -> None:
+    positive = 0.0 < _number(text) < math.inf
+    require(positive, f"{what} = {text}: must be a number > 0 {unit}")
+
+
+def _add_actuators(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    effort_limits: dict[str, float],
+) -> None:
+    """Adds actuators to joints for which the URDF has no <transmission>."""
+    # All actuators: those of an instance are known only once it is finalized.
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    driven = [actuator.joint().index() for actuator in actuators]
+    if len(set(driven)) < len(driven):
+        raise ValueError("a joint must not have two <transmission>s")
+    for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
+        limit = effort_limits.get(joint.name())
+        if limit and joint.num_positions() and joint.index() not in driven:
+            plant.AddJointActuator(joint.name(), joint, limit)
+
+
+def with_lengths(
+    params: RobotParams,
+    given: dict,
+    plant: MultibodyPlant,
+    inspector: SceneGraphInspector,
+) -> RobotParams:
+    """Returns `params` with the lengths that the tree `given` lacks.
+
+    `plant` contains only the robot, with the shapes in `inspector`.  Soles are
+    the ground points of the feet's collision shapes; legs are measured between
+    their pitch axes, and left alone unless each has three.
+
+    Raises:
+        ValueError: a foot has no collision shape.
+    """
+    feet = params.left_foot_body, params.right_foot_body
+    sole = _filled(params.sole, _sole(plant, inspector, feet), given, "sole")
+    context = plant.CreateDefaultContext()
+    left, right = (_position(plant, context, foot) for foot in feet)
+    legs = {"hip_width": left[1] - right[1]}
+    hip, knee, ankle = _pitch_axes(plant, context, feet[0])
+    if hip is not None:
+        legs["length"] = _apart(hip, knee) + _apart(knee, ankle)
+        legs["ankle_height"] = ankle[2] - left[2] - sole.z
+    for joint, angle in params.posture.items():
+        plant.GetJointByName(joint).set_angle(context, angle)
+    com = plant.CalcCenterOfMassPositionInWorld(context)[2]
+    if hip is not None:
+        hips = [_pitch_axes(plant, context, foot)[0][2] for foot in feet]
+        legs["com_above_hip"] = com - 0.5 * sum(hips)
+    ground = [_position(plant, context, foot, sole.z)[2] for foot in feet]
+    legs = _filled(params.legs, legs, given, "legs")
+    params = replace(params, sole=sole, legs=legs)
+    return _filled(params, {"com_height": com - 0.5 * sum(ground)}, given)
+
+
+def _filled(params, measured: dict, given: dict, part: str = ""):
+    """Returns the dataclass with `measured` values not in `part` of `given`."""
+    tree = given.get(part) or {} if part else given
+    lacking = {n: value for n, value in measured.items() if n not in tree}
+    lengths = {n: round(float(value), _DIGITS) for n, value in lacking.items()}
+    return replace(params, **lengths)
+
+
+def _position(
+    plant: MultibodyPlant, context: Context, body: str, z: float = 0.0
+) -> np.ndarray:
+    """Position (3,) [m] in W of the point [0, 0, z] of a body."""
+    X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
+    return X_WB @ np.array([0.0, 0.0, z])
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Distance [m] of two pitch axes in the sagittal plane."""
+    return math.hypot(a[0] - b[0], a[2] - b[2])
+
+
+def _pitch_axes(
+    plant: MultibodyPlant, context: Context, foot: str
+) -> list[np.ndarray | None]:
+    """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
+
+    All are None if the leg has not three of them, as with oblique hip axes.
+    """
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    above = {joint.child_body().name(): joint for joint in joints}
+    found, link = [], foot
+    while (joint := above.get(link)) and joint.num_positions() < 2:
+        X_WJ = joint.frame_on_child().CalcPoseInWorld(context)
+        if joint.num_positions() == 1 and joint.type_name() == "revolute":
+            axis = X_WJ.rotation() @ joint.revolute_axis()
+            if abs(axis[1]) > _PITCH:
+                found.append(X_WJ.translation())
+        link = joint.parent_body().name()
+    return found[::-1] if len(found) == 3 else [None] * 3
+
+
+def _sole(
+    plant: MultibodyPlant, inspector: SceneGraphInspector, feet: tuple[str, str]
+) -> dict[str, float]:
+    """The largest rectangle, symmetric about y = 0, in the ground points."""
+    ends = []
+    for foot in feet:
+        body = plant.GetBodyByName(foot)
+        shapes = plant.GetCollisionGeometriesForBody(body)
+        points = [np.empty((0, 3))]
+        points += [_low_points(inspector, shape) for shape in shapes]
+        points = np.vstack(points)
+        if not len(points):
+            raise ValueError(f"foot {foot}: must have a collision shape")
+        lowest = points[:, 2].min()
+        low, high = (
+            extreme(points[points[:, 2] < lowest + _LEVEL], axis=0)
+            for extreme in (np.min, np.max)
+        )
+        ends.append((low[0], -high[0], -min(-low[1], high[1]), lowest))
+    x_min, x_max, half_width, z = np.max(ends, axis=0)
+    return {"x_min": x_min, "x_max": -x_max, "half_width": -half_width, "z": z}
+
+
+def _low_points(
+    inspector: SceneGraphInspector, shape: GeometryId
+) -> np.ndarray:
+    """Points (n, 3) [m] of a shape, in the frame of its body.
+
+    Lowest points of balls, corners of hulls, otherwise of the bounding box.
+    """
+    form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
+    if isinstance(form, geometry.Sphere | geometry.Capsule):
+        half = (
+            0.5 * form.length() if isinstance(form, geometry.Capsule) else 0.0
+        )
+        ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
+        return (X_BG @ ends.T).T - [0.0, 0.0, form.radius()]
+    if isinstance(form, geometry.Convex | geometry.Mesh):
+        return (X_BG @ hull_points(inspector, shape).T).T
+    box = inspector.GetObbInGeometryFrame(shape)
+    if box is None:  # a half space
+        return np.empty((0, 3))
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    return (X_BG @ box.pose() @ (signs * box.half_width()).T).T
+
+
+def hull_points(
+    inspector: SceneGraphInspector, shape: GeometryId
+) -> np.ndarray:
+    """Corners (n, 3) [m] of the convex hull of a shape, in its frame."""
+    hull = inspector.GetConvexHull(shape)
+    return np.array([hull.vertex(i) for i in range(hull.num_vertices())])

@@ -1,0 +1,122 @@
+"""Vector signals: what the entries of each are.
+
+A signal has the name of its port.
+"""
+
+import itertools
+
+import numpy as np
+from pydrake.common.containers import namedview
+
+from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.walking.vocabulary import Phase, Side
+
+PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
+_ICP = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
+_MOTION = "x y z vx vy vz ax ay az yaw yaw_rate yaw_acceleration"
+_STATUS = "solved fallback solves violation failures"
+_WALKING = """phase support_side time_in_phase duration waiting steps_taken
+    left_x left_y left_yaw right_x right_y right_yaw
+    target_x target_y target_yaw target_side"""
+_PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
+
+
+def entries(first: int, last: int) -> property:
+    """The entries `first` to `last` - 1 of a namedview, as one vector."""
+    return property(lambda view: view[first:last])
+
+
+def size(view: type) -> int:
+    """The number of entries of a namedview."""
+    return len(view.get_fields())
+
+
+class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
+    """Position and velocity of the centre of mass, (3,) in W [m], [m/s]."""
+
+    position, velocity = entries(0, 3), entries(3, 6)
+
+
+class IcpReference(namedview("IcpReference", _ICP.split())):
+    """The ICP plan at the present time, xy in W [m], [m/s]."""
+
+    icp, icp_velocity = entries(0, 2), entries(2, 4)
+    cop, ecmp = entries(4, 6), entries(6, 8)
+
+
+class EcmpCommand(
+    namedview("EcmpCommand", "cop_x cop_y ecmp_x ecmp_y".split())
+):
+    """The commanded CoP and eCMP, xy in W [m]."""
+
+    cop, ecmp = entries(0, 2), entries(2, 4)
+
+
+class QpStatus(namedview("QpStatus", _STATUS.split())):
+    """Status of a QP in this tick, with the number of failures until now.
+
+    `violation` is the largest constraint violation, in units of the QP's rows.
+    """
+
+    def after(self, qp: QpResult) -> tuple[float, ...]:
+        """The next status, after the result `qp`."""
+        failures = self.failures + (not qp.solved)
+        return qp.solved, qp.fallback, qp.solves, qp.violation, failures
+
+
+class SwingFootReference(namedview("SwingFootReference", _MOTION.split())):
+    """The motion of a sole in W: [m], [rad] and their time derivatives [s].
+
+    Its twelve entries are those of core's FootMotion.
+    """
+
+    position, velocity = entries(0, 3), entries(3, 6)
+    acceleration = entries(6, 9)
+
+
+class WalkingSignal(namedview("WalkingSignal", _WALKING.split())):
+    """The walking state as numbers, for logs.
+
+    `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
+    left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
+    are the present or last stance poses, `target` is the next foothold (NaN,
+    and side 0, without one), each (x, y, yaw) in W [m], [rad].
+    """
+
+    left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
+
+
+class PushSignal(
+    namedview(
+        "PushSignal",
+        [
+            # Number of the active push, from 1 on, live pushes after scripted
+            # ones; of several, the one that began last; 0: no push.
+            "number",
+            "delta_v",  # of that push [m/s]
+            *("force_x", "force_y", "force_z"),  # of that push, in W [N]
+            "waiting",  # number of scripted pushes that have not ended
+        ],
+    )
+):
+    """The push that acts now, and the number of scripted ones to come."""
+
+    @property
+    def force(self) -> np.ndarray:
+        """The force of the push (3,) [N] in W."""
+        return self[2:5]
+
+
+FootForces = namedview("FootForces", [side.value for side in Side])
+
+
+class MeasuredFeet(
+    namedview("MeasuredFeet", [f"{s.value}_{part}" for s, part in _PARTS])
+):
+    """The measured soles: their centres p_WF [m], and yaw [rad]."""
+
+    left, right = entries(0, 3), entries(4, 7)
+
+
+# Angles of torso and pelvis against the vertical [rad].
+TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])

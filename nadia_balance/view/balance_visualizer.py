@@ -1,0 +1,288 @@
+"""Meshcat view of the controller's plans and measurements."""
+
+import math
+from itertools import zip_longest
+
+import numpy as np
+from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import EventStatus, LeafSystem
+
+from nadia_balance import palette
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.reachability import circle
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import intersection
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    WalkingState,
+    support_polygon,
+)
+from nadia_balance.systems.ports import ValueInput
+from nadia_balance.systems.signals import ComState, EcmpCommand, IcpReference
+from nadia_balance.view import overlay
+
+ROOT = "/overlay"
+FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
+REGIONS = f"{ROOT}/capture_regions"
+MIDDLE = f"{ROOT}/middle"  # no object: a target for a camera
+PERIOD = 1.0 / 32.0  # frame period [s]
+REGIONS_PERIOD = 1.0 / 16.0  # of the capture regions: many edges [s]
+STEPS_PER_SIDE = 2  # planned footsteps drawn per foot
+LINGER = 0.5  # extra time for which a recording shows a push [s]
+RADIUS = 1.2  # capture regions are clipped to it, about the stance foot [m]
+_DISC = Cylinder(0.028, 0.012)
+_MARKERS = {
+    "com": (Sphere(0.04), palette.COM),
+    "com_ground": (_DISC, palette.COM),
+    "icp_reference": (Sphere(0.024), palette.ICP_REFERENCE),
+    "icp": (Sphere(0.034), palette.ICP),
+    "cop": (_DISC, palette.COP),
+    "ecmp": (Box(0.046, 0.046, 0.014), palette.ECMP),
+}
+# Markers on the ground: their port, and the point (2,) in its value.
+_ON_GROUND = {
+    "com_ground": ("com_state", lambda value: ComState(value).position[:2]),
+    "icp_reference": ("icp_reference", lambda value: IcpReference(value).icp),
+    "icp": ("icp", lambda value: value),
+    "cop": ("ecmp_command", lambda value: EcmpCommand(value).cop),
+    "ecmp": ("ecmp_command", lambda value: EcmpCommand(value).ecmp),
+}
+# Polygons that change: colour, and whether it is filled.  Those that are not
+# opaque are painted after the floor.
+_POLYGONS = {
+    f"{ROOT}/support_polygon": (palette.rgba(palette.SUPPORT), False),
+    f"{REGIONS}/reach": (palette.rgba(palette.REACH, 0.99), False),
+    **{
+        f"{REGIONS}/c_{i + 1}": (palette.rgba(*look), True)
+        for i, look in enumerate(
+            zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
+        )
+    },
+}
+# Heights above the ground [m], so that none hides another one.
+_ON_FLOOR, _PRINT, _REGION, _OUTLINE = 0.0005, 0.002, 0.004, 0.006
+_NOTHING = np.empty((0, 2))
+
+
+class BalanceVisualizer(LeafSystem):
+    """Draws into Meshcat, live and in recordings; has neither state nor output.
+
+    It draws footprints (filled) and planned footsteps (outlined), left and
+    right in their colours; the support polygon; the ICP and its reference
+    (balls, large and small); the CoM (ball) and its projection, the CoP (discs)
+    and the eCMP (square) on the ground; the push (arrow).  During swings it
+    also draws, at a lower rate, the capture regions (filled), the reachability
+    region that limits the step, and the nominal foothold if it is adjusted
+    (outlined).  The regions of a `ground` are filled; the region of the next
+    step is darker.  Signals of unconnected ports are not drawn;
+    `walking_state` is required.
+
+    .. pydrake_system::
+
+        name: BalanceVisualizer
+        input_ports: [walking_state, com_state, icp, icp_reference,
+                      ecmp_command, push_force, capture_regions]
+        output_ports: []
+    """
+
+    def __init__(
+        self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
+    ):
+        """Adds all objects; `sole` (n, 2) [m] are the corners of either sole.
+
+        The corners are in the sole's frame.
+        """
+        super().__init__()
+        self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
+        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._com = self.DeclareVectorInputPort("com_state", 6)
+        self.DeclareVectorInputPort("icp", 2)
+        self.DeclareVectorInputPort("icp_reference", 8)
+        self.DeclareVectorInputPort("ecmp_command", 4)
+        self._push = self.DeclareVectorInputPort("push_force", 3)
+        self._regions = ValueInput(
+            self, "capture_regions", CaptureRegions, None
+        )
+        self._add_objects(meshcat, ground)
+        self.DeclareInitializationPublishEvent(self._forget)
+        for period, draw in (
+            (PERIOD, self._draw),
+            (REGIONS_PERIOD, self._draw_regions),
+        ):
+            self.DeclarePeriodicPublishEvent(period, 0.0, draw)
+            self.DeclareForcedPublishEvent(draw)
+
+    def _add_objects(self, meshcat: Meshcat, ground: Ground | None) -> None:
+        def sole(path: str, color: str) -> overlay.Drawing:
+            corners = overlay.at_height(self._sole, _REGION)
+            shade = palette.rgba(color)
+            return overlay.add_polygon(
+                meshcat, path, corners, shade, False, True
+            )
+
+        self._footsteps = {
+            side: [
+                sole(
+                    f"{ROOT}/footsteps/{side.value}_{i}",
+                    palette.foot_color(side),
+                )
+                for i in range(STEPS_PER_SIDE)
+            ]
+            for side in walking.Side
+        }
+        self._polygons = {
+            path: overlay.ChangingPolygon(meshcat, path, color, PERIOD, filled)
+            for path, (color, filled) in _POLYGONS.items()
+        }
+        self._nominal = sole(f"{REGIONS}/nominal", palette.NOMINAL)
+        self._region_view = overlay.Drawing(meshcat, REGIONS)
+        self._markers = {
+            name: overlay.add_marker(meshcat, f"{ROOT}/{name}", *look)
+            for name, look in _MARKERS.items()
+        }
+        self._middle = overlay.Drawing(meshcat, MIDDLE)
+        self._arrow = overlay.add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
+        self._add_ground(meshcat, ground)
+
+    def _add_ground(self, meshcat: Meshcat, ground: Ground | None) -> None:
+        """Adds all regions without obstacles, each twice: usual and darker."""
+        self._ground, self._in_use = ground, {}
+        for i, region in enumerate(ground.regions if ground else ()):
+            if region.obstacle:
+                continue
+            z = region.heights(region.polygon) + _ON_FLOOR
+            corners = np.column_stack([region.polygon, z])
+            usual, self._in_use[region.name] = (
+                overlay.add_polygon(
+                    meshcat,
+                    f"{ROOT}/ground/{name}",
+                    corners,
+                    palette.rgba(palette.GROUND, alpha),
+                )
+                for name, alpha in ((f"{i}", 0.5), (f"in_use_{i}", 0.6))
+            )
+            usual.show(True, None)
+
+    def _forget(self, context):
+        """Removes the drawings of the previous run."""
+        self._meshcat.Delete(FOOTPRINTS)
+        for polygon in self._polygons.values():
+            polygon.forget()
+        self._arrow.show(False, context.get_time())
+        return EventStatus.Succeeded()
+
+    def _draw(self, context):
+        time = context.get_time()
+        state = self._walking_state(context)
+        schedule = state.schedule
+        ground = float(schedule.feet[schedule.support_side].p_WF[2])
+        self._draw_feet(state, time)
+        self._draw_region_in_use(state, time)
+        self._polygons[f"{ROOT}/support_polygon"].draw(
+            support_polygon(schedule, self._sole), ground + _OUTLINE, time
+        )
+        for name, (signal, point) in _ON_GROUND.items():
+            if (port := self.GetInputPort(signal)).HasValue(context):
+                p_W = [*point(port.Eval(context)), ground]
+                self._markers[name].place(RigidTransform(p_W), time)
+        if self._com.HasValue(context):
+            self._draw_com_and_push(context, time)
+        if schedule.phase is not walking.Phase.SWING:
+            self._region_view.show(False, time)
+        return EventStatus.Succeeded()
+
+    def _draw_feet(self, state: WalkingState, time: float) -> None:
+        """Draws a print, numbered by its step, for each foot in contact."""
+        schedule = state.schedule
+        landed = schedule.support_side
+        if schedule.footsteps:
+            landed = schedule.footsteps[0].side.other
+        for side, outlines in self._footsteps.items():
+            if schedule.in_contact(side):
+                number = state.steps_taken - (side is not landed)
+                self._draw_print(side, number, schedule.feet[side], time)
+            poses = [s.pose for s in schedule.footsteps if s.side is side]
+            for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
+                _draw_sole(outline, pose, time)
+
+    def _draw_print(
+        self, side: walking.Side, number: int, pose: FootPose, time: float
+    ) -> None:
+        """Draws the print that step `number` left on `side`."""
+        path, is_new = f"{FOOTPRINTS}/{side.value}_{number}", False
+        if not self._meshcat.HasPath(path):
+            color = palette.rgba(palette.foot_color(side), 0.6)
+            corners, is_new = overlay.at_height(self._sole, 0.0), True
+            overlay.add_polygon(self._meshcat, path, corners, color)
+        drawing = overlay.Drawing(self._meshcat, path)
+        if is_new:
+            overlay.hide_before(drawing, time, PERIOD)
+        drawing.place(overlay.sole_transform(pose, _PRINT), time)
+
+    def _draw_region_in_use(self, state: WalkingState, time: float) -> None:
+        """Highlights the region of the next foothold."""
+        if self._ground is None or not state.schedule.footsteps:
+            return
+        foothold = state.schedule.footsteps[0].pose
+        region = self._ground.region_under(foothold)
+        for name, surface in self._in_use.items():
+            surface.show(region is not None and name == region.name, time)
+
+    def _draw_com_and_push(self, context, time: float) -> None:
+        com = ComState(self._com.Eval(context)).position
+        self._markers["com"].place(RigidTransform(com), time)
+        self._middle.place(RigidTransform([com[0], com[1], 0.0]), time)
+        if not self._push.HasValue(context):
+            return
+        force = self._push.Eval(context)
+        if np.linalg.norm(force) <= 1e-6:
+            self._arrow.show(False, None)  # a recording shows it longer
+            return
+        # A push lasts about three frames, too short to be seen: the arrow is
+        # hidden later in the recording.
+        R = RotationMatrix.MakeFromOneVector(force, 2)
+        self._arrow.show(False, time + LINGER)
+        self._arrow.place(RigidTransform(R, com), time)
+
+    def _draw_regions(self, context):
+        """Draws the capture regions, clipped to RADIUS about the stance foot.
+
+        Long before touchdown they extend for many metres.  The nominal foothold
+        is drawn only if the adjusted one differs from it.
+        """
+        schedule = self._walking_state(context).schedule
+        if schedule.phase is not walking.Phase.SWING:
+            return EventStatus.DidNothing()
+        if (found := self._regions(context)) is None:
+            return EventStatus.DidNothing()
+        time = context.get_time()
+        x, y, z = schedule.feet[schedule.support_side].p_WF
+        near = circle(RADIUS, 24) + [x, y]
+        drawn: dict[str, Array] = {"reach": found.reach}
+        for i, region in zip_longest(range(3), found.regions[:3]):
+            clipped = _NOTHING if region is None else intersection(region, near)
+            drawn[f"c_{i + 1}"] = clipped
+        for name, polygon in drawn.items():
+            above = _OUTLINE if name == "reach" else _REGION
+            self._polygons[f"{REGIONS}/{name}"].draw(polygon, z + above, time)
+        nominal, adjusted = found.nominal, found.adjusted
+        if nominal is not None and (
+            adjusted is None or math.dist(nominal.p_WF, adjusted.p_WF) <= 1e-3
+        ):
+            nominal = None
+        _draw_sole(self._nominal, nominal, time)
+        self._region_view.show(True, time)
+        return EventStatus.Succeeded()
+
+
+def _draw_sole(
+    outline: overlay.Drawing, pose: FootPose | None, time: float
+) -> None:
+    """Shows an outlined sole at `pose`; None hides it."""
+    if pose is None:
+        outline.show(False, time)
+    else:
+        outline.place(overlay.sole_transform(pose), time)

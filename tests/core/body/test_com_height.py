@@ -1,0 +1,169 @@
+"""Oracles: Pythagoras, finite differences, the closed loop by RK4."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from nadia_balance.core.body.com_height import (
+    ComHeightParams,
+    ComHeightPlan,
+    height_limit,
+    plan_com_height,
+    vertical_acceleration,
+)
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.walking.vocabulary import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+)
+from tests import example_walks
+from tests.core.body.test_ground import square
+
+PARAMS = ComHeightParams()
+NOMINAL = 0.94
+MODEL = replace(example_walks.MODEL, com_height=NOMINAL)
+LEGS = MODEL.legs
+GROUND = 0.3
+
+
+def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
+    """Left stance; right foot `apart` behind, to step `step` ahead."""
+    turned = FootPose(np.zeros(3), yaw)
+
+    def at(x, y):
+        return FootPose([*turned.to_world(np.array([x, y])), GROUND], yaw)
+
+    return replace(
+        example_walks.standing(FootPoses(at(0.0, 0.125), at(-apart, -0.125))),
+        phase=phase,
+        duration=0.7,
+        footsteps=(Footstep(Side.RIGHT, at(step, -0.125), 0.3, 0.7),),
+    )
+
+
+def plan(*args, **kwargs) -> ComHeightPlan:
+    return plan_com_height(schedule(*args, **kwargs), PARAMS, MODEL)
+
+
+@pytest.mark.parametrize("step", [0.3, 0.7])
+def test_at_the_limit_the_leg_is_as_long_as_it_may_be(step):
+    """Oracle: the distance of hip and ankle, put together again."""
+    stance = FootPose([0.4, 0.2, 0.0], 0.9)
+    other = FootPose([*stance.to_world(np.array([step, -0.2])), 0.0], 0.9)
+    limit = height_limit(stance, other, PARAMS, LEGS)
+    drop = limit - LEGS.com_above_hip - LEGS.ankle_height
+    leg = math.hypot(drop, PARAMS.reach_ratio * step)
+    assert leg == pytest.approx(PARAMS.max_stretch * LEGS.length, abs=1e-12)
+
+
+def test_sideways_only_what_exceeds_the_hips_stretches_the_leg():
+    """Oracle: symmetry of the triangle, by hand."""
+    stance = FootPose()
+    ahead = FootPose([0.3, 0.0, 0.0])
+    beside = FootPose([0.0, LEGS.hip_width + 0.3, 0.0])
+    narrow = FootPose([0.0, -0.1, 0.0])
+    limit = [height_limit(stance, p, PARAMS, LEGS) for p in (ahead, beside)]
+    assert limit[0] == pytest.approx(limit[1], abs=1e-12)
+    assert height_limit(stance, narrow, PARAMS, LEGS) > limit[0]
+
+
+def test_feet_that_no_height_reaches_give_the_lowest_height():
+    """Oracle: min_height_ratio."""
+    high = plan(Phase.TRANSFER, apart=3.0)
+    assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
+
+
+def test_short_steps_leave_the_height_alone():
+    """Oracle: the nominal height, above the support sole."""
+    for phase in Phase:
+        assert plan(phase, apart=0.1, step=0.1, yaw=1.0).at(0.3) == (
+            GROUND + NOMINAL,
+            0.0,
+        )
+
+
+def test_the_height_is_continuous_over_a_walk():
+    """Oracle: one phase ends where the next one begins, at rest."""
+    first = plan(Phase.SWING, apart=0.0, step=0.5)
+    # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
+    landed = schedule(Phase.SWING, step=0.5)
+    feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
+    transfer = replace(
+        landed, phase=Phase.TRANSFER, support_side=Side.RIGHT, feet=feet
+    )
+    second = plan_com_height(transfer, PARAMS, MODEL)
+    third = plan_com_height(replace(transfer, phase=Phase.SWING), PARAMS, MODEL)
+    assert first.at(0.7) == pytest.approx(second.at(0.0), abs=1e-12)
+    assert second.at(0.3) == pytest.approx(third.at(0.0), abs=1e-12)
+    assert second.start < GROUND + NOMINAL
+
+
+@pytest.mark.parametrize("rise", [0.18, -0.18])
+def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
+    """Oracle: Pythagoras on each leg; the lower one is at its longest."""
+    steps = [square(name, height=h) for name, h in (("a", 0.0), ("b", rise))]
+    model = replace(MODEL, ground=Ground(tuple(steps), MODEL.sole))
+    going = schedule(Phase.SWING, apart=0.4, step=0.4)
+
+    def moved(pose, up):
+        return FootPose(pose.p_WF + [0.0, 0.0, up], pose.yaw)
+
+    (step,), lifted = going.footsteps, going.feet.right
+    feet = going.feet.with_foot(Side.RIGHT, moved(lifted, -rise))
+    step = replace(step, pose=moved(step.pose, rise))
+    going = replace(going, feet=feet, footsteps=(step,))
+    found = plan_com_height(going, PARAMS, model)
+    for height, other in (found.start, -rise), (found.end, rise):
+        hip = height - GROUND - LEGS.com_above_hip - LEGS.ankle_height
+        legs = [
+            math.hypot(hip - foot, PARAMS.reach_ratio * 0.4)
+            for foot in (0.0, other)
+        ]
+        longest = PARAMS.max_stretch * LEGS.length
+        assert max(legs) == pytest.approx(longest, abs=1e-12)
+
+
+def test_the_rate_is_the_derivative_of_the_height():
+    """Oracle: central differences; truncation h^2 times 0.05 / 0.7^3."""
+    course, h = plan(Phase.SWING, step=0.6), 1e-5
+    for t in (0.05, 0.2, 0.5, 0.69):
+        slope = (course.at(t + h)[0] - course.at(t - h)[0]) / (2.0 * h)
+        assert slope != 0.0
+        assert course.at(t)[1] == pytest.approx(slope, abs=1e-9)
+    assert course.at(1.0) == (course.end, 0.0)
+
+
+def test_near_the_goal_it_is_a_pd_law():
+    """Oracle: k_p e - k_d v, by hand."""
+    k_d = 2.0 * 0.9 * math.sqrt(50.0)
+    found = vertical_acceleration(0.99, 0.01, 1.0, 0.02, PARAMS)
+    assert found == pytest.approx(50.0 * 0.01 + k_d * (0.02 - 0.01))
+
+
+@pytest.mark.parametrize("drop", [-0.6, 0.1])
+def test_approaches_the_height_within_the_limits_and_settles(drop):
+    """Oracle: the motion integrated by RK45."""
+
+    def flow(_, state):
+        return state[1], vertical_acceleration(*state, 1.0, 0.0, PARAMS)
+
+    run = solve_ivp(flow, (0.0, 6.0), (1.0 + drop, 0.0), rtol=1e-8, atol=1e-10)
+    height, velocity = run.y
+    assert np.abs(velocity).max() <= PARAMS.max_velocity + 1e-8
+    assert np.abs([height[-1] - 1.0, velocity[-1]]).max() < 1e-4
+    overshoot = -np.sign(drop) * (height - 1.0)
+    assert overshoot.max() < 0.01 * abs(drop)
+
+
+@pytest.mark.parametrize("velocity", [-5.0, 5.0])
+def test_the_acceleration_is_bounded_so_that_the_feet_stay_loaded(velocity):
+    """Oracle: half of gravity, against the motion."""
+    found = vertical_acceleration(1.0, velocity, 1.0, 0.0, PARAMS)
+    assert found == -math.copysign(PARAMS.max_acceleration, velocity)

@@ -1,0 +1,212 @@
+"""Oracles: the plan of the steps as they were taken, the QP, formulas."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.feedback.icp_step_control import (
+    may_move,
+    reach_room,
+    step_feedback,
+    step_phase,
+    uncrossed_reach,
+)
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.math.polygon import contains, shrink
+from nadia_balance.core.plan import walking_state_machine as machine
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.icp_plan import reference_of
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    Phase,
+    Side,
+    WalkingState,
+    support_polygon,
+)
+from tests.example_walks import MODEL, random_walks, standing, swing, walk
+
+PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
+REACH = uncrossed_reach(PARAMS, MODEL)
+GAIN, MIDDLE = PARAMS.feedback_gain, 0.35  # [-], of the swing [s]
+
+
+def plan_of(state):
+    return plan_atlas_icp(state.schedule, PLAN, MODEL)
+
+
+def feedback(state, icp, params=PARAMS, on=True, qp=None):
+    qp = qp or IcpStepQp(params)
+    phase = step_phase(state, REACH, qp, params, MODEL)
+    return step_feedback(state, phase, plan_of(state), icp, qp, params, on)
+
+
+def next_tick(state, adjustment):
+    """The walking state that the state machine makes of it."""
+    return machine.StateMachine(
+        machine.WalkingStateMachineParams(), MODEL, 1e-9
+    ).advance(
+        state,
+        plan_of(state),
+        machine.Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
+        machine.Proposal(adjustment=adjustment),
+    )
+
+
+def in_swing(**gait):
+    return WalkingState(swing(**gait), MIDDLE, MIDDLE)
+
+
+def reference_icp(state):
+    return reference_of(plan_of(state), state).icp
+
+
+@pytest.mark.parametrize("num_steps", [1, 3])
+@given(random_walks(), st.floats(0.05, 0.9), st.integers(0, 10**6))
+def test_the_plan_that_is_optimised_is_executed(num_steps, walk, share, seed):
+    """Oracle: the next plan, of the footholds that the state machine took.
+
+    Twice, so that the second time footholds have been moved before.
+    """
+    params = replace(PARAMS, num_steps=num_steps)
+    rng = np.random.default_rng(seed)
+    time = share * walk.duration
+    state = WalkingState(walk, time, time)
+    for _ in range(2):
+        icp = reference_icp(state) + rng.uniform(-0.2, 0.2, 2)
+        found = feedback(state, icp, params)
+        assert found.result.solved
+        taken = next_tick(state, found.adjustment)
+        now = reference_of(
+            plan_of(taken), replace(state, schedule=taken.schedule)
+        )
+        for name in "icp", "icp_velocity", "cop", "ecmp":
+            expected = getattr(now, name)
+            assert getattr(found.reference, name) == pytest.approx(
+                expected, abs=1e-9
+            )
+        state = replace(taken, time_in_phase=time)
+
+
+def test_delta_is_that_of_the_qp():
+    """Oracle: Eq. 19, and the sole's edge: what is left over is nothing."""
+    state = in_swing(length=0.0)
+    icp = reference_icp(state) + [0.1, 0.0]
+    found = feedback(state, icp)
+    delta = found.ecmp - found.reference.ecmp
+    left = icp - found.reference.icp - delta / GAIN
+    assert np.abs(left).max() < 1e-3
+    sole = support_polygon(state.schedule, MODEL.sole)
+    assert found.ecmp[0] == pytest.approx(0.12)
+    assert contains(found.ecmp, shrink(sole, 0.005), 1e-9)
+    assert found.adjustment.pose.p_WF[0] > 0.2
+
+
+def test_the_shift_counts_from_the_nominal_foothold():
+    """Oracle: the same answer with the new foothold; back without error."""
+    state = in_swing(length=0.0)
+    planned = state.schedule.footsteps[0].pose
+    straight = reference_icp(state)
+    first = feedback(state, straight + [0.1, 0.0]).adjustment
+    moved = replace(next_tick(state, first), time_in_phase=MIDDLE)
+    again = feedback(moved, straight + [0.1, 0.0]).adjustment
+    assert again.pose is first.pose
+    assert again.nominal.pose is planned
+    assert feedback(moved, straight).adjustment.pose is planned
+
+
+def test_a_change_within_the_dead_band_moves_no_foothold():
+    """Oracle: the dead band; by Eq. 18, 1 mm of ICP is 1 mm / Gamma."""
+    state = in_swing(length=0.0)
+    icp = reference_icp(state) + [0.1, 0.0]
+    gamma = plan_of(state).moves_of(state)[0, 0]
+    first = feedback(state, icp).adjustment
+    moved = replace(next_tick(state, first), time_in_phase=MIDDLE)
+    near, far = (
+        feedback(moved, icp + [gamma * way, 0.0]).adjustment
+        for way in (0.5 * PARAMS.dead_band, 2.0 * PARAMS.dead_band)
+    )
+    assert near.pose is first.pose
+    way = far.pose.p_WF[0] - first.pose.p_WF[0]
+    assert way == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
+
+
+def test_without_a_solution_no_foothold_moves():
+    """Oracle: that of feedback alone, which is there in any case."""
+    state = in_swing(length=0.0)
+    icp = reference_icp(state) + [0.1, 0.05]
+
+    class Unsolved(IcpStepQp):
+        def solve(self, *arguments):
+            found = super().solve(*arguments)
+            return found._replace(result=found.result._replace(solved=False))
+
+    found = feedback(state, icp, qp=Unsolved(PARAMS))
+    alone = feedback(state, icp, on=False)
+    assert not found.result.solved
+    assert alone.result.solved
+    assert alone.adjustment is None
+    assert found.adjustment.pose is state.schedule.footsteps[0].pose
+    assert found.ecmp.tolist() == alone.ecmp.tolist()
+
+
+def test_stands_by_its_ankles():
+    """Oracle: Eq. 19 between the feet; there is no step to move."""
+    state = WalkingState(standing())
+    found = feedback(state, np.array([0.01, 0.02]))
+    assert found.ecmp == pytest.approx([0.03, 0.06], rel=1e-3)
+    assert found.adjustment.pose is state.schedule.feet.right
+
+
+@pytest.mark.parametrize("side", Side)
+def test_each_foothold_is_within_reach_of_the_one_before(side):
+    """Oracle: the reach and the width of the soles, point by point."""
+    params = replace(PARAMS, sole_clearance=0.01)
+    reach = uncrossed_reach(params, MODEL)
+    first, second, _ = walk(length=0.2, turn=0.3).footsteps
+    first = replace(first, side=side)
+    second = replace(second, side=side.other)
+    stance = FootPose([0.3, -0.2, 0.0], 0.4)
+    A, b = reach_room(stance, (first, second), reach)
+    shifts = np.random.default_rng(3).uniform(-1.2, 1.2, (20000, 4))
+    inside = (shifts @ A.T <= b).all(axis=1)
+    assert np.sum(inside) > 100
+    for shift in shifts[inside].reshape(-1, 2, 2):
+        foot = stance
+        for step, way in zip((first, second), shift, strict=True):
+            landed = step.pose.p_WF + [*way, 0.0]
+            x, y = foot.to_sole(landed[None, :2])[0]
+            assert MODEL.reach.in_base_region(x, step.side.sign * y)
+            assert step.side.sign * y >= 0.12 + 0.01
+            foot = FootPose(landed, step.pose.yaw)
+    # Nothing that is within is left out: a vertex of the reach, either side.
+    for vertex in reach * [1.0, side.sign]:
+        way = stance.to_world(vertex[None])[0] - first.pose.p_WF[:2]
+        assert (A[: len(reach), :2] @ way <= b[: len(reach)] + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    "phase, t, elapsed, may",
+    [
+        (Phase.SWING, 0.35, 0.35, True),
+        (Phase.SWING, 0.002, 0.002, False),  # just lifted
+        (Phase.SWING, 0.35, 0.005, False),  # the clock was advanced
+        (Phase.SWING, 0.66, 0.66, False),  # about to land
+        (Phase.TRANSFER, 0.29, 0.1, True),
+        (Phase.TRANSFER, 0.1, 0.005, False),
+        (Phase.STANDING, 1.0, 1.0, False),
+    ],
+)
+def test_a_foothold_moves_only_while_the_foot_can_follow(
+    phase, t, elapsed, may
+):
+    """Oracle: settling and freeze time, by hand."""
+    schedule = swing() if phase is Phase.SWING else replace(walk(), phase=phase)
+    assert may_move(WalkingState(schedule, t, elapsed), PARAMS) is may
+    last = replace(schedule, footsteps=())
+    assert not may_move(WalkingState(last, t, elapsed), PARAMS)

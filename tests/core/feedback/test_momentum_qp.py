@@ -1,0 +1,180 @@
+"""Oracles: quadprog, the exact LIPM, geometry by hand."""
+
+import math
+
+import numpy as np
+import pytest
+import quadprog
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.feedback.momentum_qp import (
+    FeedbackLimits,
+    IcpFeedbackQp,
+    MomentumQpParams,
+    feedback_limits,
+    momentum_rate,
+)
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.lipm import com_after, icp_after
+from nadia_balance.core.walking.vocabulary import FootPose
+from tests.example_walks import MODEL, OMEGA, SOLE
+
+ZERO, NOTHING = np.zeros(2), np.zeros(4)
+PERIOD = 0.002
+DEFAULTS = MomentumQpParams()
+
+
+def feedback(
+    error,
+    params=DEFAULTS,
+    *,
+    cop_r=ZERO,
+    kappa_r=ZERO,
+    previous=NOTHING,
+    limits=None,
+):
+    return IcpFeedbackQp(params).solve(
+        np.array(error, dtype=float),
+        np.array(cop_r, dtype=float),
+        np.array(kappa_r, dtype=float),
+        np.array(previous, dtype=float),
+        limits or feedback_limits(SOLE, 0.0, params),
+    )
+
+
+def cost_rows(error, previous, params):
+    """A, b with the cost |A x - b|^2, one weighted term after the other."""
+    error = np.array(error)
+    total = np.hstack((np.eye(2), np.eye(2)))
+    n = np.array([-error[1], error[0]]) / np.linalg.norm(error)
+    terms = [
+        (params.error_weight, total, params.feedback_gain * error),
+        (params.perpendicular_weight, n[None] @ total, np.zeros(1)),
+        (params.cop_weight, np.eye(4)[:2], np.zeros(2)),
+        (params.ecmp_weight, np.eye(4)[2:], np.zeros(2)),
+        (params.rate_weight, total, total @ previous),
+    ]
+    A = np.vstack([math.sqrt(w) * A_i for w, A_i, _ in terms])
+    b = np.concatenate([math.sqrt(w) * b_i for w, _, b_i in terms])
+    return A, b
+
+
+vectors = st.tuples(
+    st.floats(-0.3, 0.3, allow_subnormal=False),
+    st.floats(-0.3, 0.3, allow_subnormal=False),
+)
+
+
+@given(error=vectors, previous=vectors, cop_r=vectors, kappa_r=vectors)
+def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
+    """Oracle: quadprog, which shares no code with us."""
+    if math.hypot(*error) < 1e-3:
+        error = (0.02, 0.1)
+    previous = np.array([*previous, 0.0, 0.0])
+    limits = feedback_limits(SOLE, 0.0, DEFAULTS)
+    found = feedback(
+        error, cop_r=cop_r, kappa_r=kappa_r, previous=previous, limits=limits
+    )
+    A, b = cost_rows(error, previous, DEFAULTS)
+    shift = limits.C @ np.concatenate((cop_r, kappa_r))
+    C = np.vstack((-limits.C, limits.C))
+    d = np.concatenate((shift - limits.upper, limits.lower - shift))
+    real = np.isfinite(d)
+    expected, *_ = quadprog.solve_qp(A.T @ A, A.T @ b, C[real].T, d[real])
+    assert found.result.solved
+    assert found.increments == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_tiny_error_does_not_make_the_feedback_jump():
+    """Oracle: continuity at zero, where the error has no direction."""
+    previous = [0.02, 0.01, 0.0, 0.0]
+    at_zero = feedback(ZERO, previous=previous).increments
+    for direction in ((1e-7, 0.0), (0.0, 1e-7), (-1e-7, 1e-7)):
+        near = feedback(direction, previous=previous).increments
+        assert near == pytest.approx(at_zero, abs=1e-6)
+
+
+def test_if_there_is_no_solution_repeats_the_last_feedback_within_limits():
+    """Oracle: the clipped feedback; a polygon that nothing is inside of."""
+    good = feedback_limits(SOLE, 0.0, DEFAULTS)
+    upper = good.upper.copy()
+    upper[:4] = -1.0  # one metre inside of every edge
+    none = FeedbackLimits(
+        good.polygon, good.axes, good.max_kappa, good.C, good.lower, upper
+    )
+    previous = np.array([0.03, 0.0, 0.01, 0.0])
+    found = feedback(
+        (0.01, 0.0), cop_r=(0.1, 0), previous=previous, limits=none
+    )
+    assert not found.result.solved
+    assert found.cop == pytest.approx([0.12, 0.0])
+    assert found.ecmp == pytest.approx([0.13, 0.0])
+
+
+def test_the_icp_error_of_a_pendulum_decays_as_the_gain_says():
+    """Oracle: e+ = (e^{wT} - (e^{wT} - 1) K) e for an eCMP that is held."""
+    params = MomentumQpParams(rate_weight=0.0)
+    qp, limits = IcpFeedbackQp(params), feedback_limits(SOLE, 0.0, params)
+    growth = math.exp(OMEGA * PERIOD)
+    decay = growth - (growth - 1.0) * params.effective_gain
+    icp, start = np.array([0.03, -0.01]), np.array([0.03, -0.01])
+    for _ in range(500):
+        found = qp.solve(icp, ZERO, ZERO, NOTHING, limits)
+        icp = icp_after(icp, found.ecmp, OMEGA, PERIOD)
+    assert icp == pytest.approx(start * decay**500, rel=1e-8)
+    assert np.linalg.norm(icp) < 0.05 * np.linalg.norm(start)
+
+
+def test_momentum_rate_moves_the_mass_as_the_pendulum():
+    """Oracle: second difference of the LIPM's closed form."""
+    com, velocity = np.array([0.1, -0.05]), np.array([0.3, 0.2])
+    ecmp, h = np.array([0.02, 0.01]), 1e-3
+    back, ahead = (com_after(com, velocity, ecmp, OMEGA, t)[0] for t in (-h, h))
+    acceleration = (back - 2.0 * com + ahead) / h**2
+    found = momentum_rate(com, ecmp, 0.7, MODEL)
+    # Truncation (w h)^2 / 12 = 8e-7 of it, rounding 1e-16 / h^2.
+    assert found[:2] == pytest.approx(90.9 * acceleration, rel=2e-6)
+    assert found[2] == pytest.approx(90.9 * 0.7)
+
+
+def test_refuses_weights_that_leave_a_gain_below_one():
+    """Oracle: K Q_e / (Q_e + effort) < 1."""
+    with pytest.raises(ValueError, match="error_weight = 0.1: must be larger"):
+        check(MomentumQpParams(error_weight=0.1))
+
+
+FOOT = FootPose([0.3, -0.2, 0.0], 0.7)
+LIMITS = feedback_limits(FOOT.to_world(SOLE), FOOT.yaw, DEFAULTS)
+
+
+def margin(distance):
+    return MomentumQpParams(cop_safe_distance=distance)
+
+
+def allowed(cop, kappa):
+    """True if the rows allow this CoP and total kappa."""
+    value = LIMITS.C @ np.concatenate((cop, kappa))
+    return bool(np.all((LIMITS.lower <= value) & (value <= LIMITS.upper)))
+
+
+def test_allows_the_cop_in_the_shrunk_sole_and_kappa_in_the_turned_box():
+    """Oracle: the same, asked in the frame of the foot."""
+    rng = np.random.default_rng(0)
+    outcomes = set()
+    for _ in range(500):
+        cop_F = rng.uniform(-0.15, 0.15, 2)
+        kappa_F = rng.uniform(-0.08, 0.08, 2)
+        inside = bool(np.all(np.abs(cop_F) <= [0.12, 0.055]))
+        small = bool(np.all(np.abs(kappa_F) <= 0.05))
+        cop, kappa = FOOT.to_world(cop_F), FOOT.rotation @ kappa_F
+        assert allowed(cop, kappa) is (inside and small)
+        outcomes.add((inside, small))
+    assert len(outcomes) == 4
+
+
+def test_refuses_a_polygon_that_the_safe_distance_uses_up():
+    """Oracle: half of the width."""
+    with pytest.raises(ValueError, match="must leave some"):
+        feedback_limits(SOLE, 0.0, margin(0.06))
+    assert math.isfinite(feedback_limits(SOLE, 0.0, margin(0.059)).lower[-1])

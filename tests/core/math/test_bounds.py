@@ -1,0 +1,138 @@
+"""Oracles: messages by hand; the table of all parameters in parameters.txt."""
+
+import dataclasses
+import importlib
+import math
+import pkgutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from nadia_balance import core
+from nadia_balance.core.math.bounds import bounded, check
+
+NAN, INF = math.nan, math.inf
+
+
+@dataclass(kw_only=True)
+class Part:
+    """One field of each kind of bound."""
+
+    least: float = bounded(1.0, least=0.0, unit="m")
+    above: float = bounded(1.0, above=0.5)
+    most: float = bounded(1.0, most=2.0, unit="s")
+    below: float = bounded(1.0, below=2.0)
+    within: float = bounded(1.0, least=0.0, below=2.0, unit="m/s")
+    between: int = bounded(3, above=2, most=10)
+    endless: float = bounded(INF, above=0.0, finite=False)
+    word: str = bounded("left", one_of=("left", "right"))
+    maybe: float | None = bounded(None, above=0.0)
+    plain: float = 0.0
+    switch: bool = True
+
+
+@dataclass(kw_only=True)
+class Whole:
+    """Parts in all the places in which they can be."""
+
+    part: Part = field(default_factory=Part)
+    parts: list[Part] = field(default_factory=list)
+    angles: dict[str, float] = field(default_factory=dict)
+    low: float = 0.0
+    high: float = 1.0
+
+    def validate_more(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"low = {self.low}: must be < high = {self.high}")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rule"),
+    [
+        ("least", -0.1, ">= 0 m"),
+        ("least", INF, "finite and >= 0 m"),
+        ("above", 0.5, "> 0.5"),
+        ("above", NAN, "finite and > 0.5"),
+        ("most", 2.1, "<= 2 s"),
+        ("below", 2.0, "< 2"),
+        ("within", -0.1, "in [0, 2) m/s"),
+        ("within", 2.0, "in [0, 2) m/s"),
+        ("within", NAN, "in [0, 2) m/s"),
+        ("between", 2, "in (2, 10]"),
+        ("between", 11, "in (2, 10]"),
+        ("endless", NAN, "> 0"),
+        ("endless", 0.0, "> 0"),
+        ("maybe", 0.0, "> 0"),
+        ("plain", INF, "finite"),
+    ],
+)
+def test_tells_field_value_and_what_is_allowed(name, value, rule):
+    """Oracle: the message, by hand."""
+    with pytest.raises(ValueError) as error:
+        check(Part(**{name: value}))
+    assert str(error.value) == f"{name} = {value}: must be {rule}"
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"least": 0.0, "most": 2.0, "within": 0.0, "between": 10},
+        {"above": 0.51, "below": 1.99, "within": 1.99, "between": 3},
+        {"endless": 1.0, "word": "right", "maybe": 1.0, "switch": False},
+    ],
+)
+def test_accepts_what_is_allowed(values):
+    """Oracle: no error at the bounds, nor for None or a switch."""
+    check(Whole(part=Part(**values)))
+
+
+@pytest.mark.parametrize(
+    ("whole", "message"),
+    [
+        (Whole(part=Part(above=0.0)), "part.above = 0.0: must be > 0.5"),
+        (
+            Whole(parts=[Part(), Part(plain=NAN)]),
+            "parts[1].plain = nan: must be finite",
+        ),
+        (Whole(angles={"KNEE": INF}), "angles.KNEE = inf: must be finite"),
+        (Whole(low=2.0), "low = 2.0: must be < high = 1.0"),
+    ],
+)
+def test_tells_the_way_to_the_field(whole, message):
+    """Oracle: the message, by hand; below a name of one's own as well."""
+    for name, prefix in ("", ""), ("whole", "whole."):
+        with pytest.raises(ValueError) as error:
+            check(whole, name)
+        assert str(error.value) == prefix + message
+
+
+def parameter_table():
+    """Each parameter of core, its default and what is allowed, by line."""
+    for info in pkgutil.walk_packages(core.__path__, f"{core.__name__}."):
+        module = importlib.import_module(info.name)
+        for name, kind in vars(module).items():
+            if (
+                isinstance(kind, type)
+                and dataclasses.is_dataclass(kind)
+                and kind.__module__ == module.__name__
+                and not kind.__dataclass_params__.frozen
+            ):
+                for part in dataclasses.fields(kind):
+                    value = getattr(kind(), part.name)
+                    bounds = part.metadata.get("bounds")
+                    rule = bounds.one_of or bounds.rule(0.0) if bounds else ""
+                    if not dataclasses.is_dataclass(value):
+                        yield f"{name}.{part.name} = {value!r}  {rule}".strip()
+                    else:
+                        values = dataclasses.asdict(value)
+                        yield f"{name}.{part.name} = {values}"
+
+
+def test_defaults_and_bounds_are_those_that_were_tuned():
+    """Oracle: parameters.txt, with which the limits in docs/results hold.
+
+    After a change that is meant: write `parameter_table()` into the file.
+    """
+    known = Path(__file__).with_name("parameters.txt").read_text("utf-8")
+    assert sorted(parameter_table()) == sorted(known.splitlines())

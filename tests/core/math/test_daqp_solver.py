@@ -1,0 +1,247 @@
+"""Oracles: Clarabel, closed forms, Drake's own conventions."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.solvers import (
+    ClarabelSolver,
+    MathematicalProgram,
+    MathematicalProgramResult,
+    SolutionResult,
+)
+
+from nadia_balance.core.math.daqp_solver import DaqpSolver
+from tests.qp_examples import tight
+
+FOUND = SolutionResult.kSolutionFound
+DEFINITE, BOUNDED = True, False
+
+
+class Pieces:
+    """A random program as people write them.
+
+    Costs and constraints are of a few of the variables, at random; of one and
+    the same twice, perhaps.  `definite` costs have one minimum; else it is the
+    bounds that leave a minimum, and some are equal.
+    """
+
+    def __init__(self, seed: int, definite: bool):
+        self.rng = np.random.default_rng(seed)
+        self.n = int(self.rng.integers(1, 9))
+        self.inside = self.rng.normal(size=self.n)
+        self.program = MathematicalProgram()
+        self.x = self.program.NewContinuousVariables(self.n)
+        for _ in range(self.rng.integers(1, 4)):
+            self._cost(self._some(), rank=1 + definite)
+        for _ in range(self.rng.integers(0, 4)):
+            self._linear(self._some())
+        everything = np.arange(self.n)
+        if definite:
+            self._cost(everything, rank=self.n)
+        else:
+            self._bounds(everything, self.rng.exponential(size=self.n))
+        self._bounds(self._some(), 1.0)
+
+    def _some(self):
+        return self.rng.integers(self.n, size=self.rng.integers(1, self.n + 1))
+
+    def _cost(self, which, rank):
+        root = self.rng.normal(size=(rank, len(which)))
+        Q, b = root.T @ root, self.rng.normal(size=len(which))
+        self.program.AddQuadraticCost(Q, b, self.x[which], is_convex=True)
+        a = self.rng.normal(size=len(which))
+        self.program.AddLinearCost(a, 3.0, self.x[which])
+
+    def _linear(self, which):
+        """Rows; some are met by one value only, some are there twice."""
+        A = self.rng.normal(size=(self.rng.integers(1, 3), len(which)))
+        value = A @ self.inside[which]
+        kind = self.rng.choice(["equal", "between", "one-sided", "twice"])
+        below = np.zeros(len(A)) if kind == "equal" else self._gaps(len(A))
+        above = np.zeros(len(A)) if kind == "equal" else self._gaps(len(A))
+        if kind == "one-sided":
+            above[:] = np.inf
+        for _ in range(1 + (kind == "twice")):
+            self._add(A, value - below, value + above, which)
+
+    def _add(self, A, lower, upper, which):
+        if np.array_equal(lower, upper):
+            self.program.AddLinearEqualityConstraint(A, lower, self.x[which])
+        else:
+            self.program.AddLinearConstraint(A, lower, upper, self.x[which])
+
+    def _gaps(self, size):
+        """Distances to the bounds, some zero: met without any force."""
+        return self.rng.exponential(size=size) * (self.rng.random(size) < 0.7)
+
+    def _bounds(self, which, room):
+        which = np.unique(which)
+        lower, upper = self.inside[which] - room, self.inside[which] + room
+        self.program.AddBoundingBoxConstraint(lower, upper, self.x[which])
+
+
+def box(centre, most=math.inf):
+    """The program |x - centre|^2, with x <= most."""
+    program = MathematicalProgram()
+    x = program.NewContinuousVariables(len(centre))
+    cost = program.AddQuadraticErrorCost(np.eye(len(centre)), centre, x)
+    bound = program.AddBoundingBoxConstraint(-math.inf, most, x)
+    return program, x, cost, bound
+
+
+@pytest.mark.parametrize("definite", [DEFINITE, BOUNDED])
+def test_finds_the_optimum_of_any_convex_qp(definite):
+    """Oracles: Clarabel's cost, to 1e-6; its x, if there is one only.
+
+    Drake computes the costs, and what is violated.
+    """
+    solver = DaqpSolver()
+    for seed in range(150):
+        pieces = Pieces(seed, definite)
+        result = solver.Solve(pieces.program)
+        assert result.is_success()
+        assert not result.GetInfeasibleConstraints(pieces.program, 1e-8)
+        best = ClarabelSolver().Solve(pieces.program, None, tight())
+        cost = best.get_optimal_cost()
+        assert result.get_optimal_cost() == pytest.approx(
+            cost, rel=1e-6, abs=1e-6
+        )
+        if definite:
+            x, expected = (
+                found.GetSolution(pieces.x) for found in (result, best)
+            )
+            assert x == pytest.approx(expected, abs=1e-6)
+
+
+def test_fills_a_result_or_returns_one():
+    """Oracle: by hand, x = (1, 0.5) costs 1 + 3; both are the same bits."""
+    program, x, *_ = box([2.0, 0.5], 1.0)
+    program.AddLinearCost(np.zeros(2), 3.0, x)
+    solver, filled = DaqpSolver(), MathematicalProgramResult()
+    returned = solver.Solve(program)
+    assert solver.Solve(program, None, None, filled) is None
+    for result in returned, filled:
+        assert result.is_success()
+        assert result.get_solution_result() == FOUND
+        assert result.GetSolution(x) == pytest.approx([1.0, 0.5], abs=1e-12)
+        double = result.GetSolution(2.0 * x[0]).Evaluate()
+        assert double == pytest.approx(2.0, abs=1e-12)
+        assert result.get_optimal_cost() == pytest.approx(4.0, abs=1e-12)
+        assert result.get_x_val().tolist() == solver.solve(program).x.tolist()
+    assert solver.solver_id().name() == "DAQP"
+    assert solver.available() and solver.enabled()
+
+
+@pytest.mark.parametrize("verdict", ["kInfeasibleConstraints", "kUnbounded"])
+def test_says_why_there_is_no_solution(verdict):
+    """Oracles: by construction; the cost that Clarabel tells."""
+    program, x, *_ = box([0.0, 0.0], 1.0)
+    if verdict == "kUnbounded":
+        program.AddLinearCost(program.NewContinuousVariables(1)[0])
+    else:
+        program.AddLinearConstraint(x[0] + x[1] >= 2.1)
+    result, known = DaqpSolver().Solve(program), ClarabelSolver().Solve(program)
+    assert not result.is_success()
+    assert result.get_solution_result().name == verdict
+    assert result.get_optimal_cost() == known.get_optimal_cost()
+    assert np.isnan(result.GetSolution(x)).all()
+
+
+REFUSED = {
+    "kLorentzConeConstraint": lambda program, x: (
+        program.AddLorentzConeConstraint(np.eye(2), np.zeros(2), x)
+    ),
+    "kBinaryVariable": lambda program, _: program.NewBinaryVariables(1),
+    "a quadratic cost that is not convex": lambda program, x: (
+        program.AddQuadraticCost(np.diag([1.0, -4.0]), np.zeros(2), x)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refuses_what_it_cannot_solve(name):
+    """Oracle: the name of what was added."""
+    program, x, *_ = box([2.0, 0.5], 1.0)
+    solver = DaqpSolver()
+    assert solver.AreProgramAttributesSatisfied(program)
+    assert solver.ExplainUnsatisfiedProgramAttributes(program) == ""
+    REFUSED[name](program, x)
+    message = f"DaqpSolver cannot solve a program with {name}"
+    assert not solver.AreProgramAttributesSatisfied(program)
+    assert solver.ExplainUnsatisfiedProgramAttributes(program) == message
+    with pytest.raises(ValueError, match=message):
+        solver.Solve(program)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8])
+@pytest.mark.parametrize("Q", [[[1.0, 2.0], [2.0, 1.0]], -np.eye(2)])
+def test_trusts_nobody_who_says_that_it_is_convex(Q, size):
+    """Oracle: an eigenvalue of -size, where Drake was told that it is not."""
+    program = MathematicalProgram()
+    x = program.NewContinuousVariables(2)
+    program.AddQuadraticCost(size * np.array(Q), np.zeros(2), x, True)
+    program.AddBoundingBoxConstraint(-1.0, 1.0, x)
+    result = DaqpSolver().Solve(program)
+    assert not result.is_success()
+    assert result.get_solution_result() == SolutionResult.kSolverSpecificError
+    assert math.isnan(result.get_optimal_cost())
+    assert np.isnan(result.GetSolution(x)).all()
+
+
+def test_a_program_may_change_between_two_solves():
+    """Oracle: by hand, the point of a box that is nearest to a centre."""
+    solver = DaqpSolver()
+    program, x, cost, bound = box([2.0, 0.5, -3.0], 1.0)
+
+    def found():
+        solution = solver.solve(program)
+        assert solution.result == FOUND
+        return solution.x.tolist()
+
+    assert found() == pytest.approx([1.0, 0.5, -3.0], abs=1e-12)
+    bound.evaluator().UpdateUpperBound([9.0, 0.0, 9.0])
+    assert found() == pytest.approx([2.0, 0.0, -3.0], abs=1e-12)
+    cost.evaluator().UpdateCoefficients(2.0 * np.eye(3), -2.0 * np.ones(3))
+    assert found() == pytest.approx([1.0, 0.0, 1.0], abs=1e-12)
+    row = program.AddLinearConstraint([[0.0, 0.0, 1.0]], [-9.0], [-1.0], x)
+    assert found() == pytest.approx([1.0, 0.0, -1.0], abs=1e-12)
+    row.evaluator().UpdateCoefficients(np.eye(3)[:2], [3.0, -9.0], [4.0, 9.0])
+    assert found() == pytest.approx([3.0, 0.0, 1.0], abs=1e-12)
+    program.RemoveConstraint(row)
+    assert found() == pytest.approx([1.0, 0.0, 1.0], abs=1e-12)
+    more = program.NewContinuousVariables(1)
+    program.AddQuadraticErrorCost(np.eye(1), [7.0], more)
+    assert found() == pytest.approx([1.0, 0.0, 1.0, 7.0], abs=1e-12)
+
+
+def test_variables_may_be_replaced_between_two_solves():
+    """Oracle: by hand; there are as many as before, but in another order."""
+    program = MathematicalProgram()
+    first, *others = program.NewContinuousVariables(3)
+    program.AddQuadraticErrorCost(np.eye(2), [1.0, 2.0], others)
+    bound = program.AddBoundingBoxConstraint(0.0, 1.0, first)
+    solver = DaqpSolver()
+    found = solver.Solve(program).GetSolution(others)
+    assert found == pytest.approx([1.0, 2.0], abs=1e-12)
+    program.RemoveConstraint(bound)
+    program.RemoveDecisionVariable(first)
+    more = program.NewContinuousVariables(1)
+    program.AddQuadraticErrorCost(np.eye(1), [7.0], more)
+    result = solver.Solve(program)
+    found = result.GetSolution(np.append(others, more))
+    assert found == pytest.approx([1.0, 2.0, 7.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_refuses_a_cost_or_a_bound_that_is_not_finite(value):
+    """Oracle: the name of what is wrong."""
+    solver = DaqpSolver()
+    program, x, _, bound = box([0.0, 0.0], 1.0)
+    program.AddLinearCost([0.0, value], 0.0, x)
+    with pytest.raises(ValueError, match="^cost of the QP: must be finite"):
+        solver.Solve(program)
+    program, _, _, bound = box([0.0, 0.0], 1.0)
+    bound.evaluator().UpdateLowerBound([0.0, value])
+    with pytest.raises(ValueError, match="^lower bound of the QP: must be <"):
+        solver.Solve(program)

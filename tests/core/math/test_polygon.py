@@ -1,0 +1,209 @@
+"""Oracles: shapely, scipy's ConvexHull, and by hand."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from nadia_balance.core.math import polygon
+from nadia_balance.core.math.arrays import rectangle
+
+# On a grid of 1 cm, so that many are on one line or coincide, while no
+# triangle is so flat that its orientation is a matter of rounding.
+GRID = st.tuples(st.integers(-30, 30), st.integers(-30, 30))
+POINT = GRID.map(lambda p: 0.01 * np.array(p))
+POINTS = st.lists(GRID, min_size=1, max_size=12).map(
+    lambda points: 0.01 * np.array(points)
+)
+POLYGON = POINTS.map(polygon.convex_hull).filter(lambda hull: len(hull) > 2)
+FLOAT = st.floats(-1.0, 1.0, allow_subnormal=False)
+ROUNDED = st.lists(st.tuples(FLOAT, FLOAT), min_size=3, max_size=12).map(
+    lambda points: polygon.convex_hull(np.array(points))
+)
+
+
+@given(POINTS)
+def test_the_hull_is_that_of_shapely(points):
+    """Oracle: shapely, whose boundary must coincide with ours."""
+    hull = polygon.convex_hull(points)
+    expected = shapely.MultiPoint(points).convex_hull
+    ours = shapely.MultiPoint(hull).convex_hull
+    assert ours.hausdorff_distance(expected) < 1e-12
+
+
+@given(POLYGON)
+def test_the_hull_is_counter_clockwise_with_true_corners_only(hull):
+    """Oracle: every three vertices in a row turn left; scipy's corners."""
+    before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
+    u, v = (hull - before).T, (after - hull).T
+    assert np.all(u[0] * v[1] - u[1] * v[0] > 1e-5)
+    corners = ConvexHull(hull).vertices
+    assert sorted(corners) == list(range(len(hull)))
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        ([[1, 2], [1, 2]], [[1, 2]]),
+        ([[0, 0], [2, 2], [1, 1], [2, 2]], [[0, 0], [2, 2]]),
+    ],
+)
+def test_the_hull_of_points_on_a_line_has_its_ends(points, expected):
+    """Oracle: by hand."""
+    np.testing.assert_array_equal(
+        polygon.convex_hull(np.array(points)), expected
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", [0, 4, 9])
+def test_no_hull_of_what_is_not_finite(value, place):
+    """Oracle: the message has the value; wherever it is, inside or outside."""
+    points = np.array([[0, 0], [1, 0], [0.4, 0.5], [1, 1], [0, 1]], float)
+    points.flat[place] = value
+    with pytest.raises(ValueError, match=rf"{value}.*: must be finite"):
+        polygon.convex_hull(points)
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(-3, 3), st.sampled_from([0.0, 0.3, 0.7, 1.0])),
+        min_size=3,
+        max_size=9,
+    ),
+    st.booleans(),
+)
+def test_the_hull_is_right_where_an_edge_is_upright_but_for_rounding(
+    points, across
+):
+    """Oracle: shapely's hull, of two columns or rows that are not straight."""
+    jitter, heights = np.array(points).T
+    columns = np.where(heights > 0.5, 0.11, 0.3) + 1e-17 * jitter
+    points = np.column_stack([columns, np.sin(40.0 * heights)])
+    points = points[:, ::-1] if across else points
+    hull = polygon.convex_hull(points)
+    expected = shapely.MultiPoint(points).convex_hull
+    ours = shapely.MultiPoint(hull).convex_hull
+    assert ours.hausdorff_distance(expected) < 1e-9
+    assert len(hull) < 3 or polygon.area(hull) > 1e-12
+
+
+@given(POLYGON, POINT)
+def test_halfspaces_measure_how_far_outside_a_point_is(hull, point):
+    """Oracle: the definition of a convex polygon, edge by edge."""
+    A, b = polygon.halfspaces(hull)
+    np.testing.assert_allclose(np.linalg.norm(A, axis=1), 1.0, atol=1e-15)
+    ends = np.roll(hull, -1, axis=0)
+    for vertex in hull, ends:  # both ends of each edge are on its line
+        np.testing.assert_allclose(
+            np.einsum("ij,ij->i", A, vertex), b, atol=1e-15
+        )
+    inside = shapely.Polygon(hull).distance(shapely.Point(point)) < 1e-12
+    assert np.all(A @ point <= b + 1e-12) == inside
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_no_halfspaces_without_an_inside(n):
+    """Oracle: the message tells the number of vertices."""
+    with pytest.raises(ValueError, match=f"{n} vertices"):
+        polygon.halfspaces(np.eye(2)[:n])
+
+
+@given(POINTS.map(polygon.convex_hull), POINT, st.floats(1e-9, 0.1))
+def test_contains_the_points_within_the_tolerance(hull, point, tolerance):
+    """Oracle: shapely's distance; beyond the corners it may be more."""
+    distance = shapely.MultiPoint(hull).convex_hull.distance(
+        shapely.Point(point)
+    )
+    found = polygon.contains(point, hull, tolerance)
+    if distance <= tolerance - 1e-12:
+        assert found
+    if len(hull) > 2:
+        A, b = polygon.halfspaces(hull)
+        assume(abs(np.max(A @ point - b) - tolerance) > 1e-12)
+        assert found == (np.max(A @ point - b) <= tolerance)
+
+
+@given(POINTS.map(polygon.convex_hull), POINT)
+def test_projects_to_the_closest_point(hull, point):
+    """Oracle: shapely's distance to, and from, the projection."""
+    shape = shapely.MultiPoint(hull).convex_hull
+    projection = polygon.project(point, hull)
+    expected = shape.distance(shapely.Point(point))
+    assert math.dist(projection, point) == pytest.approx(expected, abs=1e-12)
+    assert shape.distance(shapely.Point(projection)) < 1e-12
+
+
+@given(POLYGON, st.floats(0.0, 2.0 * math.pi), FLOAT.map(lambda x: 0.3 * x))
+def test_clips_like_shapely(hull, angle, offset):
+    """Oracle: shapely's intersection with a large square."""
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    side = np.array([-normal[1], normal[0]])
+    edge = offset * normal
+    square = shapely.Polygon(
+        [edge + side, edge - side, edge - side - normal, edge + side - normal]
+    )
+    expected = shapely.Polygon(hull).intersection(square)
+    part = polygon.clip_all(hull, normal[None], np.array([offset]))
+    assert np.all(part @ normal <= offset + 1e-12)
+    assert polygon.area(part) == pytest.approx(expected.area, abs=1e-8)
+
+
+@given(POLYGON, st.floats(0.001, 0.1))
+def test_shrinks_like_shapely_or_refuses(hull, distance):
+    """Oracle: shapely's inward buffer with mitred corners."""
+    expected = shapely.Polygon(hull).buffer(-distance, join_style="mitre")
+    assume(expected.is_empty or expected.area > 1e-8)
+    if expected.is_empty:
+        with pytest.raises(ValueError, match=f"distance = {distance}"):
+            polygon.shrink(hull, distance)
+        return
+    inner = shapely.Polygon(polygon.shrink(hull, distance))
+    assert inner.symmetric_difference(expected).area < 1e-9
+
+
+@given(POINTS.map(polygon.convex_hull))
+def test_area_and_centroid_are_those_of_shapely(hull):
+    """Oracle: shapely, also for a line or a point."""
+    expected = shapely.MultiPoint(hull).convex_hull
+    assert polygon.area(hull) == pytest.approx(expected.area, abs=1e-15)
+    middle = np.ravel(expected.centroid.coords)
+    np.testing.assert_allclose(polygon.centroid(hull), middle, atol=1e-12)
+
+
+@given(POLYGON | ROUNDED.filter(lambda hull: len(hull) > 2), POLYGON)
+def test_intersects_like_shapely(first, second):
+    """Oracle: shapely, up to the vertices that count as one."""
+    expected = shapely.Polygon(first).intersection(shapely.Polygon(second))
+    shared = polygon.intersection(first, second)
+    assert polygon.area(shared) == pytest.approx(expected.area, abs=1e-8)
+    if len(shared):
+        difference = shapely.Polygon(shared).symmetric_difference(expected)
+        assert difference.area < 1e-8
+
+
+def test_polygons_that_only_touch_share_nothing():
+    """Oracle: by hand: two squares with a common side, and a common corner."""
+    square = rectangle(1.0, 1.0)
+    for shift in [1.0, 0.0], [1.0, 1.0], [1.0 - 1e-13, 0.0]:
+        assert polygon.intersection(square, square + shift).shape == (0, 2)
+
+
+@given(
+    POINTS.map(polygon.convex_hull) | ROUNDED,
+    POINTS.map(polygon.convex_hull) | ROUNDED,
+)
+def test_the_minkowski_sum_is_the_hull_of_all_sums(first, second):
+    """Oracle: the hull of the sums of all pairs of vertices, by shapely."""
+    pairs = (first[:, None] + second).reshape(-1, 2)
+    expected = shapely.MultiPoint(pairs).convex_hull
+    total = polygon.minkowski_sum(first, second)
+    assert len(total) < 3 or shapely.Polygon(total).exterior.is_ccw
+    ours = shapely.MultiPoint(total).convex_hull
+    # Edges that are parallel but for 1e-16 m^2 are merged.
+    assert ours.hausdorff_distance(expected) < 1e-7
+    assert len(total) <= len(first) + len(second)

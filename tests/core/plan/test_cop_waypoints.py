@@ -1,0 +1,139 @@
+"""Oracles: the offsets of the CoP points by hand, shapely, and symmetry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.plan.cop_waypoints import (
+    CopPointParams,
+    CopWaypointParams,
+    Sole,
+    cop_waypoints,
+)
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from tests.example_walks import SOLE, at_rest, random_walks, standing, walk
+
+INNER = Sole.with_margin(SOLE, 0.01)
+EXIT = CopPointParams(
+    offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
+)
+
+
+def test_leans_to_the_other_foot_and_forward_with_the_step():
+    """Oracle: a third of the step, clamped to [0, 0.08] m, by hand."""
+    for length, x in (-0.3, 0.0), (0.0, 0.0), (0.15, 0.05), (0.3, 0.08):
+        for side, y in (Side.LEFT, -0.025), (Side.RIGHT, 0.025):
+            point = INNER.cop_point(EXIT, side, length)
+            np.testing.assert_allclose(point, [x, y], atol=1e-15)
+
+
+@given(*[st.floats(-3, 3)] * 6)
+def test_measures_the_step_from_toe_to_toe(x0, y0, yaw0, x1, y1, yaw1):
+    """Oracle: all corners of the other sole, taken into the sole frame."""
+    foot, other = FootPose([x0, y0, 0], yaw0), FootPose([x1, y1, 0], yaw1)
+    toes = foot.to_sole(other.to_world(INNER.corners))[:, 0]
+    expected = max(toes) - 0.125
+    assert INNER.step_length(foot, other) == pytest.approx(expected, abs=1e-13)
+
+
+def test_refuses_a_margin_that_leaves_nothing():
+    """Oracle: half the width of the sole."""
+    with pytest.raises(ValueError, match=r"^cop\.margin = 0\.06: must"):
+        Sole.with_margin(SOLE, 0.06)
+
+
+PARAMS = CopWaypointParams()
+
+
+def test_the_first_step_of_a_walk_of_30_cm():
+    """Oracle: the offsets of CopWaypointParams, by hand.
+
+    The left foot takes over level with the right one: entry without step
+    length; the right foot then goes 0.3 m ahead: ball at 0.3 / 8 m, exit at
+    the end of its range.  In mid-transfer: half-way from exit to entry.
+    """
+    path = cop_waypoints(walk(0.3, num_steps=1), PARAMS, SOLE)
+    left_exit = [0.08, 0.1]
+    expected = [
+        [0.0, 0.0],
+        [0.0, 0.015],
+        [0.0, 0.13],
+        [0.0375, 0.115],
+        left_exit,
+        left_exit,
+        [0.15, 0.0],
+        [0.15, 0.0],
+        [0.15, 0.0],
+    ]
+    np.testing.assert_allclose(path.points, expected, atol=1e-15)
+    swing = [0.5 * 0.85 * 0.7, 0.5 * 0.85 * 0.7, 0.15 * 0.7]
+    np.testing.assert_allclose(
+        path.durations, [0.15, 0.15, *swing, 0.4, 0.4, 10.0], atol=1e-15
+    )
+    assert path.num_present == 2
+
+
+def test_a_foot_that_lands_in_front_is_entered_at_its_front():
+    """Oracle: by hand; the trailing foot is 0.3 m behind."""
+    path = cop_waypoints(walk(0.3, num_steps=2), PARAMS, SOLE)
+    entry, exit_ = np.array([0.3 - 0.04, -0.13]), np.array([0.08, 0.1])
+    np.testing.assert_allclose(path.points[6], 0.5 * (entry + exit_))
+    np.testing.assert_allclose(path.points[7], entry)
+
+
+def test_standing_goes_to_the_middle_and_rests_whatever_steps_come():
+    """Oracle: half the final transfer to go, half to settle, then rest."""
+    now = standing(start=at_rest([0.1, 0.1]))
+    for schedule in now, replace(now, footsteps=walk().footsteps):
+        path = cop_waypoints(schedule, PARAMS, SOLE)
+        expected = [[0.1, 0.1], [0, 0], [0, 0], [0, 0]]
+        np.testing.assert_array_equal(path.points, expected)
+        np.testing.assert_allclose(path.durations, [0.4, 0.4, 10.0])
+        assert path.num_present == 2
+
+
+def test_no_segment_is_too_short_to_compute():
+    """Oracle: the least duration, 10 us."""
+    path = cop_waypoints(replace(walk(), duration=0.0), PARAMS, SOLE)
+    assert min(path.durations) == 1e-5
+
+
+@pytest.mark.parametrize("previewed", [1, 4])
+def test_sees_no_more_steps_than_it_previews(previewed):
+    """Oracle: the walk that ends there, with the next transfer's duration."""
+    params = replace(PARAMS, num_previewed_steps=previewed)
+    path = cop_waypoints(walk(num_steps=4), params, SOLE)
+    last = 0.8 if previewed == 4 else 0.3
+    short = replace(walk(num_steps=previewed), final_transfer_duration=last)
+    params = replace(PARAMS, num_previewed_steps=9)
+    expected = cop_waypoints(short, params, SOLE)
+    np.testing.assert_array_equal(path.points, expected.points)
+    np.testing.assert_array_equal(path.durations, expected.durations)
+
+
+@given(random_walks())
+def test_entry_ball_and_exit_are_in_the_stance_foot(schedule):
+    """Oracle: shapely's distance to the edge of the stance sole in W."""
+    points = cop_waypoints(schedule, PARAMS, SOLE).points
+    first = 2 if schedule.phase is Phase.TRANSFER else 0
+    feet = schedule.feet
+    for i, step in enumerate(schedule.footsteps[:3]):
+        sole = shapely.Polygon(feet[step.side.other].to_world(SOLE))
+        k = first + 5 * i
+        for point in points[max(k, 1) : k + 4]:  # the entry of a swing is past
+            assert sole.contains(shapely.Point(point))
+            assert sole.exterior.distance(shapely.Point(point)) >= 0.01 - 1e-12
+        feet = feet.with_foot(step.side, step.pose)
+    middle = 0.5 * (feet.left.p_WF + feet.right.p_WF)[:2]
+    np.testing.assert_allclose(points[-3:], [middle] * 3, atol=1e-15)
+
+
+def test_refuses_a_swing_without_a_footstep():
+    """Oracle: there is nowhere to swing to."""
+    schedule = replace(walk(num_steps=0), phase=Phase.SWING)
+    with pytest.raises(ValueError, match="a swing needs the step in the air"):
+        cop_waypoints(schedule, PARAMS, SOLE)

@@ -1,0 +1,204 @@
+"""Oracles: footholds by hand; shapely's distance to the base region."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.body.reachability import base_region
+from nadia_balance.core.plan.gait import (
+    Foothold,
+    Gait,
+    StepVector,
+    make_footsteps,
+    walking_start,
+    within_reach,
+)
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+)
+from tests.example_walks import FEET, MODEL
+
+REACH = MODEL.reach
+
+
+def steps_of(**gait):
+    """The footsteps of a robot that stands about the origin."""
+    return make_footsteps(Gait(**gait), FEET, REACH)
+
+
+def test_stepping_in_place_returns_to_the_same_footholds():
+    """Oracle: the feet's own poses."""
+    steps = steps_of(num_steps=4)
+    assert [s.side for s in steps] == [Side.RIGHT, Side.LEFT] * 2
+    for step in steps:
+        assert step.pose.p_WF == pytest.approx(FEET[step.side].p_WF)
+
+
+def test_every_forward_step_lands_one_length_ahead():
+    """Oracle: by hand; the last step closes up."""
+    steps = steps_of(num_steps=3, step=StepVector(length=0.3))
+    x = [s.pose.p_WF[0] for s in steps]
+    assert x == pytest.approx([0.3, 0.6, 0.9, 0.9])
+
+
+def test_footholds_are_taken_as_given():
+    """Oracle: by hand, in the frame between the feet."""
+    a, b = (
+        Foothold(side="left", x=0.2, y=0.2),
+        Foothold(side="right", x=0.3, y=-0.1, yaw_deg=-20),
+    )
+    steps = steps_of(footholds=[a, b])
+    assert steps[0].pose.p_WF == pytest.approx([0.2, 0.2, 0.0])
+    assert steps[1].pose.yaw == pytest.approx(math.radians(-20))
+
+
+def test_the_start_may_be_anywhere():
+    """Oracle: a rotated and shifted start gives rotated, shifted steps."""
+    turn, shift = 0.7, np.array([2.0, -1.0, 0.0])
+    frame = FootPose(shift, turn)
+
+    def moved(pose):
+        xy = frame.to_world(pose.p_WF[None, :2])[0]
+        return FootPose([*xy, 0.0], pose.yaw + turn)
+
+    gait = Gait(num_steps=5, step=StepVector(length=0.2, yaw_deg=10))
+    there = FootPoses(moved(FEET.left), moved(FEET.right))
+    for a, b in zip(
+        make_footsteps(gait, FEET, REACH),
+        make_footsteps(gait, there, REACH),
+        strict=True,
+    ):
+        assert b.pose.p_WF == pytest.approx(moved(a.pose).p_WF)
+        assert b.pose.yaw == pytest.approx(a.pose.yaw + turn)
+
+
+@pytest.mark.parametrize(
+    ("gait", "message"),
+    [
+        ({"first_swing": "middle"}, "first_swing = 'middle'"),
+        (
+            {"footholds": [Foothold(side=s, y=-0.1) for s in ["right"] * 2]},
+            "footholds[1].side = 'right'",
+        ),
+        ({"num_steps": 1, "steps": [StepVector()]}, "num_steps, steps"),
+        # Beyond the extents of the base region.
+        ({"num_steps": 2, "step": StepVector(length=1.2)}, "step 1 (right)"),
+        ({"num_steps": 4, "step": StepVector(sideways=0.2)}, "must be within"),
+    ],
+)
+def test_bad_commands_are_refused(gait, message):
+    """Oracle: the message names the field and the value."""
+    with pytest.raises(ValueError, match=re.escape(message)):
+        steps_of(**gait)
+
+
+@pytest.mark.parametrize(("told", "width"), [(0.3, 0.3), (None, 0.25)])
+def test_stands_with_the_feet_side_by_side_about_the_origin(told, width):
+    """Oracle: the gait's step width, or the robot's; at rest in between."""
+    schedule = walking_start(Gait(step_width=told), MODEL).schedule
+    assert schedule.phase is Phase.STANDING
+    assert schedule.duration == math.inf and schedule.footsteps == ()
+    for side in Side:
+        y = 0.5 * side.sign * width
+        assert schedule.feet[side].p_WF == pytest.approx([0.0, y, 0.0])
+    for point in schedule.start.com, schedule.start.cop:
+        assert point.tolist() == [0.0, 0.0]
+
+
+def test_waits_and_then_shifts_to_the_foot_that_does_not_swing_first():
+    """Oracle: the gait; footholds say themselves which foot swings first."""
+    left = Gait(num_steps=2, first_swing="left", final_transfer_duration=0.9)
+    hold = Gait(footholds=[Foothold(side="left", y=0.2)])
+    for gait in left, hold:
+        state = walking_start(replace(gait, standing_duration=0.7), MODEL)
+        assert state.schedule.duration == 0.7
+        assert state.schedule.footsteps[0].side is Side.LEFT
+        assert state.schedule.support_side is Side.RIGHT
+        assert state.commanded == state.schedule.footsteps
+    final = walking_start(left, MODEL).schedule.final_transfer_duration
+    assert final == 0.9
+    assert (
+        walking_start(
+            replace(left, standing_duration=0.0), MODEL
+        ).schedule.duration
+        > 0.0
+    )
+
+
+def step(side, x, y, yaw=0.0):
+    return Footstep(side, FootPose([x, y, 0.0], yaw), 0.3, 0.7)
+
+
+def in_place(count, first=Side.RIGHT):
+    """Steps onto the spots where the feet stand."""
+    sides = [first, first.other] * count
+    return tuple(step(s, 0.0, 0.125 * s.sign) for s in sides[:count])
+
+
+@given(
+    x=st.floats(-1.0, 1.0),
+    y=st.floats(-1.0, 1.0),
+    yaw=st.floats(-1.0, 1.0),
+    side=st.sampled_from(Side),
+)
+def test_a_step_out_of_reach_goes_to_the_nearest_place(x, y, yaw, side):
+    """Oracle: shapely's distance from the foothold to the base region."""
+    stance = FootPose([0.3, -0.2, 0.1], yaw)
+    feet = FEET.with_foot(side.other, stance)
+    wanted = step(side, x, y)
+    (taken,) = within_reach((wanted,), feet, REACH)
+    region = stance.to_world(base_region(REACH) * [1.0, side.sign])
+    distance = shapely.Polygon(region).distance(shapely.Point(x, y))
+    moved = np.linalg.norm(taken.pose.p_WF[:2] - [x, y])
+    if moved > 0.0:
+        assert moved == pytest.approx(distance, abs=1e-9)
+    else:  # the ellipse reaches beyond the polygon inside of it
+        assert distance < 0.08
+    assert taken.pose.yaw == wanted.pose.yaw
+    assert taken.pose.p_WF[2] == wanted.pose.p_WF[2]
+
+
+@given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+def test_the_way_back_takes_a_share_of_the_reach(x, y):
+    """Oracle: shapely's distance to the base region, shrunk by shapely."""
+    landed = step(Side.LEFT, 0.0, 0.125)
+    feet = FEET.with_foot(Side.LEFT, FootPose([x, y, 0.0]))
+    taken, *_ = within_reach(in_place(1), feet, REACH, landed)
+    share = REACH.return_share if math.hypot(x, y - 0.125) > 0.05 else 1.0
+    far = shapely.box(-9.0, 0.25, 9.0, 9.0)  # beyond w_nom
+    whole = shapely.Polygon(base_region(REACH))
+    narrow = shapely.affinity.scale(whole, share, 1.0, origin=(0.0, 0.25))
+    wide = shapely.affinity.scale(whole, share, share, origin=(0.0, 0.25))
+    region = (narrow - far) | (wide & far)
+    wanted, found = (
+        shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
+        for p in ([0.0, -0.125], taken.pose.p_WF)
+    )
+    if found != wanted:
+        assert wanted.distance(found) == pytest.approx(
+            region.distance(wanted), abs=1e-9
+        )
+    else:  # the ellipse reaches beyond the polygon inside of it
+        assert region.distance(wanted) < 0.08
+
+
+def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
+    """Oracle: identity, though it is longer than a way back would be."""
+    landed = step(Side.LEFT, 0.0, 0.125)
+    wanted = step(Side.RIGHT, 0.9, -0.125)
+    (taken,) = within_reach((wanted,), FEET, REACH, landed)
+    assert taken is wanted
+    displaced = FEET.with_foot(Side.LEFT, FootPose([-0.06, 0.125, 0.0]))
+    (taken,) = within_reach((wanted,), displaced, REACH, landed)
+    assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)

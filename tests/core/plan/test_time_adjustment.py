@@ -1,0 +1,350 @@
+"""Oracles: Eq. 3, the limits by hand, plans that are ahead."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nadia_balance.core.math.lipm import icp_after
+from nadia_balance.core.plan.icp_plan import IcpReference
+from nadia_balance.core.plan.time_adjustment import (
+    Timing,
+    TimingAdapterParams,
+    fraction_done,
+    is_leaving,
+    time_ahead,
+)
+from nadia_balance.core.walking import vocabulary as walking
+from tests import example_walks as walks
+
+PERIOD = 0.002
+PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
+DETOUR = replace(walks.IDEAL_DETOUR, max_acceleration=30.0)
+# Nothing but Eq. 15: almost no threshold, and as little as possible that
+# limits a swing of 1 s.
+FREE = TimingAdapterParams(
+    icp_error_threshold=1e-5,
+    min_swing_duration=0.35,
+    min_transfer_duration=0.03,
+    max_speed_up=100.0,
+)
+
+
+def transfer(**gait):
+    """A transfer in the middle of a walk, and its plan."""
+    schedule, plan = swing(**gait)
+    schedule = walks.successor(schedule, plan)
+    return schedule, walks.planned(schedule)
+
+
+def swing(**gait):
+    """The first swing, of the right foot, and its plan."""
+    first = walks.walk(**gait)
+    schedule = walks.successor(first, walks.planned(first))
+    return schedule, walks.planned(schedule)
+
+
+def timing_of(params=PARAMS, detour=DETOUR):
+    return Timing(params, replace(walks.MODEL, detour=detour), PERIOD)
+
+
+def adjustment(
+    icp, plan, state, params=PARAMS, feet=None, detour=DETOUR, on=walks.ALL
+):
+    feet = feet or state.schedule.feet
+    timing = timing_of(params, detour)
+    return timing.adjustment(state, plan, np.array(icp), feet, on).now
+
+
+@pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
+def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
+    """Oracle: move the ICP along Eq. 3 by a known time, ask for it back.
+
+    A displacement at right angles to the way does not count (Eq. 15).
+    """
+    ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
+    end = icp_after(icp_r, ecmp, walks.OMEGA, 0.7)
+    normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
+    icp = icp_after(icp_r, ecmp, walks.OMEGA, advance) + aside * normal
+    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, walks.OMEGA)
+    assert found == pytest.approx(advance, abs=1e-12)
+
+
+def test_a_way_that_vanishes_is_not_followed():
+    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
+    for length in 0.0, 1e-9, 1e-5:
+        way = np.array([length, 0.0])
+        found = fraction_done(np.array([0.1, 0.0]), np.zeros(2), way)
+        assert found == pytest.approx(0.1 * length / 0.01**2)
+
+
+def test_an_icp_that_no_ecmp_can_hold_is_leaving():
+    """Oracle: by hand, for one sole with the reference eCMP at its centre."""
+    still = np.zeros(2)
+    for icp, icp_r, leaving in (
+        ((0.30, 0.0), (0.0, 0.0), True),  # far in front
+        ((0.13, 0.0), (0.12, 0.0), False),  # an eCMP 1 cm ahead holds it
+        ((0.11, 0.0), (0.0, 0.0), False),  # held error or not, it is inside
+        ((0.0, -0.20), (0.0, -0.30), False),  # lags behind a swing outward
+        ((0.0, 0.09), (0.0, -0.05), True),  # past the outer edge
+        ((0.2, -0.1), (0.0, -0.1), True),  # in front and beside
+    ):
+        icp_r = np.array(icp_r)
+        reference = IcpReference(icp_r, still, still, still, still, still)
+        assert is_leaving(np.array(icp), reference, walks.SOLE, 0.02) is leaving
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "distance", "expected"),
+    [
+        (0.1, 0.0, 0.3),  # the shortest swing of 0.4 s
+        (0.3, 0.0, 0.7 / 3.0),  # sigma
+        (0.9, 0.0, 0.08),  # the least of all
+        (0.1, 1.2, 0.4),  # 0.6 m forth and 0.6 m back in 0.2 s each
+    ],
+)
+def test_the_swing_foot_gets_the_time_that_it_needs(
+    elapsed, distance, expected
+):
+    """Oracle: by hand, each limit in turn; a swing of 1 s, without error."""
+    schedule, plan = swing(swing=1.0)
+    state = walking.WalkingState(schedule, elapsed, elapsed)
+    target = schedule.footsteps[0].pose
+    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
+    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.05, 0.15])
+def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
+    """Oracle: the foothold moved by the ICP error as Eq. 3 lets it grow.
+
+    The one that the adjustment has moved already does not count twice.
+    """
+    schedule, plan = swing(swing=1.0)
+    step = schedule.footsteps[0]
+    foot = schedule.feet.right
+    state = walking.WalkingState(
+        replace(schedule, footsteps=(replace(step, pose=foot),)),
+        0.3,
+        0.3,
+        adjustment=walking.Adjustment(step, foot),
+    )
+    error = np.array([size, 0.0])
+    found = timing_of().least_remaining_time(state, foot, error)
+    origin = np.zeros(2)
+    way = step.pose.p_WF[:2] - foot.p_WF[:2]
+
+    def in_time(t):
+        moved = icp_after(error, origin, walks.OMEGA, t)
+        half_way = 0.5 * np.linalg.norm(way + moved)
+        return half_way <= 0.5 * 30.0 * (0.5 * t) ** 2 + 1e-12
+
+    times = np.linspace(0.7 / 3.0, 0.7, 16, endpoint=False)
+    first = [t for t in times if in_time(t)]
+    assert found == pytest.approx(first[0] if first else times[0], abs=1e-12)
+
+
+def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
+    """Oracle: by hand, from beside the stance foot to in front of it."""
+    schedule, plan = swing(swing=1.0, length=0.0)
+    stance = schedule.feet.left.p_WF
+    foot = walking.FootPose(stance - [0.0, 0.25, 0.0])
+    goal = walking.FootPose(stance + [0.34, 0.1, 0.0])
+    step = replace(schedule.footsteps[0], pose=goal)
+    state = walking.WalkingState(replace(schedule, footsteps=(step,)), 0.6, 0.6)
+    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
+    length = math.hypot(DETOUR.ahead, 0.25 - DETOUR.beside)
+    length += math.hypot(0.34 - DETOUR.ahead, 0.1 + DETOUR.beside)
+    assert found == pytest.approx(2.0 * math.sqrt(length / 30.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lifted", "height", "descent"),
+    [
+        (0.15, 0.20, 0.25),  # from the brink: 0.15 m at 0.6 m/s
+        (0.15, 0.06, 0.10),  # below it already
+        (0.0, 0.10, 0.03),  # on level ground it only settles
+        (-0.15, 0.10, 0.03),  # up a step
+    ],
+)
+def test_a_foot_that_goes_down_a_step_gets_the_time(lifted, height, descent):
+    """Oracle: by hand, 0.6 m forth and 0.6 m back in 0.2 s each; then down."""
+    detour = replace(DETOUR, max_descent=0.6, settling=0.03)
+    schedule, plan = swing(swing=1.0)
+    stood = schedule.feet.right
+    stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
+    feet = schedule.feet.with_foot(walking.Side.RIGHT, stood)
+    state = walking.WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
+    foot = walking.FootPose(
+        schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height]
+    )
+    timing = timing_of(detour=detour)
+    found = timing.least_remaining_time(state, foot, np.zeros(2))
+    assert found == pytest.approx(0.4 + descent, abs=1e-12)
+
+
+# From rest 0.4 s at 30 m/s^2, under way sqrt(1/2) of that; 0.03 s are let be.
+NEEDED = 0.4 * math.sqrt(0.5) - 0.03
+
+
+def test_a_foot_near_its_foothold_lands():
+    """Oracle: the clock runs to the end though the foot gets no nearer.
+
+    It once stood still there, and the foot in the air, with 13 ms left.
+    """
+    schedule, _ = swing(swing=1.0)
+    state = walking.WalkingState(schedule, 0.99, 0.6)
+    target, slow = (
+        schedule.footsteps[0].pose.p_WF,
+        replace(DETOUR, settling=0.1),
+    )
+    for distance, lands in ((0.075, True), (0.085, False)):
+        foot = walking.FootPose(target - [distance, 0.0, 0.0])
+        late = timing_of(detour=slow).time_to_return(state, foot)
+        assert (late == 0.0) is lands
+
+
+@pytest.mark.parametrize(
+    ("distance", "gained", "expected"),
+    [
+        (1.2, 0.3, NEEDED - 0.1),  # 0.1 s left
+        (1.2, 0.05, 0.05),  # no more than was gained
+        (1.2, 0.0, 0.0),
+        (0.2, 0.3, 0.0),  # in time
+    ],
+)
+def test_time_is_given_back_if_the_foothold_moves_away(
+    distance, gained, expected
+):
+    """Oracle: by hand."""
+    schedule, plan = swing(swing=1.0)
+    state = walking.WalkingState(schedule, 0.9, 0.9 - gained)
+    target = schedule.footsteps[0].pose
+    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
+    feet = schedule.feet.with_foot(walking.Side.RIGHT, foot)
+    found = timing_of().time_to_return(state, foot)
+    assert found == pytest.approx(expected, abs=1e-12)
+    reference = plan.at(0.9).icp
+    proposed = adjustment(reference, plan, state, feet=feet)
+    assert proposed == pytest.approx(-expected, abs=1e-12)
+
+
+def with_gamma(gamma):
+    """FREE with this gamma at PERIOD: the time constant by hand."""
+    time = -PERIOD / math.log(1.0 - gamma)
+    return replace(FREE, swing_time_constant=time, transfer_time_constant=time)
+
+
+def run_ahead(schedule, plan, lead, params, ticks):
+    """The clock, tick by tick, while the ICP is `lead` [s] ahead of time."""
+    state, clock = walking.WalkingState(schedule), []
+    for tick in range(ticks):
+        state = replace(state, elapsed=tick * PERIOD)
+        icp = plan.at(state.elapsed + lead).icp
+        gain = adjustment(icp, plan, state, params)
+        state = replace(state, time_in_phase=state.time_in_phase + gain)
+        clock.append(state.time_in_phase)
+        state = replace(state, time_in_phase=state.time_in_phase + PERIOD)
+    return np.array(clock)
+
+
+@pytest.mark.parametrize(
+    ("phase", "lead", "gamma"), [(swing, 0.4, 0.1), (transfer, 0.1, 0.4)]
+)
+def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
+    """Oracle: the plan itself, sampled ahead of time.
+
+    The clock only goes forward.
+    """
+    schedule, plan = phase(swing=1.0, transfer=0.4)
+    params = with_gamma(gamma)
+    ticks = 100 if phase is swing else 60
+    clock = run_ahead(schedule, plan, lead, params, ticks)
+    assert np.diff(clock).min() >= PERIOD - 1e-12
+    exact = lead + PERIOD * np.arange(ticks)
+    assert clock[-1] == pytest.approx(exact[-1], abs=1e-4)
+    assert np.max(clock - exact) < 1e-4  # not beyond the ICP at any time
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_without_a_time_constant_all_is_made_up_at_once(phase):
+    """Oracle: with time constants, the share of a tick of that."""
+    schedule, plan = phase(swing=1.0, transfer=0.4)
+    state, icp = walking.WalkingState(schedule), plan.at(0.1).icp
+    at_once = replace(FREE, swing_time_constant=0.0, transfer_time_constant=0.0)
+    gain = adjustment(icp, plan, state, at_once)
+    share = adjustment(icp, plan, state, with_gamma(0.25))
+    assert gain > 0.05
+    assert share == pytest.approx(0.25 * gain, rel=1e-12)
+
+
+def test_an_icp_that_leaves_hurries_all_it_can_at_once():
+    """Oracle: the shortest transfer and swing, by hand."""
+    schedule, plan = transfer()
+    state = walking.WalkingState(schedule, 0.03, 0.03)
+    gain = adjustment([9.0, 0.0], plan, state)
+    assert gain == pytest.approx(schedule.duration - 0.05, abs=1e-12)
+    schedule, plan = swing(length=0.0)
+    state = walking.WalkingState(schedule, 0.1, 0.1)
+    nimble = replace(walks.IDEAL_DETOUR, max_acceleration=1e6)
+    gain = adjustment([9.0, 0.125], plan, state, detour=nimble)
+    assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_small_errors_leave_the_clock_alone(phase):
+    """Oracle: the threshold."""
+    schedule, plan = phase()
+    state = walking.WalkingState(schedule)
+    way = plan.at(schedule.duration).icp - plan.at(0.0).icp
+    way /= np.linalg.norm(way)
+    for error, hurried in (0.99, False), (1.01, True):
+        icp = plan.at(0.0).icp + error * PARAMS.icp_error_threshold * way
+        assert (adjustment(icp, plan, state) > 0.0) is hurried
+
+
+@pytest.mark.parametrize("phase", [swing, transfer])
+def test_each_phase_can_be_switched_off(phase):
+    """Oracle: zero, for an ICP that is far away; not so for the other one."""
+    schedule, plan = phase()
+    state = walking.WalkingState(schedule)
+    for name in "swing", "transfer":
+        on = replace(walks.ALL, **{name: False})
+        gain = adjustment([9.0, 9.0], plan, state, on=on)
+        assert (gain == 0.0) is (name == phase.__name__)
+
+
+def idle_states():
+    """Standing, the last transfer, and phases whose clock has run out."""
+    yield walking.WalkingState(walks.standing(), 0.1, 0.1)
+    last = replace(walks.walk(), footsteps=())
+    yield walking.WalkingState(last, 0.1, 0.1)
+    for schedule, _ in swing(), transfer():
+        t = schedule.duration
+        yield walking.WalkingState(schedule, t, t, waiting=True)
+
+
+@pytest.mark.parametrize("state", list(idle_states()))
+def test_where_nothing_can_be_hurried_the_clock_is_left_alone(state):
+    """Oracle: zero, for an ICP that is far away."""
+    assert adjustment([9.0, 9.0], walks.planned(state.schedule), state) == 0.0
+
+
+@given(
+    walks.random_walks(),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+    st.tuples(*2 * [st.floats(-1.0, 1.0)]),
+)
+def test_is_always_a_time_that_is_left(schedule, share, gained, icp):
+    """Oracle: between what was gained and what is left."""
+    t = share * schedule.duration
+    state = walking.WalkingState(schedule, t, (1.0 - gained) * t)
+    found = adjustment(icp, walks.planned(schedule), state)
+    assert state.elapsed - t - 1e-12 <= found <= state.remaining_time
+    if schedule.phase is walking.Phase.TRANSFER:
+        assert found >= 0.0

@@ -1,0 +1,381 @@
+"""Oracles: ticks and ellipses by hand; Eq. 3 integrated with the best eCMP."""
+
+import functools
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.math.lipm import icp_after
+from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.walking_state_machine import (
+    KEEP,
+    LiftOffParams,
+    Measurement,
+    Proposal,
+    StateMachine,
+    WalkingStateMachineParams,
+    may_lift,
+)
+from nadia_balance.core.walking.vocabulary import (
+    Adjustment,
+    FootPose,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+    support_polygon,
+)
+from tests.example_walks import (
+    FEET,
+    MODEL,
+    OMEGA,
+    SOLE,
+    planned,
+    successor,
+    swing,
+)
+
+PERIOD = 0.002
+WEIGHT = 1000.0  # [N]
+PARAMS = WalkingStateMachineParams()
+
+
+class FakePlan:
+    """Its ICP rests over the origin; its CoM says when it was asked for."""
+
+    def moved(self, schedule, steps, t, icp, model):
+        return replace(schedule, footsteps=steps, start_time=t)
+
+    def at(self, t):
+        zero = np.zeros(2)
+        point = ReferencePoint(np.array([t, 0.0]), zero, zero)
+        return SimpleNamespace(
+            **{"icp": zero, "com": point.com, "com_velocity": zero},
+            **{"cop": zero, "point": lambda: point},
+        )
+
+
+def standing(num_steps):
+    """Stands about to take `num_steps` steps in place."""
+    return walking_start(Gait(num_steps=num_steps), MODEL)
+
+
+def step(
+    state,
+    forces=(400.0, 400.0),
+    icp=(0.0, 0.0),
+    feet=FEET,
+    proposal=KEEP,
+    period=PERIOD,
+):
+    """One period later."""
+    shares = np.array(forces) / WEIGHT
+    measured = Measurement(feet, shares, np.array(icp))
+    machine = StateMachine(PARAMS, MODEL, period)
+    return machine.advance(state, FakePlan(), measured, proposal)
+
+
+def until(state, phase, **measured):
+    """Advances until `phase` begins; returns the state and the ticks."""
+    for ticks in range(1, 5000):
+        state = step(state, **measured)
+        if state.schedule.phase is phase:
+            return state, ticks
+    raise AssertionError(f"{phase} never began")
+
+
+def swinging(num_steps=3):
+    """At the start of the first swing."""
+    state, _ = until(standing(num_steps), Phase.TRANSFER)
+    return until(state, Phase.SWING)[0]
+
+
+def test_a_walk_of_two_steps_goes_through_all_phases():
+    """Oracle: the sequence and the durations by hand."""
+    state, seen = standing(2), []
+    for _ in range(5000):
+        in_swing = state.schedule.phase is Phase.SWING
+        landed = in_swing and state.time_in_phase > 0.69
+        new = step(state, forces=(400, 400) if landed else (0, 0))
+        if new.schedule is not state.schedule:
+            seen.append((new.schedule.phase, new.schedule.support_side))
+        state = new
+    left, right = Side.LEFT, Side.RIGHT
+    assert seen == [
+        (Phase.TRANSFER, left),
+        (Phase.SWING, left),
+        (Phase.TRANSFER, right),
+        (Phase.SWING, right),
+        (Phase.TRANSFER, left),
+        (Phase.STANDING, left),
+    ]
+    assert state.steps_taken == 2
+    assert state.schedule.duration == math.inf
+
+
+def test_phases_last_as_planned_to_the_nearest_tick():
+    """Oracle: durations over the period: 0.5 s, more or less, and 0.8 s."""
+    for duration, expected in (0.5, 250), (0.5007, 250), (0.5013, 251):
+        start = walking_start(
+            Gait(num_steps=3, standing_duration=duration), MODEL
+        )
+        state, ticks = until(start, Phase.TRANSFER)
+        assert ticks == expected
+    state, ticks = until(state, Phase.SWING)
+    assert ticks == 400
+    assert state.time_in_phase == 0.0
+
+
+def test_a_foot_that_touches_in_the_first_half_has_not_landed():
+    """Oracle: earliest_touchdown of the swing, then 0.8 N s in one tick."""
+    state, ticks = until(swinging(), Phase.TRANSFER)
+    # Touches from the first tick on.
+    assert ticks == 175
+
+
+def test_a_sole_has_the_tilt_of_its_foothold_from_landing_on():
+    """Oracle: by hand; what is measured is where it is, not its normal."""
+    state, normal = swinging(), [0.0, 0.6, 0.8]
+    first, *others = state.schedule.footsteps
+    first = replace(first, pose=replace(first.pose, normal=normal))
+    schedule = replace(state.schedule, footsteps=(first, *others))
+    state, _ = until(replace(state, schedule=schedule), Phase.TRANSFER)
+    for _ in range(2):
+        feet = state.schedule.feet
+        assert feet[first.side].normal == pytest.approx(normal)
+        assert feet[first.side.other].normal == pytest.approx([0.0, 0.0, 1.0])
+        assert feet[first.side].p_WF == pytest.approx(FEET[first.side].p_WF)
+        state, _ = until(state, Phase.SWING)
+
+
+def test_a_glitch_of_the_force_is_no_touchdown():
+    """Oracle: 0.28 N s each time, and 33 N for ever, are too little."""
+    state = swinging()
+    for k in range(340):
+        force = 70.0 if k % 3 else 0.0
+        state = step(state, forces=(400.0, force))
+    assert state.schedule.phase is Phase.SWING
+    for _ in range(100):
+        state = step(state, forces=(400.0, 33.0))
+    assert state.schedule.phase is Phase.SWING
+
+
+@pytest.mark.parametrize(
+    ("force", "period", "ticks"),
+    [
+        (125.0, 0.0005, 6),
+        (125.0, 0.01, 1),
+        (40.0, 0.002, 5),
+        (180.0, 0.002, 1),  # hit hard, it may have left the ground again
+    ],
+)
+def test_a_foot_has_landed_after_an_impulse(force, period, ticks):
+    """Oracle: 0.34 ms of the weight over force and period."""
+    state = step(swinging(), forces=(800.0, 0.0))
+    state = replace(state, time_in_phase=0.6, elapsed=0.6)
+    for _ in range(ticks):
+        assert state.schedule.phase is Phase.SWING
+        state = step(state, forces=(400.0, force), period=period)
+    assert state.schedule.phase is Phase.TRANSFER
+
+
+def test_the_next_plan_has_the_feet_and_the_reference_of_the_touchdown():
+    """Oracle: the measured pose; the plan, asked for this time."""
+    landed = FEET.with_foot(Side.RIGHT, FootPose([0.02, -0.13, 0.0], 0.01))
+    state, ticks = until(swinging(), Phase.TRANSFER, feet=landed)
+    assert state.schedule.start.com == pytest.approx([ticks * PERIOD, 0.0])
+    assert state.schedule.feet == landed
+    assert len(state.schedule.footsteps) == 2
+    assert state.steps_taken == 1
+
+
+def test_the_clock_is_advanced_or_held_but_never_runs_back():
+    """Oracle: by hand; the elapsed time is the real one."""
+    state = swinging()
+    for _ in range(10):
+        state = step(state, proposal=Proposal(time_gain=0.01))
+    assert state.time_in_phase == pytest.approx(10 * (PERIOD + 0.01))
+    assert state.elapsed == pytest.approx(10 * PERIOD)
+    state = step(swinging())
+    held = step(state, proposal=Proposal(time_gain=-1.0))
+    assert held.time_in_phase == state.time_in_phase == PERIOD
+    slow = step(state, proposal=Proposal(time_gain=-0.5 * PERIOD))
+    assert slow.time_in_phase == pytest.approx(1.5 * PERIOD)
+
+
+def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
+    """Oracle: max_held_wait; the ICP stays where no foot would be lifted."""
+    state, _ = until(standing(2), Phase.TRANSFER)
+    first = state.schedule.footsteps[0]
+    adjusts = Proposal(adjustment=Adjustment(first, first.pose))
+    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0), proposal=adjusts)
+    wait = ticks * PERIOD - state.schedule.duration
+    most = PARAMS.lift_off.max_held_wait  # it is well inside the support
+    assert 0.8 * most < wait < most + 1.5 * PERIOD
+    for _ in range(2 * ticks):
+        state = step(state, icp=(0.04, 0.0))
+    assert state.schedule.phase is Phase.TRANSFER
+
+
+def test_an_adjusted_step_replaces_the_one_in_the_air():
+    """Oracle: the pose; the command and the later steps stay."""
+    state = step(swinging())
+    pose = FootPose([0.2, -0.3, 0.0])
+    nominal = state.schedule.footsteps[0]
+    adjustment = Adjustment(nominal, pose, "base")
+    moved = step(state, proposal=Proposal(adjustment=adjustment))
+    assert moved.schedule.footsteps[0].pose is pose
+    assert moved.schedule.footsteps[1:] == state.schedule.footsteps[1:]
+    assert moved.commanded == state.commanded
+    assert moved.adjustment is adjustment
+    again = step(moved, proposal=Proposal(adjustment=adjustment))
+    assert again.schedule is moved.schedule  # nothing to plan anew
+    assert moved.schedule.start_time == state.time_in_phase
+    landed, _ = until(again, Phase.TRANSFER)
+    assert landed.schedule.start_time == 0.0  # of the next phase
+
+
+def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
+    """Oracle: the poses, of the next step and the one after it."""
+    state, _ = until(standing(3), Phase.TRANSFER)
+    first, second, _ = state.schedule.footsteps
+    near, far = FootPose([0.1, -0.2, 0.0]), FootPose([0.2, 0.2, 0.0])
+    adjustment = Adjustment(first, near, later=(Adjustment(second, far),))
+    proposal = Proposal(adjustment=adjustment)
+    moved = step(state, proposal=proposal)
+    assert [s.pose for s in moved.schedule.footsteps[:2]] == [near, far]
+    assert step(moved, proposal=proposal).schedule is moved.schedule
+    swinging, _ = until(moved, Phase.SWING)
+    assert swinging.schedule.footsteps[0].pose is near
+    assert swinging.adjustment is adjustment
+
+
+def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
+    """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
+    state = step(swinging(), proposal=Proposal(time_gain=0.4))
+    _, ticks = until(state, Phase.TRANSFER)
+    landed = (1 + ticks) * PERIOD
+    assert landed == pytest.approx(0.15, abs=3 * PERIOD)
+
+
+LIFT_OFF = LiftOffParams()
+HASTY = LiftOffParams(max_held_wait=0.0)
+
+
+@functools.cache
+def transfer():
+    """A transfer to the left foot, its plan, and where the ICP should end."""
+    schedule = swing(length=0.0)
+    schedule = successor(schedule, planned(schedule))
+    plan = planned(schedule)
+    return schedule, plan, plan.at(schedule.duration).icp
+
+
+def lifts(offset, waited=0.0, params=LIFT_OFF, feet=None):
+    """True if an ICP `offset` [m] from where it should be lets a foot lift."""
+    schedule, plan, end = transfer()
+    schedule = replace(schedule, feet=feet or schedule.feet)
+    state = WalkingState(schedule, waited=waited)
+    return may_lift(state, plan, end + np.array(offset), params, MODEL)
+
+
+def test_lifts_within_the_ellipse():
+    """Oracle: by hand; it is narrower on the outside of the foot."""
+    schedule, _, _ = transfer()
+    out = schedule.support_side.sign
+    assert lifts((0.034, 0.0))
+    assert lifts((-0.034, 0.0))
+    assert not lifts((0.036, 0.0))
+    assert lifts((0.0, -out * 0.0145))
+    assert not lifts((0.0, -out * 0.0155))
+    assert lifts((0.0, out * 0.0115))
+    assert not lifts((0.0, out * 0.0125))
+    assert lifts((0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("angle", "wait"), [(0.0, 0.3), (1.7, 0.1), (3.4, 0.3)]
+)
+def test_waits_only_as_long_as_the_icp_can_return(angle, wait):
+    """Oracle: roll out Eq. 3 with the eCMP as far beyond the ICP as it goes.
+
+    Along the error, that is; the least error for which there is no return
+    within the wait is found by bisection, both ways.
+    """
+    schedule, plan, end = transfer()
+    params, endless = (
+        replace(HASTY, max_wait=wait),
+        replace(HASTY, max_wait=math.inf),
+    )
+    away = np.array([math.cos(angle), math.sin(angle)])
+    support = support_polygon(schedule, SOLE)
+    farthest = end + away * (np.max((support - end) @ away) + 0.03)
+
+    def returns(length):
+        icp = end + length * away
+        for _ in range(round(wait / 1e-3)):
+            icp = icp_after(icp, farthest, OMEGA, 1e-3)
+            if lifts(icp - end, params=endless):  # it is within the ellipse
+                return True
+        return False
+
+    edge = 0.04
+    low, high = edge, 0.5
+    assert lifts(high * away, params=params)
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        hopeless = lifts(middle * away, params=params)
+        low, high = (low, middle) if hopeless else (middle, high)
+    assert not returns(high + 2e-3)
+    if high > edge + 2e-3:
+        assert returns(low - 2e-3)
+
+
+def test_what_is_left_of_the_wait_counts():
+    """Oracle: a wait long enough at first, and not in the end."""
+    assert not lifts((0.05, 0.0), waited=0.0, params=HASTY)
+    assert lifts((0.05, 0.0), waited=HASTY.max_wait, params=HASTY)
+    endless = replace(HASTY, max_wait=math.inf)
+    assert not lifts((0.05, 0.0), waited=1e9, params=endless)
+    assert lifts((1.0, 0.0), waited=0.0, params=endless)
+
+
+@pytest.mark.parametrize("angle", [0.0, 5.1])
+def test_waits_longer_for_an_icp_that_is_held(angle):
+    """Oracle: Eq. 3 by icp_after, the eCMP where the support ends.
+
+    It moves the ICP back by room (e^wt - 1) in the time t.
+    """
+    schedule, _, end = transfer()
+    away = np.array([math.cos(angle), math.sin(angle)])
+    support = support_polygon(schedule, SOLE)
+    reach, t = np.max((support - end) @ away), 0.1
+    length = reach - LIFT_OFF.held_room
+    for more, held in ((-1e-3, True), (1e-3, False)):
+        icp = end + (length + more) * away
+        moved = (icp - icp_after(icp, end + reach * away, OMEGA, t)) @ away
+        least = LIFT_OFF.held_room * math.expm1(OMEGA * t)
+        assert bool(moved > least) is held
+        if np.linalg.norm(icp - end) < 0.04:  # near enough to lift anyway
+            continue
+        offset, most = (length + more) * away, LIFT_OFF.max_held_wait
+        assert lifts(offset, waited=0.9 * most) is not held
+        assert lifts(offset, waited=most)
+
+
+def test_does_not_wait_longer_with_the_feet_far_apart_nor_if_they_cross():
+    """Oracle: by hand, how far the left foot is to the left of the right."""
+    right = transfer()[0].feet.right
+    endless = replace(LIFT_OFF, max_wait=math.inf)
+    for x, y, waits, offset, waited, params in (
+        (0.0, 0.44, True, (0.04, 0.0), 0.5, LIFT_OFF),
+        (0.0, 0.46, False, (0.04, 0.0), 0.5, LIFT_OFF),
+        (0.3, 0.01, True, (0.04, 0.04), 0.0, endless),
+        (0.3, -0.01, False, (0.04, 0.04), 0.0, endless),
+    ):
+        feet = FootPoses(FootPose(right.p_WF + [x, y, 0.0], right.yaw), right)
+        assert lifts(offset, waited, params, feet) is not waits

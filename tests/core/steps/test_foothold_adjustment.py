@@ -1,0 +1,659 @@
+"""Oracles: shapely's distances, the paper's rules by hand, dense search."""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import shapely
+
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.reachability import (
+    BACKWARD,
+    BASE,
+    FORWARD,
+    closest_point,
+)
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.math.polygon import contains, convex_hull, shrink
+from nadia_balance.core.steps.foothold_adjustment import (
+    Landing,
+    adjust_foothold,
+    capture_regions,
+    goals,
+    in_time,
+    propose_adjustment,
+    touchdown_interval,
+    unadjusted,
+)
+from nadia_balance.core.steps.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+    Place,
+    ReachRulesParams,
+    swing_geometry,
+)
+from nadia_balance.core.walking import vocabulary as walking
+from tests.core.body.test_ground import square
+from tests.example_walks import (
+    ALL,
+    MODEL,
+    OMEGA,
+    SOLE,
+    UNCROSSED,
+    mirrored,
+    moved,
+    phases,
+    planned,
+    swing,
+    walk,
+)
+
+TICK = 0.002
+PARAMS = CaptureRegionStepAdjusterParams()
+
+
+def geometry(schedule, params=PARAMS, on=ALL):
+    return swing_geometry(schedule, params, MODEL, on)
+
+
+IN_PLACE = swing(length=0.0)
+NOMINAL = IN_PLACE.footsteps[0].pose
+GEOMETRY = geometry(IN_PLACE)
+PUSHES = [
+    [0.0, 0.0],
+    [0.2, 0.0],
+    [-0.25, 0.1],
+    [0.0, -0.2],
+    [0.2, -0.2],
+    [0.1, 0.1],
+    [0.0, 0.1],
+    [0.0, 0.3],
+    [0.15, 0.2],
+]
+
+
+def state_at(t, schedule=IN_PLACE, adjustment=None):
+    return walking.WalkingState(
+        schedule, time_in_phase=t, elapsed=t, adjustment=adjustment
+    )
+
+
+def landing(state, icp, found=GEOMETRY, params=PARAMS, time_adjustment=0.0):
+    times = touchdown_interval(state, time_adjustment, params)
+    return Landing(found, np.array(icp), times)
+
+
+def propose(state, icp, params=PARAMS, time_adjustment=0.0, on=ALL):
+    found = geometry(state.schedule, params, on)
+    return propose_adjustment(
+        state, landing(state, icp, found, params, time_adjustment), params, TICK
+    )
+
+
+def region_at(t, icp, params=PARAMS, on=ALL):
+    """C_N of IN_PLACE at the time `t` of its swing."""
+    times = IN_PLACE.duration - t
+    found = geometry(IN_PLACE, params, on)
+    one_step = found.one_step_region(
+        np.array(icp), (times, times + params.waiting_time)
+    )
+    return found.capture_region(one_step)
+
+
+@dataclass(frozen=True, eq=False)
+class Given(Landing):
+    """A landing with this capture region."""
+
+    capture_region: np.ndarray = None
+
+
+def adjust(current, region, period=TICK):
+    """The adjustment for a capture region (n, 2)."""
+    case = Given(GEOMETRY, np.zeros(2), (0.3, 0.8), capture_region=region)
+    return adjust_foothold(current, case, PARAMS, period)
+
+
+# Which region: the rules.
+
+RULES = replace(
+    PARAMS,
+    margin=0.0,
+    rules=ReachRulesParams(
+        area_margin=2.0, hysteresis=1.5, distance_hysteresis=0.1
+    ),
+)
+# Towers of unit width on the x axis: a capture region below them of depth 10
+# shares with each tower as much as the tower reaches down.
+ABOVE = convex_hull(rectangle(20.0, 10.0) - [0.0, 5.0])
+NAMES = (BASE, FORWARD, BACKWARD)
+STEP = IN_PLACE.footsteps[0]
+
+
+def tower(x, depth):
+    """A unit-wide region at `x` that shares the area `depth` with ABOVE."""
+    return convex_hull(
+        np.array([[x, -depth], [x + 1, -depth], [x, 5], [x + 1, 5]])
+    )
+
+
+def chosen(places, before=None, margin=0.0, late=None, on_ground=0):
+    """The goals in these places (name, ground, polygon); `late`: 0.7 m off."""
+
+    class Case(Given):
+        def on_arrival(self, region, least, under_way=False):
+            assert least == RULES.least_time_to_land
+            return self.capture_region - [0.0, 0.7 * (region is late)]
+
+    places = tuple(Place(*place) for place in places)
+    case = Case(
+        replace(GEOMETRY, places=places),
+        np.zeros(2),
+        (0.3, 0.8),
+        capture_region=ABOVE,
+    )
+    current = unadjusted(IN_PLACE)
+    if before is not None:
+        far = walking.FootPose([9.0, 9.0, 0.0])
+        current = walking.Adjustment(STEP, far, before, ground=on_ground)
+    return goals(case, current, replace(RULES, margin=margin))
+
+
+def towers(base, forward, backward):
+    """Three regions that share so much with ABOVE; less than 0 is apart."""
+    depths = zip(
+        NAMES, (0.0, 2.0, -2.0), (base, forward, backward), strict=True
+    )
+    return [(name, 0, tower(x, depth)) for name, x, depth in depths]
+
+
+@pytest.mark.parametrize(
+    ("shared", "expected"),
+    [
+        # Rule 1: base, if it shares anything ...
+        ((1.0, 0.0, 0.0), BASE),
+        ((1.0, 1.9, 1.9), BASE),
+        ((0.1, -1.0, -1.0), BASE),
+        # ... but not if a cross-over region shares more than twice that.
+        ((1.0, 2.1, 0.5), FORWARD),
+        ((1.0, 0.5, 2.1), BACKWARD),
+        # Rule 2: the cross-over region that shares more.
+        ((-1.0, 0.5, 0.4), FORWARD),
+        ((-0.01, 0.4, 0.5), BACKWARD),
+        # Rule 3: the closest.
+        ((-1.0, -2.0, -3.0), BASE),
+        ((-2.0, -1.0, -3.0), FORWARD),
+        ((-3.0, -2.0, -1.0), BACKWARD),
+    ],
+)
+def test_the_three_rules(shared, expected):
+    """Oracle: the truth table of Fig. 9, with the area margin of 2."""
+    (goal,) = chosen(towers(*shared))
+    assert goal.place.reach == expected
+
+
+@pytest.mark.parametrize("before", NAMES)
+@pytest.mark.parametrize(
+    ("shared", "expected"),
+    [
+        # Preferences of base : forward, doubled for base, are 1 : 1.4.
+        ((0.5, 1.4, 0.0), {BASE: BASE, FORWARD: FORWARD, BACKWARD: FORWARD}),
+        # 1.4 : 1.
+        ((0.7, 1.0, 0.0), {BASE: BASE, FORWARD: FORWARD, BACKWARD: BASE}),
+        # 1 : 1.6, which is more than the hysteresis of 1.5.
+        ((0.5, 1.6, 0.0), dict.fromkeys(NAMES, FORWARD)),
+        ((0.8, 1.0, 0.0), dict.fromkeys(NAMES, BASE)),
+        # Apart by 1 and 1.05 m, and by 1 and 1.15 m.
+        ((-1.0, -1.05, -3.0), {BASE: BASE, FORWARD: FORWARD, BACKWARD: BASE}),
+        ((-1.0, -1.15, -3.0), dict.fromkeys(NAMES, BASE)),
+    ],
+)
+def test_the_last_region_is_kept_unless_another_is_clearly_better(
+    before, shared, expected
+):
+    """Oracle: by hand, hysteresis 1.5 and 0.1 m."""
+    (goal,) = chosen(towers(*shared), before)
+    assert goal.place.reach == expected[before]
+
+
+def test_the_region_reached_too_late_is_farther_and_its_goal_where_it_was():
+    """Oracle: by hand: forward is nearer by 0.5 m, and 0.7 m have passed."""
+    places = towers(-1.0, -0.5, -3.0)
+    (goal,) = chosen(places)
+    assert goal.place.reach == FORWARD
+    (goal,) = chosen(places, late=places[1][-1])
+    assert goal.place.reach == BASE
+    corner = convex_hull(np.array([[0.0, 1.0], [1.0, 2.0], [0.0, 2.0]]))
+    (goal,) = chosen([(BASE, 0, corner)], late=corner, margin=0.1)
+    np.testing.assert_allclose(goal.part, [[0.0, 1.0]], atol=1e-15)
+
+
+def test_the_goal_is_as_deep_inside_as_asked_or_nearly_the_deepest():
+    """Oracle: by hand: the tower's part at least 0.3 m below the edge; only
+    0.2 m are there, less 0.3 / 16.
+    """
+    (goal,) = chosen(towers(1.0, 0, 0), margin=0.3)
+    np.testing.assert_allclose(
+        convex_hull(goal.part),
+        [[0, -1], [1, -1], [1, -0.3], [0, -0.3]],
+        atol=1e-12,
+    )
+    (goal,) = chosen(towers(0.2, -1, -1), margin=0.3)
+    assert len(goal.part) > 2 and np.all(goal.part[:, 1] <= -0.2 + 0.3 / 16)
+    assert np.min(goal.part[:, 1]) == pytest.approx(-0.2)
+
+
+def test_all_ground_of_a_reach_counts_and_is_left_to_choose_from():
+    """Oracle: by hand: base has two parts of 0.4, and forward 1.5 (x 2)."""
+    stones = [(BASE, k, tower(2.0 * k, 0.4)) for k in range(2)]
+    found = chosen([*stones, (FORWARD, 2, tower(9.0, 1.5))])
+    assert [goal.place.ground for goal in found] == [0, 1]
+    found = chosen([*stones, (FORWARD, 2, tower(9.0, 1.7))])
+    assert [goal.place.ground for goal in found] == [2]
+    assert chosen([]) == []
+
+
+def test_half_the_margin_suffices_on_the_ground_of_before():
+    """Oracle: by hand: 0.16 m and 0.14 m of 0.3 m, on stones 0 and 1."""
+    for depth, kept in (0.16, [1, 0]), (0.14, [1]):
+        stones = [(BASE, 0, tower(0.0, depth)), (BASE, 1, tower(2.0, 0.4))]
+        found = chosen(stones, margin=0.3)
+        assert [goal.place.ground for goal in found] == [1]
+        found = chosen(stones, BASE, margin=0.3, on_ground=0)
+        assert [goal.place.ground for goal in found] == kept
+
+
+# Where to.
+
+
+@pytest.mark.parametrize("push", PUSHES[1::2])
+def test_the_foot_goes_to_the_closest_good_foothold(push):
+    """Oracle: shapely: the region, cut with the reach; else the least gap."""
+    params = CaptureRegionStepAdjusterParams(margin=0.0, dead_band=0.0)
+    icp = np.array([0.0, 0.07]) + push
+    proposal = propose(state_at(0.35), icp, params, on=UNCROSSED)
+    found = shapely.Point(proposal.pose.p_WF[:2])
+    region = shapely.Polygon(region_at(0.35, icp, params, UNCROSSED))
+    reach = shapely.Polygon(GEOMETRY.regions[BASE])
+    assert reach.distance(found) < 1e-9
+    goal = region.intersection(reach)
+    if goal.is_empty:
+        expected = region.distance(reach)
+        assert region.distance(found) == pytest.approx(expected, abs=1e-9)
+        return
+    assert goal.distance(found) < 1e-7
+    nominal = shapely.Point(NOMINAL.p_WF[:2])
+    expected = goal.distance(nominal)
+    assert found.distance(nominal) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, -0.5])
+def test_the_foot_is_never_put_on_the_other_one(yaw):
+    """Oracle: shapely: the soles' distance; the point is within reach."""
+    schedule = swing(length=0.0, turn=yaw)
+    found = geometry(schedule)
+    stance = shapely.Polygon(schedule.feet.left.to_world(SOLE))
+    for push, t, scale in itertools.product(
+        PUSHES, (0.1, 0.5, 0.6), (0.5, 1.0, 2.0)
+    ):
+        icp = np.array([0.0, 0.07]) + scale * np.array(push)
+        adjustment = propose(state_at(t, schedule), icp)
+        sole = shapely.Polygon(adjustment.pose.to_world(SOLE))
+        assert sole.distance(stance) > PARAMS.sole_clearance * 0.999
+        reach = found.regions[adjustment.region]
+        p = adjustment.pose.p_WF[:2]
+        assert contains(p, reach, 1e-9) or not adjustment.moved
+
+
+def test_the_mirror_and_a_turned_world_change_nothing():
+    """Oracle: symmetry.
+
+    By rule 3, short edges of the region, which are those of the reach times
+    E^2, may be parallel to the reach: then the point is open by their length.
+    """
+    angle, shift = 2.5, np.array([10.0, -20.0])
+    c, s = math.cos(angle), math.sin(angle)
+    R, flip = np.array([[c, -s], [s, c]]), np.array([1.0, -1.0])
+    schedule = swing(length=0.1, turn=0.2)
+    elsewhere = moved(schedule, angle, shift)
+    for push in PUSHES:
+        icp = np.array([0.05, 0.07]) + push
+        here = propose(state_at(0.3, schedule), icp)
+        there = propose(state_at(0.3, mirrored(schedule)), icp * flip)
+        moved_on = propose(state_at(0.3, elsewhere), R @ icp + shift)
+        assert here.region == there.region == moved_on.region
+        assert there.pose.yaw == -here.pose.yaw
+        p = here.pose.p_WF[:2]
+        np.testing.assert_allclose(there.pose.p_WF[:2], p * flip, atol=1e-9)
+        now = landing(state_at(0.3, schedule), icp, geometry(schedule))
+        lost = not contains(p, now.capture_region)
+        np.testing.assert_allclose(
+            moved_on.pose.p_WF[:2],
+            R @ p + shift,
+            atol=1e-3 if lost else 1e-9,
+            rtol=0.0,
+        )
+
+
+def test_a_nominal_foothold_out_of_reach_is_brought_within():
+    """Oracle: the reach, though the capture region covers the foothold."""
+    # Legs that are crossed already.
+    step = replace(STEP, pose=walking.FootPose([0.0, 0.05, 0.0]))
+    schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
+    found = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
+    assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))
+    assert found.pose.p_WF[1] == pytest.approx(0.0, abs=1e-12)
+
+
+# When.
+
+
+OUT = [0.2, 0.0]  # an ICP that needs a step forward
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "t", "gain", "moves"),
+    [
+        (0.008, 0.008, 0.0, False),  # the first four ticks
+        (0.010, 0.010, 0.0, True),
+        (0.600, 0.640, 0.0, True),
+        (0.600, 0.651, 0.0, False),  # less than 0.05 s is left
+        (0.400, 0.640, 0.0091, True),
+        (0.400, 0.640, 0.0111, False),  # ... or will be, after this tick
+        (0.600, 0.660, -0.0111, True),  # more is left if the clock is held
+        (0.600, 0.660, -0.0091, False),
+        (0.700, 0.700, 0.0, False),  # late
+    ],
+)
+def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
+    """Oracle: by hand, 0.7 s of swing; with and without an adjustment."""
+    state = replace(state_at(t), elapsed=elapsed)
+    assert propose(state, OUT, PARAMS, gain).moved == moves
+    pose = walking.FootPose([0.03, -0.125, 0.0])
+    before = walking.Adjustment(STEP, pose, FORWARD, 3)
+    after = propose(replace(state, adjustment=before), OUT, PARAMS, gain)
+    assert (after is before) == (not moves)
+
+
+def shifted_region(x):
+    """A region whose edge, less the margin, is at `x`."""
+    edge = x - PARAMS.margin
+    return convex_hull(rectangle(2.0, 2.0) + [1.0 + edge, -0.125])
+
+
+def test_within_the_dead_band_nothing_moves():
+    """Oracle: by hand: a target just less, and just more, than 1 cm off."""
+    for off, moves in (0.0098, False), (0.0102, True):
+        region = shifted_region(off)
+        current = unadjusted(IN_PLACE)
+        found = adjust(current, region)
+        assert found.moved == moves
+        if moves:
+            assert found.pose.p_WF[0] == pytest.approx(off)
+        again = adjust(found, region)
+        assert again.pose == found.pose
+
+
+@pytest.mark.parametrize(("period", "count"), [(0.002, 25), (0.05, 1)])
+def test_the_foot_returns_when_it_could_for_50_ms(period, count):
+    """Oracle: the count of the ticks, from the start after a gap."""
+    away, covered = shifted_region(0.1), shifted_region(-0.01)
+    out = adjust(unadjusted(IN_PLACE), away, period)
+    for ticks in (count - 1, count):
+        current = adjust(out, away, period)
+        assert (current.pose, current.covered_ticks) == (out.pose, 0)
+        for _ in range(ticks):
+            assert (current.pose, current.region) == (out.pose, out.region)
+            current = adjust(current, covered, period)
+    assert current == unadjusted(IN_PLACE)
+
+
+def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
+    """Oracle: a region that covers the nominal foothold, not the present."""
+    pose = walking.FootPose([0.5, -0.125, 0.0])
+    current = walking.Adjustment(STEP, pose, FORWARD)
+    region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
+    found = adjust(current, region)
+    assert found.pose == NOMINAL
+
+
+def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
+    """Oracle: by hand: 2 sqrt(way / acceleration) + settling, a straight way;
+    so long as the latest landing is no longer waited for than now.
+    """
+    now, foot, icp = (0.4, 0.9), np.array([0.0, -0.125]), np.array([0.0, 0.4])
+    case = Landing(GEOMETRY, icp, now, foot)
+    ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
+    corner, _ = closest_point(ahead, case.capture_region)
+    detour = GEOMETRY.detour
+    t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
+    t += detour.settling
+    for least, under_way, first in (
+        (0.08, False, t),
+        (0.08, True, math.sqrt(0.5) * t),
+        (0.3, True, 0.3),
+    ):
+        one_step = GEOMETRY.one_step_region(icp, (first, first + 0.5))
+        np.testing.assert_allclose(
+            case.on_arrival(ahead, least, under_way),
+            GEOMETRY.capture_region(one_step),
+            atol=1e-12,
+        )
+    unhurried = Landing(GEOMETRY, icp, now)
+    assert unhurried.on_arrival(ahead, 0.08) is unhurried.capture_region
+
+
+# In time.
+
+FOOT = np.array([0.0, -0.2])
+LAST = walking.Adjustment(STEP, walking.FootPose([0.1, -0.25, 0.0]), BASE)
+WANTED = walking.Adjustment(STEP, walking.FootPose([0.6, -0.4, 0.0]), BASE)
+
+
+def late_landing(foot=FOOT):
+    return Landing(GEOMETRY, np.array(OUT), (0.1, 0.6), foot)
+
+
+@pytest.mark.parametrize("time", [0.12, 0.15, 0.18])
+def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
+    """Oracle: by hand: straight, accelerating for one half and braking for the
+    other, a foot under way goes a / 4 (t / sqrt(0.5) - settling)^2.
+    """
+    detour = GEOMETRY.detour
+    reach = math.sqrt(2.0) * time - detour.settling
+    reach = 0.25 * detour.max_acceleration * reach**2
+    last, goal = LAST.pose.p_WF[:2], WANTED.pose.p_WF[:2]
+    circle = shapely.Point(FOOT).buffer(reach, quad_segs=256)
+    way = shapely.LineString([last, goal])
+    share = circle.intersection(way).length / way.length
+
+    found = in_time(LAST, WANTED, late_landing(), time)
+    x, y = (found.pose.p_WF[:2] - last) / (goal - last)
+    assert x == pytest.approx(y)
+    assert 0.1 < share - 1.0 / 32.0 - 1e-4 <= x <= share + 1e-4 < 0.9
+    assert found.pose.yaw == WANTED.pose.yaw
+
+
+def test_a_foothold_in_time_is_taken_as_it_is_and_one_too_late_not_at_all():
+    """Oracle: the very objects; the nominal foothold, and a foot that no
+    mechanism hurries, are left alone.
+    """
+    found = late_landing()
+    assert in_time(LAST, WANTED, found, 0.5) is WANTED
+    assert in_time(LAST, WANTED, found, 0.02).pose == LAST.pose
+    back = unadjusted(IN_PLACE)
+    assert in_time(LAST, back, found, 0.0) is back
+    assert in_time(LAST, WANTED, late_landing(None), 0.0) is WANTED
+
+
+def test_the_time_that_the_clock_has_gained_counts():
+    """Oracle: 0.15 s of the clock; 0.05 s, and 0.1 s that it can give back."""
+    for left, gained in ((0.15, 0.0), (0.05, 0.1)):
+        t = IN_PLACE.duration - left
+        state = walking.WalkingState(
+            IN_PLACE, time_in_phase=t, elapsed=t - gained, adjustment=LAST
+        )
+        case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
+        wanted = adjust_foothold(LAST, case, PARAMS, TICK)
+        found = propose_adjustment(state, case, PARAMS, TICK)
+        expected = in_time(LAST, wanted, case, 0.15)
+        assert found.pose.p_WF[:2] == pytest.approx(expected.pose.p_WF[:2])
+        assert found.pose.p_WF[0] < wanted.pose.p_WF[0]
+
+
+# On stones.
+
+STONES = (
+    square("middle", 0.0, -0.2),
+    square("ahead", 0.7, -0.2),
+    square("out", 0.3, -0.7),
+)
+TOUCHDOWN = (0.2, 0.3)
+ONE = replace(PARAMS, num_steps=1, dead_band=0.0)
+
+
+def on_stones(to, stones=STONES):
+    """A swing of the right foot, planned to (0, -0.125).
+
+    The ICP is at `to` in 0.25 s, the CoP in the stance foot.
+    """
+    stance = np.array([0.0, 0.125])
+    icp = stance + math.exp(-OMEGA * 0.25) * (np.array(to) - stance)
+    model = replace(MODEL, ground=Ground(stones, SOLE))
+    found = swing_geometry(IN_PLACE, ONE, model, UNCROSSED)
+    return Landing(found, icp, TOUCHDOWN), model.ground
+
+
+def step(to, last=None, stones=STONES):
+    """The name of the stone stepped to, and the adjustment."""
+    case, ground = on_stones(to, stones)
+    last = last or unadjusted(IN_PLACE)
+    found = adjust_foothold(last, case, ONE, TICK)
+    return ground.region_under(found.pose).name, found
+
+
+@pytest.mark.parametrize("to", [[0.2, -0.3], [0.6, -0.25], [0.3, -0.55]])
+def test_steps_to_the_nearest_foothold_deep_enough_in_the_region(to):
+    """Oracle: shapely: in C_1 by the margin, in reach, the sole on a stone."""
+    case, ground = on_stones(to)
+    _, found = step(to)
+    good = shapely.Polygon(shrink(case.one_step, ONE.margin))
+    good = good.intersection(shapely.Polygon(case.geometry.regions[BASE]))
+    holds = [shapely.Polygon(hold) for hold in ground.footholds(0.0)]
+    good = good.intersection(shapely.union_all(holds))
+    p, nominal = (shapely.Point(f.p_WF[:2]) for f in (found.pose, NOMINAL))
+    assert good.distance(p) < 1e-9
+    assert p.distance(nominal) == pytest.approx(good.distance(nominal))
+    assert holds[found.ground].distance(p) < 1e-9
+
+
+def test_a_foot_that_is_late_moves_on_along_a_stone_or_stays():
+    """Oracle: the sole's corners, and the times of the ways by hand."""
+    moved, current = 0, unadjusted(IN_PLACE)
+    for to in ([0.6, -0.25], [0.15, -0.3], [0.3, -0.6]):
+        case, ground = on_stones(to)
+        case = replace(case, foot=np.array([0.0, -0.125]))
+        wanted = adjust_foothold(current, case, ONE, TICK)
+        for time in np.arange(0.0, 0.3, 0.01):
+            found = in_time(current, wanted, case, float(time)).pose
+            assert ground.region_under(found) is not None
+            way = math.hypot(*(found.p_WF[:2] - case.foot))
+            least = 2.0 * math.sqrt(way / MODEL.detour.max_acceleration)
+            least += MODEL.detour.settling
+            stays = found == current.pose
+            assert stays or math.sqrt(0.5) * least <= time + 1e-9
+            moved += not stays and found != wanted.pose
+    assert moved
+
+
+@pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
+def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
+    """Oracle: by hand: two stones meet in front of the nominal foothold.
+
+    The right one is nearer by twice the shift; the hysteresis is 3 cm.
+    """
+    stones = (
+        square("left", -0.25 - shift, -0.2),
+        square("right", 0.25 - shift, -0.2),
+    )
+    case, ground = on_stones([0.0, -0.2], stones)
+    everywhere = convex_hull(rectangle(2.0, 2.0))
+    case = Given(case.geometry, case.icp, TOUCHDOWN, capture_region=everywhere)
+    for last, expected in (None, "right"), (0, kept), (1, "right"):
+        current = unadjusted(IN_PLACE)
+        if last is not None:
+            pose = walking.FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
+            current = walking.Adjustment(STEP, pose, BASE, ground=last)
+        found = adjust_foothold(current, case, ONE, TICK)
+        assert ground.region_under(found.pose).name == expected
+
+
+def test_without_a_stone_in_reach_the_foot_goes_on():
+    """Oracle: the very same adjustment."""
+    case, _ = on_stones([0.5, 0.0], (square("far", 5.0),))
+    current = unadjusted(IN_PLACE)
+    assert adjust_foothold(current, case, ONE, TICK) is current
+
+
+# Noise.
+
+GAITS = [
+    {"length": 0.5},
+    {"length": -0.2},
+    {"length": 0.0, "sideways": 0.1},
+    {"length": 0.0, "turn": 0.26, "transfer": 0.2, "swing": 0.6},
+]
+
+
+@pytest.mark.parametrize("gait", GAITS)
+def test_a_walk_as_planned_is_left_alone(gait):
+    """Oracle: the plan's ICP, 5 mm off to any side, and with noise.
+
+    The noise of the ICP is that of a CoM velocity of 1 mm/s.
+    """
+    rng = np.random.default_rng(6)
+
+    swings = 0
+    for schedule, plan in phases(walk(**gait), planned):
+        if schedule.phase is not walking.Phase.SWING:
+            continue
+        swings += 1
+        found = geometry(schedule)
+        for angle in np.arange(4) * 0.5 * math.pi:
+            off = 0.005 * np.array([math.cos(angle), math.sin(angle)])
+            adjustment = None
+            for t in np.arange(0.0, schedule.duration, 5 * TICK):
+                noise = rng.normal(0.0, 1e-3 / OMEGA, 2)
+                icp = plan.at(float(t)).icp + off + noise
+                state = state_at(float(t), schedule, adjustment)
+                adjustment = propose_adjustment(
+                    state, landing(state, icp, found), PARAMS, TICK
+                )
+                assert not adjustment.moved
+                assert adjustment.region == BASE
+    assert swings == 3
+
+
+# To draw.
+
+
+def test_what_is_drawn_is_what_was_decided():
+    """Oracle: the nested regions, the chosen reach, the two footholds.
+
+    A region that is gone with cross-over is drawn as the base region.
+    """
+    adjustment = propose(state_at(0.3), OUT)
+    case = landing(state_at(0.3), OUT)
+    drawn = capture_regions(case, adjustment)
+    assert len(drawn.regions) == 3
+    np.testing.assert_array_equal(drawn.regions[-1], case.capture_region)
+    for inner, outer in itertools.pairwise(drawn.regions):
+        assert all(contains(vertex, outer, 1e-12) for vertex in inner)
+    assert drawn.reach is GEOMETRY.regions[adjustment.region]
+    assert (drawn.nominal, drawn.adjusted) == (NOMINAL, adjustment.pose)
+    for polygon in (*drawn.regions, drawn.reach):
+        assert not polygon.flags.writeable
+    base_only = replace(GEOMETRY, regions={BASE: GEOMETRY.regions[BASE]})
+    gone = replace(adjustment, region=FORWARD)
+    drawn = capture_regions(landing(state_at(0.3), OUT, base_only), gone)
+    assert drawn.reach is GEOMETRY.regions[BASE]

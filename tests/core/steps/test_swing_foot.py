@@ -1,0 +1,363 @@
+"""Oracles: boundary values, the integral of the jerk, the soles' distance."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapely.geometry import Point, Polygon
+
+from nadia_balance.core.body.reachability import (
+    BACKWARD,
+    FORWARD,
+    cross_over_region,
+)
+from nadia_balance.core.body.swing_detour import SwingDetourParams
+from nadia_balance.core.steps.swing_foot import (
+    FootMotion,
+    SwingFootParams,
+    end_beyond,
+    quintic,
+    swing_foot_motion,
+    velocity_now,
+)
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
+)
+from tests.example_walks import IDEAL_DETOUR, MODEL, standing
+
+HORIZON = 0.6
+TIMES = np.array([HORIZON])
+# From and to anywhere, at any rate, and a point far from the straight way.
+BEGIN = np.array([[0.0, 0.25], [0.3, -0.2], [2.0, 1.0]])
+FINISH = np.array([[0.35, -0.1], [0.1, 0.0], [0.0, -1.0]])
+VIA, AT = np.array([0.28, 0.15]), 0.34
+
+
+def jerk(start, end, duration):
+    """Integral of the squared jerk, all axes.
+
+    Exact but for rounding: the acceleration is a cubic, so that a difference
+    of four points is its derivative, and three Gauss points integrate the
+    square of that.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    t = 0.5 * duration * (1.0 + nodes)
+    d = 0.04 * duration
+
+    def acceleration(t):
+        return quintic(start, end, np.array([duration]), t[:, None])[2]
+
+    far = acceleration(t + 2.0 * d) - acceleration(t - 2.0 * d)
+    near = acceleration(t + d) - acceleration(t - d)
+    squared = np.sum(((8.0 * near - far) / (12.0 * d)) ** 2, axis=1)
+    return 0.5 * duration * weights @ squared
+
+
+def jerk_through(rates):
+    """The cost of passing VIA at AT with the `rates` v, a, shape (2, 2)."""
+    middle = np.vstack([VIA, rates])
+    return jerk(BEGIN, middle, AT) + jerk(middle, FINISH, HORIZON - AT)
+
+
+def test_meets_both_ends():
+    """Oracle: the boundary values."""
+    rng = np.random.default_rng(0)
+    start, end = rng.normal(size=(2, 3, 4))
+    horizon = np.array([0.3, 0.5, 0.7, 0.9])
+    for column, h in enumerate(horizon):
+        arrived = quintic(start, end, horizon, h)[:, column]
+        assert arrived == pytest.approx(end[:, column], abs=1e-9)
+    begun = quintic(start, end, horizon, 0.0)
+    assert begun == pytest.approx(start, abs=1e-12)
+
+
+def test_rates_are_its_derivatives():
+    """Oracle: central differences."""
+    rng = np.random.default_rng(1)
+    start, end = rng.normal(size=(2, 3, 4))
+    horizon, step = np.full(4, 0.8), 1e-5
+    before, here, after = (
+        quintic(start, end, horizon, 0.3 + d) for d in (-step, 0.0, step)
+    )
+    rates = (after[:2] - before[:2]) / (2 * step)
+    assert rates == pytest.approx(here[1:], abs=1e-6)
+
+
+def test_passes_the_point_with_the_least_jerk():
+    """Oracle: the cost does not change with the rates there, to first order.
+
+    It is quadratic in the rates, so that central differences are exact; the
+    changes are compared with those that a unit off the optimum would make.
+    """
+    aimed = end_beyond(BEGIN, FINISH, HORIZON, VIA, AT)
+    passing = quintic(BEGIN, aimed, TIMES, AT)
+    assert passing[0] == pytest.approx(VIA, abs=1e-12)
+    best = jerk_through(passing[1:])
+    for k in range(4):
+        unit = np.zeros(4)
+        unit[k] = 1.0
+        unit = unit.reshape(2, 2)
+        up, down = (jerk_through(passing[1:] + s * unit) for s in (1, -1))
+        curvature = up + down - 2.0 * best
+        assert curvature > 0.0
+        assert up - down == pytest.approx(0.0, abs=1e-9 * curvature)
+
+
+PERIOD = 0.002
+PARAMS = SwingFootParams()
+DETOUR = IDEAL_DETOUR
+NOMINAL = (0.0, -0.25)  # beside the stance foot
+
+
+def swing_state(
+    t,
+    goal=(0.4, -0.15, 0.0),
+    yaw=0.2,
+    duration=0.7,
+    start=(-0.3, -0.12),
+    stance=(0.0, 0.12),
+    gained=0.0,
+):
+    """The right foot swings from `start` to `goal`."""
+    feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
+    step = Footstep(Side.RIGHT, FootPose(goal, yaw), 0.3, duration)
+    schedule = replace(
+        standing(feet), phase=Phase.SWING, duration=duration, footsteps=(step,)
+    )
+    return WalkingState(schedule, t, t - gained, waiting=t >= duration)
+
+
+def crossing(t, goal, start=NOMINAL, **kwargs):
+    """The right foot swings past the left one, which stands in the origin."""
+    return swing_state(
+        t, (*goal, 0.0), yaw=0.0, start=start, stance=(0.0, 0.0), **kwargs
+    )
+
+
+def follow(states, params=PARAMS, detour=DETOUR):
+    """All references along `states`, shape (n, 3, 4)."""
+    motion = FootMotion.at_rest(states[0].schedule.feet[Side.RIGHT])
+    model, path = replace(MODEL, detour=detour), []
+    for state in states:
+        motion, _ = swing_foot_motion(motion, state, PERIOD, params, model)
+        path.append(motion.pva)
+    return np.array(path)
+
+
+def times(duration=0.7):
+    """The walking clock of one swing."""
+    return np.minimum(np.arange(0.0, duration + PERIOD / 2, PERIOD), duration)
+
+
+def test_continuing_each_tick_is_one_quintic():
+    """Oracle: one quintic over the whole swing (Bellman's principle)."""
+    path = follow([swing_state(t) for t in times()])
+    start = FootMotion.at_rest(swing_state(0.0).schedule.feet[Side.RIGHT]).pva
+    end = np.zeros((3, 4))
+    end[0] = [0.4, -0.15, 0.0, 0.2]
+    for t in (0.1, 0.35, 0.6):
+        whole = quintic(start, end, np.full(4, 0.7), t)
+        k = round(t / PERIOD)
+        xy_yaw = [0, 1, 3]
+        assert path[k][:, xy_yaw] == pytest.approx(whole[:, xy_yaw], abs=1e-6)
+
+
+def test_what_is_asked_ahead_is_what_comes():
+    """Oracle: the motion itself, so much later; at the end, the end."""
+    path = follow([swing_state(t) for t in times()])
+    ticks, goal = 5, np.array([0.4, -0.15, 0.0, 0.2])
+    for k in (50, 200, len(path) - 2):
+        motion, ahead = swing_foot_motion(
+            FootMotion(path[k - 1]),
+            swing_state(times()[k]),
+            PERIOD,
+            PARAMS,
+            replace(MODEL, detour=DETOUR),
+            ticks * PERIOD,
+        )
+        assert motion.pva == pytest.approx(path[k], abs=1e-12)
+        expected = path[min(k + ticks, len(path) - 1)]
+        assert ahead.pva[0] == pytest.approx(expected[0], abs=1e-4)
+    assert ahead.pva[0] == pytest.approx(goal, abs=1e-3)
+
+
+def test_a_foot_that_sinks_fast_lands_softly():
+    """Oracle: the constant deceleration that its speed and height need."""
+    height, speed, slow = 0.03, 1.0, PARAMS.touchdown_velocity
+    deceleration = (speed**2 - slow**2) / (2.0 * height)
+    detour = SwingDetourParams(max_braking=0.9 * deceleration)
+    pva = np.zeros((3, 4))
+    pva[0], pva[1, 2] = (0.4, -0.15, height, 0.2), -speed
+    motion, path = FootMotion(pva), []
+    model, late = replace(MODEL, detour=detour), swing_state(0.7)
+    while motion.pva[0, 2] > 0.0:
+        motion, _ = swing_foot_motion(motion, late, PERIOD, PARAMS, model)
+        path.append(motion.pva[:, 2])
+    path = np.array(path)
+    assert len(path) * PERIOD == pytest.approx(
+        2.0 * height / (speed + slow), rel=0.3
+    )
+    assert np.max(path[:, 2]) < 2.5 * deceleration
+    assert -path[-1, 1] == pytest.approx(slow, abs=0.1)
+
+
+@pytest.mark.parametrize("y", [-0.01, 0.01])
+def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
+    """Oracle: the parameter; the left foot stands in the origin."""
+    states = [crossing(t, NOMINAL, start=(-0.34, y)) for t in times()]
+    height = PARAMS.uncrossing_height if y > 0.0 else PARAMS.height
+    z = follow(states)[:, 0, 2]
+    assert z.max() == pytest.approx(height, abs=2e-3)
+
+
+def test_a_late_foot_goes_on_downward():
+    """Oracle: constant velocity, reached without a jump."""
+    states = [swing_state(t) for t in times()] + [swing_state(0.7)] * 100
+    _, v, a = follow(states)[:, :, 2].T
+    assert v[-20:] == pytest.approx(-PARAMS.touchdown_velocity, abs=1e-3)
+    assert np.abs(np.diff(v)).max() < 1.5 * PERIOD * np.abs(a).max()
+
+
+@pytest.mark.parametrize("lost", [0.1, 0.28])
+@pytest.mark.parametrize("at", [0.02, 0.1, 0.3])
+def test_a_hurried_foot_goes_neither_too_high_nor_below_the_ground(at, lost):
+    """Oracle: the parameter; three times the peak of the shortest swing.
+
+    A swing of 0.35 s goes up or down by the height in half of it.
+    """
+    states = [swing_state(t) for t in times() if t <= at]
+    states += [swing_state(t, gained=lost) for t in times() if t > at + lost]
+    path = follow(states)
+    z, acceleration = path[:, 0, 2], path[:, 2, 2]
+    assert -1e-4 < z.min() <= z.max() < PARAMS.height + 1e-3
+    peak = 5.77 * PARAMS.height / (0.5 * 0.35) ** 2
+    assert np.abs(acceleration).max() < 3.0 * peak
+
+
+def gap(points):
+    """Between soles without yaw, the other one in the origin, (n,) [m]."""
+    apart = np.abs(points) - [0.25, 0.12]
+    return np.hypot(*np.maximum(apart, 0.0).T)
+
+
+def footholds_across(region, spacing=0.2):
+    """Footholds (n, 2) of a cross-over region off the stance foot.
+
+    For the right foot, which comes from y < 0, beside a sole in the origin.
+    """
+    vertices = cross_over_region(MODEL.reach, region)
+    grid = np.arange(-1.0, 1.0, spacing)
+    points = np.array([[x, y] for x in grid for y in grid])
+    inside = [Polygon(vertices).covers(Point(p)) for p in points]
+    points = points[inside] * [1.0, -1.0]
+    return points[
+        (gap(points) > 0.005) & (np.linalg.norm(points, axis=1) < 0.7)
+    ]
+
+
+# What is kept free, less what the way cuts off the corners.
+FREE = min(DETOUR.ahead - 0.25, DETOUR.beside - 0.12) - 2e-3
+
+
+@pytest.mark.parametrize(
+    ("region", "back", "duration"),
+    [(FORWARD, False, 0.4), (BACKWARD, False, 0.7), (FORWARD, True, 0.7)],
+)
+def test_crossing_feet_stay_clear_of_each_other(region, back, duration):
+    """Oracle: the distance of two rectangles, to each foothold and back."""
+    holds = footholds_across(region)
+    assert len(holds) > 3
+    for hold in holds:
+        start, goal = (hold, NOMINAL) if back else (NOMINAL, hold)
+        path = follow(
+            [
+                crossing(t, goal, start, duration=duration)
+                for t in times(duration)
+            ]
+        )
+        least = min(gap(hold[None])[0], FREE)
+        assert gap(path[:, 0, :2]).min() >= least - 1e-4
+        assert path[-2, 0, :2] == pytest.approx(goal, abs=1e-3)
+
+
+def retargeted(rng):
+    """A swing that is sent across in its middle, perhaps with less time."""
+    duration = rng.uniform(0.5, 0.8)
+    t = rng.uniform(0.05, duration - 0.35)
+    gained = rng.choice([0.0, rng.uniform(0.0, duration - 0.35 - t)])
+    forward = rng.random() < 0.5
+    goal = (0.33, rng.uniform(-0.1, 0.1)) if forward else (-0.4, -0.1)
+    before = rng.uniform([-0.3, -0.35], [0.3, -0.2])
+    clock = times(duration)
+    return [crossing(s, before, duration=duration) for s in clock if s <= t] + [
+        crossing(s, goal, duration=duration, gained=gained)
+        for s in clock
+        if s > t + gained
+    ]
+
+
+def test_a_foot_sent_across_in_mid_swing_neither_jumps_nor_hits():
+    """Oracle: the trapezoidal rule; the distance of two rectangles.
+
+    Every tick follows one quintic, for which the rule, with the correction of
+    Euler and Maclaurin, is exact up to (fifth derivative) T^5 / 720.
+    """
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        path = follow(retargeted(rng))[:-1]  # in the last tick it is there
+        p, v, a = path[:, 0], path[:, 1], path[:, 2]
+        mean = 0.5 * (v[1:] + v[:-1]) - PERIOD / 12.0 * np.diff(a, axis=0)
+        # A jump of p by 10 nm or of v by 10 um/s would be seen.
+        np.testing.assert_allclose(np.diff(p, axis=0), mean * PERIOD, atol=1e-8)
+        assert np.abs(a).max() < 150.0
+        assert gap(p[:, :2]).min() > FREE
+
+
+def test_turns_the_short_way_round():
+    """Oracle: yaw 2 pi + 0.2 is the same direction as 0.2."""
+    near = follow([swing_state(t, yaw=0.2) for t in times()])
+    far = follow([swing_state(t, yaw=0.2 + 2 * math.pi) for t in times()])
+    assert far == pytest.approx(near, abs=1e-9)
+
+
+def test_a_foot_that_is_sent_away_too_late_comes_later():
+    """Oracle: the time that full thrust takes; the last centimetre is slow.
+
+    Half a metre with 0.1 s left: it does not land on the way, and the clock
+    does not hurry it.
+    """
+    goal = (-0.1, -0.4, 0.0)
+    clock = np.minimum(np.arange(0.0, 1.0, PERIOD), 0.7)
+    path = follow(
+        [swing_state(t, goal) if t >= 0.6 else swing_state(t) for t in clock]
+    )
+    late = path[clock >= 0.7]
+    there = np.hypot(*(late[:, 0, :2] - goal[:2]).T) < 0.01
+    arrival = np.flatnonzero(there)[0]
+    way = math.dist(goal[:2], (0.4, -0.15))
+    least = 2.0 * math.sqrt(way / DETOUR.max_acceleration)
+    assert 0.1 + arrival * PERIOD == pytest.approx(least, abs=0.04)
+    assert late[:arrival, 0, 2].min() > 0.0
+    assert late[-1, 0, 2] < 0.0
+    # Twice full thrust: a quintic peaks at 1.44 times it, and it turns round.
+    most = 2.0 * DETOUR.max_acceleration
+    assert np.hypot(*path[:, 2, :2].T).max() < most
+
+
+def test_velocities_now_of_a_reference_ahead():
+    """Oracle: a motion of constant acceleration, its velocities in closed form.
+
+    All axes differ, the yaw, too.
+    """
+    lead, acceleration = 0.02, np.array([1.0, -2.0, 3.0, -4.0])
+    velocity = np.array([0.1, 0.2, -0.3, 0.5])
+    late = np.array([np.zeros(4), velocity + lead * acceleration, acceleration])
+    found = velocity_now(FootMotion(late).as_vector(), lead)
+    now = FootMotion(np.array([np.zeros(4), velocity, acceleration]))
+    assert found == pytest.approx(now.as_vector(), abs=1e-15)

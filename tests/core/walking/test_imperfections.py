@@ -1,0 +1,21 @@
+"""Oracle: by hand."""
+
+import pytest
+
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.imperfections import Imperfections
+
+
+@pytest.mark.parametrize(
+    ("given", "measured"),
+    [
+        ({}, False),
+        ({"friction_ratio": 0.5, "torso_mass_ratio": 1.1}, False),
+        ({"delay": 0.01}, True),
+        ({"pelvis_speed_noise": 0.01}, True),
+    ],
+)
+def test_tells_those_of_the_measurements(given, measured):
+    imperfections = Imperfections(**given)
+    check(imperfections)
+    assert imperfections.of_measurements is measured

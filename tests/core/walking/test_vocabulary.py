@@ -1,0 +1,116 @@
+"""Oracles: hand-computed frames; shapely."""
+
+import copy
+import importlib
+import math
+import pkgutil
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from shapely import affinity
+
+from nadia_balance import core
+from nadia_balance.core.walking import vocabulary as walking
+from tests.example_walks import SOLE, random_walks
+
+POSE = walking.FootPose([1.0, 2.0, 0.5], math.pi / 2)
+FEET = walking.FootPoses(
+    walking.FootPose([0.0, 0.1, 0.0]), walking.FootPose([0.0, -0.1, 0.0])
+)
+START = walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
+
+
+def schedule(phase=walking.Phase.SWING, side=walking.Side.LEFT):
+    """Nothing to do but that phase."""
+    return walking.ContactSchedule(phase, side, 0.7, FEET, (), START)
+
+
+def test_points_go_to_the_world_and_back():
+    """Oracle: by hand, a quarter turn; then the identity."""
+    points = np.array([[0.2, 0.0], [0.0, 0.1]])
+    world = POSE.to_world(points)
+    assert world == pytest.approx(np.array([[1.0, 2.2], [0.9, 2.0]]))
+    assert POSE.to_sole(world) == pytest.approx(points)
+
+
+@pytest.mark.parametrize("support", list(walking.Side))
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_legs_are_crossed_beyond_the_centre_line(support, yaw):
+    """Oracle: by hand, in the frame of the support foot."""
+    stance = walking.FootPose([1.0, 2.0, 0.0], yaw)
+    for out, crossed in ((0.01, False), (-0.01, True)):
+        offset = np.array([[-0.3, support.other.sign * out]])
+        other = walking.FootPose(np.append(stance.to_world(offset), 0.0), yaw)
+        feet = walking.FootPoses(stance, stance).with_foot(support.other, other)
+        taken = replace(schedule(), support_side=support, feet=feet)
+        assert taken.legs_crossed is crossed
+
+
+@pytest.mark.parametrize(
+    "value", [POSE, FEET, START, schedule(), walking.WalkingState(schedule())]
+)
+def test_clones_share_the_value(value):
+    """Oracle: identity; numpy would make the copies writeable again."""
+    assert copy.deepcopy(value) is value
+
+
+def dataclasses_of_core():
+    """All that there are in nadia_balance.core, by name."""
+    for info in pkgutil.walk_packages(core.__path__, f"{core.__name__}."):
+        module = importlib.import_module(info.name)
+        for name, value in vars(module).items():
+            if isinstance(value, type) and is_dataclass(value):
+                yield name, value
+
+
+def test_what_holds_arrays_is_not_compared_by_them():
+    """Oracle: the annotations; the == of arrays is no answer, but an error.
+
+    A FootPose compares its position by values, in an __eq__ of its own.
+    """
+    holders = {
+        name
+        for name, value in dataclasses_of_core()
+        if any("array" in str(item.type).lower() for item in fields(value))
+    }
+    compared = {
+        name
+        for name, value in dataclasses_of_core()
+        if value.__eq__ is not object.__eq__
+    }
+    assert {"FootPose", "SwingGeometry", "IcpPlan"} <= holders
+    assert holders & compared == {"FootPose"}
+
+
+def test_a_time_is_a_number_of_ticks_to_the_nearest():
+    """Oracle: by hand; at least one tick."""
+    for duration, period, ticks in (
+        (0.05, 0.002, 25),
+        (0.05, 0.01, 5),
+        (0.004, 0.003, 1),
+        (0.004, 0.01, 1),
+        (0.0, 0.002, 1),
+    ):
+        assert walking.number_of_ticks(duration, period) == ticks
+
+
+def sole_in_world(foot):
+    """The sole, placed by shapely."""
+    turned = affinity.rotate(
+        shapely.Polygon(SOLE), foot.yaw, origin=(0, 0), use_radians=True
+    )
+    return affinity.translate(turned, foot.p_WF[0], foot.p_WF[1])
+
+
+@given(random_walks())
+def test_the_support_polygon_is_the_hull_of_the_soles_in_contact(schedule):
+    """Oracle: shapely's hull of both soles, or of the stance sole alone."""
+    feet = [schedule.feet.left, schedule.feet.right]
+    if schedule.phase is walking.Phase.SWING:
+        feet = [schedule.feet[schedule.support_side]]
+    expected = shapely.union_all([sole_in_world(f) for f in feet]).convex_hull
+    ours = shapely.Polygon(walking.support_polygon(schedule, SOLE))
+    assert ours.symmetric_difference(expected).area < 1e-12

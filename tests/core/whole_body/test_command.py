@@ -1,0 +1,213 @@
+"""Oracles: by hand; finite differences along a swing, mirror images."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
+)
+from nadia_balance.core.whole_body import params as whole_body_params
+from nadia_balance.core.whole_body.command import (
+    WholeBodyModel,
+    crossing_turn,
+    whole_body_command,
+)
+from tests.example_walks import standing
+
+MASS = 900.0 / GRAVITY
+NO_JOINTS = [np.zeros(0)] * 6
+MODEL = WholeBodyModel(MASS, 0.25, 0.12, *NO_JOINTS)
+
+
+def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):
+    """A phase of 1 s; `yaws` of the left and the right foot."""
+    feet = FootPoses(
+        FootPose(np.array([0.0, 0.1, 0.0]), yaws[0]),
+        FootPose(np.array([0.0, -0.1, 0.0]), yaws[1]),
+    )
+    step = Footstep(support.other, feet[support.other], 0.3, 0.7)
+    schedule = replace(
+        standing(feet),
+        phase=phase,
+        support_side=support,
+        duration=1.0,
+        footsteps=(step,) * steps,
+    )
+    return WalkingState(schedule, **kwargs)
+
+
+def command(walking_state, swing=None, **params):
+    return whole_body_command(
+        walking_state,
+        np.zeros(3),
+        np.zeros(12) if swing is None else swing,
+        0.6,
+        whole_body_params.WholeBodyQpParams(**params),
+        MODEL,
+    )
+
+
+def test_a_swing_sole_turns_from_its_ground_to_the_next_one():
+    """Oracle: by hand; half-way, the bisector of the two normals."""
+    tilted = [math.sin(0.2), 0.0, math.cos(0.2)]
+    now = state(Phase.SWING, time_in_phase=0.5)
+    (step,) = now.schedule.footsteps
+    step = replace(step, pose=replace(step.pose, normal=tilted))
+    schedule = replace(now.schedule, footsteps=(step,))
+    for time, angle in (0.0, 0.0), (0.5, 0.1), (1.0, 0.2):
+        then = WalkingState(schedule, time_in_phase=time)
+        left, right = command(then).normals
+        assert left == pytest.approx([0.0, 0.0, 1.0])
+        assert right == pytest.approx([math.sin(angle), 0.0, math.cos(angle)])
+
+
+@pytest.mark.parametrize(
+    ("phase", "support", "contacts"),
+    [
+        (Phase.STANDING, Side.LEFT, (True, True)),
+        (Phase.TRANSFER, Side.RIGHT, (True, True)),
+        (Phase.SWING, Side.LEFT, (True, False)),
+        (Phase.SWING, Side.RIGHT, (False, True)),
+    ],
+)
+def test_only_the_swing_foot_does_not_carry(phase, support, contacts):
+    """Oracle: a table."""
+    assert command(state(phase, support)).contacts == contacts
+
+
+def test_looks_ahead_between_the_feet():
+    """Oracle: the mean, also across the cut of the circle at pi."""
+    ahead = command(state(Phase.TRANSFER, yaws=(0.1, 0.5))).heading
+    assert ahead == pytest.approx([0.3, 0.0, 0.0])
+    ahead = command(state(Phase.TRANSFER, yaws=(3.1, -3.1))).heading
+    assert math.remainder(ahead[0] - math.pi, math.tau) == pytest.approx(0.0)
+
+
+def test_turns_with_the_swing_foot():
+    """Oracle: half of the swing foot's yaw, and of its derivatives."""
+    swing = np.zeros(12)
+    swing[9:] = [0.5, 1.0, 2.0]
+    ahead = command(state(Phase.SWING, yaws=(0.1, 0.0)), swing).heading
+    assert ahead == pytest.approx([0.3, 0.5, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("time", "expected"),
+    [(0.0, math.inf), (0.79, math.inf), (0.9, 475.0), (1.0, 50.0)],
+)
+def test_the_trailing_foot_unloads_at_the_end_of_a_transfer(time, expected):
+    """Oracle: linear from the weight to 50 N, in the last 0.2 s."""
+    bounds = command(
+        state(Phase.TRANSFER, time_in_phase=time),
+        unloading_fraction=0.2,
+        unloaded_force=50.0,
+    ).max_normal_forces
+    assert bounds == pytest.approx((math.inf, expected))
+
+
+@pytest.mark.parametrize(
+    ("ahead", "yaw", "edge"),
+    [(0.65, 0.0, 0.115), (-0.65, 0.0, -0.115), (0.55, 0.0, 0.0),
+     (0.65, math.pi, -0.115)],
+)  # fmt: skip
+def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
+    """Oracle: by hand: half of 0.25 m less 2 x 5 mm, towards the other foot."""
+    now = state(Phase.TRANSFER, yaws=(0.0, yaw))
+    foot = now.schedule.feet.left
+    feet = now.schedule.feet.with_foot(
+        Side.LEFT, replace(foot, p_WF=foot.p_WF + [ahead, 0.0, 0.0])
+    )
+    now = replace(now, schedule=replace(now.schedule, feet=feet), steps_taken=1)
+    assert command(now).edges == pytest.approx((0.0, edge))
+    swings = replace(now, schedule=replace(now.schedule, phase=Phase.SWING))
+    for flat in swings, replace(now, steps_taken=0):
+        assert command(flat).edges == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "both_stay",
+    [
+        state(Phase.TRANSFER, steps=0, time_in_phase=1.0),
+        state(Phase.TRANSFER, time_in_phase=1.0, waiting=True),
+        state(Phase.STANDING, time_in_phase=1.0),
+    ],
+    ids=["last transfer", "waiting", "standing"],
+)
+def test_no_foot_unloads_that_is_not_about_to_leave(both_stay):
+    """Oracle: no bound."""
+    assert command(both_stay).max_normal_forces == (math.inf, math.inf)
+
+
+PARAMS = whole_body_params.CrossingTurnParams()
+
+
+def turn_of(
+    offset, side=Side.RIGHT, yaw=0.0, v=(0, 0), a=(0, 0), phase=Phase.SWING
+):
+    """The turn for a sole of `side` at `offset` from the stance sole."""
+    stance = FootPose(np.array([0.7, -0.4, 0.0]), yaw)
+    offset, v, a = (stance.rotation @ np.array(e) for e in (offset, v, a))
+    other = FootPose(np.append(stance.p_WF[:2] + offset, 0.0), yaw)
+    feet = FootPoses(stance, other)
+    if side is Side.LEFT:
+        feet = FootPoses(other, stance)
+    schedule = replace(
+        standing(),
+        phase=phase,
+        support_side=side.other,
+        feet=feet,
+        footsteps=(Footstep(side, other, 0.3, 0.7),),
+    )
+    swing = np.zeros(12)
+    swing[:2], swing[3:5], swing[6:8] = other.p_WF[:2], v, a
+    return crossing_turn(WalkingState(schedule), swing, PARAMS)
+
+
+def test_rates_are_the_derivatives_of_the_turn():
+    """Oracle: central differences of a sole on a parabola that crosses."""
+    p, v, a = (np.array(e) for e in ([0.2, 0.0], [1.0, 1.5], [-3.0, 2.0]))
+
+    def at(t):
+        return turn_of(p + v * t + 0.5 * a * t * t, v=v + a * t, a=a)
+
+    h = 1e-5
+    for t in (0.0, 0.05, 0.1):
+        (before, *rates), (after, *later) = at(t - h), at(t + h)
+        _, rate, acceleration = at(t)
+        assert rate == pytest.approx((after - before) / (2 * h), rel=1e-6)
+        assert acceleration == pytest.approx(
+            (later[0] - rates[0]) / (2 * h), rel=1e-6
+        )
+
+
+def test_the_hip_of_the_crossing_leg_goes_ahead():
+    """Oracle: by hand; a right leg in front turns to the left."""
+    assert turn_of((0.3, 0.1))[0] > math.radians(15.0)
+    assert turn_of((-0.4, 0.0))[0] < -math.radians(10.0)
+    assert turn_of((0.3, -0.05))[0] < 0.5 * turn_of((0.3, 0.1))[0]
+    assert turn_of((5.0, 5.0))[0] == pytest.approx(math.radians(30.0))
+
+
+@pytest.mark.parametrize("offset", [(0.0, -0.25), (0.5, -0.25), (-0.5, -0.4)])
+def test_feet_that_are_apart_do_not_turn_it(offset):
+    """Oracle: zero, whatever the speed; side by side, or a long step."""
+    assert turn_of(offset, v=(2.0, 1.0)) == (0.0, 0.0, 0.0)
+
+
+def test_does_not_depend_on_which_foot_supports_nor_on_the_heading():
+    """Oracle: the same two soles, so that a landing changes nothing."""
+    swing = turn_of((0.3, 0.1))
+    transfer = turn_of((0.3, 0.1), phase=Phase.TRANSFER, v=(9.0, 9.0))
+    other = turn_of((-0.3, -0.1), Side.LEFT)
+    turned = turn_of((0.3, 0.1), yaw=2.0)
+    for same in transfer, other, turned:
+        assert same == pytest.approx(swing, abs=1e-12)

@@ -1,0 +1,193 @@
+"""Oracles: corner forces, definitions, limits by hand."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from nadia_balance.core.whole_body.limits import (
+    WholeBodyLimits,
+    contact_wrench_cone,
+)
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp
+from tests.whole_body_examples import (
+    CONTACTS,
+    PERIOD,
+    ROUNDING,
+    command,
+    kinematics,
+    model,
+    nadia,
+    random_state,
+    solve,
+    standing_state,
+    terms_at,
+)
+
+LENGTH, WIDTH, FRICTION = 0.25, 0.12, 0.6
+
+
+def generators():
+    """Wrenches (16, 6) of the edges of the four corners' pyramids."""
+    signs = np.array(list(itertools.product((1, -1), repeat=4)))
+    corners = np.pad(
+        signs[:, :2] * [0.5 * LENGTH, 0.5 * WIDTH], ((0, 0), (0, 1))
+    )
+    forces = np.column_stack([FRICTION * signs[:, 2:], np.ones(16)])
+    return np.hstack([np.cross(corners, forces), forces])
+
+
+def test_holds_what_forces_at_the_corners_can_do_and_nothing_else():
+    """Oracle: linear programs that look for corner forces, near the edge."""
+    U = contact_wrench_cone(LENGTH, WIDTH, FRICTION)
+    edges = generators()
+    rng = np.random.default_rng(1)
+    verdicts = []
+    for _ in range(200):
+        inside = rng.exponential(size=16) @ edges
+        wrench = inside + rng.normal(size=6) * [0.4, 0.8, 0.5, 5, 5, 1]
+        slack = (U @ wrench).max()
+        if abs(slack) < 1e-7:
+            continue
+        found = linprog(np.zeros(16), A_eq=edges.T, b_eq=wrench)
+        assert (found.status == 0) == (slack < 0.0)
+        verdicts.append(found.status == 0)
+    assert 25 < sum(verdicts) < 175
+
+
+@pytest.mark.parametrize("friction", [0.6, 0.35])
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_wrenches_are_possible(contacts, friction):
+    """Oracle: CoP in the sole, friction and force by their definitions."""
+    params = WholeBodyQpParams()
+    length, width = nadia().sole_length, nadia().sole_width
+    for seed in range(3):
+        hard_push = (300.0, 150.0, -100.0)
+        terms, found = solve(
+            random_state(seed),
+            contacts,
+            momentum_rate=hard_push,
+            friction=friction,
+        )
+        for side, carries in enumerate(contacts):
+            wrench = found.wrenches[6 * side : 6 * side + 6]
+            if not carries:
+                assert wrench == pytest.approx(np.zeros(6), abs=ROUNDING)
+                continue
+            R_FW = terms.rotations[side].T
+            tau, f = R_FW @ wrench[:3], R_FW @ wrench[3:]
+            cop = np.array([-tau[1], tau[0]]) / f[2]
+            reach = np.array([length, width]) / 2 - params.sole_margin
+            assert np.all(np.abs(cop) * f[2] < reach * f[2] + ROUNDING)
+            assert np.all(np.abs(f[:2]) < friction * f[2] + ROUNDING)
+            assert f[2] > params.min_normal_force - ROUNDING
+
+
+def test_refuses_a_margin_that_leaves_nothing_of_the_sole():
+    """Oracle: half of Nadia's sole is 0.06 m wide."""
+    WholeBodyLimits(WholeBodyQpParams(sole_margin=0.059), model(), PERIOD)
+    message = "^sole_margin = 0.061: must leave some of the sole$"
+    with pytest.raises(ValueError, match=message):
+        WholeBodyLimits(WholeBodyQpParams(sole_margin=0.061), model(), PERIOD)
+
+
+def test_keeps_to_the_torque_limits():
+    """Oracle: the limits; without them the knees would take more."""
+    wish = {"momentum_rate": (0.0, 0.0, 500.0)}
+    _, free = solve(standing_state(), **wish)
+    limits = model().max_torque
+    ratio = 0.5 * np.max(np.abs(free.torques) / limits)
+    params = WholeBodyQpParams(max_effort_ratio=ratio)
+    _, found = solve(standing_state(), params=params, **wish)
+    used = np.abs(found.torques) / (ratio * limits)
+    assert used.max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_joints_brake_before_their_limits():
+    """Oracle: the position that the horizon leads to, by hand.
+
+    No swing task, which would brake the knee sooner.
+    """
+    params = WholeBodyQpParams(swing_position_weight=0.0)
+    state, horizon = standing_state(), params.joint_limit_horizon
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    state[30 + knee] = -3.0  # straightens, and fast
+    lowest = state[knee + 1] - 0.005
+    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest), PERIOD)
+    terms = terms_at(state)
+    found = qp.solve(terms, command(terms, (False, True)))
+    ahead = state[knee + 1] + horizon * (-3.0)
+    ahead += 0.5 * horizon**2 * found.vdot[knee]
+    assert ahead == pytest.approx(lowest, abs=1e-9)
+    free = WholeBodyQp(params, model(), PERIOD).solve(
+        terms, command(terms, (False, True))
+    )
+    assert free.vdot[knee] < found.vdot[knee] - 1.0
+
+
+def knee_at(speed: float):
+    """Nadia stands on its right foot; its left knee bends at `speed`."""
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    state[30 + knee] = speed
+    return knee, terms_at(state)
+
+
+def bend(terms):
+    """Asks the swing foot to be 3 m behind, which bends the knee."""
+    wish = command(terms, (False, True))
+    wish.swing[0] -= 3.0
+    return wish
+
+
+def test_keeps_to_the_torque_speed_line():
+    """Oracle: at 0.75 of the speed half the torque is left, by hand."""
+    knee, terms = knee_at(9.0)
+    ideal = dataclasses.replace(
+        model(), drives=None, max_speed=np.full(23, np.inf)
+    )
+    eager = WholeBodyQpParams(damping_ratio=0.0, speed_limit_horizon=0.002)
+    found, free = (
+        WholeBodyQp(eager, body, PERIOD).solve(terms, bend(terms))
+        for body in (model(), ideal)
+    )
+    assert free.torques[knee - 6] > 200.0
+    assert found.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
+
+
+def test_joints_stay_below_their_speed_limits():
+    """Oracle: the speed that the horizon leads to, by hand."""
+    params = WholeBodyQpParams(damping_ratio=0.0)
+    ideal = dataclasses.replace(model(), max_speed=np.full(23, 1e9))
+    knee, terms = knee_at(11.0)
+    found, free = (
+        WholeBodyQp(params, body, PERIOD).solve(terms, bend(terms))
+        for body in (model(), ideal)
+    )
+    ahead = 11.0 + params.speed_limit_horizon * found.vdot[knee]
+    assert ahead <= 12.0 + 1e-9
+    assert free.vdot[knee] > found.vdot[knee] + 10.0
+
+
+def test_torques_change_no_faster_than_they_may():
+    """Oracle: 50 times the limit in a second are 10 % of it in a tick."""
+    terms = terms_at(standing_state())
+    qp, step = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD), 0.1
+    still = qp.solve(terms, command(terms)).torques
+    wish = command(terms, momentum_rate=(800.0, 0.0, 0.0))
+    free = qp.solve(terms, wish).torques
+    found = qp.solve(terms, wish, still).torques
+    limits = model().max_torque
+    assert np.max(np.abs(free - still) / limits) > step + 0.05
+    assert np.max(np.abs(found - still) / limits) == pytest.approx(step)
+
+
+def test_a_foot_carries_no_more_than_it_may():
+    """Oracle: the bound; the other foot takes the rest of the weight."""
+    _, found = solve(standing_state(), max_normal_forces=(100.0, math.inf))
+    assert found.wrenches[5] == pytest.approx(100.0, abs=1e-6)
+    assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)

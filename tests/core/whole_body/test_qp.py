@@ -1,0 +1,239 @@
+"""Oracles: Drake's inverse dynamics, other QP codes, by hand."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp
+from tests.qp_examples import by_clarabel, by_quadprog
+from tests.whole_body_examples import (
+    CONTACTS,
+    PERIOD,
+    ROUNDING,
+    command,
+    kinematics,
+    model,
+    nadia,
+    random_state,
+    solve,
+    standing_state,
+    terms_at,
+)
+
+
+def test_torques_change_faster_if_nothing_else_is_possible():
+    """Oracles: quadprog finds no solution; the optimum without that limit."""
+    terms, last = terms_at(standing_state()), model().max_torque
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
+    with pytest.raises(ValueError, match="inconsistent"):
+        by_quadprog(qp.problem(terms, command(terms), last))
+    found = qp.solve(terms, command(terms), last)
+    free = qp.solve(terms, command(terms))
+    assert found.torques == pytest.approx(free.torques, abs=1e-6)
+
+
+def test_damping_torques_slow_the_joints_down():
+    """Oracles: Drake's mass matrix, the pelvis held; the limits."""
+    params, plant = WholeBodyQpParams(), kinematics().plant
+    qp = WholeBodyQp(params, model(), PERIOD)
+    state = random_state(1)
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    M, v = plant.CalcMassMatrix(context)[6:, 6:], state[36:]
+    torques = qp.damping_torques(terms_at(state))
+    slowed = np.linalg.solve(M, torques)
+    assert slowed == pytest.approx(-params.failure_damping * v, rel=1e-6)
+    state[36:] *= 100.0
+    torques = qp.damping_torques(terms_at(state), np.zeros(23))
+    used = np.abs(torques) / model().max_torque
+    assert np.max(used) == pytest.approx(0.1)  # a tick away from nothing
+
+
+SIDES = (Side.LEFT, Side.RIGHT)
+
+
+def inverse_dynamics(plant: MultibodyPlant, state, found):
+    """Generalised forces (nv,) for the accelerations and wrenches found."""
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    for side, wrench in zip(SIDES, np.split(found.wrenches, 2), strict=True):
+        foot = plant.GetBodyByName(nadia().foot_bodies[side])
+        R_WB = plant.EvalBodyPoseInWorld(context, foot).rotation()
+        foot.AddInForce(
+            context,
+            R_WB @ nadia().X_FootSole[side].translation(),
+            SpatialForce(wrench),
+            plant.world_frame(),
+            forces,
+        )
+    return plant.CalcInverseDynamics(context, found.vdot, forces)
+
+
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_torques_wrenches_and_accelerations_belong_together(contacts):
+    """Oracle: Drake's inverse dynamics with the wrenches applied."""
+    for seed in range(3):
+        state = random_state(seed)
+        _, found = solve(state, contacts, momentum_rate=(30.0, -20.0, 10.0))
+        expected = np.concatenate([np.zeros(6), found.torques])
+        by_drake = inverse_dynamics(kinematics().plant, state, found)
+        assert by_drake == pytest.approx(expected, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_agrees_with_independent_solvers(contacts):
+    """Oracles: quadprog and Clarabel on the same matrices, torques in N m."""
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
+    for seed in range(3):
+        terms = terms_at(random_state(seed))
+        wish = command(terms, contacts, (200.0, -100.0, 50.0))
+        found = qp.solve(terms, wish)
+        problem = qp.problem(terms, wish)
+        first = 6 * sum(contacts) + 6  # after the equalities
+        for solver, accuracy in (by_quadprog, 1e-7), (by_clarabel, 1e-3):
+            torques = problem.A[first : first + 23] @ solver(problem)
+            torques += terms.forces[6:, -1]
+            assert found.torques == pytest.approx(
+                nadia().mass * torques, abs=accuracy
+            )
+
+
+def test_a_still_robot_in_its_posture_needs_no_acceleration():
+    """Oracle: the whole weight on the soles; gravity alone loads the joints."""
+    at_rest = dataclasses.replace(model(), posture=standing_state()[7:30])
+    terms = terms_at(standing_state())
+    # The normal forces' regularisation lowers the CoM a little, and the IK
+    # that makes the robot stand does not care about the torso: leave both out.
+    params = WholeBodyQpParams(normal_weight=1e-12, torso_weight=0.0)
+    found = WholeBodyQp(params, at_rest, PERIOD).solve(terms, command(terms))
+    assert found.vdot == pytest.approx(np.zeros(29), abs=1e-6)
+    weight = found.wrenches[5] + found.wrenches[11]
+    assert weight == pytest.approx(nadia().mass * 9.81, rel=1e-7)
+
+
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_soles_on_the_ground_stay(contacts):
+    """Oracle: a sole's acceleration is minus its velocity times damping."""
+    params = WholeBodyQpParams(stance_tilt_gain=0.0)
+    for seed in range(3):
+        terms, found = solve(random_state(seed), contacts, params)
+        acceleration = terms.rows @ np.append(found.vdot, 1.0)
+        for side, carries in enumerate(contacts):
+            if carries:
+                rows = slice(6 * side, 6 * side + 6)
+                assert acceleration[rows] == pytest.approx(
+                    -params.stance_damping * terms.velocities[rows], abs=1e-7
+                )
+
+
+@pytest.mark.parametrize("edge", [0.11, -0.11])
+def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
+    """Oracles: Drake's acceleration of the edge; the wrench's moment there.
+
+    The other sole stays; the rolling one turns, unless it is to stay flat.
+    """
+    plant, foot = kinematics().plant, nadia().foot_bodies[Side.LEFT]
+    X_FootSole = nadia().X_FootSole[Side.LEFT]
+    frame, W = plant.GetBodyByName(foot).body_frame(), plant.world_frame()
+    at, V = X_FootSole @ [edge, 0.0, 0.0], JacobianWrtVariable.kV
+    free = WholeBodyQpParams(stance_tilt_gain=0.0, swing_orientation_weight=0.0)
+    flat, turns = WholeBodyQpParams(stance_tilt_gain=0.0), []
+    for seed, params in itertools.product(range(3), (free, flat)):
+        terms = terms_at(random_state(seed))
+        wish = command(terms, momentum_rate=(80.0, 0.0, 0.0))
+        wish = wish._replace(edges=(edge, 0.0))
+        found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+        assert found.qp.solved
+        context = plant.CreateDefaultContext()
+        plant.SetPositionsAndVelocities(context, random_state(seed))
+        J = plant.CalcJacobianTranslationalVelocity(context, V, frame, at, W, W)
+        bias = plant.CalcBiasTranslationalAcceleration(
+            context, V, frame, at, W, W
+        )
+        assert J @ found.vdot + bias.ravel() == pytest.approx(
+            -params.stance_damping * (J @ terms.v), abs=1e-6
+        )
+        R_WF = terms.rotations[0]
+        moment, force = np.split(found.wrenches[:6], 2)
+        about_edge = moment - np.cross(edge * R_WF[:, 0], force)
+        assert R_WF[:, 1] @ about_edge == pytest.approx(0.0, abs=ROUNDING)
+        still = -params.stance_damping * terms.velocities[:12]
+        left = (terms.rows @ np.append(found.vdot, 1.0))[:12] - still
+        assert left[6:] == pytest.approx(np.zeros(6), abs=1e-6)
+        turn = R_WF.T @ left[:3]
+        assert turn[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-6)
+        turns.append(abs(turn[1]))
+    assert np.all(np.array(turns[::2]) > 10.0 * np.array(turns[1::2]))
+
+
+@pytest.mark.parametrize("ground", [0.0, 0.17])
+def test_a_tilted_sole_is_brought_on_its_ground(ground):
+    """Oracle: it turns towards the normal by the gain times the sine."""
+    state = standing_state()
+    state[0:4] = [math.cos(0.01), math.sin(0.01), 0.0, 0.0]  # roll 0.02
+    terms, params = terms_at(state), WholeBodyQpParams()
+    normals = np.array([[0.0, -math.sin(ground), math.cos(ground)]] * 2)
+    wish = command(terms)._replace(normals=normals)
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+    turn = (terms.rows @ np.append(found.vdot, 1.0))[0:3]
+    expected = params.stance_tilt_gain * math.sin(ground - 0.02)
+    assert turn == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("contacts", "speed"), [((True, True), 0.0), ((False, True), 15.0)]
+)
+def test_gives_up_braking_if_nothing_else_is_possible(contacts, speed):
+    """Oracles: quadprog finds no solution; the optimum without the limits.
+
+    The sole stays; or the knee bends faster than it may, and has to bend more.
+    """
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 10.0)
+    state[30 + knee] = speed
+    terms = terms_at(state)
+    wish = command(terms, contacts)
+    qp = WholeBodyQp(WholeBodyQpParams(), beyond, PERIOD)
+    problem = qp.problem(terms, wish)
+    with pytest.raises(ValueError, match="inconsistent"):
+        by_quadprog(problem)
+    found = qp.solve(terms, wish)
+    assert found.qp.solved and found.qp.solves == 2
+    first = 6 * sum(contacts) + 6 + 23  # after the torques
+    joints = slice(first, first + 23)
+    problem.lower[joints], problem.upper[joints] = -500.0, 500.0
+    expected = by_quadprog(problem)[:29]
+    assert found.vdot == pytest.approx(expected, abs=1e-6)
+
+
+def test_says_that_there_is_no_solution():
+    """Oracle: limp legs cannot press the soles down."""
+    terms = terms_at(standing_state())
+    params = WholeBodyQpParams(
+        max_effort_ratio=1e-6, min_normal_force=2e3, unloaded_force=3e3
+    )
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, command(terms))
+    assert not found.qp.solved
+    assert np.isnan(found.torques).all()
+
+
+@pytest.mark.parametrize("name", ["momentum_rate", "heading", "swing"])
+def test_refuses_nan(name):
+    """Oracle: no torque comes out."""
+    terms = terms_at(standing_state())
+    good = command(terms, (True, False))
+    bad = good._replace(**{name: np.full_like(getattr(good, name), np.nan)})
+    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
+    with pytest.raises(ValueError, match="must be finite"):
+        qp.solve(terms, bad)

@@ -1,0 +1,237 @@
+"""Oracles: PD laws written out; Drake's momentum by finite differences."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from nadia_balance.core.whole_body.command import BASE, RIGHT_SOLE
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.core.whole_body.tasks import (
+    MomentumTask,
+    Motion,
+    rotation_error,
+)
+from tests.qp_examples import by_quadprog
+from tests.whole_body_examples import (
+    CONTACTS,
+    PERIOD,
+    command,
+    kinematics,
+    model,
+    nadia,
+    random_state,
+    standing_state,
+    terms_at,
+)
+
+STEP = 1e-6
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_tasks_are_met_where_nothing_is_in_the_way(slope):
+    """Oracle: PD laws written out, with vanishing weight on all the rest.
+
+    The swing sole is to be tilted forward by `slope` [rad], on which it is
+    turned: Drake's angle and axis.
+    """
+    state = standing_state()
+    state[0:4] = [math.cos(0.05), 0.0, 0.0, math.sin(0.05)]  # yaw 0.1
+    for joint in ("SPINE_X", "SPINE_Y", "SPINE_Z"):
+        plant = kinematics().plant
+        state[plant.GetJointByName(joint).position_start()] = 0.0
+    params = WholeBodyQpParams(
+        pelvis_weight=1e3,
+        torso_weight=1e3,
+        swing_position_weight=1e3,
+        swing_orientation_weight=1e3,
+        momentum_weight=0.0,
+        angular_momentum_weight=0.0,
+        posture_weight=1e-6,
+        leg_posture_weight=1e-6,
+        acceleration_weight=1e-6,
+        moment_weight=1e-6,
+        tangential_weight=1e-6,
+    )
+    terms = terms_at(state)
+    swing = np.zeros(12)
+    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
+    swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
+    swing[9:] = [0.15, 0.4, 0.5]
+    wish = command(terms, (True, False))._replace(
+        swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
+    )
+    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
+    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+    acceleration = terms.rows @ np.append(found.vdot, 1.0)
+    kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
+    upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
+    assert acceleration[-6:-3] == pytest.approx(upright, abs=2e-3)
+    turned = [0.0, 0.0, kp * math.sin(0.15) + kd * 0.4 + 0.6]
+    assert found.vdot[:3] == pytest.approx(turned, abs=2e-3)
+    kp, kd = 200.0, 2.0 * math.sqrt(200.0)
+    wanted = RotationMatrix.MakeYRotation(slope) @ RotationMatrix(
+        RollPitchYaw(0.0, 0.0, 0.15)
+    )
+    R_WF = RotationMatrix(terms.rotations[1])
+    to_go = (wanted @ R_WF.inverse()).ToAngleAxis()
+    turn = kp * math.sin(to_go.angle()) * to_go.axis()
+    turn[2] += kd * 0.4 + 0.5
+    assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
+    kp, kd = 300.0, 2.0 * math.sqrt(300.0)
+    move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
+    assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0])
+def test_error_turns_to_upright(yaw):
+    """Oracle: Drake's angle and axis of the same rotation."""
+    R = RollPitchYaw(0.1, -0.2, yaw + 0.15).ToRotationMatrix()
+    to_go = RotationMatrix.MakeZRotation(yaw) @ R.inverse()
+    turn = to_go.ToAngleAxis()
+    expected = math.sin(turn.angle()) * turn.axis()
+    assert rotation_error(yaw, R.matrix()) == pytest.approx(expected)
+
+
+def momentum_at(state):
+    """Linear and angular momentum about the CoM, by Drake, per mass."""
+    plant = kinematics().plant
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
+        context, plant.CalcCenterOfMassPositionInWorld(context)
+    )
+    both = [momentum.translational(), momentum.rotational()]
+    return np.concatenate(both) / nadia().mass
+
+
+@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
+def test_momentum_rows_are_its_rate(contacts, seed=1):
+    """Oracle: finite differences of Drake's spatial momentum.
+
+    J vdot + b - a is the rate minus what is wished for: for the horizontal part
+    a share of the vertical force, for the angular momentum the damping.
+    """
+    unweighted = WholeBodyQpParams(
+        momentum_weight=1.0, height_weight=1.0, angular_momentum_weight=1.0
+    )
+    state, plant = random_state(seed), kinematics().plant
+    terms, wish = terms_at(state), np.array([10.0, -20.0, 30.0])
+    rows, wanted = MomentumTask(unweighted, model()).motion(
+        terms, command(terms, contacts, wish)
+    )
+    vdot = np.random.default_rng(seed).normal(size=29)
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    qdot = plant.MapVelocityToQDot(context, terms.v)
+    ahead, behind = (
+        momentum_at(state + sign * STEP * np.concatenate([qdot, vdot]))
+        for sign in (1.0, -1.0)
+    )
+    missing = (ahead - behind) / (2.0 * STEP)
+    missing[:2] -= wish[:2] / (9.81 * nadia().mass) * (missing[2] + 9.81)
+    missing[2] -= wish[2] / nadia().mass
+    damping = unweighted.angular_momentum_damping
+    missing[3:] += damping * momentum_at(state)[3:]
+    # Truncation and rounding at this step both leave about 1e-8.
+    assert rows @ np.append(vdot, 1.0) - wanted == pytest.approx(
+        missing, abs=1e-6
+    )
+
+
+class JointTask:
+    """A user's task: the angular acceleration of one joint."""
+
+    name = "joint"
+
+    def __init__(self, column, acceleration, weight):
+        self.weight = weight
+        self._row = np.zeros((1, 30))
+        self._row[0, column] = 1.0
+        self._acceleration = np.array([acceleration])
+
+    def motion(self, terms, command):
+        if command.contacts[0] and not command.contacts[1]:
+            return None
+        return Motion(self._row, self._acceleration)
+
+
+ELBOW = 28  # column of a joint that no other task needs
+
+
+@pytest.mark.parametrize("weight", [0.5, 30.0, 1e6])
+def test_a_users_task_counts_by_its_weight(weight):
+    """Oracles: weight (vdot - 40)^2 / 2 in H and g, by hand; quadprog."""
+    terms, params = terms_at(random_state(0)), WholeBodyQpParams()
+    wish = command(terms)
+    task = JointTask(ELBOW, 40.0, weight)
+    qp = WholeBodyQp(params, model(), PERIOD, [task])
+    bare = WholeBodyQp(params, model(), PERIOD).problem(terms, wish)
+    found = qp.problem(terms, wish)
+    added = np.zeros_like(bare.H)
+    added[ELBOW, ELBOW] = weight
+    assert found.H - bare.H == pytest.approx(added, rel=1e-9, abs=1e-9)
+    assert found.g - bare.g == pytest.approx(
+        -40.0 * added[ELBOW], rel=1e-9, abs=1e-9
+    )
+    solution = qp.solve(terms, wish)
+    assert solution.vdot == pytest.approx(by_quadprog(found)[:29], abs=1e-6)
+    if weight > 1e5:
+        assert solution.vdot[ELBOW] == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_task_may_rest():
+    """Oracle: bits of the QP without it."""
+    terms = terms_at(random_state(0))
+    wish = command(terms, (True, False))
+    with_task, without = (
+        WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, tasks)
+        for tasks in ([JointTask(ELBOW, 40.0, 1.0)], [])
+    )
+    assert np.array_equal(
+        with_task.solve(terms, wish).torques, without.solve(terms, wish).torques
+    )
+
+
+def test_refuses_a_negative_weight():
+    task = JointTask(ELBOW, 0.0, -1.0)
+    with pytest.raises(ValueError, match="joint = -1.0"):
+        WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, [task])
+
+
+@pytest.mark.parametrize(
+    "name, row",
+    [
+        ("momentum_weight", BASE.start + 3),
+        ("height_weight", BASE.start + 5),
+        ("angular_momentum_weight", None),
+        ("torso_weight", -6),
+        ("pelvis_weight", -3),
+        ("swing_orientation_weight", RIGHT_SOLE.start),
+        ("swing_position_weight", RIGHT_SOLE.start + 3),
+    ],
+)
+def test_weights_are_those_of_the_squares(name, row):
+    """Oracle: twice the weight adds weight J'J to H, J the rows of the terms.
+
+    That of the angular momentum is about the CoM.
+    """
+    terms = terms_at(random_state(0))
+    wish, params = command(terms, (True, False)), WholeBodyQpParams()
+    weight = getattr(params, name)
+    twice = dataclasses.replace(params, **{name: 2.0 * weight})
+    once, more = (
+        WholeBodyQp(each, model(), PERIOD).problem(terms, wish).H[:29, :29]
+        for each in (params, twice)
+    )
+    if name == "momentum_weight":
+        J = terms.rows[row : row + 2, :-1]
+    elif row is None:
+        moment, force = terms.rows[BASE, :-1].reshape(2, 3, 29)
+        J = moment - moment[:, 3:6] @ force
+    else:
+        J = terms.rows[row : row + (1 if "height" in name else 3) or None, :-1]
+    assert more - once == pytest.approx(weight * J.T @ J, abs=1e-9 * weight)

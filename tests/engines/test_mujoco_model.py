@@ -1,0 +1,142 @@
+"""Oracle: Drake's plant, read from the same URDF."""
+
+import mujoco
+import numpy as np
+import pytest
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import (
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import UniversalJoint
+from pydrake.systems.framework import DiagramBuilder
+
+from nadia_balance.engines.mujoco_model import MujocoModel
+from nadia_balance.robot.model import load_robot
+
+ROBOTS = [("nadia", "ideal"), ("nadia", "realistic"), ("atlas", "realistic")]
+
+
+def modelled(name: str, fidelity: str):
+    """Drake's closed scene, its plant and scene graph, and MuJoCo's model."""
+    robot, builder = load_robot(name, fidelity), DiagramBuilder()
+    plant, scene_graph = robot.add_plant_to(builder)
+    model = MujocoModel(plant, scene_graph.model_inspector())
+    return builder.Build(), plant, scene_graph, model
+
+
+def a_state(plant: MultibodyPlant, rng, reach: float) -> np.ndarray:
+    """[q, v], each joint up to `reach` [rad] from standing."""
+    q = plant.GetPositions(plant.CreateDefaultContext())
+    q[:4] += 0.5 * rng.normal(size=4)
+    q[:4] /= np.linalg.norm(q[:4])
+    q[7:] += rng.uniform(-reach, reach, len(q) - 7)
+    return np.concatenate([q, rng.normal(size=plant.num_velocities())])
+
+
+@pytest.mark.parametrize("name", ["nadia", "atlas"])
+def test_moves_as_drake_does(name):
+    """Oracle: M, CoM and the acceleration of Drake's continuous plant.
+
+    With torques (some beyond their limits), gravity, rotor inertia and a wrench
+    on a link, free of contacts and joint limits.  They differ by the rounding
+    of a solution with M, some 1e-12 of 400 rad/s^2.
+    """
+    _, _, _, model = modelled(name, "ideal")
+    model.model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    plant = MultibodyPlant(0.0)
+    load_robot(name).add_to(plant)
+    plant.Finalize()
+    context, rng = plant.CreateDefaultContext(), np.random.default_rng(1)
+    force = ExternallyAppliedSpatialForce()
+    force.body_index = plant.GetBodyByName(load_robot(name).torso_body).index()
+    nv, com = plant.num_velocities(), plant.CalcCenterOfMassPositionInWorld
+    for _ in range(10):
+        x = a_state(plant, rng, 1.0)
+        torques = rng.uniform(-50.0, 50.0, plant.num_actuators())
+        force.p_BoBq_B = rng.normal(size=3)
+        force.F_Bq_W = SpatialForce(rng.uniform(-50.0, 50.0, (6, 1)))
+        plant.SetPositionsAndVelocities(context, x)
+        plant.get_actuation_input_port().FixValue(context, torques)
+        plant.get_applied_spatial_force_input_port().FixValue(context, [force])
+        model.forward(x, torques, [force])
+        expected = plant.EvalTimeDerivatives(context).CopyToVector()[-nv:]
+        found = model.rates(model.data.qacc)
+        assert found == pytest.approx(expected, rel=1e-10, abs=1e-9)
+        assert model.data.subtree_com[0] == pytest.approx(com(context))
+        columns = []
+        for unit in np.eye(nv):
+            column = np.empty(nv)
+            mujoco.mj_mulM(model.model, model.data, column, unit)
+            columns.append(model.rates(column))
+        turn = np.array([model.rates(unit) for unit in np.eye(nv)])
+        M = turn.T @ np.array(columns)
+        assert M == pytest.approx(plant.CalcMassMatrix(context), abs=1e-11)
+
+
+@pytest.mark.parametrize(("name", "fidelity"), ROBOTS)
+def test_touches_what_it_touches_in_drake(name, fidelity):
+    """Oracle: the penetrations that SceneGraph finds, by bodies and depth."""
+    diagram, plant, scene_graph, model = modelled(name, fidelity)
+    root, rng = diagram.CreateDefaultContext(), np.random.default_rng(2)
+    own = scene_graph.GetMyContextFromRoot(root)
+    inspector = scene_graph.model_inspector()
+    torques, seen = np.zeros(plant.num_actuators()), set()
+    for _ in range(40):
+        x = a_state(plant, rng, 0.6)
+        plant.SetPositionsAndVelocities(
+            plant.GetMyMutableContextFromRoot(root), x
+        )
+        query, expected = scene_graph.get_query_output_port().Eval(own), {}
+        for pair in query.ComputePointPairPenetration():
+            bodies = frozenset(
+                int(plant.GetBodyFromFrameId(inspector.GetFrameId(i)).index())
+                for i in (pair.id_A, pair.id_B)
+            )
+            expected[bodies] = max(pair.depth, expected.get(bodies, 0.0))
+        _, contacts = model.step(x, torques)
+        assert model.data.ncon == len(contacts)
+        found = {}
+        for contact, dist in zip(
+            contacts, model.data.contact.dist, strict=True
+        ):
+            bodies = frozenset(
+                map(int, (contact.bodyA_index(), contact.bodyB_index()))
+            )
+            found[bodies] = max(-dist, found.get(bodies, 0.0))
+        assert set(found) == set(expected)
+        ground = [pair for pair in found if 0 in pair]
+        assert [found[pair] for pair in ground] == pytest.approx(
+            [expected[pair] for pair in ground]
+        )
+        seen |= set(found)
+    assert any(0 in pair for pair in seen) and any(0 not in p for p in seen)
+
+
+def test_a_joint_stops_at_its_limit():
+    """Oracle: the range in the URDF, pressed against with all torque.
+
+    That bends it by 0.5 degrees.
+    """
+    _, plant, _, model = modelled("nadia", "ideal")
+    x = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    x[6] = 2.0  # in the air
+    knee = plant.GetJointActuatorByName("LEFT_KNEE_Y")
+    torques = np.zeros(plant.num_actuators())
+    torques[int(knee.index())] = knee.effort_limit()
+    most = knee.joint().position_upper_limits()[0]
+    for _ in range(1000):
+        x, _ = model.step(x, torques)
+    angle = x[knee.joint().position_start()]
+    assert angle == pytest.approx(most, abs=0.01)
+
+
+def test_refuses_a_joint_that_it_cannot_express():
+    """Oracle: the message, by hand."""
+    plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
+    frames = plant.world_frame(), plant.AddRigidBody("link").body_frame()
+    plant.AddJoint(UniversalJoint("cardan", *frames, 0.0))
+    plant.Finalize()
+    with pytest.raises(ValueError, match="^joint cardan: type universal: must"):
+        MujocoModel(plant, scene_graph.model_inspector())

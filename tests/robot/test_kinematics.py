@@ -1,0 +1,171 @@
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
+
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body.command import (
+    BASE,
+    LEFT_SOLE,
+    PELVIS,
+    RIGHT_SOLE,
+    TORSO,
+)
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
+from tests.whole_body_examples import (
+    kinematics,
+    model,
+    nadia,
+    random_state,
+    terms_at,
+)
+
+STEP = 1e-6
+
+
+def context_at(state):
+    context = kinematics().plant.CreateDefaultContext()
+    kinematics().plant.SetPositionsAndVelocities(context, state)
+    return context
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_base_rows_are_the_momentum(seed):
+    """Oracle: Drake's spatial momentum about the base and about the CoM."""
+    state, plant = random_state(seed), kinematics().plant
+    terms, context = terms_at(state), context_at(state)
+    p_WB = state[4:7]
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WB)
+    mass = nadia().mass
+    assert mass * terms.velocities[BASE] == pytest.approx(
+        momentum.get_coeffs(), abs=1e-12
+    )
+    p_WC = plant.CalcCenterOfMassPositionInWorld(context)
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WC)
+    moment, force = terms.forces[:3, :-1], terms.forces[3:6, :-1]
+    about_com = moment - moment[:, 3:6] @ force
+    assert mass * about_com @ terms.v == pytest.approx(
+        momentum.rotational(), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equations_of_motion_hold(seed):
+    """Oracle: Drake's inverse dynamics, gravity being the only force."""
+    state, plant = random_state(seed), kinematics().plant
+    terms, context = terms_at(state), context_at(state)
+    vdot = np.random.default_rng(seed).normal(size=29)
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    needed = plant.CalcInverseDynamics(context, vdot, forces)
+    assert nadia().mass * terms.forces @ np.append(vdot, 1.0) == pytest.approx(
+        needed, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_velocities_are_those_of_soles_and_torso(seed):
+    """Oracle: Drake's spatial velocities, shifted to the sole's centre."""
+    state, plant = random_state(seed), kinematics().plant
+    terms, context = terms_at(state), context_at(state)
+    for index, side in enumerate((Side.LEFT, Side.RIGHT)):
+        foot = plant.GetBodyByName(nadia().foot_bodies[side])
+        X_WB = plant.EvalBodyPoseInWorld(context, foot)
+        X_FS = nadia().X_FootSole[side]
+        V_WS = plant.EvalBodySpatialVelocityInWorld(context, foot).Shift(
+            X_WB.rotation() @ X_FS.translation()
+        )
+        rows = slice(6 * index, 6 * index + 6)
+        assert terms.velocities[rows] == pytest.approx(
+            V_WS.get_coeffs(), abs=1e-13
+        )
+        X_WS = X_WB @ X_FS
+        assert terms.sole_positions[index] == pytest.approx(X_WS.translation())
+        assert terms.rotations[index] == pytest.approx(X_WS.rotation().matrix())
+    torso = plant.GetBodyByName(nadia().torso_body)
+    w_WT = plant.EvalBodySpatialVelocityInWorld(context, torso).rotational()
+    assert terms.velocities[TORSO] == pytest.approx(w_WT, abs=1e-13)
+    assert terms.velocities[PELVIS] == pytest.approx(terms.v[:3], abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bias_is_the_rest_of_the_acceleration(seed):
+    """Oracle: finite differences of the velocities along the motion."""
+    state, plant = random_state(seed), kinematics().plant
+    terms = terms_at(state)
+    vdot = np.random.default_rng(seed).normal(size=29)
+    qdot = plant.MapVelocityToQDot(context_at(state), terms.v)
+    motion = np.concatenate([qdot, vdot])
+    ahead, behind = (
+        terms_at(state + sign * STEP * motion) for sign in (1.0, -1.0)
+    )
+    change = (ahead.velocities - behind.velocities) / (2.0 * STEP)
+    acceleration = terms.rows @ np.append(vdot, 1.0)
+    for rows in (LEFT_SOLE, RIGHT_SOLE, TORSO, PELVIS):
+        # Truncation and rounding at this step both leave about 1e-8.
+        assert acceleration[rows] == pytest.approx(change[rows], abs=1e-6)
+
+
+def test_joints_are_damped():
+    """Oracle: the bias without damping, and one joint's by hand."""
+    plant = MultibodyPlant(0.001)
+    nadia().add_to(plant)
+    knee = plant.GetJointByName("LEFT_KNEE_Y")
+    knee.set_default_damping_vector([0.7])
+    plant.Finalize()
+    state, context = random_state(0), plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, state)
+    damped = WholeBodyKinematics(nadia(), plant).calc(context).forces[:, -1]
+    extra = nadia().mass * (damped - terms_at(state).forces[:, -1])
+    expected = np.zeros(29)
+    expected[knee.velocity_start()] = 0.7 * state[30 + knee.velocity_start()]
+    assert extra == pytest.approx(expected, abs=1e-12)
+
+
+def test_constants_are_in_the_order_of_velocities():
+    """Oracle: joints by name, whatever the order of the actuators."""
+    plant = kinematics().plant
+    limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
+    params = WholeBodyQpParams(
+        joint_lower_limits={"LEFT_KNEE_Y": 0.2}, joint_upper_limits=limits
+    )
+    constants = whole_body_model(nadia(), plant, params)
+
+    def at(values, joint):
+        return values[plant.GetJointByName(joint).velocity_start() - 6]
+
+    assert at(constants.posture, "LEFT_ELBOW_Y") == pytest.approx(
+        nadia().posture["LEFT_ELBOW_Y"]
+    )
+    assert at(constants.max_torque, "RIGHT_KNEE_Y") == 350.0
+    assert at(constants.max_torque, "LEFT_SHOULDER_X") == 57.0
+    assert at(constants.max_torque, "RIGHT_SHOULDER_X") == 41.0
+    assert at(constants.position_upper, "RIGHT_KNEE_Y") == 2.62
+    assert at(constants.position_lower, "LEFT_KNEE_Y") == 0.2
+    assert at(constants.position_lower, "RIGHT_KNEE_Y") == 0.0
+    # Upper limits only tighten those of the URDF.
+    assert at(constants.position_upper, "LEFT_KNEE_Y") == 2.0
+    assert at(constants.position_upper, "LEFT_ANKLE_Y") == 0.698132
+    assert constants.is_leg_joint.sum() == 12
+    assert at(constants.is_leg_joint, "RIGHT_ANKLE_X")
+    assert not at(constants.is_leg_joint, "SPINE_Z")
+    assert constants.mass == nadia().mass
+
+
+def test_refuses_a_limit_of_a_joint_that_does_not_exist():
+    """Oracle: the message names it."""
+    with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
+        model(TAIL=0.1)
+
+
+def test_refuses_a_plant_that_is_not_just_the_robot():
+    """Oracle: a pelvis welded to the ground does not float."""
+    plant = MultibodyPlant(0.001)
+    nadia().add_to(plant)
+    plant.WeldFrames(
+        plant.world_frame(), plant.GetFrameByName(nadia().pelvis_body)
+    )
+    plant.Finalize()
+    with pytest.raises(ValueError, match="needs a floating PELVIS_LINK"):
+        WholeBodyKinematics(nadia(), plant)

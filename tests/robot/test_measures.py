@@ -1,0 +1,90 @@
+"""Lengths measured in a URDF: of Nadia, and of feet of other shapes."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.geometry import Box, Capsule, Convex, Cylinder
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from nadia_balance.robot.model import MODELS, load_robot_params
+from nadia_balance.robot.params import RobotParams
+from nadia_balance.robot.urdf import with_lengths
+
+LENGTHS = ("sole", "legs", "com_height")
+
+
+def nadia_with(tmp_path, **given) -> RobotParams:
+    """Nadia's parameters, with only these lengths `given`."""
+    text = (MODELS / "nadia" / "robot.yaml").read_text("utf-8")
+    tree = yaml.safe_load(text) | {"urdf": str(MODELS / "nadia" / "nadia.urdf")}
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump(tree | given), encoding="utf-8")
+    return load_robot_params(str(file))[0]
+
+
+def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
+    """Oracle: joint origins and the foot's mesh of the public description.
+
+    A lower sole raises the ankle, and the CoM as much.
+    """
+    known = load_robot_params("nadia")[0]
+    assert (known.legs.hip_width, known.legs.ankle_height) == (0.26, 0.098)
+    assert known.com_height == 0.888  # of the paper's robot
+    found = nadia_with(tmp_path, sole={"z": -0.1}, legs={"length": 0.7})
+    assert (found.sole.x_min, found.sole.x_max) == (-0.072, 0.178)
+    assert (found.sole.half_width, found.sole.z) == (0.06, -0.1)
+    assert (found.legs.length, found.legs.ankle_height) == (0.7, 0.11)
+    assert found.com_height == pytest.approx(known.com_height + 0.012)
+
+
+CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
+WEDGE = Convex(
+    np.vstack([np.c_[CORNERS, 4 * [-0.01]], [0.0, 0.0, 0.05]]).T, "wedge"
+)
+
+
+@pytest.mark.parametrize(
+    "shapes, ends",
+    [
+        (  # turned by 90 degrees
+            [(Box(0.1, 0.3, 0.02), (0.04, 0.0, -0.02), (0, 0, math.pi / 2))],
+            (-0.11, 0.19, 0.05, -0.03),
+        ),
+        (  # two rails, ahead; a third, higher one does not count
+            [
+                (Capsule(0.02, 0.2), (0.05, y, z), (0, math.pi / 2, 0))
+                for y, z in ((-0.03, -0.04), (0.03, -0.04), (0.2, -0.03))
+            ],
+            (-0.05, 0.15, 0.03, -0.06),
+        ),
+        (
+            [(WEDGE, (0.0, 0.0, -0.02), (0.0, 0.0, 0.0))],
+            (-0.05, 0.15, 0.04, -0.03),
+        ),
+        (
+            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0.0), (0.0, 0.0, 0.0))],
+            (-0.03, 0.07, 0.04, -0.02),  # symmetric about y = 0
+        ),
+    ],
+)
+def test_soles_are_where_shapes_meet_the_ground(shapes, ends):
+    """Oracle: by hand."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    mass = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+    for foot in ("left", "right"):
+        body = plant.AddRigidBody(foot, mass)
+        for i, (shape, p, rpy) in enumerate(shapes):
+            X_BG = RigidTransform(RollPitchYaw(*rpy), p)
+            plant.RegisterCollisionGeometry(
+                body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
+            )
+    plant.Finalize()
+    params = RobotParams(left_foot_body="left", right_foot_body="right")
+    inspector = scene_graph.model_inspector()
+    sole = with_lengths(params, {}, plant, inspector).sole
+    assert (sole.x_min, sole.x_max, sole.half_width, sole.z) == ends

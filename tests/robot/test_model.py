@@ -1,0 +1,335 @@
+"""RobotModel: its figures agree with the URDF, its errors can be read."""
+
+import contextlib
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body.collision_avoidance import (
+    CollisionAvoidanceParams,
+)
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot.model import (
+    MODELS,
+    add_ground,
+    default_plant_config,
+    load_robot,
+    robot_names,
+)
+from tests.core.body.test_ground import square
+
+ROBOT = load_robot("nadia")
+
+
+def plant_at(q=None):
+    """The robot's plant, and its context at `q`; else at its posture."""
+    plant = ROBOT.control_plant()
+    context = plant.CreateDefaultContext()
+    for joint, angle in ROBOT.posture.items():
+        plant.GetJointByName(joint).set_angle(context, angle)
+    if q is not None:
+        plant.SetPositions(context, q)
+    return plant, context
+
+
+def position(plant, context, body: str) -> np.ndarray:
+    return plant.GetBodyByName(body).EvalPoseInWorld(context).translation()
+
+
+def soles(plant, context):
+    """X_WF of both soles, by side."""
+    return {
+        side: plant.GetBodyByName(ROBOT.foot_bodies[side]).EvalPoseInWorld(
+            context
+        )
+        @ ROBOT.X_FootSole[side]
+        for side in Side
+    }
+
+
+@pytest.mark.parametrize("width", [None, 0.125, 0.5])
+def test_stands_with_level_soles_and_the_com_over_their_middle(width):
+    """Oracle: forward kinematics.  SNOPT is content with some 1e-7."""
+    plant, context = plant_at(ROBOT.standing_positions(width))
+    for side, X_WF in soles(plant, context).items():
+        y = 0.5 * side.sign * (width or 0.25)
+        assert X_WF.translation() == pytest.approx([0.0, y, 0.0], abs=1e-6)
+        assert X_WF.rotation().IsNearlyIdentity(1e-5)
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    assert com == pytest.approx([0.0, 0.0, ROBOT.com_height], abs=1e-6)
+    pelvis = plant.GetBodyByName(ROBOT.pelvis_body).EvalPoseInWorld(context)
+    assert pelvis.rotation().IsNearlyIdentity(1e-9)
+
+
+def load(folder):
+    return load_robot(str(folder / "robot.yaml"))
+
+
+def test_standing_is_the_posture():
+    """Oracle: its forward kinematics; but for the hips' roll."""
+    plant, context = plant_at()
+    q = ROBOT.standing_positions()
+    assert q[7:] == pytest.approx(plant.GetPositions(context)[7:], abs=0.01)
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    for X_WF in soles(plant, context).values():
+        height = com[2] - X_WF.translation()[2]
+        assert height == pytest.approx(ROBOT.com_height, abs=1e-3)
+
+
+def test_legs_are_as_long_as_measured():
+    """Oracle: forward kinematics, to 1 mm."""
+    plant, context = plant_at()
+    com = plant.CalcCenterOfMassPositionInWorld(context)
+    hips, ankles = (
+        {
+            side: position(plant, context, f"{side.value.upper()}_{link}")
+            for side in Side
+        }
+        for link in ("THIGH_LINK", "ANKLE_LINK")
+    )
+    legs, near = ROBOT.params.legs, {"abs": 1e-3}
+    hip, ankle = hips[Side.LEFT], ankles[Side.LEFT]
+    sole = soles(plant, context)[Side.LEFT].translation()
+    assert com[2] - hip[2] == pytest.approx(legs.com_above_hip, **near)
+    assert ankle[2] - sole[2] == pytest.approx(legs.ankle_height, **near)
+    width = hip[1] - hips[Side.RIGHT][1]
+    assert width == pytest.approx(legs.hip_width, **near)
+    knee = plant.GetJointByName("LEFT_KNEE_Y")
+    lengths = []
+    for angle in np.linspace(0.0, 0.1, 101):
+        knee.set_angle(context, angle)
+        ankle = position(plant, context, "LEFT_ANKLE_LINK")
+        lengths.append(np.linalg.norm(ankle - hip))
+    assert max(lengths) == pytest.approx(legs.length, **near)
+
+
+@pytest.mark.parametrize("width", [2.0, np.nan])
+def test_refuses_a_step_width_out_of_reach(width):
+    """Oracle: two legs of 0.88 m and 0.26 m between them, all in a line."""
+    with pytest.raises(ValueError, match=f"{width}.*: must be (within|> 0)"):
+        ROBOT.standing_positions(width)
+
+
+def test_refuses_an_unknown_name_and_lists_the_known(tmp_path):
+    """Oracle: the folders in models."""
+    assert robot_names() == ["atlas", "nadia"]
+    with pytest.raises(ValueError, match="robot = 'adam': .*atlas, nadia"):
+        load_robot("adam")
+    with pytest.raises(FileNotFoundError, match="robot.yaml: no such file"):
+        load_robot(str(tmp_path / "robot.yaml"))
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A robot of one's own: a copy of Nadia's folder."""
+    return shutil.copytree(MODELS / "nadia", tmp_path / "own")
+
+
+def change(path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("strength", [0.99, 1.01])
+def test_refuses_ankles_too_weak_to_stand(copy, strength):
+    """Oracle: half the weight under the sole's centre, by its lever.
+
+    Less the weight of what is below the ankle.
+    """
+    plant, context = plant_at(ROBOT.standing_positions())
+    ankle = position(plant, context, "LEFT_ANKLE_LINK")[0]
+    needed = 0.5 * ROBOT.mass * 9.81 * (0.0 - ankle)
+    for link in map(plant.GetBodyByName, ("LEFT_ANKLE_LINK", "LEFT_FOOT_LINK")):
+        p_LC = link.CalcCenterOfMassInBodyFrame(context)
+        com = link.EvalPoseInWorld(context) @ p_LC
+        needed -= link.get_mass(context) * 9.81 * (com[0] - ankle)
+    urdf = copy / "nadia.urdf"
+    before, joint, after = urdf.read_text().partition('name="LEFT_ANKLE_Y"')
+    after = after.replace("1000", f"{strength * needed}", 1)
+    urdf.write_text(before + joint + after)
+    may_raise = contextlib.nullcontext()
+    if strength < 1.0:
+        told = "LEFT_ANKLE_Y = 2.*for the robot to"
+        may_raise = pytest.raises(ValueError, match=told)
+    with may_raise:
+        load(copy)
+
+
+def test_max_joint_speed_is_of_joints_without_a_limit(copy):
+    """Oracle: the first joint of the URDF, the spine's; all others have 12."""
+    change(copy / "nadia.urdf", ' velocity="12"', "")
+    change(copy / "robot.yaml", "name: nadia", "name: own\nmax_joint_speed: 7")
+    speeds = load(copy).max_joint_speeds
+    assert sorted(speeds) == [7.0] + 22 * [12.0]
+
+
+def test_transmissions_may_be_missing(copy):
+    """Oracle: Nadia's own effort limits, in the order of the velocities."""
+    urdf = copy / "nadia.urdf"
+    text = re.sub(
+        "<transmission.*?</transmission>", "", urdf.read_text(), flags=re.DOTALL
+    )
+    urdf.write_text(text)
+    bare = load(copy)
+
+    def efforts(robot):
+        plant = robot.control_plant()
+        actuators = map(
+            plant.get_joint_actuator, plant.GetJointActuatorIndices()
+        )
+        return {a.joint().name(): a.effort_limit() for a in actuators}
+
+    assert efforts(bare) == efforts(ROBOT)
+    (remark,) = bare.remarks
+    assert remark.startswith("no rotor inertia: SPINE_Z, SPINE_X")
+    assert not ROBOT.remarks
+
+
+def test_shapes_are_missed(copy):
+    """Oracle: the collision shapes, taken away from all links but the feet."""
+    urdf = copy / "nadia.urdf"
+    shapes = "<collision.*?</collision>"
+    parts = re.split("(<link .*?</link>)", urdf.read_text(), flags=re.DOTALL)
+    for feet, message in ((True, None), (False, "foot LEFT_FOOT_LINK: must")):
+        urdf.write_text(
+            "".join(
+                part
+                if feet and "FOOT_LINK" in part[:40]
+                else re.sub(shapes, "", part, flags=re.DOTALL)
+                for part in parts
+            )
+        )
+        if message:
+            with pytest.raises(ValueError, match=message):
+                load(copy)
+        else:
+            (remark,) = load(copy).remarks
+            assert remark.startswith("only the feet have collision shapes")
+
+
+def test_a_robot_has_parameters_of_its_own(copy):
+    """Oracle: by hand; the scenario's others stay, also in the same group."""
+    change(
+        copy / "robot.yaml",
+        "whole_body:",
+        "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}",
+    )
+    scenario = WholeBodyQpParams(
+        rolling_step=0.5,
+        friction=0.4,
+        avoidance=CollisionAvoidanceParams(clearance=0.01, rate=20.0),
+    )
+    found = load(copy).whole_body(scenario)
+    assert found == replace(
+        scenario,
+        rolling_step=0.3,
+        avoidance=CollisionAvoidanceParams(clearance=0.03, rate=20.0),
+        joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
+    )
+    ideal = load_robot("nadia", "ideal")
+    assert ideal.whole_body(scenario).avoidance is None
+    assert ideal.whole_body(scenario).loading_time == 0.0
+    assert np.isinf(ideal.max_joint_speeds).all()
+    with pytest.raises(ValueError, match="whole_body.unloaded_force = 1.0"):
+        ROBOT.whole_body(WholeBodyQpParams(unloaded_force=1.0))
+
+
+def of_yaml(old, new, named):
+    return "robot.yaml", old, new, named
+
+
+def of_urdf(old, new, named):
+    return "nadia.urdf", old, new, f"urdf = .*{named}"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "named"),
+    [
+        of_yaml("urdf: nadia.urdf", "urdf: none.urdf", "urdf"),
+        of_yaml("name: nadia", "nam: nadia", "nam"),
+        of_yaml("name: nadia", "name: a\ncom_height: .nan", "com_height = nan"),
+        of_yaml("name: nadia", "name: a\ncom_height: 2.0", "com_height = 2.0"),
+        of_yaml("name: nadia", "", "name"),
+        of_yaml("name: nadia", "name: a\nlegs: {length: -1}", "legs.length"),
+        of_yaml("name: nadia", "name: a\nsole: {x_max: -0.1}", "sole.x_max"),
+        of_yaml("TORSO_LINK", "TRUNK", "torso_body"),
+        of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
+        of_yaml("foot_body: RIGHT", "foot_body: LEFT", "left_foot_body"),
+        of_yaml("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
+        of_yaml("KNEE_Y: 0.552", "KNEE_Y: -0.5", "posture.LEFT_KNEE_Y"),
+        of_urdf("</robot>", "", "no element found"),
+        of_urdf("</robot>", "<link/></robot>", "name"),
+        of_urdf('value="19.0917"', 'value="0"', "mass of PELVIS_LINK"),
+        of_urdf('ixx="0.0942"', 'ixx="-0.0942"', "inertia"),
+        of_urdf('"0 0.115 -0.07185"', '"0 nan 0"', "xyz"),
+        of_urdf('lower="-0.7854"', 'lower="1"', "lower limit of LEFT_HIP_Z"),
+        of_urdf('velocity="12"', 'velocity="-1"', "velocity limit of SPINE_Z"),
+        of_urdf(' velocity="12"', "", "SPINE_Z"),
+        of_urdf('inertia value="0', 'inertia value="-0', "LEFT_HIP_Z"),
+        of_urdf('"LEFT_KNEE_Y"/>', '"LEFT_HIP_Y"/>', "two <transmission>s"),
+        of_urdf(' effort="350"', "", "LEFT_KNEE_Y"),
+        of_urdf('effort="350"', 'effort="20"', "effort limit of LEFT_KNEE_Y"),
+        of_urdf('Z" type="revolute"', 'Z" type="prismatic"', "SPINE_Z"),
+        of_urdf(
+            '<joint name="SPINE_X" type="revolute">',
+            '<joint name="SPINE_X" type="revolute"><mimic joint="SPINE_Z"/>',
+            "SPINE_X",
+        ),
+        # Only a plant with shapes, such as the simulated one, reads these.
+        of_urdf('radius="0.005"/>', 'radius="-1"/>', "radius = -1"),
+        of_urdf('child link="TORSO_LINK"', 'child link="PELVIS_LINK"', "loops"),
+    ],
+)
+def test_a_bad_file_is_refused_on_one_line(copy, file, old, new, named):
+    change(copy / file, old, new)
+    with pytest.raises((ValueError, FileNotFoundError), match=named) as error:
+        load(copy)
+    assert "\n" not in str(error.value)
+
+
+def test_uneven_ground_is_as_high_as_its_regions():
+    """Oracle: the regions' planes: how deep a sphere on one of them is.
+
+    Its lowest point against the plane is 1 mm deep.
+    """
+    rises = (0.0, 0.0), (0.2, -0.1)
+    regions = tuple(
+        square(f"{x}", x=x, height=x, normal=[-dx, -dy, 1.0])
+        for x, (dx, dy) in zip((0.0, 0.5), rises, strict=True)
+    )
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlant(default_plant_config(), builder)
+    ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1, 1))
+    rough = CoulombFriction(1.0, 1.0)
+    plant.RegisterCollisionGeometry(
+        ball, RigidTransform(), Sphere(0.01), "ball", rough
+    )
+    add_ground(plant, Ground(regions, ROBOT.sole))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    for region in regions:
+        for offset in (-0.2, -0.1), (0.0, 0.0), (0.2, 0.15):
+            xy = region.polygon.mean(axis=0) + offset
+            n = region.unit_normal
+            p = np.append(xy, region.heights(xy[None])) + (0.01 - 0.001) * n
+            plant.SetFreeBodyPose(
+                plant.GetMyContextFromRoot(context), ball, RigidTransform(p)
+            )
+            query = scene_graph.get_query_output_port().Eval(
+                scene_graph.GetMyContextFromRoot(context)
+            )
+            (pair,) = query.ComputePointPairPenetration()
+            assert pair.depth == pytest.approx(0.001, abs=1e-9)
+            assert abs(pair.nhat_BA_W @ n) == pytest.approx(1.0, abs=1e-9)

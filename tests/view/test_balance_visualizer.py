@@ -1,0 +1,452 @@
+"""The replay in a real browser: offline, small, and with everything to see.
+
+A kinematic imitation of a walk takes the place of a simulation: it draws the
+same robot through the same visualizers, in a fraction of a second.
+"""
+
+import io
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from playwright.sync_api import Browser, ConsoleMessage, Page
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from shapely import Point, Polygon, union_all
+
+from nadia_balance import palette
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.steps.swing_geometry import (
+    CaptureRegionStepAdjusterParams,
+)
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import support_polygon
+from nadia_balance.results.pages import start_recording, write_replay
+from nadia_balance.systems.capture_region_step_adjuster import (
+    CaptureRegionStepAdjuster,
+)
+from nadia_balance.systems.wiring import connect
+from nadia_balance.view import scene
+from nadia_balance.view.balance_visualizer import (
+    FOOTPRINTS,
+    RADIUS,
+    BalanceVisualizer,
+)
+from nadia_balance.view.overlay import LINE
+from tests.blocks import asked
+from tests.core.body.test_ground import square
+from tests.example_walks import MODEL, SOLE
+
+URDF = Path(__file__).parents[2] / "models" / "nadia" / "nadia.urdf"
+DURATION, STEP_LENGTH, TRANSFER, SWING = 5.5, 0.2, 0.3, 0.7  # [s], [m]
+PUSH = (4.2, 4.3)  # [s]
+MEGABYTE = 1e6
+PARTS = (
+    *("footprints", "footsteps", "support_polygon"),
+    *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
+    *("capture_regions/c_1", "capture_regions/c_2", "capture_regions/c_3"),
+    *("capture_regions/reach", "capture_regions/nominal", "ground"),
+)
+
+
+def foot(step: int) -> tuple[walking.Side, walking.FootPose]:
+    """The foothold of this step; the even ones are left."""
+    side = walking.Side.LEFT if step % 2 == 0 else walking.Side.RIGHT
+    return side, walking.FootPose([step * STEP_LENGTH, 0.125 * side.sign, 0.0])
+
+
+def walking_state(time: float) -> walking.WalkingState:
+    """A step a second; at time 0 the left foot has just landed."""
+    taken = int(time)
+    clock = time - taken
+    side, landed = foot(taken)
+    feet = walking.FootPoses(landed, landed).with_foot(
+        side.other, foot(taken - 1)[1]
+    )
+    swings = clock >= TRANSFER
+    schedule = walking.ContactSchedule(
+        walking.Phase.SWING if swings else walking.Phase.TRANSFER,
+        side,
+        SWING if swings else TRANSFER,
+        feet,
+        tuple(
+            walking.Footstep(*foot(taken + i), TRANSFER, SWING)
+            for i in range(1, 5)
+        ),
+        walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
+    )
+    if not swings:
+        return walking.WalkingState(schedule, clock, steps_taken=taken)
+    clock -= TRANSFER
+    return walking.WalkingState(
+        schedule,
+        clock,
+        clock,
+        steps_taken=taken,
+        adjustment=walking.Adjustment(
+            nominal(taken + 1), schedule.footsteps[0].pose
+        ),
+    )
+
+
+def nominal(step: int) -> walking.Footstep:
+    """Where this step was to land: farther out."""
+    side, pose = foot(step)
+    out = np.array([0.0, 0.2 * side.sign, 0.0])
+    return walking.Footstep(
+        side, walking.FootPose(pose.p_WF + out), TRANSFER, SWING
+    )
+
+
+def com(time: float) -> np.ndarray:
+    """Position (3,) of the made-up centre of mass."""
+    sway = 0.05 * math.cos(math.pi * (time - 0.65))
+    return np.array([STEP_LENGTH * time, sway, 1.0])
+
+
+def icp(time: float) -> np.ndarray:
+    """Position (2,) of the made-up ICP."""
+    return com(time)[:2] + [0.08, 0.03 * math.sin(math.pi * time)]
+
+
+def vectors(time: float) -> dict[str, np.ndarray]:
+    """The vector inputs of the visualizer."""
+    pushed = PUSH[0] <= time < PUSH[1]
+    return {
+        "com_state": np.concatenate([com(time), np.zeros(3)]),
+        "icp_reference": np.concatenate([icp(time) + 0.02, np.zeros(6)]),
+        "ecmp_command": np.concatenate([icp(time) - 0.05, icp(time) - 0.1]),
+        "push_force": np.array([0.0, 500.0 * pushed, 0.0]),
+    }
+
+
+def bend_legs(plant, context, time: float) -> None:
+    """Bends the knee of the foot in the air."""
+    clock = time - int(time)
+    lift = 0.6 * math.sin(math.pi * max(0.0, clock - TRANSFER) / SWING)
+    swing = foot(int(time) + 1)[0]
+    for side in walking.Side:
+        bend = lift if side is swing else 0.0
+        half = -0.35 - 0.5 * bend
+        angles = {"HIP_Y": half, "KNEE_Y": 0.7 + bend, "ANKLE_Y": half}
+        for name, angle in angles.items():
+            joint = plant.GetJointByName(f"{side.name}_{name}")
+            joint.set_angle(context, angle)
+
+
+def write_imitation(path: Path) -> dict[float, CaptureRegions]:
+    """Writes the replay of the imitated walk; returns the capture regions.
+
+    They are drawn in every frame: twice as often as in a simulation.
+    """
+    meshcat = scene.start_meshcat()[0]
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    Parser(plant).AddModels(str(URDF))
+    plant.Finalize()
+    scene.add_robot_view(builder, scene_graph, meshcat)
+    stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
+    visualizer = builder.AddSystem(
+        BalanceVisualizer(meshcat, SOLE, Ground(tuple(stones), SOLE))
+    )
+    adjuster = builder.AddSystem(
+        CaptureRegionStepAdjuster(
+            CaptureRegionStepAdjusterParams(), MODEL, period=0.002
+        )
+    )
+    connect(builder, adjuster, visualizer, "capture_regions")
+    builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
+    builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
+    builder.ExportInput(visualizer.GetInputPort("icp"), "icp")
+    builder.ConnectInput("icp", adjuster.GetInputPort("icp"))
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    robot = plant.GetMyMutableContextFromRoot(root)
+    inputs = visualizer.GetMyMutableContextFromRoot(root)
+    pelvis = plant.GetBodyByName("PELVIS_LINK")
+    scene.set_scene(meshcat)
+    regions = {}
+
+    def draw(time: float) -> None:
+        root.SetTime(time)
+        plant.SetFloatingBaseBodyPoseInWorldFrame(
+            robot, pelvis, RigidTransform(com(time))
+        )
+        bend_legs(plant, robot, time)
+        port = diagram.GetInputPort("state")
+        port.FixValue(root, Value(walking_state(time)))
+        diagram.GetInputPort("icp").FixValue(root, icp(time))
+        for name, value in vectors(time).items():
+            visualizer.GetInputPort(name).FixValue(inputs, value)
+        diagram.ForcedPublish(root)
+        port = adjuster.GetOutputPort("capture_regions")
+        regions[time] = port.Eval(adjuster.GetMyContextFromRoot(root))
+
+    start_recording(meshcat)
+    diagram.ExecuteInitializationEvents(root)
+    for frame in range(round(DURATION * scene.FRAMES_PER_SECOND) + 1):
+        draw(frame / scene.FRAMES_PER_SECOND)
+    write_replay(meshcat, path)
+    return regions
+
+
+@dataclass
+class Replay:
+    """A replay that is open in the browser."""
+
+    page: Page
+    regions: dict[float, CaptureRegions]  # that were drawn, by their times [s]
+    requests: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+    console: list[ConsoleMessage] = field(default_factory=list)
+
+    def seek(self, time: float) -> None:
+        """Shows the frame at `time` [s]."""
+        self.page.evaluate(
+            """(time) => {
+              viewer.animator.pause();
+              viewer.animator.seek(time);
+              viewer.render();  // moves the camera, ...
+              viewer.render();  // ... and draws what it sees
+            }""",
+            time,
+        )
+
+    def show(self, path: str, visible: bool) -> None:
+        """Shows or hides all below `path`, in the next picture."""
+        self.page.evaluate(
+            """([path, visible]) => {
+              const names = path.split("/").filter((name) => name);
+              viewer.set_property(names, "visible", visible);
+            }""",
+            [path, visible],
+        )
+
+    def look_up(self, path: str, script: str):
+        """What JavaScript finds out about the `node` at `path`."""
+        names = json.dumps(path.split("/"))
+        node = f"const node = viewer.scene_tree.find({names})"
+        return self.page.evaluate(f"() => {{ {node}; return {script}; }}")
+
+    def visible(self, path: str) -> set[str]:
+        """Names of the visible objects at one level below `path`."""
+        script = """Object.entries(node.children)
+          .filter(([name, child]) => child.object.visible)
+          .map(([name, child]) => name)"""
+        return set(self.look_up(path, script))
+
+    def position(self, path: str) -> np.ndarray:
+        """Where the browser has put the object at `path`, in W (3,) [m]."""
+        return np.array(self.look_up(path, "node.object.position.toArray()"))
+
+    def triangles(self, path: str) -> np.ndarray:
+        """The triangles (n, 3, 3) [m] that are visible below `path`."""
+        script = """Object.values(node.children)
+          .filter((child) => child.object.visible)
+          .flatMap((child) => {
+            const {attributes, index} = (
+                child.children["<object>"] ?? child).object.geometry;
+            return Array.from(index.array).flatMap((i) =>
+                Array.from(attributes.position.array).slice(3 * i, 3 * i + 3));
+          })"""
+        return np.array(self.look_up(path, script)).reshape(-1, 3, 3)
+
+    def picture(self) -> np.ndarray:
+        """A screenshot (height, width, 3)."""
+        self.page.evaluate("viewer.render()")
+        png = io.BytesIO(self.page.screenshot())
+        return np.rint(255.0 * imread(png)[:, :, :3]).astype(int)
+
+
+@pytest.fixture(scope="module")
+def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
+    """The replay, with every network blocked."""
+    html = tmp_path_factory.mktemp("replay") / "replay.html"
+    regions = write_imitation(html)
+    assert html.stat().st_size <= 3.8 * MEGABYTE, "5 MB for ten seconds"
+    context = browser.new_context(
+        viewport={"width": 480, "height": 360}, offline=True
+    )
+    replay = Replay(context.new_page(), regions)
+    page = replay.page
+    page.on("request", lambda request: replay.requests.append(request.url))
+    page.on("pageerror", lambda error: replay.errors.append(str(error)))
+    page.on("console", lambda message: replay.console.append(message))
+    page.goto(html.as_uri())
+    page.wait_for_function("viewer.animator.duration > 0")
+    yield replay
+    context.close()
+
+
+def changed_pixels(a: np.ndarray, b: np.ndarray) -> int:
+    """How many pixels differ by more than the noise of a gradient."""
+    return int(np.sum(np.max(np.abs(a - b), axis=2) > 12))
+
+
+def test_the_replay_opens_offline_and_whole(replay):
+    """Oracle: the browser asks for the file alone, and complains of nothing."""
+    local = ("file:", "data:", "blob:")
+    assert all(url.startswith(local) for url in replay.requests)
+    complaints = [m.text for m in replay.console if m.type == "error"]
+    assert replay.errors == complaints == []
+    assert replay.page.evaluate("viewer.animator.duration") == DURATION
+    legend = replay.page.inner_text("#legend")
+    for name in (*palette.LEGEND, "foothold as adjusted"):
+        assert name in legend
+
+
+def test_all_that_is_drawn_is_seen(replay):
+    """Oracle: control pictures of the same frame with the thing hidden.
+
+    About half of the pixels that were counted when the picture was right; the
+    points shine through the feet.
+    """
+    replay.seek(4.5)
+    with_it = replay.picture()
+    for path, pixels in {
+        **{scene.ROBOT: 2200, "/overlay": 450, "/Floor": 11_000},
+        **{f"/overlay/{name}": 8 for name in PARTS},
+    }.items():
+        replay.show(path, False)
+        assert changed_pixels(with_it, replay.picture()) > pixels, path
+        replay.show(path, True)
+    assert changed_pixels(with_it, replay.picture()) == 0
+
+
+@pytest.mark.parametrize("time", [0.0, 3.25, DURATION])
+def test_the_overlay_moves_with_time(replay, time):
+    """Oracle: the made-up trajectories, at the times of frames."""
+    replay.seek(time)
+    given, footsteps = vectors(time), walking_state(time).schedule.footsteps
+    for name, expected in {
+        "com": com(time),
+        "com_ground": [*com(time)[:2], 0.0],
+        "icp": [*icp(time), 0.0],
+        "icp_reference": [*given["icp_reference"][:2], 0.0],
+        "cop": [*given["ecmp_command"][:2], 0.0],
+        "ecmp": [*given["ecmp_command"][2:], 0.0],
+        f"footsteps/{footsteps[0].side.value}_0": footsteps[0].pose.p_WF,
+        f"footsteps/{footsteps[2].side.value}_1": footsteps[2].pose.p_WF,
+    }.items():
+        found = replay.position(f"overlay/{name}")
+        assert found == pytest.approx(np.array(expected), abs=1e-6), name
+
+
+def drawn(replay: Replay, name: str) -> tuple[Polygon, float]:
+    """What is painted, in plan view, and how much of it twice [m^2]."""
+    found = replay.triangles(f"overlay/{name}")
+    turns = np.cross(*np.diff(found, axis=1).transpose(1, 0, 2))
+    # The outline of an edge that is shorter than its width is folded.
+    assert (turns[:, 2] > -2.0 * LINE**2).all(), "seen from above"
+    triangles = [Polygon(corners[:, :2]) for corners in found]
+    whole = union_all(triangles)
+    return whole, sum(t.area for t in triangles) - whole.area
+
+
+@pytest.mark.parametrize("time", [3.5, 3.875])
+def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
+    """Oracle: shapely; corners that move by less than 5 mm are not redrawn."""
+    replay.seek(time)
+    expected = replay.regions[time]
+    stance = foot(int(time))[1].p_WF[:2]
+    assert len(expected.regions) >= 2
+    for i, region in enumerate(expected.regions[:3], start=1):
+        shape, twice = drawn(replay, f"capture_regions/c_{i}")
+        near = Polygon(region) & Point(stance).buffer(RADIUS)
+        off = 0.01 * near.length + 0.02 * near.area
+        assert shape.symmetric_difference(near).area < off
+        assert twice == pytest.approx(LINE * near.length, rel=0.1)
+    line, twice = drawn(replay, "capture_regions/reach")
+    ring = Polygon(expected.reach)
+    assert line.within(ring.exterior.buffer(3.0 * LINE))
+    assert line.area == pytest.approx(LINE * ring.length, rel=0.1)
+    landing = replay.position("overlay/capture_regions/nominal")
+    assert landing == pytest.approx(nominal(int(time) + 1).pose.p_WF, abs=1e-6)
+
+
+@pytest.mark.parametrize("time", [3.125, 3.5])
+def test_the_feet_in_contact_are_outlined_and_regions_seen_in_swings(
+    replay, time
+):
+    """Oracle: core.support_polygon, and shapely's distance to its border."""
+    replay.seek(time)
+    schedule = walking_state(time).schedule
+    line, _ = drawn(replay, "support_polygon")
+    border = Polygon(support_polygon(schedule, SOLE)).exterior
+    assert line.area == pytest.approx(LINE * border.length, rel=0.1)
+    assert line.hausdorff_distance(border) < 1.5 * LINE
+    swings = schedule.phase is walking.Phase.SWING
+    assert ("capture_regions" in replay.visible("overlay")) == swings
+
+
+def test_the_push_is_seen_long_enough_and_not_before(replay):
+    """Oracle: pushed from 4.2 to 4.3 s; the arrow lingers for half a second.
+
+    It points at the centre of mass, to the left.
+    """
+    for time, seen in (0.0, 0), (4.0, 0), (4.7, 1), (5.5, 0), (4.25, 1):
+        replay.seek(time)
+        assert ("push" in replay.visible("overlay")) == seen
+    assert replay.position("overlay/push") == pytest.approx(com(4.25), abs=1e-6)
+    tip = replay.look_up(
+        "overlay/push",
+        "new (node.object.position.constructor)(0, 0, 1)"
+        ".applyQuaternion(node.object.quaternion).toArray()",
+    )
+    assert tip == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+
+
+def test_footprints_stay_and_future_ones_are_hidden(replay):
+    """Oracle: at 4.5 s steps -1 to 4 have landed, 5 to 10 have not."""
+    replay.seek(4.5)
+    expected = {f"{foot(n)[0].value}_{n}" for n in range(-1, 5)}
+    assert replay.visible("overlay/footprints") == expected
+    found = replay.position("overlay/footprints/left_4")
+    assert found[:2] == pytest.approx(foot(4)[1].p_WF[:2], abs=1e-6)
+
+
+def test_the_region_of_the_next_step_is_darker(replay):
+    """Oracle: steps 2 and 4, by hand; none where the foothold is on none."""
+    usual = {"0", "1"}
+    for time, more in (1.5, {"in_use_0"}), (2.5, set()), (3.5, {"in_use_1"}):
+        replay.seek(time)
+        assert replay.visible("overlay/ground") == usual | more
+
+
+def test_the_camera_follows_the_walk(replay):
+    """Oracle: the robot walks 1.1 m; the view lags by the dead band at most."""
+    targets = []
+    for time in (0.0, DURATION):
+        replay.seek(time)
+        targets.append(replay.page.evaluate("viewer.controls.target.toArray()"))
+    moved = np.subtract(*reversed(targets))
+    assert moved[0] == pytest.approx(STEP_LENGTH * DURATION, abs=0.31)
+    assert abs(moved[1]) < 1e-9, "the height stays"
+
+
+def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
+    """Oracle: Drake's own Meshcat, which packs false as 0xc2."""
+    meshcat = scene.start_meshcat()[0]
+    visualizer = BalanceVisualizer(meshcat, SOLE)
+    for time in 3.5, 7.5:
+        context = asked(visualizer, walking_state=walking_state(time))
+        visualizer.ExecuteInitializationEvents(context)
+        visualizer.ForcedPublish(context)
+        prints = [
+            n
+            for n in range(9)
+            if meshcat.HasPath(f"{FOOTPRINTS}/{foot(n)[0].value}_{n}")
+        ]
+        assert prints == [int(time)], "the other foot is in the air"
+    for name in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
+        packed = meshcat._GetPackedProperty(f"/overlay/{name}", "visible")
+        assert packed.endswith(b"\xc2"), name

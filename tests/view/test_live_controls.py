@@ -1,0 +1,116 @@
+"""Clicks as a browser sends them, put into a real Meshcat."""
+
+from dataclasses import fields
+
+import pytest
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+
+from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.view.live_controls import (
+    DIRECTION,
+    LABELS,
+    LENGTH,
+    PUSH,
+    SIZE,
+    LiveControls,
+)
+from nadia_balance.view.scene import start_meshcat
+from tests.clicks import click
+
+PERIOD = 0.02
+ALL = MECHANISMS["all_with_cross_over"]
+
+
+@pytest.fixture
+def meshcat() -> Meshcat:
+    return start_meshcat()[0]
+
+
+class Session:
+    """A run with the controls, and what comes out of them at each poll."""
+
+    def __init__(self, meshcat, mechanisms=ALL, controls=None):
+        self.controls = controls or LiveControls(meshcat, mechanisms, PERIOD)
+        self.simulator = Simulator(self.controls)
+        self.simulator.Initialize()
+        self.polls = 0
+
+    def poll(self):
+        self.polls += 1
+        self.simulator.AdvanceTo((self.polls + 0.5) * PERIOD)
+
+    def output(self, name):
+        port = self.controls.GetOutputPort(name)
+        return port.Eval(self.simulator.get_context()).tolist()
+
+
+def test_begins_as_told(meshcat):
+    """Oracle: the arguments; a push of 0.3 m/s to the left for 0.1 s."""
+    session = Session(meshcat, Mechanisms(True, False, True, False))
+    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0, 0.1])
+    assert session.output("mechanisms") == [1.0, 0.0, 1.0, 0.0]
+    assert set(meshcat.GetButtonNames()) == {
+        PUSH,
+        "step adjustment: on",
+        "swing timing: off",
+        "transfer timing: on",
+        "cross-over: off",
+    }
+    assert set(meshcat.GetSliderNames()) == {SIZE, DIRECTION, LENGTH}
+    assert list(LABELS) == [field.name for field in fields(Mechanisms)]
+
+
+def test_counts_the_clicks_on_push_at_the_next_poll(meshcat):
+    """Oracle: the clicks; Drake's own dependency graph."""
+    session = Session(meshcat)
+    assert not session.controls.HasAnyDirectFeedthrough()
+    counts = []
+    for clicks in (1, 0, 2):
+        for _ in range(clicks):
+            click(meshcat, PUSH)
+        counts.append(session.output("live_push")[0])
+        session.poll()
+    assert counts == [0.0, 1.0, 1.0]
+    assert session.output("live_push")[0] == 3.0
+
+
+def test_a_click_on_a_toggle_switches_its_mechanism(meshcat):
+    """Oracle: off, and on again; the label says so, the others stay."""
+    session = Session(meshcat)
+    for index, label in enumerate(LABELS.values()):
+        for now, then, value in ("on", "off", 0.0), ("off", "on", 1.0):
+            click(meshcat, f"{label}: {now}")
+            session.poll()
+            expected = [1.0] * 4
+            expected[index] = value
+            assert session.output("mechanisms") == expected
+            assert f"{label}: {then}" in meshcat.GetButtonNames()
+            assert f"{label}: {now}" not in meshcat.GetButtonNames()
+    assert len(meshcat.GetButtonNames()) == 5
+
+
+def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
+    """Oracle: the sliders, in their steps of 0.01 and 5; no push, all on."""
+    first = Session(meshcat)
+    click(meshcat, PUSH)
+    click(meshcat, "cross-over: on")
+    meshcat.SetSliderValue(SIZE, 0.72)
+    meshcat.SetSliderValue(DIRECTION, 211.0)
+    first.poll()
+    assert first.output("live_push") == pytest.approx([1.0, 0.72, 210.0, 0.1])
+    again = Session(meshcat, controls=first.controls)
+    again.poll()
+    assert again.output("live_push") == pytest.approx([0.0, 0.72, 210.0, 0.1])
+    assert again.output("mechanisms") == [1.0] * 4
+    assert "cross-over: on" in meshcat.GetButtonNames()
+
+
+def test_other_controls_in_the_same_meshcat_begin_anew(meshcat):
+    """Oracle: one button and one slider each, set as the new run begins."""
+    Session(meshcat)
+    meshcat.SetSliderValue(SIZE, 0.72)
+    session = Session(meshcat, MECHANISMS["icp_only"])
+    assert session.output("live_push") == pytest.approx([0.0, 0.3, 90.0, 0.1])
+    assert len(meshcat.GetButtonNames()) == 5
+    assert not any(b.endswith(": on") for b in meshcat.GetButtonNames())
