@@ -5,12 +5,13 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.body.com_height import (
     ComHeightParams,
     plan_com_height,
+    stance_limit,
     vertical_acceleration,
 )
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems.ports import ValueInput, VectorInput, declare_plan
 from nadia_balance.systems.signals import ComState, EcmpCommand
 
@@ -49,12 +50,19 @@ class ComHeightController(LeafSystem):
 
     def _calc_rate(self, context, output):
         com = self._com_state(context)
-        height = self._height.Eval(context)[1]
+        state, plan = self._walking_state(context), self._height.Eval(context)
+        wanted = plan[1].at(state.time_in_phase)
+        if state.schedule.phase is Phase.SWING:
+            most = stance_limit(
+                com.position[:2],
+                com.velocity[:2],
+                state.schedule,
+                self._params,
+                self._model,
+            )
+            wanted = min(wanted, most)
         acceleration = vertical_acceleration(
-            float(com.z),
-            float(com.vz),
-            *height.at(self._walking_state(context).time_in_phase),
-            self._params,
+            float(com.z), float(com.vz), *wanted, self._params
         )
         ecmp = self._ecmp_command(context).ecmp
         output.SetFromVector(

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from nadia_balance.core.body.model import LegGeometry, PointMassModel
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import (
@@ -101,6 +102,36 @@ def plan_com_height(
     if schedule.phase is Phase.SWING and schedule.footsteps:
         end = height(schedule.footsteps[0].pose)
     return ComHeightPlan(start, end, schedule.duration)
+
+
+def stance_limit(
+    com: Array,
+    velocity: Array,
+    schedule: ContactSchedule,
+    params: ComHeightParams,
+    model: PointMassModel,
+) -> tuple[float, float]:
+    """Returns the CoM height [m] in W that the stance leg allows, and its rate.
+
+    The hip is `hip_width` / 2 beside the CoM, at the positions `com` (2,) [m]
+    and `velocity` (2,) [m/s] in W; it is at most `max_stretch` times the leg's
+    length from the ankle (Pythagoras).  The height is not below
+    `min_height_ratio`, where it has no rate [m/s].
+    """
+    side, legs = schedule.support_side, model.legs
+    stance = schedule.feet[side]
+    x, y = stance.to_sole(com).tolist()
+    y += 0.5 * side.sign * legs.hip_width
+    vx, vy = (stance.rotation[:2, :2].T @ velocity).tolist()
+    lowest = params.min_height_ratio * model.com_height
+    above = lowest - legs.ankle_height - legs.com_above_hip
+    squared = (params.max_stretch * legs.length) ** 2 - x * x - y * y
+    ground = float(stance.p_WF[2])
+    if squared <= max(above, 0.0) ** 2:
+        return ground + lowest, 0.0
+    height = math.sqrt(squared)
+    rate = -(x * vx + y * vy) / height
+    return ground + lowest - above + height, rate
 
 
 def vertical_acceleration(
