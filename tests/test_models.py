@@ -428,7 +428,7 @@ def test_the_g1_stands_and_is_as_large_as_published():
         assert X_PF.translation() == pytest.approx(expected, abs=1e-9)
     sole, legs = ROBOTS["g1"].params.sole, ROBOTS["g1"].params.legs
     assert (sole.x_min, sole.x_max) == (-0.05, 0.12)
-    assert (sole.half_width, sole.z) == (0.025, -0.03 - 0.005)
+    assert (sole.half_width, sole.z) == (0.025, -0.035)  # 5 mm below 30 mm
     assert -ankle[1] - sole.z == pytest.approx(0.793, abs=2e-3)
     assert legs.hip_width == pytest.approx(2.0 * half, abs=1e-3)
     assert ROBOTS["g1"].remarks == []
