@@ -32,7 +32,13 @@ from nadia_balance.robot.params import (
     idealised,
     overridden,
 )
-from nadia_balance.robot.urdf import add_urdf, check_urdf, naming, with_lengths
+from nadia_balance.robot.urdf import (
+    add_urdf,
+    check_urdf,
+    foot_width,
+    naming,
+    with_lengths,
+)
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 # realistic: limits of a real robot.  ideal: any torque at any joint speed, any
@@ -104,6 +110,16 @@ class RobotModel:
             max_acceleration=min(a, detour.max_acceleration),
             max_speed=min(v, detour.max_speed),
         )
+        reach, apart = self.params.reachability, 0.0
+        if avoidance := self.params.whole_body.avoidance:
+            _, shaped, scene_graph = self.control_diagram()
+            inspector = scene_graph.model_inspector()
+            width = foot_width(shaped, inspector, self.foot_bodies.values())
+            width = max(width, self.sole_width)
+            apart = width + avoidance.clearance
+            beside = max(detour.beside, apart + 0.5 * avoidance.clearance)
+            detour = replace(detour, beside=beside)
+            reach = replace(reach, width_min=max(reach.width_min, apart))
         return PointMassModel(
             mass=self.mass,
             com_height=self.com_height,
@@ -111,7 +127,8 @@ class RobotModel:
             sole=self.sole,
             held=cop_area(*legs, self.sole),
             legs=self.params.legs,
-            reach=self.params.reachability,
+            reach=reach,
+            sole_clearance=max(apart - self.sole_width, 0.0),
             detour=detour,
         )
 

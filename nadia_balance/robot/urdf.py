@@ -3,7 +3,7 @@
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -223,6 +223,25 @@ def _sole(
         ends.append((low[0], -high[0], -min(-low[1], high[1]), lowest))
     x_min, x_max, half_width, z = np.max(ends, axis=0)
     return {"x_min": x_min, "x_max": -x_max, "half_width": -half_width, "z": z}
+
+
+def foot_width(
+    plant: MultibodyPlant, inspector: SceneGraphInspector, feet: Iterable[str]
+) -> float:
+    """Returns the width [m] of the widest foot, by its collision shapes.
+
+    It is symmetric about the middle of the foot's frame.
+    """
+    sides = [0.0]
+    for foot in feet:
+        body = plant.GetBodyByName(foot)
+        for shape in plant.GetCollisionGeometriesForBody(body):
+            box = inspector.GetObbInGeometryFrame(shape)
+            if box is not None:
+                X_BO = inspector.GetPoseInFrame(shape) @ box.pose()
+                half = np.abs(X_BO.rotation().matrix()[1]) @ box.half_width()
+                sides.append(abs(X_BO.translation()[1]) + half)
+    return 2.0 * round(float(max(sides)), _DIGITS)
 
 
 def _low_points(

@@ -70,7 +70,8 @@ def uncrossed_reach(
 
     Raises ValueError: the region is empty.
     """
-    apart = float(np.ptp(model.sole[:, 1])) + params.sole_clearance
+    apart = float(np.ptp(model.sole[:, 1]))
+    apart += max(params.sole_clearance, model.sole_clearance)
     aside = np.array([[0.0, -1.0]]), np.array([-apart])
     reach = polygon.clip_all(base_region(model.reach), *aside)
     if not len(reach):

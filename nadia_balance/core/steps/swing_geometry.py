@@ -236,7 +236,7 @@ def swing_geometry(
         detour=model.detour,
         offsets=_offsets(schedule.footsteps, params, model, on),
         stance_A=A,
-        stance_b=b + params.sole_clearance,
+        stance_b=b + max(params.sole_clearance, model.sole_clearance),
     )
 
 
