@@ -37,7 +37,7 @@ class PointMassModel:
     legs: LegGeometry
     reach: ReachabilityParams  # reachability regions of the swing foot
     detour: SwingDetourParams  # path of the swing foot past the stance leg
-    # Least distance [m] of the soles, so that the shapes of the feet keep clear.
+    # Least distance [m] of the soles: the shapes of the feet keep clear.
     sole_clearance: float = 0.0
     ground: Ground | None = None  # None: unlimited level ground
 
