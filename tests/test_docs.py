@@ -314,6 +314,6 @@ def test_the_source_of_each_file_of_a_model_is_told():
     models = ROOT / "models"
     assert told == {
         str(path.relative_to(models))
-        for pattern in ("*/*.csv", "*/*.urdf", "*/*.yaml")
+        for pattern in ("*/LICENSE", "*/*.csv", "*/*.urdf", "*/*.yaml")
         for path in models.glob(pattern)
     }

@@ -10,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot.model import RobotModel, load_robot, robot_names
+from nadia_balance.robot.params import MODELS
 
 
 class Urdf:
@@ -71,6 +72,10 @@ URDFS = {name: Urdf(robot) for name, robot in ROBOTS.items()}
 # Thigh, shin and foot: left, right.
 LEGS = {
     "atlas": (("l_uleg", "l_lleg", "l_foot"), ("r_uleg", "r_lleg", "r_foot")),
+    "g1": (
+        ("left_hip_yaw_link", "left_knee_link", "left_ankle_roll_link"),
+        ("right_hip_yaw_link", "right_knee_link", "right_ankle_roll_link"),
+    ),
     "nadia": (
         ("LEFT_THIGH_LINK", "LEFT_SHIN_LINK", "LEFT_FOOT_LINK"),
         ("RIGHT_THIGH_LINK", "RIGHT_SHIN_LINK", "RIGHT_FOOT_LINK"),
@@ -78,8 +83,34 @@ LEGS = {
 }
 HIPS = {
     "atlas": ("l_leg_hpx", "r_leg_hpx"),
+    "g1": ("left_hip_roll_joint", "right_hip_roll_joint"),
     "nadia": ("LEFT_HIP_X", "RIGHT_HIP_X"),
 }
+# Chains of links with shapes, other than legs, whose neighbours cannot touch.
+CHAINS = {
+    "atlas": (),
+    "g1": (
+        ("pelvis", "torso_link", "head_link"),
+        *(
+            (
+                "torso_link",
+                f"{side}_shoulder_yaw_link",
+                f"{side}_elbow_link",
+                f"{side}_wrist_pitch_link",
+                f"{side}_rubber_hand",
+            )
+            for side in ("left", "right")
+        ),
+    ),
+    "nadia": (),
+}
+# Step widths that the legs reach [m], and one at which the shoes touch.
+WIDTHS = {
+    "atlas": (0.17, 0.25, 0.8),
+    "g1": (0.1, 0.237, 0.49),
+    "nadia": (0.17, 0.25, 0.8),
+}
+TOO_NARROW = {"atlas": 0.1, "g1": 0.06, "nadia": 0.1}
 THIGH, SHIN, FOOT = range(3)
 
 
@@ -89,12 +120,29 @@ def table(text: str) -> dict[str, float]:
     return dict(zip(words[::2], map(float, words[1::2]), strict=True))
 
 
-# Of the public descriptions: mass of all and the largest of single links [kg].
+# Of the public descriptions: mass of all and of single links [kg], the largest
+# of Atlas and Nadia and all of the G1.
 MASSES = {
     "atlas": (
         174.0503,
         "pelvis 9.509 utorso 84.409 l_uleg 8.204 r_lleg 4.515 l_foot 2.41 "
         "r_uarm 4.386",
+    ),
+    "g1": (
+        33.3411,
+        "pelvis 3.813 pelvis_contour_link 0.001 waist_yaw_link 0.214 "
+        "waist_roll_link 0.086 torso_link 6.78 logo_link 0.001 head_link 1.036 "
+        + " ".join(
+            f"{side}_hip_pitch_link 1.35 {side}_hip_roll_link 1.52 "
+            f"{side}_hip_yaw_link 1.702 {side}_knee_link 1.932 "
+            f"{side}_ankle_pitch_link 0.074 {side}_ankle_roll_link 0.608 "
+            f"{side}_shoulder_pitch_link 0.718 {side}_shoulder_roll_link 0.643 "
+            f"{side}_shoulder_yaw_link 0.734 {side}_elbow_link 0.6 "
+            f"{side}_wrist_roll_link 0.08544498 "
+            f"{side}_wrist_pitch_link 0.48404956 "
+            f"{side}_wrist_yaw_link 0.08457647 {side}_rubber_hand 0.17"
+            for side in ("left", "right")
+        ),
     ),
     "nadia": (
         90.8976,
@@ -109,12 +157,44 @@ EFFORTS = {
 leg_hpz 275 leg_hpx 530 leg_hpy 840 leg_kny 890 leg_aky 740 leg_akx 360
 arm_shz 87 arm_shx 99 arm_ely 63 arm_elx 112 back_bkz 106 back_bky 445
 back_bkx 300""",
+    "g1": """
+hip_pitch_joint 88 hip_roll_joint 139 hip_yaw_joint 88 knee_joint 139
+ankle_pitch_joint 35 ankle_roll_joint 35 waist_yaw_joint 88 waist_roll_joint 35
+waist_pitch_joint 35 shoulder_pitch_joint 25 shoulder_roll_joint 25
+shoulder_yaw_joint 25 elbow_joint 25 wrist_roll_joint 25 wrist_pitch_joint 5
+wrist_yaw_joint 5""",
     "nadia": """
 HIP_X 1000 HIP_Y 1000 HIP_Z 1000 KNEE_Y 350 ANKLE_X 1000 ANKLE_Y 1000
 SPINE_X 1000 SPINE_Y 1000 SPINE_Z 1000
 LEFT_SHOULDER_Y 52 LEFT_SHOULDER_X 57 LEFT_SHOULDER_Z 24 LEFT_ELBOW_Y 24
 RIGHT_SHOULDER_Y 41 RIGHT_SHOULDER_X 41 RIGHT_SHOULDER_Z 23 RIGHT_ELBOW_Y 23""",
 }
+# Speed limits [rad/s] and rotor inertias [kg m^2], likewise.  Sister machines
+# of Atlas and Nadia reach 8 to 12 rad/s.
+SPEEDS = {
+    "atlas": "_ 12",
+    "g1": """
+hip_pitch_joint 32 hip_roll_joint 20 hip_yaw_joint 32 knee_joint 20
+ankle_pitch_joint 30 ankle_roll_joint 30 waist_yaw_joint 32 waist_roll_joint 30
+waist_pitch_joint 30 shoulder_pitch_joint 37 shoulder_roll_joint 37
+shoulder_yaw_joint 37 elbow_joint 37 wrist_roll_joint 37 wrist_pitch_joint 22
+wrist_yaw_joint 22""",
+    "nadia": "_ 12",
+}
+ARMATURES = {
+    "atlas": "_ 0.1",
+    "g1": """
+hip_pitch_joint 0.01017752004 hip_roll_joint 0.025101925
+hip_yaw_joint 0.01017752004 knee_joint 0.025101925 ankle_pitch_joint 0.00721945
+ankle_roll_joint 0.00721945 waist_yaw_joint 0.01017752004
+waist_roll_joint 0.00721945 waist_pitch_joint 0.00721945
+shoulder_pitch_joint 0.003609725 shoulder_roll_joint 0.003609725
+shoulder_yaw_joint 0.003609725 elbow_joint 0.003609725
+wrist_roll_joint 0.003609725 wrist_pitch_joint 0.00425 wrist_yaw_joint 0.00425
+""",
+    "nadia": "_ 0.1",
+}
+NUM_JOINTS = {"atlas": 23, "g1": 29, "nadia": 23}
 MIRROR = np.diag([1.0, -1.0, 1.0])  # y -> -y
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)
@@ -129,12 +209,22 @@ def test_the_mass_is_that_of_the_robot(name):
         assert URDFS[name].mass(link) == mass
 
 
+def of_joint(figures: str, joint: str) -> float:
+    """The figure of `joint` in a table by the ends of names; "_" is of all."""
+    (figure,) = (
+        value
+        for end, value in table(figures).items()
+        if joint.endswith(end) or end == "_"
+    )
+    return figure
+
+
 @every_robot
 def test_every_joint_that_moves_has_its_actuator(name):
     """Oracle: the public description, and the drives of Nadia's arms.
 
-    The armature is 0.1 kg m^2; wrists and neck do not move.  Sister machines
-    reach 8 to 12 rad/s.
+    Armatures of Atlas and Nadia are 0.1 kg m^2, and their wrists and necks do
+    not move; those of the G1 are of its public MJCF.
     """
     plant = ROBOTS[name].control_plant()
     actuators = [
@@ -142,15 +232,15 @@ def test_every_joint_that_moves_has_its_actuator(name):
     ]
     driven = sorted(actuator.joint().name() for actuator in actuators)
     assert driven == sorted(URDFS[name].joints)
-    assert len(driven) == 23
-    armature = [actuator.default_reflected_inertia() for actuator in actuators]
-    assert armature == pytest.approx([0.1] * len(actuators), rel=1e-12)
-    efforts = table(EFFORTS[name])
+    assert len(driven) == NUM_JOINTS[name]
     for actuator in actuators:
         joint = actuator.joint().name()
-        (effort,) = (e for end, e in efforts.items() if joint.endswith(end))
-        assert actuator.effort_limit() == effort, joint
-        assert actuator.joint().velocity_upper_limits() == [12.0]
+        assert actuator.effort_limit() == of_joint(EFFORTS[name], joint), joint
+        speed = actuator.joint().velocity_upper_limits()
+        assert speed == [of_joint(SPEEDS[name], joint)], joint
+        assert actuator.default_reflected_inertia() == pytest.approx(
+            of_joint(ARMATURES[name], joint), rel=1e-12
+        ), joint
 
 
 @every_robot
@@ -177,7 +267,7 @@ def test_the_contact_spheres_end_at_the_corners_of_the_sole(name):
 def test_only_the_corners_of_the_soles_touch_when_standing(name):
     """Oracle: four spheres a sole, 1 mm into the ground, and nothing else."""
     robot = ROBOTS[name]
-    for step_width in (0.17, 0.25, 0.8):
+    for step_width in WIDTHS[name]:
         q = robot.standing_positions(step_width)
         q[6] -= 0.001
         world = World(robot, q)
@@ -192,7 +282,7 @@ def test_only_the_corners_of_the_soles_touch_when_standing(name):
 @pytest.mark.parametrize(
     "hips, left, right",
     [
-        ((), FOOT, FOOT),  # as they stand: soles of 0.12 m or more, 0.1 m apart
+        ((), FOOT, FOOT),  # as they stand: the soles are wider than their step
         ((-0.3, 0.0), FOOT, SHIN),
         ((-0.5, 0.0), SHIN, THIGH),
         ((-0.4, 0.4), THIGH, THIGH),
@@ -200,7 +290,8 @@ def test_only_the_corners_of_the_soles_touch_when_standing(name):
 )
 def test_legs_that_pass_through_each_other_are_noticed(name, hips, left, right):
     """Oracle: the two links; the hips are adducted until the legs cross."""
-    world = World(ROBOTS[name], ROBOTS[name].standing_positions(0.1), 0.5)
+    q = ROBOTS[name].standing_positions(TOO_NARROW[name])
+    world = World(ROBOTS[name], q, 0.5)
     for joint, angle in zip(HIPS[name], hips, strict=False):
         world.plant.GetJointByName(joint).set_angle(world.context, angle)
     lefts, rights = LEGS[name]
@@ -226,8 +317,8 @@ def test_all_links_but_neighbours_can_touch(name):
     links = URDFS[name].root.iter("link")
     shaped = {link.get("name") for link in links if link.find("collision")}
     pairs = set(map(frozenset, itertools.combinations(shaped, 2)))
-    for thigh, shin, foot in LEGS[name]:
-        chain = (pelvis, thigh, shin, foot)
+    legs = [(pelvis, *leg) for leg in LEGS[name]]
+    for chain in (*legs, *CHAINS[name]):
         pairs -= set(map(frozenset, itertools.pairwise(chain)))
     assert candidates(World(ROBOTS[name])) == (pairs, {"world"} | shaped)
 
@@ -284,3 +375,68 @@ def test_the_legs_of_atlas_are_as_long_and_as_far_apart_as_published():
         frame = plant.GetJointByName(joint).frame_on_child()
         X_PF = frame.CalcPose(context, plant.GetFrameByName("pelvis"))
         assert X_PF.translation() == pytest.approx(expected, abs=1e-12)
+
+
+# Of the left leg, the spine and the left arm of the G1 [rad].
+G1_RANGES = """
+left_hip_pitch_joint -2.5307 2.8798 left_hip_roll_joint -0.5236 2.9671
+left_hip_yaw_joint -2.7576 2.7576 left_knee_joint -0.087267 2.8798
+left_ankle_pitch_joint -0.87267 0.5236 left_ankle_roll_joint -0.2618 0.2618
+waist_yaw_joint -2.618 2.618 waist_roll_joint -0.52 0.52
+waist_pitch_joint -0.52 0.52 left_shoulder_pitch_joint -3.0892 2.6704
+left_shoulder_roll_joint -1.5882 2.2515 left_shoulder_yaw_joint -2.618 2.618
+left_elbow_joint -1.0472 2.0944 left_wrist_roll_joint -1.972222054 1.972222054
+left_wrist_pitch_joint -1.614429558 1.614429558
+left_wrist_yaw_joint -1.614429558 1.614429558"""
+
+
+def test_the_joints_of_the_g1_have_the_published_ranges():
+    """Oracle: the public description; joints about x and z mirror them."""
+    words, known = G1_RANGES.split(), {}
+    for joint, *ends in zip(words[::3], words[1::3], words[2::3], strict=True):
+        low, high = known[joint] = [float(end) for end in ends]
+        if not joint.endswith(("_pitch_joint", "_knee_joint", "_elbow_joint")):
+            low, high = -high, -low
+        known[joint.replace("left_", "right_")] = [low, high]
+    plant = ROBOTS["g1"].control_plant()
+    found = {
+        name: [*joint.position_lower_limits(), *joint.position_upper_limits()]
+        for name in URDFS["g1"].joints
+        for joint in [plant.GetJointByName(name)]
+    }
+    assert found == known
+
+
+def test_the_g1_stands_and_is_as_large_as_published():
+    """Oracle: sums of joint origins of the public description, by hand [m].
+
+    Hip roll turns thigh and knee back by 0.1749 rad.  The corners of the sole
+    are Unitree's spheres of 5 mm, those of the toes at the heels' y; Menagerie
+    has its pelvis 0.793 m high.
+    """
+    c, s = np.cos(0.1749), np.sin(0.1749)
+    x, z = 0.025001 - 0.078273, -0.12412 - 0.17734
+    knee = np.array([c * x - s * z, s * x + c * z])
+    hip = np.array([0.0, -0.1027 - 0.030465])
+    ankle = hip + knee + [0.0, -0.30001 - 0.017558]
+    half = 0.064452 + 0.052 + 0.0021489 - 9.4445e-5
+    plant = ROBOTS["g1"].control_plant()
+    context = plant.CreateDefaultContext()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        foot = plant.GetFrameByName(f"{side}_ankle_roll_link")
+        X_PF = foot.CalcPose(context, plant.GetFrameByName("pelvis"))
+        expected = [ankle[0], sign * half, ankle[1]]
+        assert X_PF.translation() == pytest.approx(expected, abs=1e-9)
+    sole, legs = ROBOTS["g1"].params.sole, ROBOTS["g1"].params.legs
+    assert (sole.x_min, sole.x_max) == (-0.05, 0.12)
+    assert (sole.half_width, sole.z) == (0.025, -0.035)  # 5 mm below 30 mm
+    assert -ankle[1] - sole.z == pytest.approx(0.793, abs=2e-3)
+    assert legs.hip_width == pytest.approx(2.0 * half, abs=1e-3)
+    assert ROBOTS["g1"].remarks == []
+
+
+def test_the_licence_of_the_figures_of_the_g1_is_beside_them():
+    """Oracle: its copyright notice and its three conditions."""
+    text = (MODELS / "g1" / "LICENSE").read_text("utf-8")
+    assert "(c) 2016-2022 HangZhou YuShu TECHNOLOGY CO.,LTD." in text
+    assert [line[:2] for line in text.splitlines()].count("* ") == 3

@@ -24,8 +24,8 @@ class CentroidalEstimator(LeafSystem):
     with the robot's angular momentum about its contact (`alip_velocity`), which
     a leg that is swung does not change.  `predicted_state` is [q, v] of the
     robot's `control_plant`.  `whole_body_terms` are WholeBodyTerms, from which
-    the other outputs follow: `com_state`, a ComState, `icp` and `alip_icp` (2,) [m]
-    in W, and `foot_poses`, FootPoses (as if level).
+    the other outputs follow: `com_state`, a ComState, `icp` and `alip_icp`
+    (2,) [m] in W, and `foot_poses`, FootPoses (as if level).
 
     .. pydrake_system::
 

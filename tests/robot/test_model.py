@@ -122,8 +122,8 @@ def test_refuses_a_step_width_out_of_reach(width):
 
 def test_refuses_an_unknown_name_and_lists_the_known(tmp_path):
     """Oracle: the folders in models."""
-    assert robot_names() == ["atlas", "nadia"]
-    with pytest.raises(ValueError, match="robot = 'adam': .*atlas, nadia"):
+    assert robot_names() == ["atlas", "g1", "nadia"]
+    with pytest.raises(ValueError, match="robot = 'adam': .*atlas, g1, nadia"):
         load_robot("adam")
     with pytest.raises(FileNotFoundError, match="robot.yaml: no such file"):
         load_robot(str(tmp_path / "robot.yaml"))

@@ -32,7 +32,7 @@ def cut_down():
     return reach, missed_regions, count, missed
 
 
-@pytest.mark.parametrize("name", ["nadia", "atlas"])
+@pytest.mark.parametrize("name", ["nadia", "atlas", "g1"])
 def test_what_comes_with_a_robot_is_within_its_reach(name):
     """Oracle: inverse kinematics at every corner; nothing is cut down."""
     robot = load_robot(name)
