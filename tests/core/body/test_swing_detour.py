@@ -1,5 +1,6 @@
 """Oracles: corners by hand; all ways, by shapely; rolled-out motions."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
