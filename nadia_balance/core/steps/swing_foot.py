@@ -33,6 +33,7 @@ _STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
 
 _SINKING = 0.04  # time to the touchdown velocity at the foothold [s]
+_GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
 _SOON = 0.02  # via points closer in time than this are dropped [s]
 
 
@@ -139,8 +140,10 @@ def _course(
     end[:, XY], over = _within_limits(start[:, XY], way, over, detour)
     arrived = math.dist(start[0, XY], goal.p_WF[:2]) < params.descent_radius
     left = max(left, over if arrived else over + settling)
+    descent = -float(start[1, 2])
     left = max(left, height / detour.max_descent)
-    braking = _time_to_brake(height, -float(start[1, 2]), params, detour)
+    left = max(left, _time_to_descend(height, descent, params, detour))
+    braking = _time_to_brake(height, descent, params, detour)
     if braking:  # with constant deceleration
         left = braking
         end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
@@ -171,6 +174,27 @@ def velocity_now(swing: Array, lead: float) -> Array:
     late[3:6] -= lead * swing[6:9]
     late[10] -= lead * swing[11]
     return late
+
+
+def _time_to_descend(
+    height: float,
+    descent: float,
+    params: SwingFootParams,
+    detour: swing_detour.SwingDetourParams,
+) -> float:
+    """Returns the least time [s] to touchdown from a `height` [m].
+
+    The foot, which descends at `descent` [m/s], accelerates and brakes to the
+    touchdown velocity, with `_GENTLE` of the largest deceleration: the quintic
+    has a higher peak.  0 for a foot that rises.
+    """
+    if height <= 0.0 or descent <= 0.0:
+        return 0.0
+    slow, a = params.touchdown_velocity, _GENTLE * detour.max_braking
+    fastest = math.sqrt(a * height + 0.5 * (descent**2 + slow**2))
+    if fastest <= max(descent, slow):
+        return 2.0 * height / (descent + slow)
+    return (2.0 * fastest - descent - slow) / a
 
 
 def _time_to_brake(
