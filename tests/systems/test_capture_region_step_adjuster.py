@@ -102,7 +102,7 @@ def test_crosses_the_legs_only_while_that_is_on(adjuster):
 
 def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster(adjuster):
     """Oracle: the core, with the place of the swing foot, or with none."""
-    icp, feet = np.array([0.1, 0.5]), IN_PLACE.feet
+    icp, feet = np.array([0.1, 0.6]), IN_PLACE.feet
     seen = replace(landing(icp), foot=feet.right.p_WF[:2])
     wanted = propose_adjustment(IN_AIR, seen, PARAMS, PERIOD)
     context = asked(
