@@ -509,12 +509,11 @@ def strip(start, end):
     ("seen", "share", "place"),
     [
         # From x = 0.1 to 0.6 m; base ends at 0.3 m, forward begins there.
-        (0.25, 8, (BASE, 1)),
-        (0.45, 21, (FORWARD, 2)),
-        # Nothing is between 0.4 and 0.5 m.
-        (0.55, 27, (FORWARD, 3)),
-        (0.48, 19, (FORWARD, 2)),
-        (0.12, 0, ("own", 7)),
+        (0.25, 9, (BASE, 1)),
+        # Nothing is between 0.41 and 0.47 m: 16 + 2 + 1 of 32.
+        (0.45, 19, (FORWARD, 2)),
+        (0.55, 28, (FORWARD, 3)),
+        (0.11, 0, ("own", 7)),
     ],
 )
 def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
@@ -528,7 +527,7 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
     places = (
         Place(FORWARD, 2, strip(0.3, 0.41)),
         Place(BASE, 1, strip(-0.5, 0.3)),
-        Place(FORWARD, 3, strip(0.49, 0.9)),
+        Place(FORWARD, 3, strip(0.47, 0.9)),
     )
     found = replace(GEOMETRY, places=places)
 
