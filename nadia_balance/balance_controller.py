@@ -36,10 +36,12 @@ class BalanceController(Diagram):
     state_predictor           estimated_state,              predicted_state
                               generalized_acceleration
     centroidal_estimator      predicted_state               com_state, icp,
+                                                            alip_icp,
                                                             foot_poses,
                                                             whole_body_terms
-    capture_point_controller  com_state, icp, foot_poses,   walking_state,
-                              foot_forces, mechanisms       momentum_rate, ...
+    capture_point_controller  com_state, icp, alip_icp,     walking_state,
+                              foot_poses, foot_forces,      momentum_rate, ...
+                              mechanisms
     swing_foot_planner        walking_state                 swing_foot_...
                                                             reference
     friction_estimator        whole_body_terms,             friction
@@ -64,11 +66,12 @@ class BalanceController(Diagram):
         name: BalanceController
         input_ports: [estimated_state, foot_forces, mechanisms]
         output_ports: [predicted_state, whole_body_terms, com_state, icp,
-                       foot_poses, walking_state, walking_signal, icp_plan,
-                       icp_reference, time_adjustment, adjustment,
-                       capture_regions, ecmp_command, momentum_qp_status,
-                       momentum_rate, swing_foot_reference, friction,
-                       actuation, foot_wrenches, whole_body_qp_status,
+                       alip_icp, foot_poses, walking_state,
+                       walking_signal, icp_plan, icp_reference,
+                       time_adjustment, adjustment, capture_regions,
+                       ecmp_command, momentum_qp_status, momentum_rate,
+                       swing_foot_reference, friction, actuation,
+                       foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]
     """
 

@@ -89,10 +89,12 @@ class CapturePointController(Diagram):
                            adjustment
     icp_planner            walking_state                     icp_plan,
                                                              icp_reference
-    timing_adapter         icp, icp_plan, walking_state,     time_adjustment
-                           foot_poses, mechanisms
-    step_adjuster          icp, walking_state, foot_poses,   adjustment,
-                           time_adjustment, mechanisms       capture_regions
+    timing_adapter         alip_icp, icp_plan,               time_adjustment
+                           walking_state, foot_poses,
+                           mechanisms
+    step_adjuster          alip_icp, walking_state,          adjustment,
+                           foot_poses, time_adjustment,      capture_regions
+                           mechanisms
     momentum_qp            icp, icp_reference,               ecmp_command,
                            walking_state                     ...qp_status
     step_controller        takes the place of the last two   the outputs of
@@ -110,7 +112,8 @@ class CapturePointController(Diagram):
     .. pydrake_system::
 
         name: CapturePointController
-        input_ports: [foot_poses, foot_forces, icp, mechanisms, com_state]
+        input_ports: [foot_poses, foot_forces, icp, alip_icp, mechanisms,
+                      com_state]
         output_ports: [walking_state, walking_signal, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
                        ecmp_command, momentum_qp_status, momentum_rate]

@@ -34,8 +34,8 @@ ICP_CONTROL = "icp icp_reference walking_state"
 JOINT_CONTROL = (
     "whole_body_terms momentum_rate swing_foot_reference walking_state friction"
 )
-TIME_ADJUSTMENT = "icp icp_plan walking_state mechanisms foot_poses"
-STEP_ADJUSTMENT = "icp walking_state time_adjustment foot_poses mechanisms"
+TIME_ADJUSTMENT = "alip_icp icp_plan walking_state mechanisms foot_poses"
+STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
 STEPS = "adjustment", "capture_regions"
 QP = "ecmp_command", "momentum_qp_status"
@@ -43,7 +43,7 @@ FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": dict.fromkeys(STEPS, STEP_ADJUSTMENT),
     "CentroidalEstimator": dict.fromkeys(
-        ("com_state", "icp", "foot_poses", "whole_body_terms"),
+        ("com_state", "icp", "alip_icp", "foot_poses", "whole_body_terms"),
         "predicted_state",
     ),
     "ComHeightController": {

@@ -39,13 +39,13 @@ class Tick(NamedTuple):
 class CaptureRegionStepAdjuster(LeafSystem):
     """Computes the swing foot's foothold from capture regions.
 
-    Nadia paper, Sec. IV and V.  Inputs: `icp` (2,) [m] in W; `walking_state`, a
-    WalkingState; `time_adjustment` (2,) [s] of a TimingAdapter, 0 if not
-    connected; `foot_poses`, measured FootPoses: without them the time that the
-    foot needs to a foothold is ignored; `mechanisms` (4,), all on if not
-    connected.  Outputs: `adjustment`, an Adjustment: outside of a swing the
-    unchanged next foothold, NOTHING (see ports) while `step` is off;
-    `capture_regions`, CaptureRegions, empty outside of a swing.
+    Nadia paper, Sec. IV and V.  Inputs: `alip_icp` (2,) [m] in W;
+    `walking_state`, a WalkingState; `time_adjustment` (2,) [s] of a
+    TimingAdapter, 0 if not connected; `foot_poses`, measured FootPoses: without
+    them the time that the foot needs to a foothold is ignored; `mechanisms`
+    (4,), all on if not connected.  Outputs: `adjustment`, an Adjustment:
+    outside of a swing the unchanged next foothold, NOTHING (see ports) while
+    `step` is off; `capture_regions`, CaptureRegions, empty outside of a swing.
 
     The block has no state: its memory is the Adjustment that it reads back
     from the walking state.
@@ -53,7 +53,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
     .. pydrake_system::
 
         name: CaptureRegionStepAdjuster
-        input_ports: [icp, walking_state, time_adjustment, foot_poses,
+        input_ports: [alip_icp, walking_state, time_adjustment, foot_poses,
                       mechanisms]
         output_ports: [adjustment, capture_regions]
     """

@@ -19,6 +19,7 @@ from nadia_balance.core.whole_body.collision_avoidance import (
     CollisionAvoidanceParams,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import (
     MODELS,
     add_ground,
@@ -26,6 +27,8 @@ from nadia_balance.robot.model import (
     load_robot,
     robot_names,
 )
+from nadia_balance.systems.joint_drives import JointDrives
+from tests.blocks import running
 from tests.core.body.test_ground import square
 
 ROBOT = load_robot("nadia")
@@ -154,10 +157,8 @@ def test_refuses_ankles_too_weak_to_stand(copy, strength):
         p_LC = link.CalcCenterOfMassInBodyFrame(context)
         com = link.EvalPoseInWorld(context) @ p_LC
         needed -= link.get_mass(context) * 9.81 * (com[0] - ankle)
-    urdf = copy / "nadia.urdf"
-    before, joint, after = urdf.read_text().partition('name="LEFT_ANKLE_Y"')
-    after = after.replace("1000", f"{strength * needed}", 1)
-    urdf.write_text(before + joint + after)
+    weak = f"LEFT_ANKLE_Y: {strength * needed}"
+    change(copy / "robot.yaml", "LEFT_ANKLE_Y: 377", weak)
     may_raise = contextlib.nullcontext()
     if strength < 1.0:
         told = "LEFT_ANKLE_Y = 2.*for the robot to"
@@ -182,18 +183,80 @@ def test_transmissions_may_be_missing(copy):
     )
     urdf.write_text(text)
     bare = load(copy)
-
-    def efforts(robot):
-        plant = robot.control_plant()
-        actuators = map(
-            plant.get_joint_actuator, plant.GetJointActuatorIndices()
-        )
-        return {a.joint().name(): a.effort_limit() for a in actuators}
-
-    assert efforts(bare) == efforts(ROBOT)
+    assert effort_limits(bare) == effort_limits(ROBOT)
     (remark,) = bare.remarks
     assert remark.startswith("no rotor inertia: SPINE_Z, SPINE_X")
     assert not ROBOT.remarks
+
+
+def effort_limits(robot):
+    """Effort limits [N m] of the robot's plant, by joint."""
+    plant = robot.control_plant()
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    return {a.joint().name(): a.effort_limit() for a in actuators}
+
+
+def test_nadia_is_as_strong_as_its_sister():
+    """Oracle: Atlas v5's URDF: torques over m g L; Nadia's knee by itself.
+
+    Newton metres are rounded, of 54 N m 1 %.
+    """
+    links = "back_bkz back_bkx back_bky l_leg_hpz l_leg_hpx l_leg_hpy"
+    links += " l_leg_aky l_leg_akx"
+    joints = "SPINE_Z SPINE_X SPINE_Y LEFT_HIP_Z LEFT_HIP_X LEFT_HIP_Y"
+    joints += " LEFT_ANKLE_Y LEFT_ANKLE_X"
+    shares = []
+    for robot, names in (ROBOT, joints), (load_robot("atlas"), links):
+        limits, size = effort_limits(robot), robot.params.legs.length
+        weight = robot.mass * 9.81
+        shares.append(
+            [limits[name] / (weight * size) for name in names.split()]
+        )
+    assert shares[0] == pytest.approx(shares[1], rel=0.01)
+    ours = effort_limits(ROBOT)
+    assert ours["LEFT_KNEE_Y"] == ours["RIGHT_KNEE_Y"] == 350.0
+    for joint in "HIP_Z", "HIP_X", "HIP_Y", "ANKLE_Y", "ANKLE_X":
+        assert ours[f"LEFT_{joint}"] == ours[f"RIGHT_{joint}"]
+
+
+def test_torque_limits_reach_plant_drives_and_controller(copy):
+    """Oracle: robot.yaml; all other limits are as before.  Ideal has none."""
+    change(copy / "robot.yaml", "LEFT_HIP_X: 270", "LEFT_HIP_X: 251.5")
+    own = load(copy)
+    assert effort_limits(own) == effort_limits(ROBOT) | {"LEFT_HIP_X": 251.5}
+    simulated, _ = own.add_plant_to(DiagramBuilder())
+    hip = simulated.GetJointActuatorByName("LEFT_HIP_X")
+    assert hip.effort_limit() == 251.5
+    plant = own.control_plant()
+    model = whole_body_model(own, plant, WholeBodyQpParams())
+    column = plant.GetJointByName("LEFT_HIP_X").velocity_start() - 6
+    assert model.max_torque[column] == 251.5
+    system = JointDrives(simulated, own)
+    _, context = running(
+        system,
+        actuation=np.full(23, 2e3),
+        state=np.zeros(simulated.num_multibody_states()),
+    )
+    found = system.EvalUniquePeriodicDiscreteUpdate(context).value()
+    assert found.max() <= 430.0
+    index = [
+        simulated.get_joint_actuator(i).joint().name()
+        for i in simulated.GetJointActuatorIndices()
+    ].index("LEFT_HIP_X")
+    assert found[index] == 251.5
+    ideal = effort_limits(load_robot("nadia", "ideal"))
+    assert {limit for name, limit in ideal.items() if "HIP" in name} == {1e3}
+
+
+@pytest.mark.parametrize("name", ["LEFT_HIP", "LEFT_FOOT_LINK"])
+def test_refuses_the_torque_of_an_unknown_joint(copy, name):
+    """Oracle: the message names the joint and the robot."""
+    change(copy / "robot.yaml", "LEFT_HIP_X: 270", f"{name}: 270")
+    message = (
+        rf"drives\.max_torque\.{name}: must be of an actuated joint of nadia$"
+    )
+    with pytest.raises(ValueError, match=message):
+        load(copy)
 
 
 def test_shapes_are_missed(copy):
@@ -267,6 +330,7 @@ def of_urdf(old, new, named):
         of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
         of_yaml("foot_body: RIGHT", "foot_body: LEFT", "left_foot_body"),
         of_yaml("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
+        of_yaml("HIP_X: 270", "HIP_X: -1", "max_torque.LEFT_HIP_X = -1"),
         of_yaml("KNEE_Y: 0.552", "KNEE_Y: -0.5", "posture.LEFT_KNEE_Y"),
         of_urdf("</robot>", "", "no element found"),
         of_urdf("</robot>", "<link/></robot>", "name"),

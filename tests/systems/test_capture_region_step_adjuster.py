@@ -71,7 +71,7 @@ def test_proposes_and_draws_what_the_core_does(adjuster, gain):
 
     If the time is not connected, the clock keeps its pace.
     """
-    context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
+    context = asked(adjuster, walking_state=IN_AIR, alip_icp=OUT)
     if gain is not None:
         fix(adjuster, context, time_adjustment=[0.1, gain])
     found, wanted = adjustment(adjuster, context), expected(gain=gain or 0.0)
@@ -86,7 +86,7 @@ def test_proposes_and_draws_what_the_core_does(adjuster, gain):
 
 def test_crosses_the_legs_only_while_that_is_on(adjuster):
     """Oracle: the core, on, off, on; all is on if it is not connected."""
-    context = asked(adjuster, walking_state=IN_AIR, icp=ACROSS)
+    context = asked(adjuster, walking_state=IN_AIR, alip_icp=ACROSS)
     assert adjustment(adjuster, context) == expected(ACROSS)
     regions = []
     for on in ALL, UNCROSSED, ALL:
@@ -102,10 +102,12 @@ def test_crosses_the_legs_only_while_that_is_on(adjuster):
 
 def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster(adjuster):
     """Oracle: the core, with the place of the swing foot, or with none."""
-    icp, feet = np.array([0.1, 0.5]), IN_PLACE.feet
+    icp, feet = np.array([0.1, 0.6]), IN_PLACE.feet
     seen = replace(landing(icp), foot=feet.right.p_WF[:2])
     wanted = propose_adjustment(IN_AIR, seen, PARAMS, PERIOD)
-    context = asked(adjuster, walking_state=IN_AIR, icp=icp, foot_poses=feet)
+    context = asked(
+        adjuster, walking_state=IN_AIR, alip_icp=icp, foot_poses=feet
+    )
     assert adjustment(adjuster, context) == wanted
     unhurried = expected(icp)
     assert (wanted.region, unhurried.region) == ("base", "forward")
@@ -118,7 +120,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
 
     The first of the mechanisms is the switch.
     """
-    context = asked(adjuster, walking_state=IN_AIR, icp=OUT)
+    context = asked(adjuster, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
         fix(adjuster, context, mechanisms=[on, 0, 0, 1])
         found = adjustment(adjuster, context)
@@ -143,7 +145,9 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
 )
 def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
     """Oracle: unadjusted(), and no regions; no foothold is needed."""
-    context = asked(adjuster, walking_state=WalkingState(schedule), icp=OUT)
+    context = asked(
+        adjuster, walking_state=WalkingState(schedule), alip_icp=OUT
+    )
     assert adjustment(adjuster, context) == unadjusted(schedule)
     found = drawn(adjuster, context)
     assert isinstance(found, CaptureRegions)
@@ -166,7 +170,7 @@ def test_makes_the_geometry_of_a_swing_once(adjuster, monkeypatch):
     )
     for k in range(5):
         icp = OUT - [0.03 * k, 0.0]
-        fix(adjuster, context, walking_state=state, icp=icp)
+        fix(adjuster, context, walking_state=state, alip_icp=icp)
         found = adjustment(adjuster, context)
         drawn(adjuster, context)
         assert found.moved
@@ -181,5 +185,5 @@ def test_makes_the_geometry_of_a_swing_once(adjuster, monkeypatch):
     fix(adjuster, context, walking_state=FORWARD)
     found = adjustment(adjuster, context)
     assert len(made) == 2
-    fresh = asked(adjuster, walking_state=FORWARD, icp=icp)
+    fresh = asked(adjuster, walking_state=FORWARD, alip_icp=icp)
     assert adjustment(adjuster, fresh) == found

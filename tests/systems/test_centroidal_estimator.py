@@ -54,6 +54,33 @@ def test_com_state_is_the_mean_of_the_bodies_and_its_derivative(seed):
     assert com_state[3:] == pytest.approx(slope, abs=1e-8)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_alip_icp_is_that_of_the_momentum_about_the_contact(seed):
+    """Oracle: Drake's momentum about the point com_height below the CoM.
+
+    A point mass m at the CoM, v fast, has the momentum m z (-v_y, v_x) there.
+    """
+    state = random_state(seed, 10.0)
+    estimator = CentroidalEstimator(ROBOT)
+    inputs = asked(estimator, predicted_state=state)
+    com = answer(estimator, inputs, "com_state")[:3]
+    context = PLANT.CreateDefaultContext()
+    PLANT.SetPositionsAndVelocities(context, state)
+    about_com, about_contact = (
+        PLANT.CalcSpatialMomentumInWorldAboutPoint(context, point).rotational()
+        for point in (com, com - [0.0, 0.0, ROBOT.com_height])
+    )
+    terms = answer(estimator, inputs, "whole_body_terms")
+    assert ROBOT.mass * terms.angular_momentum == pytest.approx(
+        about_com, abs=1e-10
+    )
+    x, y, _ = about_contact / (ROBOT.mass * ROBOT.com_height)
+    expected = com[:2] + np.array([y, -x]) / ROBOT.point_mass.omega
+    found = answer(estimator, inputs, "alip_icp")
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert np.abs(found - answer(estimator, inputs, "icp")).max() > 0.01
+
+
 def test_icp_is_eq_1_with_the_omega_of_the_robot():
     """Oracle: x + xdot / omega by hand."""
     com_state, icp, _ = outputs(random_state(3, 10.0))

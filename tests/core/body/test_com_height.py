@@ -12,6 +12,7 @@ from nadia_balance.core.body.com_height import (
     ComHeightPlan,
     height_limit,
     plan_com_height,
+    stance_limit,
     vertical_acceleration,
 )
 from nadia_balance.core.body.ground import Ground
@@ -167,3 +168,46 @@ def test_the_acceleration_is_bounded_so_that_the_feet_stay_loaded(velocity):
     """Oracle: half of gravity, against the motion."""
     found = vertical_acceleration(1.0, velocity, 1.0, 0.0, PARAMS)
     assert found == -math.copysign(PARAMS.max_acceleration, velocity)
+
+
+@pytest.mark.parametrize("side", list(Side))
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
+    """Oracles: hip and ankle, put together again; a central difference.
+
+    The hip is beside the CoM on the side of the stance foot, as its yaw.
+    """
+    stance = FootPose([0.4, 0.2, GROUND], yaw)
+    feet = schedule(Phase.SWING).feet.with_foot(side, stance)
+    going = replace(schedule(Phase.SWING), support_side=side, feet=feet)
+    com = stance.to_world(np.array([0.3, -0.05 * side.sign]))
+    velocity, h = np.array([0.7, -0.4]), 1e-6
+
+    def limit(at):
+        return stance_limit(at, velocity, going, PARAMS, MODEL)
+
+    height, rate = limit(com)
+    aside = 0.5 * side.sign * LEGS.hip_width * stance.rotation[:2, 1]
+    hip = np.array([*(com + aside), height - LEGS.com_above_hip])
+    ankle = stance.p_WF + [0.0, 0.0, LEGS.ankle_height]
+    leg = math.dist(hip, ankle)
+    assert leg == pytest.approx(PARAMS.max_stretch * LEGS.length, abs=1e-12)
+    slope = (limit(com + h * velocity)[0] - limit(com - h * velocity)[0]) / (
+        2.0 * h
+    )
+    assert abs(slope) > 0.05
+    assert rate == pytest.approx(slope, abs=1e-8)
+
+
+def test_the_stance_leg_allows_the_lowest_height_at_least():
+    """Oracle: min_height_ratio, at rest; 0.05 m before the leg is too short."""
+    going = schedule(Phase.SWING)
+    lowest = GROUND + PARAMS.min_height_ratio * NOMINAL
+    above = lowest - GROUND - LEGS.ankle_height - LEGS.com_above_hip
+    reach = math.sqrt((PARAMS.max_stretch * LEGS.length) ** 2 - above**2)
+    beside = going.feet.left.p_WF[:2] - [0.0, 0.5 * LEGS.hip_width]
+    for short, least in (-0.001, True), (0.001, False):
+        com = beside + [reach - short, 0.0]
+        found = stance_limit(com, np.array([1.0, 0.0]), going, PARAMS, MODEL)
+        assert (found == (lowest, 0.0)) is least
+        assert found[0] == pytest.approx(lowest, abs=0.002)

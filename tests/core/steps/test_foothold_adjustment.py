@@ -228,6 +228,32 @@ def test_the_region_reached_too_late_is_farther_and_its_goal_where_it_was():
     np.testing.assert_allclose(goal.part, [[0.0, 1.0]], atol=1e-15)
 
 
+def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
+    """Oracle: by hand: neither is captured now, on arrival both are.
+
+    Apart from each other by 0.5 m in depth, forward more deeply: a gap is not
+    negative, and not that of a polygon's edges; the first one counts.
+    """
+    places = towers(-1.0, -0.5, -3.0)[:2]
+
+    class Case(Given):
+        def on_arrival(self, region, least, under_way=False):
+            return self.capture_region + [0.0, 3.0]
+
+    case = Case(
+        replace(GEOMETRY, places=tuple(Place(*place) for place in places)),
+        np.zeros(2),
+        (0.3, 0.8),
+        capture_region=ABOVE,
+    )
+    (goal,) = goals(case, unadjusted(IN_PLACE), replace(RULES, margin=0.0))
+    assert goal.place.reach == BASE
+    far = walking.FootPose([9.0, 9.0, 0.0])
+    last = walking.Adjustment(STEP, far, FORWARD)
+    (goal,) = goals(case, last, replace(RULES, margin=0.0))
+    assert goal.place.reach == FORWARD
+
+
 def test_the_goal_is_as_deep_inside_as_asked_or_nearly_the_deepest():
     """Oracle: by hand: the tower's part at least 0.3 m below the edge; only
     0.2 m are there, less 0.3 / 16.
@@ -454,7 +480,7 @@ def late_landing(foot=FOOT):
     return Landing(GEOMETRY, np.array(OUT), (0.1, 0.6), foot)
 
 
-@pytest.mark.parametrize("time", [0.12, 0.15, 0.18])
+@pytest.mark.parametrize("time", [0.1, 0.125, 0.15])
 def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
     """Oracle: by hand: straight, accelerating for one half and braking for the
     other, a foot under way goes a / 4 (t / sqrt(0.5) - settling)^2.
@@ -472,6 +498,76 @@ def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
     assert x == pytest.approx(y)
     assert 0.1 < share - 1.0 / 32.0 - 1e-4 <= x <= share + 1e-4 < 0.9
     assert found.pose.yaw == WANTED.pose.yaw
+
+
+def strip(start, end):
+    """The footholds with x from `start` to `end` and |y| < 1."""
+    return rectangle(end - start, 2.0) + [0.5 * (start + end), 0.0]
+
+
+@pytest.mark.parametrize(
+    ("seen", "share", "place"),
+    [
+        # From x = 0.1 to 0.6 m; base ends at 0.3 m, forward begins there.
+        (0.25, 9, (BASE, 1)),
+        # Nothing is between 0.41 and 0.47 m: 16 + 2 + 1 of 32.
+        (0.45, 19, (FORWARD, 2)),
+        (0.55, 28, (FORWARD, 3)),
+        (0.11, 0, ("own", 7)),
+    ],
+)
+def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
+    seen, share, place
+):
+    """Oracle: by hand: the binary digits of the way that is in time.
+
+    `share` of it in 32nds: of the way to x = `seen`, or less where no ground
+    is.  Without any, the foothold of before stays as it is.
+    """
+    places = (
+        Place(FORWARD, 2, strip(0.3, 0.41)),
+        Place(BASE, 1, strip(-0.5, 0.3)),
+        Place(FORWARD, 3, strip(0.47, 0.9)),
+    )
+    found = replace(GEOMETRY, places=places)
+
+    class Case(Landing):
+        def time_to(self, goal):
+            return 0.0 if goal[0] <= seen else math.inf
+
+    current = walking.Adjustment(STEP, LAST.pose, "own", ground=7)
+    goal = walking.FootPose([0.6, -0.25, 0.0])
+    wanted = walking.Adjustment(STEP, goal, FORWARD, ground=3)
+    case = Case(found, np.array(OUT), (0.1, 0.6), FOOT)
+    moved_on = in_time(current, wanted, case, 0.1)
+    assert (moved_on.region, moved_on.ground) == place
+    assert moved_on.pose.p_WF[0] == pytest.approx(0.1 + 0.5 * share / 32.0)
+    assert moved_on.pose.p_WF[1] == pytest.approx(-0.25)
+    assert moved_on.nominal is STEP
+    assert (moved_on is current) == (share == 0)
+
+
+def test_a_foothold_in_two_regions_is_in_the_wanted_one():
+    """Oracle: by hand; a foothold on the stance foot is in none."""
+    places = (Place(BASE, 0, strip(-0.5, 0.5)), Place(FORWARD, 1, strip(0, 1)))
+    found = replace(GEOMETRY, places=places)
+    point = np.array([0.3, -0.25])
+    assert found.place_at(point) is places[0]
+    assert found.place_at(point, FORWARD) is places[1]
+    assert found.place_at(point, BACKWARD) is places[0]
+    assert found.place_at(np.array([0.1, 0.12]), FORWARD) is None
+    assert found.place_at(np.array([0.8, -0.25]), BASE) is places[1]
+
+
+def test_if_all_goals_are_on_the_stance_foot_nothing_changes():
+    """Oracle: the very same adjustment, although the goal is elsewhere."""
+    small = rectangle(0.1, 0.05) + IN_PLACE.feet.left.p_WF[:2]
+    found = replace(GEOMETRY, places=(Place(BASE, 0, small),))
+    everywhere = convex_hull(rectangle(0.3, 0.3) + [0.0, 0.2])
+    case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=everywhere)
+    current = walking.Adjustment(STEP, LAST.pose, FORWARD, ground=4)
+    assert goals(case, current, PARAMS)
+    assert adjust_foothold(current, case, PARAMS, TICK) is current
 
 
 def test_a_foothold_in_time_is_taken_as_it_is_and_one_too_late_not_at_all():

@@ -6,14 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import linprog
 
+from nadia_balance.core.whole_body.command import PELVIS, TORSO
 from nadia_balance.core.whole_body.limits import (
     WholeBodyLimits,
     contact_wrench_cone,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.core.whole_body.tasks import Motion
+from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -191,3 +196,113 @@ def test_a_foot_carries_no_more_than_it_may():
     _, found = solve(standing_state(), max_normal_forces=(100.0, math.inf))
     assert found.wrenches[5] == pytest.approx(100.0, abs=1e-6)
     assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
+
+
+class Turn:
+    """A user's task: `rows` of the terms have an angular acceleration."""
+
+    weight = 100.0
+
+    def __init__(self, rows, acceleration):
+        self._rows, self._acceleration = rows, np.array(acceleration)
+
+    def motion(self, terms, command):
+        rows = terms.rows[self._rows]
+        return Motion(rows, self._acceleration)
+
+
+def leaning(body, yaw, tilt, rate):
+    """[q, v] of Nadia on level soles; `body` leans, the others hardly do.
+
+    `tilt` [rad] and `rate` [rad/s] are about x and y of the robot, which is
+    turned by `yaw`.
+    """
+    plant, nq = kinematics().plant, kinematics().plant.num_positions()
+    context = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, standing_state())
+    pelvis = plant.GetBodyByName(nadia().pelvis_body)
+    R = RotationMatrix.MakeZRotation(yaw)
+    turning, joints = np.zeros(3), {"SPINE": 1.0}
+    if body is PELVIS:
+        turning = R @ np.array([*rate, 0.0])
+        angle = math.hypot(*tilt)
+        R = R @ RotationMatrix(AngleAxis(angle, np.array([*tilt, 0.0]) / angle))
+        joints = {"SPINE": -1.0, "LEFT_HIP": -1.0, "RIGHT_HIP": -1.0}
+    pose = RigidTransform(R, pelvis.EvalPoseInWorld(context).translation())
+    plant.SetFreeBodyPose(context, pelvis, pose)
+    for group, sign in joints.items():
+        for axis, angle, speed in zip("XY", tilt, rate, strict=True):
+            joint = plant.GetJointByName(f"{group}_{axis}")
+            joint.set_angle(context, joint.get_angle(context) + sign * angle)
+            joint.set_angular_rate(context, sign * speed)
+    state = plant.GetPositionsAndVelocities(context)
+    state[nq : nq + 3] = turning
+    return state
+
+
+def tilt_ahead(terms, body, vdot, horizon):
+    """Tilt [rad] of a body that turns on with the angular acceleration."""
+    R = terms.rotations[2 if body is TORSO else 3]
+    w = terms.velocities[body]
+    acceleration = terms.rows[body] @ np.append(vdot, 1.0)
+    count = 300
+    step = horizon / count
+    for k in range(count):
+        turn = step * (w + (k + 0.5) * step * acceleration)
+        angle = np.linalg.norm(turn)
+        R = RotationMatrix(AngleAxis(angle, turn / angle)).matrix() @ R
+    return math.acos(R[2, 2])
+
+
+@pytest.mark.parametrize("body", [TORSO, PELVIS], ids=["torso", "pelvis"])
+@pytest.mark.parametrize(
+    ("yaw", "tilt", "rate", "near"),
+    [
+        (1.0, (0.05, 0.15), (0.0, 0.0), 0.001),
+        (0.0, (0.0, 0.2), (0.0, 0.7), 0.001),
+        (2.0, (-0.12, 0.15), (-0.5, 0.5), 0.02),
+        (-0.8, (0.2, -0.05), (0.3, -0.6), 0.8),  # swings round
+    ],
+)
+def test_the_trunk_stops_at_its_largest_tilt(body, yaw, tilt, rate, near):
+    """Oracle: its rotation over the horizon, by Rodrigues' formula.
+
+    A task swings it outward.  The limit is on a sum of rotation vectors, which
+    is the tilt up to `near` [deg]: the better, the more they are in line.
+    """
+    terms = terms_at(leaning(body, yaw, tilt, rate))
+    x, y, _ = terms.rotations[2 if body is TORSO else 3][:, 2]
+    outward = np.array([-y, x, 0.0]) / math.hypot(x, y)
+    task, wish = Turn(body, 30.0 * outward), command(terms)
+    ahead = []
+    for most in 18.0, 180.0:
+        params = WholeBodyQpParams(
+            max_trunk_tilt_deg=most, trunk_tilt_horizon=0.15
+        )
+        found = WholeBodyQp(params, model(), PERIOD, [task]).solve(terms, wish)
+        assert found.qp.solves == 1
+        ahead.append(tilt_ahead(terms, body, found.vdot, 0.15))
+    assert math.degrees(ahead[0]) == pytest.approx(18.0, abs=near)
+    assert math.degrees(ahead[1]) > 25.0
+
+
+@pytest.mark.parametrize("body", [TORSO, PELVIS], ids=["torso", "pelvis"])
+def test_lets_the_trunk_tilt_if_nothing_else_is_possible(body):
+    """Oracles: quadprog finds no solution; the optimum without this limit.
+
+    Back by 7 degrees within 20 ms is 600 rad/s^2.
+    """
+    state = leaning(body, 0.7, (0.1, 0.18), (0.0, 0.0))
+    params = WholeBodyQpParams(max_trunk_tilt_deg=5.0, trunk_tilt_horizon=0.02)
+    qp, terms = WholeBodyQp(params, model(), PERIOD), terms_at(state)
+    problem = qp.problem(terms, command(terms))
+    first = 18 + 23  # after equalities and torques
+    joints = slice(first, first + 23)
+    problem.lower[joints], problem.upper[joints] = -500.0, 500.0
+    with pytest.raises(ValueError, match="inconsistent"):
+        by_quadprog(problem)
+    problem.lower[joints.stop : joints.stop + 2] = -np.inf
+    found = qp.solve(terms, command(terms))
+    # As it is; without the limits of joints, of torque rates, of the trunk.
+    assert found.qp.solves == 4
+    assert found.vdot == pytest.approx(by_quadprog(problem)[:29], abs=1e-6)

@@ -159,7 +159,8 @@ class JointTask:
         return Motion(self._row, self._acceleration)
 
 
-ELBOW = 28  # column of a joint that no other task needs
+# Column of a joint that no other task needs.
+ELBOW = kinematics().plant.GetJointByName("RIGHT_ELBOW_Y").velocity_start()
 
 
 @pytest.mark.parametrize("weight", [0.5, 30.0, 1e6])
