@@ -48,7 +48,7 @@ class TimingAdapterParams:
     # Below this ICP error the clock is not adjusted, and the ICP does not count
     # as leaving.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
-    min_swing_duration: float = bounded(0.35, above=0.0, unit="s")
+    min_swing_duration: float = bounded(0.25, above=0.0, unit="s")
     min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
     # Lower bound on the remaining swing time, see `least_rest_of_swing`.
     min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
