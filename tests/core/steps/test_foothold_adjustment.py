@@ -229,29 +229,24 @@ def test_the_region_reached_too_late_is_farther_and_its_goal_where_it_was():
 
 
 def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
-    """Oracle: by hand: neither is captured now, on arrival both are.
+    """Oracle: by hand: a strip across base, and 0.4 m below forward.
 
-    Apart from each other by 0.5 m in depth, forward more deeply: a gap is not
-    negative, and not that of a polygon's edges; the first one counts.
+    No corner of either is in the other, the next is 0.5 m off.
     """
-    places = towers(-1.0, -0.5, -3.0)[:2]
 
     class Case(Given):
         def on_arrival(self, region, least, under_way=False):
-            return self.capture_region + [0.0, 3.0]
+            return convex_hull(rectangle(40.0, 0.5) + [0.0, 2.25])
 
+    places = Place(FORWARD, 0, tower(2.0, -2.9)), Place(BASE, 0, tower(0, -1.5))
     case = Case(
-        replace(GEOMETRY, places=tuple(Place(*place) for place in places)),
+        replace(GEOMETRY, places=places),
         np.zeros(2),
         (0.3, 0.8),
         capture_region=ABOVE,
     )
     (goal,) = goals(case, unadjusted(IN_PLACE), replace(RULES, margin=0.0))
     assert goal.place.reach == BASE
-    far = walking.FootPose([9.0, 9.0, 0.0])
-    last = walking.Adjustment(STEP, far, FORWARD)
-    (goal,) = goals(case, last, replace(RULES, margin=0.0))
-    assert goal.place.reach == FORWARD
 
 
 def test_the_goal_is_as_deep_inside_as_asked_or_nearly_the_deepest():
@@ -508,8 +503,9 @@ def strip(start, end):
 @pytest.mark.parametrize(
     ("seen", "share", "place"),
     [
-        # From x = 0.1 to 0.6 m; base ends at 0.3 m, forward begins there.
-        (0.25, 9, (BASE, 1)),
+        # From x = 0.1 to 0.6 m; base ends at 0.3 m, forward begins at 0.2 m.
+        (0.19, 5, (BASE, 1)),
+        (0.25, 9, (FORWARD, 2)),
         # Nothing is between 0.41 and 0.47 m: 16 + 2 + 1 of 32.
         (0.45, 19, (FORWARD, 2)),
         (0.55, 28, (FORWARD, 3)),
@@ -525,8 +521,8 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
     is.  Without any, the foothold of before stays as it is.
     """
     places = (
-        Place(FORWARD, 2, strip(0.3, 0.41)),
         Place(BASE, 1, strip(-0.5, 0.3)),
+        Place(FORWARD, 2, strip(0.2, 0.41)),
         Place(FORWARD, 3, strip(0.47, 0.9)),
     )
     found = replace(GEOMETRY, places=places)

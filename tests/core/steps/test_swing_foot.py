@@ -224,6 +224,27 @@ def test_a_late_foot_goes_on_downward():
     assert np.abs(np.diff(v)).max() < 1.5 * PERIOD * np.abs(a).max()
 
 
+@pytest.mark.parametrize("rate", [0.0, 0.15])
+def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
+    """Oracle: the trapezoidal rule, exact up to (third derivative) T^3 / 12.
+
+    It rises at `rate` when the clock has run out; at first it jumped to the
+    touchdown velocity in one tick.
+    """
+    pva = np.zeros((3, 4))
+    pva[0], pva[1, 2] = (0.4, -0.15, 0.02, 0.2), rate
+    motion, path = FootMotion(pva), [pva[:, 2]]
+    model, late = replace(MODEL, detour=DETOUR), swing_state(0.7)
+    for _ in range(100):
+        motion, _ = swing_foot_motion(motion, late, PERIOD, PARAMS, model)
+        path.append(motion.pva[:, 2])
+    _, v, a = np.array(path).T
+    mean = 0.5 * (a[1:] + a[:-1])
+    assert np.diff(v) == pytest.approx(mean * PERIOD, abs=1e-4)
+    assert v[-1] == pytest.approx(-PARAMS.touchdown_velocity, abs=0.01)
+    assert v.min() > -1.5 * PARAMS.touchdown_velocity
+
+
 @pytest.mark.parametrize("lost", [0.1, 0.28])
 @pytest.mark.parametrize("at", [0.02, 0.1, 0.3])
 def test_a_hurried_foot_goes_neither_too_high_nor_below_the_ground(at, lost):
