@@ -16,10 +16,7 @@ from nadia_balance.core.walking.vocabulary import Side
 Feet = Mapping[Side, str]
 Soles = Mapping[Side, RigidTransform]
 
-# Horizontal directions of a foot's motion in W (6, n): [w, v].
-_ANGLES = np.linspace(0.0, math.pi, 8, endpoint=False)
-_WAYS = np.zeros((6, _ANGLES.size))
-_WAYS[3], _WAYS[4] = np.cos(_ANGLES), np.sin(_ANGLES)
+_WAYS = np.eye(6)[:, 3:5]  # [w, v] of a foot that moves along x, along y
 # Peak over mean speed of a quintic from rest to rest [-], and share of the
 # joints' speed for the way over the ground: the rest lifts the foot.
 _PEAK, _SHARE = 1.875, 0.7
@@ -46,10 +43,12 @@ def foot_limits(
         J = _jacobian(plant, context, foot, soles[side].translation())
         leg = [joint.velocity_start() for joint in _joints(plant, foot)]
         motion = np.linalg.lstsq(J[:, leg], _WAYS, rcond=None)[0]
-        torque = np.abs(M[np.ix_(leg, leg)] @ motion)
+        # The largest of x cos(s) + y sin(s) over all directions s.
+        speed = np.hypot(*motion.T)
+        torque = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
         with np.errstate(divide="ignore"):
-            a = np.maximum(room[leg], 0.0)[:, None] / torque
-            v = fastest[leg][:, None] / np.abs(motion)
+            a = np.maximum(room[leg], 0.0) / torque
+            v = fastest[leg] / speed
         found.append((a.min(), v.min() * _SHARE / _PEAK))
     acceleration, speed = np.min(found, axis=0)
     return round(float(acceleration), 1), round(float(speed), 2)

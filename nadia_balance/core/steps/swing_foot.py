@@ -32,7 +32,7 @@ STEP = 0.01  # spacing of the candidate times of a via point [s]
 _STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
 
-_SINKING = 0.04  # time to the touchdown velocity at the foothold [s]
+_SINKING = 0.04  # horizon of the way to the touchdown velocity [s]
 _GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
 _SOON = 0.02  # via points closer in time than this are dropped [s]
 

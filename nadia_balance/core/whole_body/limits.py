@@ -164,8 +164,8 @@ class WholeBodyLimits:
     ) -> Iterator[None]:
         """Relaxes `lower` and `upper` (m,) in place, one step per iteration.
 
-        Order: tilt of the trunk, joint limits, torque rate limits by the
-        factors _HASTE, link distances.
+        Order: joint limits, torque rate limits by the factors _HASTE, tilt
+        of the trunk, link distances.
         """
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
