@@ -78,8 +78,8 @@ def moving(plant, context, robot, side, angle):
 def test_a_foot_accelerates_until_the_first_joint_is_at_its_limit(robot):
     """Oracle: Drake's inverse dynamics, gravity included, the pelvis held.
 
-    Half of 0.1 m/s^2 is rounding; between two of the sixteen directions 1 /
-    cos(pi / 16) of the limit may be used.
+    Half of 0.1 m/s^2 is rounding; the worst direction is within pi / 64 of one
+    that is tried, where cos(pi / 64) of the limit is used.
     """
     plant, context = standing(robot)
     gravity = MultibodyForces(plant)
@@ -92,9 +92,9 @@ def test_a_foot_accelerates_until_the_first_joint_is_at_its_limit(robot):
             leg = vdot != 0.0
             torques = plant.CalcInverseDynamics(context, vdot, gravity)
             used.append(np.max(np.abs(torques / effort)[leg]))
-    on_grid = np.array(used)[::4]
-    assert on_grid.max() == pytest.approx(1.0, abs=0.05 / found)
-    assert max(used) < (1.0 + 0.05 / found) / math.cos(math.pi / 16.0)
+    rounding = 0.05 / found
+    least = math.cos(math.pi / 64.0) - rounding
+    assert least <= max(used) <= 1.0 + rounding
 
 
 def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
@@ -109,10 +109,11 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
         np.max(np.abs(moving(plant, context, robot, side, angle)[6:]) / speeds)
         for speeds in [robot.max_joint_speeds]
         for side in Side
-        for angle in ANGLES[::4]
+        for angle in ANGLES
     ]
     expected = 0.7 / 1.875 / max(used)
-    assert found == pytest.approx(expected, abs=0.005)
+    # Between the angles tried, a joint may be a little faster.
+    assert 0.995 * expected - 0.005 <= found <= expected + 0.005
     endless = np.full(robot.max_joint_speeds.size, np.inf)
     assert limits(robot, speeds=endless)[1] == math.inf
 
