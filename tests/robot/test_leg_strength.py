@@ -14,7 +14,7 @@ from nadia_balance.robot.leg_strength import cop_area, foot_limits
 from nadia_balance.robot.model import MODELS, load_robot
 
 ROBOTS = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
-# All directions; the limits are for each sixteenth of the circle.
+# Directions of a foot in the plane [rad].
 ANGLES = np.linspace(0.0, math.tau, 64, endpoint=False)
 
 
