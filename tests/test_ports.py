@@ -34,7 +34,7 @@ ICP_CONTROL = "icp icp_reference walking_state"
 JOINT_CONTROL = (
     "whole_body_terms momentum_rate swing_foot_reference walking_state friction"
 )
-TIME_ADJUSTMENT = "alip_icp icp_plan walking_state mechanisms foot_poses"
+TIME_ADJUSTMENT = "icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
 STEPS = "adjustment", "capture_regions"

@@ -13,7 +13,7 @@ from nadia_balance.systems.ports import MechanismsInput, ValueInput, VectorInput
 class TimingAdapter(LeafSystem):
     """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
 
-    `alip_icp` (2,) [m] in W; `walking_state` is a WalkingState, `icp_plan` the
+    `icp` (2,) [m] in W; `walking_state` is a WalkingState, `icp_plan` the
     IcpPlan of its schedule; `foot_poses` are measured FootPoses; `mechanisms`
     (4,), all on if not connected.  `time_adjustment` (2,) [s] is the time to
     add to the clock in this tick, besides the control period, and the present
@@ -23,7 +23,7 @@ class TimingAdapter(LeafSystem):
     .. pydrake_system::
 
         name: TimingAdapter
-        input_ports: [alip_icp, icp_plan, walking_state, foot_poses,
+        input_ports: [icp, icp_plan, walking_state, foot_poses,
                       mechanisms]
         output_ports: [time_adjustment]
     """
@@ -34,7 +34,7 @@ class TimingAdapter(LeafSystem):
         super().__init__()
         check(params)
         self._timing = Timing(params, model, period)
-        self._icp = VectorInput(self, "alip_icp", 2)
+        self._icp = VectorInput(self, "icp", 2)
         self._plan = ValueInput(self, "icp_plan", IcpPlan)
         self._state = ValueInput(self, "walking_state", WalkingState)
         self._feet = ValueInput(self, "foot_poses", FootPoses)

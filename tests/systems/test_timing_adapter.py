@@ -27,7 +27,7 @@ def inputs(ahead=0.5, transfer=False):
         schedule = successor(schedule, plan)
         plan = plan_icp(schedule, IcpPlanParams(), MODEL)
     return {
-        "alip_icp": plan.at(NOW + ahead).icp,
+        "icp": plan.at(NOW + ahead).icp,
         "icp_plan": plan,
         "walking_state": WalkingState(schedule, NOW, NOW),
         "foot_poses": schedule.feet,

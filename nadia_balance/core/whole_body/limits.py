@@ -45,6 +45,7 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
 _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
+_MORE_TILT = math.radians(8.0)  # given up before other limits [rad]
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _SIGNS = np.array([[-1.0], [1.0]])
 
@@ -164,9 +165,12 @@ class WholeBodyLimits:
     ) -> Iterator[None]:
         """Relaxes `lower` and `upper` (m,) in place, one step per iteration.
 
-        Order: joint limits, torque rate limits by the factors _HASTE, tilt
-        of the trunk, link distances.
+        Order: tilt of the trunk by _MORE_TILT, joint limits, torque rate
+        limits by the factors _HASTE, tilt, link distances.
         """
+        horizon = self._params.trunk_tilt_horizon
+        lower[self._trunk_rows] -= 2.0 / horizon**2 * _MORE_TILT
+        yield
         most = self._params.max_joint_acceleration
         lower[self._joint_rows], upper[self._joint_rows] = -most, most
         yield

@@ -51,8 +51,9 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * limits on contact wrenches, torques, joints, the trunk's tilt and the
-      distances of near links; if the QP is infeasible, joint limits, torque
-      rate limits, tilt and link distances are dropped in this order.
+      distances of near links; if the QP is infeasible, more tilt is allowed,
+      then joint limits, torque rate limits, tilt and link distances are dropped
+      in this order.
 
     Internally, forces, torques and M are per unit of the robot's mass.
     """
