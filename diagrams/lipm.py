@@ -113,9 +113,8 @@ class LipmDiagram(ClosedLoop):
         connect(builder, plant, controller, "foot_poses", "foot_forces")
         sensed = self._sensed(builder)
         connect(builder, sensed, controller, "com_state", "icp")
-        builder.Connect(
-            sensed.GetOutputPort("icp"), controller.GetInputPort("alip_icp")
-        )
+        if controller.HasInputPort("alip_icp"):  # without a body the same
+            connect(builder, sensed, controller, icp="alip_icp")
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
 
     def _sensed(self, builder: DiagramBuilder) -> System:

@@ -43,7 +43,7 @@ def test_real_torques_lag_behind_the_commanded():
 
 def test_real_torques_change_slowly():
     """Oracle: 50 limits a second; ideal ones change faster here."""
-    shove = "{delta_v: 0.5, at: right swing 25 %, direction_deg: 90.0}"
+    shove = "{delta_v: 0.4, at: right swing 25 %, direction_deg: 90.0}"
     soon = SOON % "right"
     steps = []
     for fidelity in FIDELITIES:

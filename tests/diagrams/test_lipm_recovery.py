@@ -83,7 +83,7 @@ def test_all_mechanisms_recover_most_of_what_can_be_recovered(direction):
 
 @pytest.mark.parametrize(
     ("direction", "delta_v", "fewest"),
-    [(270, 0.4, "step"), (90, 0.6, "step_swing"), (90, 0.8, ALL)],
+    [(270, 0.4, "step"), (90, 0.6, "step_swing"), (90, 0.95, ALL)],
 )
 def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
     """Oracle: the order of the mechanisms, of which each adds one.
@@ -214,12 +214,8 @@ def test_noise_moves_no_foothold_and_hurries_no_clock():
 
 @pytest.mark.parametrize("direction", [120, 240])
 def test_noise_makes_no_rule_flicker_after_a_push(direction):
-    """Oracle: the same push without noise: the same rules in every swing.
-
-    Harder pushes may end half-way between two rules: after one of 0.8 of the
-    limit, at 240 deg, 0.1 mm/s tell whether the second step crosses behind.
-    """
-    scenario = pushed(ALL, direction, 0.75 * LIMIT[direction], num_steps=3)
+    """Oracle: the same push without noise: the same rules in every swing."""
+    scenario = pushed(ALL, direction, 0.85 * LIMIT[direction], num_steps=3)
     quiet, _ = rules_used(scenario, 0.0)
     noisy, _ = rules_used(scenario, 0.001)
     assert noisy == quiet
