@@ -112,7 +112,7 @@ class CapturePointController(Diagram):
     .. pydrake_system::
 
         name: CapturePointController
-        input_ports: [foot_poses, foot_forces, icp, alip_icp, mechanisms,
+        input_ports: [foot_poses, foot_forces, icp, mechanisms, alip_icp,
                       com_state]
         output_ports: [walking_state, walking_signal, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,

@@ -209,7 +209,7 @@ def test_gives_up_braking_if_nothing_else_is_possible(contacts, speed):
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(problem)
     found = qp.solve(terms, wish)
-    assert found.qp.solved and found.qp.solves == 2
+    assert found.qp.solved and found.qp.solves == 3  # more tilt is no help
     first = 6 * sum(contacts) + 6 + 23  # after the torques
     joints = slice(first, first + 23)
     problem.lower[joints], problem.upper[joints] = -500.0, 500.0
