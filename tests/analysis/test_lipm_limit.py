@@ -22,7 +22,7 @@ from nadia_balance.core.walking.mechanisms import MECHANISMS
 from tests.example_walks import ALL, FEET, MODEL, UNCROSSED, walk
 
 SPEED = 3.0  # of a foot [m/s]
-TIMING = TimingAdapterParams()
+TIMING = TimingAdapterParams(min_swing_duration=0.35)
 # [m/s], by direction [deg]: columns v2 and v3 of lipm_limit_nadia.csv, with
 # which the project was given, for Nadia's own figures.
 NADIA = {

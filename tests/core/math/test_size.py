@@ -60,5 +60,5 @@ def test_nadia_has_what_was_tuned_and_atlas_nearly(name):
     found = scaled(params, size)
     assert (found == params) == (name == "nadia")
     assert math.isclose(
-        found.timing_adapter.min_swing_duration, 0.35, rel_tol=4e-3
+        found.timing_adapter.min_swing_duration, 0.25, rel_tol=4e-3
     )

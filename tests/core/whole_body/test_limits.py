@@ -306,5 +306,5 @@ def test_lets_the_trunk_tilt_if_nothing_else_is_possible(body, most):
     if most < 1.0:
         problem.lower[joints], problem.upper[joints] = -500.0, 500.0
     found = qp.solve(terms, command(terms))
-    assert found.qp.solves == (2 if most > 1.0 else 3)
+    assert found.qp.solves - found.qp.fallback == (2 if most > 1.0 else 3)
     assert found.vdot == pytest.approx(by_quadprog(problem)[:29], abs=1e-6)
