@@ -167,7 +167,7 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
     builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
     builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
     builder.ExportInput(visualizer.GetInputPort("icp"), "icp")
-    builder.ConnectInput("icp", adjuster.GetInputPort("icp"))
+    builder.ConnectInput("icp", adjuster.GetInputPort("alip_icp"))
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
     robot = plant.GetMyMutableContextFromRoot(root)
