@@ -38,7 +38,7 @@ PORTS = {
         "icp_planner": "walking_state",
         "timing_adapter": "icp icp_plan walking_state foot_poses mechanisms",
         "step_adjuster": (
-            "icp walking_state time_adjustment foot_poses mechanisms"
+            "alip_icp walking_state time_adjustment foot_poses mechanisms"
         ),
         "momentum_qp": "icp icp_reference walking_state",
         "com_height_controller": "com_state ecmp_command walking_state",
