@@ -120,7 +120,7 @@ def table(text: str) -> dict[str, float]:
     return dict(zip(words[::2], map(float, words[1::2]), strict=True))
 
 
-# Of the public descriptions: mass of all and of single links [kg], the largest
+# Masses in public descriptions: of all and of single links [kg], the largest
 # of Atlas and Nadia and all of the G1.
 MASSES = {
     "atlas": (
@@ -377,7 +377,7 @@ def test_the_legs_of_atlas_are_as_long_and_as_far_apart_as_published():
         assert X_PF.translation() == pytest.approx(expected, abs=1e-12)
 
 
-# Of the left leg, the spine and the left arm of the G1 [rad].
+# Joint ranges of the G1: left leg, spine and left arm [rad].
 G1_RANGES = """
 left_hip_pitch_joint -2.5307 2.8798 left_hip_roll_joint -0.5236 2.9671
 left_hip_yaw_joint -2.7576 2.7576 left_knee_joint -0.087267 2.8798
