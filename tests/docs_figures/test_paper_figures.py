@@ -141,7 +141,7 @@ def test_figure_8_shows_the_regions_and_how_far_they_go():
     written = [t.get_text() for ax in alone for t in ax.texts]
     tip = cross_over_region(nadia.REACH, FORWARD)
     tip = tip[np.argmin(tip[:, 1])]
-    for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.125 m"):
+    for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.15 m"):
         assert any(text.endswith(f"= {figure}") for text in written)
 
 
