@@ -8,6 +8,7 @@ import numpy as np
 
 from nadia_balance.core.body.joint_drives import torque_limits
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.qp import QpProblem
 from nadia_balance.core.whole_body.command import PELVIS, TORSO
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
@@ -45,7 +46,8 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
 _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
-_MORE_TILT = math.radians(8.0)  # given up before other limits [rad]
+# Costs of a joint's and of the trunk's acceleration beyond its limit.
+_JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _SIGNS = np.array([[-1.0], [1.0]])
 
@@ -68,7 +70,8 @@ class WholeBodyLimits:
         n = model.num_joints
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._trunk_rows = slice(2 * n, 2 * n + 2)
-        self._joints = np.eye(n)
+        self._joints, self.num_soft = np.eye(n), n + 2
+        self._slack_cost = np.diag([_JOINT_SLACK] * n + [_TILT_SLACK] * 2)
         margin = 2.0 * params.sole_margin
         sides = model.sole_length - margin, model.sole_width - margin
         if min(sides) <= 0.0:
@@ -156,34 +159,40 @@ class WholeBodyLimits:
         near = near + haste * self._torque_steps
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
-    def freed(
+    def relaxed(
         self,
+        problem: QpProblem,
+        first: int,
         terms: Terms,
         last_torques: Array | None,
-        lower: Array,
-        upper: Array,
-    ) -> Iterator[None]:
-        """Relaxes `lower` and `upper` (m,) in place, one step per iteration.
+    ) -> Iterator[QpProblem]:
+        """Yields the `problem` with ever weaker limits, its rows from `first`.
 
-        Order: tilt of the trunk by _MORE_TILT, joint limits, torque rate
-        limits by the factors _HASTE, tilt, link distances.
+        Joint limits and tilt get a slack s each, lower <= C x + s <= upper,
+        with a cost s^2, so that none yields more than it has to.  Then the
+        torque rate limits grow by the factors _HASTE, and the link distances
+        are dropped.  The slacks are the last variables, in rad/s^2.
         """
-        horizon = self._params.trunk_tilt_horizon
-        lower[self._trunk_rows] -= 2.0 / horizon**2 * _MORE_TILT
-        yield
-        most = self._params.max_joint_acceleration
-        lower[self._joint_rows], upper[self._joint_rows] = -most, most
-        yield
-        for haste in _HASTE if last_torques is not None else (math.inf,):
+        H, g, A, lower, upper = problem
+        rows = slice(
+            first + self._joint_rows.start, first + self._trunk_rows.stop
+        )
+        n, soft = g.size, self.num_soft
+        H_soft = np.zeros((n + soft, n + soft))
+        H_soft[:n, :n], H_soft[n:, n:] = H, self._slack_cost
+        A_soft = np.hstack((A, np.zeros((len(A), soft))))
+        A_soft[rows, n:] = np.eye(soft)
+        g_soft = np.concatenate((g, np.zeros(soft)))
+        yield (problem := QpProblem(H_soft, g_soft, A_soft, lower, upper))
+        for haste in _HASTE if last_torques is not None else ():
             torques = self.torque_bounds(terms.v[6:], last_torques, haste)
             torques = torques - terms.forces[6:, -1]
-            lower[self.torque_rows], upper[self.torque_rows] = torques
-            yield
-        lower[self._trunk_rows] = -np.inf
-        yield
+            rows = slice(first, first + len(self._joints))
+            lower[rows], upper[rows] = torques
+            yield problem
         if terms.avoidance and (near := len(terms.avoidance.limits)):
             lower[-near:] = -np.inf
-            yield
+            yield problem
 
     def _upright(self, terms: Terms) -> tuple[Array, Array]:
         """Returns rows (2, nv) and lower bounds (2,) on the trunk's tilt.

@@ -51,9 +51,8 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * limits on contact wrenches, torques, joints, the trunk's tilt and the
-      distances of near links; if the QP is infeasible, more tilt is allowed,
-      then joint limits, torque rate limits, tilt and link distances are dropped
-      in this order.
+      distances of near links; if the QP is infeasible, the limits of joints and
+      tilt become soft, then torque rate limits and link distances are dropped.
 
     Internally, forces, torques and M are per unit of the robot's mass.
     """
@@ -76,8 +75,10 @@ class WholeBodyQp:
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
-        # By the number of soles in contact.
-        self._qps = {n: DenseQp(nv + 6 * n) for n in (1, 2)}
+        # By the number of variables, with one or two soles in contact.
+        sizes = [nv + 6 * n for n in (1, 2)]
+        sizes += [size + self._limits.num_soft for size in sizes]
+        self._qps = {size: DenseQp(size) for size in sizes}
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
             model.is_leg_joint, params.leg_posture_weight, params.posture_weight
@@ -104,27 +105,26 @@ class WholeBodyQp:
         """
         contacts = command.contacts
         problem = self.problem(terms, command, last_torques)
-        solver = self._qps[sum(contacts)]
-        qp = solver.solve(problem)
+        num_variables = problem.g.size
+        qp = self._qps[num_variables].solve(problem)
         # At the touchdown of a long step, contact, torque and friction limits
         # may make joint braking and torque rate limits infeasible.  These are
         # not physical and may be relaxed.
-        limits = slice(6 * sum(contacts) + 6, None)
-        freed = self._limits.freed(
-            terms, last_torques, problem.lower[limits], problem.upper[limits]
-        )
-        while not qp.solved and next(freed, True) is None:
-            again = solver.solve(problem)
+        first = 6 * sum(contacts) + 6  # row of the limits
+        torque_rows = problem.A[first:][self._limits.torque_rows]
+        relaxed = self._limits.relaxed(problem, first, terms, last_torques)
+        while not qp.solved and (problem := next(relaxed, None)):
+            again = self._qps[problem.g.size].solve(problem)
             solves, helped = qp.solves + again.solves, qp.fallback
             qp = again._replace(
                 solves=solves, fallback=helped or again.fallback
             )
         nv, mass = terms.v.size, self._model.mass
-        torques = problem.A[limits][self._limits.torque_rows] @ qp.x
-        torques += terms.forces[6:, -1]
+        x = qp.x[:num_variables]
+        torques = torque_rows @ x + terms.forces[6:, -1]
         wrenches = np.zeros(12)
-        wrenches[_CARRYING[contacts]] = mass * qp.x[nv:]
-        return WholeBodySolution(qp.x[:nv], wrenches, mass * torques, qp)
+        wrenches[_CARRYING[contacts]] = mass * x[nv:]
+        return WholeBodySolution(x[:nv], wrenches, mass * torques, qp)
 
     def damping_torques(self, terms: Terms, last: Array | None = None) -> Array:
         """Returns the damping torques -d M v (nj,) [N m], within limits.
