@@ -3,6 +3,7 @@
 import numpy as np
 import quadprog
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
+from scipy.linalg import block_diag
 
 from nadia_balance.core.math.qp import QpProblem
 
@@ -41,6 +42,14 @@ def by_quadprog(problem: QpProblem):
     rows = np.vstack((A[equal], A[below], -A[above]))
     bounds = np.concatenate((lower[equal], lower[below], -upper[above]))
     return quadprog.solve_qp(H, -g, rows.T, bounds, int(equal.sum()))[0]
+
+
+def with_slack(problem: QpProblem, cost: dict[int, float]) -> QpProblem:
+    """The program whose rows, by number, may be violated at a `cost` s^2."""
+    H, g, A, lower, upper = problem
+    H = block_diag(H, np.diag(list(cost.values())))
+    A = np.hstack((A, np.eye(len(A))[:, list(cost)]))
+    return QpProblem(H, np.append(g, np.zeros(len(cost))), A, lower, upper)
 
 
 def by_clarabel(problem: QpProblem):

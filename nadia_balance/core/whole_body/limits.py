@@ -231,8 +231,8 @@ class WholeBodyLimits:
         """Bounds (2, nj) [rad/s^2] on vdot from position and speed limits.
 
         q + T v + T^2/2 vdot stays within the position limits for a horizon T,
-        v + T vdot within the speed limits for a shorter one; the bounds are
-        clipped to `max_joint_acceleration`.
+        v + T vdot within the speed limits for a shorter one, which come first;
+        the bounds are clipped to `max_joint_acceleration`.
         """
         horizon = self._params.joint_limit_horizon
         most = self._params.max_joint_acceleration
@@ -240,6 +240,5 @@ class WholeBodyLimits:
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
         room = self._speeds - terms.v[6:]
         room /= self._params.speed_limit_horizon
-        bounds[0] = np.maximum(bounds[0], room[0])
-        bounds[1] = np.minimum(bounds[1], room[1])
-        return np.asarray(np.minimum(np.maximum(bounds, -most), most))
+        np.clip(room, -most, most, out=room)
+        return np.asarray(np.minimum(np.maximum(bounds, room[0]), room[1]))

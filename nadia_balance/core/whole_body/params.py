@@ -41,6 +41,7 @@ class WholeBodyQpParams:
     torso_weight: float = bounded(0.5, least=0.0, unit="m^2")
     orientation_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
     swing_position_weight: float = bounded(100.0, least=0.0)
+    swing_height_weight: float = bounded(1e3, least=0.0)
     swing_position_gain: float = bounded(300.0, least=0.0, unit="1/s^2")
     swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
     swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")

@@ -114,14 +114,18 @@ class TrunkTask:
 
 
 class SwingFootTask:
-    """PD laws for orientation and position of the swing sole."""
+    """PD laws for orientation and position of the swing sole.
+
+    Its height has a weight of its own: at the end of a long step the torques do
+    not suffice for all, and a foot that is too low lands while it is fast.
+    """
 
     name = "swing_foot"
 
     def __init__(self, params: Params):
-        self.weight = np.repeat(
-            [params.swing_orientation_weight, params.swing_position_weight], 3
-        )
+        over, height = params.swing_position_weight, params.swing_height_weight
+        turn = [params.swing_orientation_weight] * 3
+        self.weight = np.array([*turn, over, over, height])
         self._kp = np.repeat(
             [params.swing_orientation_gain, params.swing_position_gain], 3
         )

@@ -11,9 +11,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
-from tests.qp_examples import by_clarabel, by_quadprog
+from tests.qp_examples import by_clarabel, by_quadprog, with_slack
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -190,31 +191,48 @@ def test_a_tilted_sole_is_brought_on_its_ground(ground):
     assert turn == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("contacts", "speed"), [((True, True), 0.0), ((False, True), 15.0)]
-)
-def test_gives_up_braking_if_nothing_else_is_possible(contacts, speed):
-    """Oracles: quadprog finds no solution; the optimum without the limits.
+def test_brakes_less_if_nothing_else_is_possible():
+    """Oracles: quadprog finds no solution; the optimum with a slack a row.
 
-    The sole stays; or the knee bends faster than it may, and has to bend more.
+    The knee has to bend, and the soles stay.
     """
     state = standing_state()
     knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 10.0)
-    state[30 + knee] = speed
+    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 1.5)
     terms = terms_at(state)
-    wish = command(terms, contacts)
+    wish = command(terms)
     qp = WholeBodyQp(WholeBodyQpParams(), beyond, PERIOD)
     problem = qp.problem(terms, wish)
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(problem)
     found = qp.solve(terms, wish)
-    assert found.qp.solved and found.qp.solves == 3  # more tilt is no help
-    first = 6 * sum(contacts) + 6 + 23  # after the torques
-    joints = slice(first, first + 23)
-    problem.lower[joints], problem.upper[joints] = -500.0, 500.0
-    expected = by_quadprog(problem)[:29]
-    assert found.vdot == pytest.approx(expected, abs=1e-6)
+    assert found.qp.solved and found.qp.solves == 2
+    first = 18 + 23  # after equalities and torques
+    cost = dict.fromkeys(range(first, first + 23), 1.0)  # of joints
+    cost |= {first + 23: 100.0, first + 24: 100.0}  # of torso and pelvis
+    expected = by_quadprog(with_slack(problem, cost))[:29]
+    assert found.vdot == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("speed", [6.0, 15.0, -15.0])
+def test_a_joint_s_speed_comes_before_its_position(speed):
+    """Oracle: the speed 20 ms ahead is at its limit, by hand.
+
+    The lower limit of the position is out of reach within the upper one of the
+    speed; a knee that is too fast to return has to slow down first.
+    """
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 4.0)
+    state[30 + knee] = speed
+    limits = WholeBodyLimits(WholeBodyQpParams(), beyond, PERIOD)
+    terms, bounds = terms_at(state), np.zeros((2, 400))
+    wish = command(terms)
+    limits.fill(np.zeros((400, 41)), bounds, terms, wish)
+    lower, upper = bounds[:, 23 + knee - 6]
+    most = 0.95 * beyond.max_speed[knee - 6]
+    assert lower == pytest.approx(np.clip((most - speed) / 0.02, -500, 500))
+    assert lower == pytest.approx(upper)
 
 
 def test_says_that_there_is_no_solution():
