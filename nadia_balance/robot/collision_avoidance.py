@@ -11,7 +11,8 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.whole_body import collision_avoidance as core
 from nadia_balance.core.whole_body.command import Avoidance
-from nadia_balance.robot.model import RobotModel, body_poses
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import body_poses, joints
 
 MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
@@ -215,9 +216,9 @@ def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:
     """The bodies moved by a joint that moves no foot."""
     feet = {plant.GetBodyByName(n).index() for n in robot.foot_bodies.values()}
     upper = set()
-    for joint in plant.GetJointIndices():
-        if plant.get_joint(joint).num_velocities() == 1:
-            moved = set(plant.GetBodiesKinematicallyAffectedBy([joint]))
+    for joint in joints(plant):
+        if joint.num_velocities() == 1:
+            moved = set(plant.GetBodiesKinematicallyAffectedBy([joint.index()]))
             if not moved & feet:
                 upper |= moved
     return upper
