@@ -141,8 +141,7 @@ def improper_contacts(
     - ground".  A foot may touch all bodies that are not of the `robot`.
     """
     improper = set()
-    for pair in set(_touching(plant, results)):
-        bodies = [plant.get_body(tree.BodyIndex(i)) for i in pair]
+    for bodies in _touching(plant, results):
         own = {b.name() for b in bodies if b.model_instance() == robot}
         # Two robots may have bodies of the same name.
         others = {
@@ -159,17 +158,17 @@ def improper_contacts(
 
 def _touching(
     plant: MultibodyPlant, results: ContactResults
-) -> Iterator[tuple[int, int]]:
-    """The indices of the two bodies of every contact."""
-    for i in range(results.num_point_pair_contacts()):
-        contact = results.point_pair_contact_info(i)
-        yield int(contact.bodyA_index()), int(contact.bodyB_index())
+) -> Iterator[list[tree.RigidBody]]:
+    """The two bodies of every contact; of points, each pair once."""
+    points = range(results.num_point_pair_contacts())
+    infos = map(results.point_pair_contact_info, points)
+    for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
+        yield [plant.get_body(tree.BodyIndex(body)) for body in pair]
     surfaces = range(results.num_hydroelastic_contacts())
     body_of = _body_of_shape(plant) if surfaces else {}
     for i in surfaces:
         surface = results.hydroelastic_contact_info(i).contact_surface()
-        pair = body_of[surface.id_M()], body_of[surface.id_N()]
-        yield int(pair[0].index()), int(pair[1].index())
+        yield [body_of[surface.id_M()], body_of[surface.id_N()]]
 
 
 def _body_of_shape(plant: MultibodyPlant) -> dict[GeometryId, tree.RigidBody]:

@@ -81,12 +81,12 @@ def check_urdf(urdf: Path) -> None:
 
 def _effort_limits(urdf: Path) -> dict[str, float]:
     """The effort limit of each joint of a checked `urdf` that has one."""
-    limits = {
-        joint.get("name", ""): _number(limit.get("effort"))
+    return {
+        joint.get("name", ""): effort
         for joint in ElementTree.parse(urdf).getroot().findall("joint")
         for limit in joint.findall("limit")
+        if (effort := _number(limit.get("effort"))) > 0.0
     }
-    return {name: effort for name, effort in limits.items() if effort > 0.0}
 
 
 def require(fulfilled: bool, message: str) -> None:
@@ -248,9 +248,7 @@ def _low_points(
     """
     form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
     if isinstance(form, geometry.Sphere | geometry.Capsule):
-        half = (
-            0.5 * form.length() if isinstance(form, geometry.Capsule) else 0.0
-        )
+        half = 0.5 * getattr(form, "length", float)()
         ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
         return (X_BG @ ends.T).T - [0.0, 0.0, form.radius()]
     if isinstance(form, geometry.Convex | geometry.Mesh):
