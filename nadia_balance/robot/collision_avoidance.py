@@ -132,10 +132,8 @@ class CollisionAvoidance:
         urgent = (near | (braking > 0.0)).nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        rows, world = (
-            np.empty((urgent.size, plant.num_velocities())),
-            self._world,
-        )
+        rows = np.empty((urgent.size, plant.num_velocities()))
+        world = self._world
         for row, k in zip(rows, urgent.tolist(), strict=True):
             frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
             J_A, J_B = (
