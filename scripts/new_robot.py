@@ -11,14 +11,13 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 
 # isort: split
 import sys
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import run_info, simulate
-from nadia_balance.new_robot import Named
+from nadia_balance.new_robot import Named, Notes
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import reach_within
@@ -34,14 +33,22 @@ def main(argv: list[str] | None = None) -> int:
     parser = _parser()
     args = parser.parse_args(argv)
     named = Named(**{f.name: getattr(args, f.name) for f in fields(Named)})
+    robot = args.out / "robot.yaml"
     with parser.refusing():
-        make_robot = _maker()
-        roots, fixed = args.package_root or [], args.fix or []
-        notes = make_robot(
-            args.file, args.out, fix=fixed, package_roots=roots, named=named
+        roots = args.package_root or []
+        for root in roots:
+            if not root.is_dir():
+                raise ValueError(f"package-root = {root}: must be a folder")
+        if robot.exists() and not args.force:
+            raise ValueError(f"{robot}: exists; --force overwrites it")
+        notes = _make_robot(
+            args.file,
+            args.out,
+            fix=args.fix or [],
+            package_roots=roots,
+            named=named,
         )
         command_line.say(*notes.lines())
-        robot = args.out / "robot.yaml"
         command_line.say(
             _fit_reach(load_robot(str(robot), args.fidelity), args.out)
         )
@@ -72,19 +79,20 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
     )
 
 
-def _maker() -> Callable:
-    """Returns make_robot, whose dependencies are the extra `robots`."""
+def _make_robot(*args, **options) -> Notes:
+    """Calls make_robot, whose dependencies are the extra `robots`."""
     try:
         from nadia_balance.new_robot.make import make_robot
     except ImportError as error:
         raise ValueError(
             f"{error.name} is missing: pip install 'nadia_balance[robots]'"
         ) from None
-    return make_robot
+    return make_robot(*args, **options)
 
 
 _FLAGS: command_line.Flags = {
-    "out": {"type": Path, "required": True, "help": "the folder"},
+    "out": {"type": command_line.place, "required": True, "help": "the folder"},
+    "force": {"action": "store_true", "help": "overwrite a robot.yaml in it"},
     "fix": {
         "action": "append",
         "metavar": "REGEX",
@@ -92,7 +100,7 @@ _FLAGS: command_line.Flags = {
     },
     "package-root": {
         "action": "append",
-        "type": Path,
+        "type": command_line.place,
         "metavar": "DIR",
         "help": "has the packages of package://; so do the folders above FILE",
     },

@@ -377,36 +377,6 @@ def test_the_legs_of_atlas_are_as_long_and_as_far_apart_as_published():
         assert X_PF.translation() == pytest.approx(expected, abs=1e-12)
 
 
-# Joint ranges of the G1: left leg, spine and left arm [rad].
-G1_RANGES = """
-left_hip_pitch_joint -2.5307 2.8798 left_hip_roll_joint -0.5236 2.9671
-left_hip_yaw_joint -2.7576 2.7576 left_knee_joint -0.087267 2.8798
-left_ankle_pitch_joint -0.87267 0.5236 left_ankle_roll_joint -0.2618 0.2618
-waist_yaw_joint -2.618 2.618 waist_roll_joint -0.52 0.52
-waist_pitch_joint -0.52 0.52 left_shoulder_pitch_joint -3.0892 2.6704
-left_shoulder_roll_joint -1.5882 2.2515 left_shoulder_yaw_joint -2.618 2.618
-left_elbow_joint -1.0472 2.0944 left_wrist_roll_joint -1.972222054 1.972222054
-left_wrist_pitch_joint -1.614429558 1.614429558
-left_wrist_yaw_joint -1.614429558 1.614429558"""
-
-
-def test_the_joints_of_the_g1_have_the_published_ranges():
-    """Oracle: the public description; joints about x and z mirror them."""
-    words, known = G1_RANGES.split(), {}
-    for joint, *ends in zip(words[::3], words[1::3], words[2::3], strict=True):
-        low, high = known[joint] = [float(end) for end in ends]
-        if not joint.endswith(("_pitch_joint", "_knee_joint", "_elbow_joint")):
-            low, high = -high, -low
-        known[joint.replace("left_", "right_")] = [low, high]
-    plant = ROBOTS["g1"].control_plant()
-    found = {
-        name: [*joint.position_lower_limits(), *joint.position_upper_limits()]
-        for name in URDFS["g1"].joints
-        for joint in [plant.GetJointByName(name)]
-    }
-    assert found == known
-
-
 def test_the_g1_stands_and_is_as_large_as_published():
     """Oracle: sums of joint origins of the public description, by hand [m].
 

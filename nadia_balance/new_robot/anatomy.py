@@ -29,14 +29,12 @@ class Leg:
 
 @dataclass
 class Anatomy:
-    """Names and directions (3,) of a robot at zero posture, in its root."""
+    """Names and axes of a robot at zero posture, in its root."""
 
     pelvis: str
     torso: str
     legs: dict[Side, Leg]
-    forward: Array
-    left: Array
-    up: Array
+    axes: Array  # (3, 3): forward, left, up, one a column
 
     @property
     def feet(self) -> dict[Side, str]:
@@ -108,21 +106,22 @@ def _link(robot: Description, name: str) -> str:
 
 def check_leg_joints(robot: Description, legs: Sequence[Leg]) -> None:
     """Raises ValueError that names a joint of a leg that cannot be driven."""
-    for name in [joint for leg in legs for joint in leg.joints]:
-        joint = robot.joints[name]
-        if joint.type != "revolute":
-            raise ValueError(
-                f"joint {name}: is {joint.type}: must be revolute, in a leg"
-            )
-        if joint.mimics:
-            raise ValueError(f"joint {name}: must not be a mimic, in a leg")
-        if not joint.effort:
-            raise ValueError(f"joint {name}: must have an effort limit")
-        if joint.upper - joint.lower < 0.1:
-            raise ValueError(
-                f"joint {name}: limits = [{joint.lower}, {joint.upper}] rad: "
-                "must leave it some range"
-            )
+    for joint in [robot.joints[name] for leg in legs for name in leg.joints]:
+        limits = f"[{joint.lower}, {joint.upper}] rad"
+        for wrong, why in (
+            (
+                joint.type != "revolute",
+                f"is {joint.type}: must be revolute, in a leg",
+            ),
+            (joint.mimics, "must not be a mimic, in a leg"),
+            (not joint.effort, "must have an effort limit"),
+            (
+                joint.upper - joint.lower < 0.1,
+                f"limits = {limits}: must leave it some range",
+            ),
+        ):
+            if wrong:
+                raise ValueError(f"joint {joint.name}: {why}")
 
 
 def find_torso(robot: Description, pelvis: str, legs: Sequence[Leg]) -> str:
@@ -194,19 +193,17 @@ def find_anatomy(
     sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
     torso = _link(robot, named.torso) if named.torso else ""
     torso = torso or find_torso(robot, robot.root, legs)
-    found = Anatomy(
-        robot.root, torso, sides, sign * forward, sign * lateral, up
-    )
-    feet_names = ", ".join(found.feet.values())
-    notes.guessed.append(
-        f"pelvis {found.pelvis}, torso {torso}, feet {feet_names}"
-    )
+    feet_names = ", ".join(leg.foot for leg in sides.values())
     notes.guessed += [
-        f"{side.value} leg: hip pitch {leg.hip_pitch}, knee {leg.knee}, "
-        f"ankle pitch {leg.ankle_pitch}"
-        for side, leg in sides.items()
+        f"pelvis {robot.root}, torso {torso}, feet {feet_names}",
+        *(
+            f"{side.value} leg: hip pitch {leg.hip_pitch}, knee {leg.knee}, "
+            f"ankle pitch {leg.ankle_pitch}"
+            for side, leg in sides.items()
+        ),
     ]
-    return found
+    axes = np.stack([sign * forward, sign * lateral, up], axis=1)
+    return Anatomy(robot.root, torso, sides, axes)
 
 
 def _by_leg(named: Named, legs: Sequence[Leg]) -> list[dict[str, str]]:

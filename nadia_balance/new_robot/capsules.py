@@ -64,10 +64,10 @@ def fit_capsules(
         for name, bone in zip(
             (knee.parent, knee.child), itertools.pairwise(ends), strict=True
         ):
-            capsule = _fitted(robot, name, smallest)
-            if not capsule:
+            if not (capsule := _fitted(robot, name, smallest)):
+                capsule = _bone(robot, name, *bone)
                 notes.guessed.append(f"the thickness of {name}")
-            capsules[name] = [capsule or _bone(robot, name, *bone)]
+            capsules[name] = [capsule]
     of_legs = {robot.joints[name].child for leg in legs for name in leg.joints}
     for name in robot.links:
         if name not in of_legs:
@@ -133,14 +133,8 @@ def _shoe(measured: Measurements) -> list[Capsule]:
     y = sole.half_width - radius
     z = sole.z + SHOE_ABOVE_SOLE + radius
     along = RotationMatrix.MakeYRotation(0.5 * np.pi)
-    return [
-        Capsule(
-            RigidTransform(along, [x, side, z]),
-            radius,
-            0.9 * length - 2.0 * radius,
-        )
-        for side in (y, -y)
-    ]
+    poses = [RigidTransform(along, [x, side, z]) for side in (y, -y)]
+    return [Capsule(X, radius, 0.9 * length - 2.0 * radius) for X in poses]
 
 
 def _neighbours(robot: Description, shaped: Collection[str]) -> Pairs:

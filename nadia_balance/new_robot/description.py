@@ -225,12 +225,13 @@ class Description:
         for body in self.links[link]:
             X_LB = X_WL.inverse() @ body.EvalPoseInWorld(self._context)
             frame = self.plant.GetBodyFrameIdOrThrow(body.index())
-            geometries = inspector.GetGeometries(frame, Role.kIllustration)
-            hidden = [COLLISION in inspector.GetName(g) for g in geometries]
             chosen = [
                 geometry
-                for geometry, hides in zip(geometries, hidden, strict=True)
-                if hides == (role == COLLIDING)
+                for geometry in inspector.GetGeometries(
+                    frame, Role.kIllustration
+                )
+                if (COLLISION in inspector.GetName(geometry))
+                == (role == COLLIDING)
             ]
             if role == COLLIDING:
                 chosen += inspector.GetGeometries(frame, Role.kProximity)

@@ -31,10 +31,10 @@ from nadia_balance.new_robot.measure import Measurements, measure, set_frames
 from nadia_balance.new_robot.soles import SolePlane, larger_sole
 from nadia_balance.new_robot.write import robot_fields, write_urdf, write_yaml
 
-# Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
-# for Nadia and Atlas at 90.9 kg.
 # Joints of a tree whose only floating link is the base.
 KINDS = ("revolute", "continuous", "prismatic")
+# Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
+# for Nadia and Atlas at 90.9 kg.
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
@@ -102,7 +102,7 @@ def _matching(
     robot: Description, fix: Sequence[str], notes: Notes
 ) -> list[str]:
     """The joints whose names match one of `fix`."""
-    asked = []
+    asked: list[str] = []
     for expression in fix:
         try:
             found = [n for n in robot.joints if re.fullmatch(expression, n)]
@@ -119,12 +119,12 @@ def _matching(
 
 def _undriven(robot: Description) -> dict[str, list[str]]:
     """The joints that cannot be driven, by the reason."""
-    found: dict[str, list[str]] = {
-        "mimic": [],
-        "prismatic": [],
-        "no effort limit, or no range": [],
-    }
-    mimic, prismatic, weak = found.values()
+    mimic, prismatic, weak = (
+        "mimic",
+        "prismatic",
+        "no effort limit, or no range",
+    )
+    found: dict[str, list[str]] = {mimic: [], prismatic: [], weak: []}
     for joint in robot.joints.values():
         if joint.type not in KINDS:
             raise ValueError(
@@ -132,11 +132,11 @@ def _undriven(robot: Description) -> dict[str, list[str]]:
                 f"{', '.join(KINDS)}"
             )
         if joint.mimics:
-            mimic.append(joint.name)
+            found[mimic].append(joint.name)
         elif joint.type == "prismatic":
-            prismatic.append(joint.name)
+            found[prismatic].append(joint.name)
         elif not joint.effort or joint.upper - joint.lower < 1e-3:
-            weak.append(joint.name)
+            found[weak].append(joint.name)
     return found
 
 
@@ -210,21 +210,18 @@ def guess_drives(
         joint.rotor_inertia = inertia
     slow = ", ".join(j.name for j in joints if not j.speed)
     fast = ", ".join(j.name for j in joints if j.speed > _PLAUSIBLE)
-    for applies, text in (
-        (
-            bare,
+    if bare:
+        notes.unknown.append(
             f"rotor inertia of {len(bare)} joints: taken as {inertia:.3g} kg "
-            "m^2 at the joint, Nadia's by mass and length",
-        ),
-        (slow, f"speed limits of {slow}: {_SPEED:g} rad/s"),
-        (
-            fast,
-            f"whether {fast} are as fast as is written, > {_PLAUSIBLE:g} rad/s",
-        ),
-        (
-            True,
-            "dry friction of joints, which is left out; bandwidth and corner "
-            "speed of drives: the defaults of docs/robot_yaml.md",
-        ),
-    ):
-        notes.unknown += [text] if applies else []
+            "m^2 at the joint, Nadia's by mass and length"
+        )
+    if slow:
+        notes.unknown.append(f"speed limits of {slow}: {_SPEED:g} rad/s")
+    if fast:
+        notes.unknown.append(
+            f"whether {fast} are as fast as is written, > {_PLAUSIBLE:g} rad/s"
+        )
+    notes.unknown.append(
+        "dry friction of joints, which is left out; bandwidth and corner "
+        "speed of drives: the defaults of docs/robot_yaml.md"
+    )

@@ -66,19 +66,18 @@ def set_frames(
     The frames of the feet are parallel to the soles; origins do not move.
     Returns the points (k, 2) [m] of the soles in the frames of the feet.
     """
-    upright = np.stack([anatomy.forward, anatomy.left, anatomy.up], axis=1)
     poses = robot.poses()
     turns = {}
     for side, foot in anatomy.feet.items():
         z = -soles[side].down
-        y = np.cross(z, poses[foot].rotation().inverse() @ anatomy.forward)
+        y = np.cross(z, poses[foot].rotation().inverse() @ anatomy.axes[:, 0])
         y /= np.linalg.norm(y)
         turns[foot] = np.stack([np.cross(y, z), y, z], axis=1)
     for link in anatomy.pelvis, anatomy.torso:
-        turns[link] = poses[link].rotation().inverse().matrix() @ upright
+        turns[link] = poses[link].rotation().inverse().matrix() @ anatomy.axes
     for link, turn in turns.items():
         robot.turn(link, RotationMatrix.ProjectToRotationMatrix(turn))
-    anatomy.forward, anatomy.left, anatomy.up = np.eye(3)
+    anatomy.axes = np.eye(3)
     return {
         side: (soles[side].points @ turns[foot])[:, :2]
         for side, foot in anatomy.feet.items()
@@ -143,7 +142,7 @@ def _lean(robot: Description, anatomy: Anatomy) -> float:
         for i, name in enumerate(leg.joints):
             joint = robot.joints[name]
             axis = poses[joint.child].rotation() @ robot.axis(joint)
-            along = float(axis @ anatomy.forward)
+            along = float(axis[0])
             if abs(along) > ALONG:
                 # Hips rotate the leg outward, ankles the foot back inward.
                 outward = side.sign * np.sign(along) * (1 if i < knee else -1)

@@ -67,7 +67,13 @@ def sole_plane(
         p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
         for p, shape in zip(lowest, shapes, strict=True)
     ]
-    return _spanned(np.concatenate(on_plane), normal, depth, source)
+    flat = np.concatenate(on_plane)
+    across = np.linalg.svd(normal[None])[2][1:]
+    try:
+        area = ConvexHull(flat @ across.T).volume
+    except (QhullError, ValueError):  # collinear, or too few
+        return None
+    return SolePlane(normal, depth, flat, area, source)
 
 
 def _lowest(shape: Shape, normal: Array) -> Array:
@@ -75,17 +81,6 @@ def _lowest(shape: Shape, normal: Array) -> Array:
     if shape.kind != "sphere":
         return shape.points()
     return (shape.X_LG.translation() + shape.solid.radius() * normal)[None]
-
-
-def _spanned(
-    points: Array, normal: Array, depth: float, source: str
-) -> SolePlane | None:
-    first, second = np.linalg.svd(normal[None])[2][1:]
-    try:
-        area = ConvexHull(points @ np.stack([first, second], axis=1)).volume
-    except (QhullError, ValueError):  # collinear, or too few
-        return None
-    return SolePlane(normal, depth, points, area, source)
 
 
 def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:

@@ -76,7 +76,11 @@ def write_urdf(
     for joint in robot.joints.values():
         add_transmission(top, joint.name, rotor_inertia=joint.rotor_inertia)
     for i, pair in enumerate(sorted(map(sorted, ignored))):
-        _ignore(top, f"may_touch_{i}", pair)
+        group = {"name": f"may_touch_{i}"}
+        filtered = SubElement(top, f"{DRAKE}collision_filter_group", group)
+        for link in pair:
+            SubElement(filtered, f"{DRAKE}member", link=link)
+        SubElement(filtered, f"{DRAKE}ignored_collision_filter_group", group)
     ElementTree.indent(top)
     text = ElementTree.tostring(top, encoding="unicode")
     file = folder / "robot.urdf"
@@ -173,22 +177,6 @@ def _joint(
         SubElement(element, "dynamics", damping=_text(joint.damping))
 
 
-def _ignore(top: Element, name: str, pair: list[str]) -> None:
-    """Lets a pair of links pass through each other."""
-    group = {"name": name}
-    filtered = SubElement(top, f"{DRAKE}collision_filter_group", group)
-    for link in pair:
-        SubElement(filtered, f"{DRAKE}member", link=link)
-    SubElement(filtered, f"{DRAKE}ignored_collision_filter_group", group)
-
-
-_REACH = (
-    *("length_forward", "length_backward"),
-    *("width_min", "width_nominal", "width_max"),
-    *("width_forward", "width_backward"),
-)
-
-
 def robot_fields(
     name: str, anatomy: Anatomy, m: Measurements, max_joint_speed: float | None
 ) -> dict[str, Any]:
@@ -256,4 +244,7 @@ def _reach(m: Measurements) -> ReachabilityParams:
 
 
 def _widths(reach: ReachabilityParams) -> dict[str, float]:
-    return {name: getattr(reach, name) for name in _REACH}
+    lengths = "length_forward", "length_backward"
+    widths = "min", "nominal", "max", "forward", "backward"
+    names = (*lengths, *(f"width_{name}" for name in widths))
+    return {name: getattr(reach, name) for name in names}

@@ -11,6 +11,8 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.params import RobotParams
+from nadia_balance.robot.plants import actuators, context_at, sole_jacobian
+from nadia_balance.robot.plants import joints as all_joints
 from nadia_balance.robot.urdf import require
 
 
@@ -40,8 +42,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
         f"right_foot_body = {params.right_foot_body!r}",
     )
     # Joints of one degree of freedom by name, without the floating base.
-    joints = map(plant.get_joint, plant.GetJointIndices())
-    joints = {j.name(): j for j in joints if j.num_positions() == 1}
+    joints = {j.name(): j for j in all_joints(plant) if j.num_positions() == 1}
     _check_drives(plant, params, joints)
     for field, angles in (
         ("posture", params.posture),
@@ -61,8 +62,7 @@ def _check_drives(
     plant: MultibodyPlant, params: RobotParams, joints: dict
 ) -> None:
     where = f"urdf = {params.urdf}"
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    actuators = {actuator.joint().name(): actuator for actuator in actuators}
+    drives = {drive.joint().name(): drive for drive in actuators(plant)}
     for name, joint in joints.items():
         speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
         require(
@@ -70,12 +70,12 @@ def _check_drives(
             f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
             "a max_joint_speed",
         )
-        actuator = actuators.get(name)
+        drive = drives.get(name)
         require(
-            actuator is not None and actuator.effort_limit() < math.inf,
+            drive is not None and drive.effort_limit() < math.inf,
             f"{where}: joint {name}: must have an effort limit",
         )
-        inertia = actuator.default_reflected_inertia()
+        inertia = drive.default_reflected_inertia()
         require(
             inertia >= 0.0,
             f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
@@ -91,9 +91,10 @@ def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
             "only the feet have collision shapes: a fall, or legs in each "
             "other, are not noticed"
         )
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     light = [
-        a.joint().name() for a in actuators if not a.default_reflected_inertia()
+        drive.joint().name()
+        for drive in actuators(plant)
+        if not drive.default_reflected_inertia()
     ]
     if light:
         remarks.append(f"no rotor inertia: {', '.join(light)}")
@@ -111,19 +112,15 @@ def check_standing(
     The robot of `plant` stands at `q` (nq,), with half of its weight at the
     centre of either sole.
     """
-    context, world = plant.CreateDefaultContext(), plant.world_frame()
-    plant.SetPositions(context, q)
+    context = context_at(plant, q)
     gravity = plant.gravity_field().gravity_vector()
     half_weight = -0.5 * plant.CalcTotalMass(context) * gravity
     torques = -plant.CalcGravityGeneralizedForces(context)
     for side, foot in feet.items():
-        frame, p_FS = plant.GetFrameByName(foot), X_FootSole[side].translation()
-        torques -= half_weight @ plant.CalcJacobianTranslationalVelocity(
-            context, tree.JacobianWrtVariable.kV, frame, p_FS, world, world
-        )
-    for i in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(i)
-        joint, limit = actuator.joint(), actuator.effort_limit()
+        p_FS = X_FootSole[side].translation()
+        torques -= half_weight @ sole_jacobian(plant, context, foot, p_FS)[3:]
+    for drive in actuators(plant):
+        joint, limit = drive.joint(), drive.effort_limit()
         needed = abs(torques[joint.velocity_start()])
         require(
             needed <= limit,
@@ -144,8 +141,7 @@ def improper_contacts(
     - ground".  A foot may touch all bodies that are not of the `robot`.
     """
     improper = set()
-    for pair in set(_touching(plant, results)):
-        bodies = [plant.get_body(tree.BodyIndex(i)) for i in pair]
+    for bodies in _touching(plant, results):
         own = {b.name() for b in bodies if b.model_instance() == robot}
         # Two robots may have bodies of the same name.
         others = {
@@ -162,17 +158,17 @@ def improper_contacts(
 
 def _touching(
     plant: MultibodyPlant, results: ContactResults
-) -> Iterator[tuple[int, int]]:
-    """The indices of the two bodies of every contact."""
-    for i in range(results.num_point_pair_contacts()):
-        contact = results.point_pair_contact_info(i)
-        yield int(contact.bodyA_index()), int(contact.bodyB_index())
+) -> Iterator[list[tree.RigidBody]]:
+    """The two bodies of every contact; of points, each pair once."""
+    points = range(results.num_point_pair_contacts())
+    infos = map(results.point_pair_contact_info, points)
+    for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
+        yield [plant.get_body(tree.BodyIndex(body)) for body in pair]
     surfaces = range(results.num_hydroelastic_contacts())
     body_of = _body_of_shape(plant) if surfaces else {}
     for i in surfaces:
         surface = results.hydroelastic_contact_info(i).contact_surface()
-        pair = body_of[surface.id_M()], body_of[surface.id_N()]
-        yield int(pair[0].index()), int(pair[1].index())
+        yield [body_of[surface.id_M()], body_of[surface.id_N()]]
 
 
 def _body_of_shape(plant: MultibodyPlant) -> dict[GeometryId, tree.RigidBody]:

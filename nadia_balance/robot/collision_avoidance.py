@@ -11,7 +11,8 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.whole_body import collision_avoidance as core
 from nadia_balance.core.whole_body.command import Avoidance
-from nadia_balance.robot.model import RobotModel, body_poses
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import body_poses, joints
 
 MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
@@ -131,10 +132,8 @@ class CollisionAvoidance:
         urgent = (near | (braking > 0.0)).nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        rows, world = (
-            np.empty((urgent.size, plant.num_velocities())),
-            self._world,
-        )
+        rows = np.empty((urgent.size, plant.num_velocities()))
+        world = self._world
         for row, k in zip(rows, urgent.tolist(), strict=True):
             frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
             J_A, J_B = (
@@ -215,9 +214,9 @@ def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:
     """The bodies moved by a joint that moves no foot."""
     feet = {plant.GetBodyByName(n).index() for n in robot.foot_bodies.values()}
     upper = set()
-    for joint in plant.GetJointIndices():
-        if plant.get_joint(joint).num_velocities() == 1:
-            moved = set(plant.GetBodiesKinematicallyAffectedBy([joint]))
+    for joint in joints(plant):
+        if joint.num_velocities() == 1:
+            moved = set(plant.GetBodiesKinematicallyAffectedBy([joint.index()]))
             if not moved & feet:
                 upper |= moved
     return upper

@@ -60,10 +60,6 @@ def scale_friction(
             properties = inspector.GetProximityProperties(shape)
             mu = properties.GetProperty("material", "coulomb_friction")
             values = ratio * mu.static_friction(), ratio * mu.dynamic_friction()
-            changed = (
-                "material",
-                "coulomb_friction",
-                mbp.CoulombFriction(*values),
-            )
-            properties.UpdateProperty(*changed)
+            mu = mbp.CoulombFriction(*values)
+            properties.UpdateProperty("material", "coulomb_friction", mu)
             scene_graph.AssignRole(source, shape, properties, replaces)

@@ -11,10 +11,12 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body import command
 from nadia_balance.core.whole_body.command import BASE, TORSO, WholeBodyModel
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.robot.model import (
-    RobotModel,
-    actuated_velocities,
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import (
     body_poses,
+    effort_limits,
+    joints,
+    joints_above,
 )
 
 _V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
@@ -43,7 +45,7 @@ class WholeBodyKinematics:
                 "of one degree of freedom, and one actuator for each"
             )
         self._damping = np.zeros(plant.num_velocities())
-        for joint in map(plant.get_joint, plant.GetJointIndices()):
+        for joint in joints(plant):
             if joint.num_velocities() == 1:  # neither welded nor floating
                 (damping,) = joint.default_damping_vector()
                 self._damping[joint.velocity_start()] = damping
@@ -142,8 +144,6 @@ def whole_body_model(
 
     lower = values(params.joint_lower_limits, -np.inf)
     upper = values(params.joint_upper_limits, np.inf)
-    effort = np.zeros(n)
-    effort[actuated_velocities(plant) - 6] = plant.GetEffortUpperLimits()
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
@@ -151,7 +151,7 @@ def whole_body_model(
         posture=values(robot.posture, 0.0),
         position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
         position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),
-        max_torque=effort,
+        max_torque=effort_limits(plant)[6:],
         max_speed=robot.max_joint_speeds,
         is_leg_joint=_is_leg_joint(robot, plant),
         drives=robot.drives,
@@ -160,13 +160,9 @@ def whole_body_model(
 
 def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
     """Marks (nj,) the joints between the pelvis and either foot."""
-    context, world = plant.CreateDefaultContext(), plant.world_frame()
     moves = np.zeros(plant.num_velocities(), dtype=bool)
-    for body in robot.foot_bodies.values():
-        J = plant.CalcJacobianSpatialVelocity(
-            context, _V, plant.GetFrameByName(body), _ORIGIN, world, world
-        )
-        moves |= np.any(J != 0.0, axis=0)
+    for foot in robot.foot_bodies.values():
+        moves[[j.velocity_start() for j in joints_above(plant, foot)]] = True
     return moves[6:]
 
 

@@ -1,17 +1,23 @@
 """What the joints of the legs can do: the foot in the air, and the ankle."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, Joint
+from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.plants import (
+    context_at,
+    effort_limits,
+    is_pitch,
+    joints_above,
+    sole_jacobian,
+)
 
 Feet = Mapping[Side, str]
 Soles = Mapping[Side, RigidTransform]
@@ -34,14 +40,14 @@ def foot_limits(
     The speed follows in the same way from the joints' limits `speeds` (nj,)
     [rad/s].  The robot stands at `q` (nq,); `soles` are X_FootSole.
     """
-    context, effort = _standing(plant, q)
+    context, effort = context_at(plant, q), effort_limits(plant)
     M = plant.CalcMassMatrix(context)
     room = effort - np.abs(plant.CalcGravityGeneralizedForces(context))
     fastest = np.append(np.zeros(6), speeds)
     found = []
     for side, foot in feet.items():
-        J = _jacobian(plant, context, foot, soles[side].translation())
-        leg = [joint.velocity_start() for joint in _joints(plant, foot)]
+        J = sole_jacobian(plant, context, foot, soles[side].translation())
+        leg = [joint.velocity_start() for joint in joints_above(plant, foot)]
         motion = np.linalg.lstsq(J[:, leg], _WAYS, rcond=None)[0]
         # The largest of x cos(s) + y sin(s) over all directions s.
         speed = np.hypot(*motion.T)
@@ -67,12 +73,12 @@ def cop_area(
     Raises:
         ValueError: an ankle cannot carry the robot at any point of the sole.
     """
-    context, effort = _standing(plant, q)
+    context, effort = context_at(plant, q), effort_limits(plant)
     weight = plant.CalcTotalMass(context) * GRAVITY
     low, high = sole.min(axis=0), sole.max(axis=0)
     for side, foot in feet.items():
         p_FS = soles[side].translation()
-        at = _jacobian(plant, context, foot, p_FS)
+        at = sole_jacobian(plant, context, foot, p_FS)
         for joint in _ankle(plant, context, foot):
             i = joint.velocity_start()
             # Torque per unit of vertical force at the sole's centre, and its
@@ -94,48 +100,12 @@ def cop_area(
     return sole.clip(low, high)
 
 
-def _standing(plant: MultibodyPlant, q: Array) -> tuple[Context, Array]:
-    """The context of the standing robot, and effort limits by velocity."""
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, q)
-    effort = np.zeros(plant.num_velocities())
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
-        effort[actuator.joint().velocity_start()] = actuator.effort_limit()
-    return context, effort
-
-
-def _jacobian(
-    plant: MultibodyPlant, context: Context, foot: str, p_FS: Array
-) -> Array:
-    """Jacobian (6, nv) [w, v] of the sole's centre in W."""
-    frame, world = plant.GetFrameByName(foot), plant.world_frame()
-    wrt = JacobianWrtVariable.kV
-    return np.asarray(
-        plant.CalcJacobianSpatialVelocity(
-            context, wrt, frame, p_FS, world, world
-        )
-    )
-
-
-def _joints(plant: MultibodyPlant, foot: str) -> list[Joint]:
-    """The moving joints from the foot up to the floating base."""
-    joints = map(plant.get_joint, plant.GetJointIndices())
-    above = {joint.child_body().name(): joint for joint in joints}
-    found, link = [], foot
-    while (joint := above.get(link)) and joint.num_velocities() < 2:
-        if joint.num_velocities():
-            found.append(joint)
-        link = joint.parent_body().name()
-    return found
-
-
 def _ankle(plant: MultibodyPlant, context: Context, foot: str) -> list[Joint]:
     """The joints between foot and knee; none if there is no such knee."""
-    ankle, pitches = [], 0
-    for joint in _joints(plant, foot):
-        J = _jacobian(plant, context, foot, np.zeros(3))
-        pitches += abs(J[1, joint.velocity_start()]) > math.cos(math.pi / 4)
+    ankle: list[Joint] = []
+    pitches = 0
+    for joint in joints_above(plant, foot):
+        pitches += is_pitch(joint, context)
         if pitches == 2:
             return ankle
         ankle.append(joint)

@@ -12,9 +12,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody import inverse_kinematics as ik
 from pydrake.multibody import plant as mbp
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
@@ -32,6 +32,7 @@ from nadia_balance.robot.params import (
     idealised,
     overridden,
 )
+from nadia_balance.robot.plants import actuators, joints_above
 from nadia_balance.robot.urdf import (
     add_urdf,
     check_urdf,
@@ -154,12 +155,12 @@ class RobotModel:
         """
         instance = add_urdf(plant, self.urdf)
         limits = dict(self.drives.max_torque) if self.drives else {}
-        for index in plant.GetJointActuatorIndices():
-            actuator = plant.get_joint_actuator(index)
-            if actuator.model_instance() != instance:
-                continue
-            if limit := limits.pop(actuator.joint().name(), 0.0):
-                actuator.set_effort_limit(limit)
+        for actuator in actuators(plant):
+            if actuator.model_instance() == instance:
+                name = actuator.joint().name()
+                actuator.set_effort_limit(
+                    limits.pop(name, actuator.effort_limit())
+                )
         for joint in limits:
             raise ValueError(
                 f"drives.max_torque.{joint}: must be of an actuated joint of "
@@ -201,30 +202,26 @@ class RobotModel:
 
         The feet do not collide with each other either.
         """
-        joints = map(plant.get_joint, plant.GetJointIndices())
-        parent = {j.child_body().name(): j.parent_body().name() for j in joints}
-        legs = []
-        for link in self.foot_bodies.values():
-            legs.append([])
-            while link != self.pelvis_body:
-                legs[-1].append(link)
-                link = parent[link]
         pelvis = plant.GetBodyByName(self.pelvis_body)
-        own = plant.GetBodyIndices(pelvis.model_instance())
-        names = {plant.get_body(body).name() for body in own}
+        own = set(plant.GetBodyIndices(pelvis.model_instance()))
+        feet = self.foot_bodies.values()
+        hips = [joints_above(plant, foot)[-1].index() for foot in feet]
+        left, right = (
+            set(plant.GetBodiesKinematicallyAffectedBy([hip])) for hip in hips
+        )
 
-        def shapes(links: Iterable[str]) -> GeometrySet:
-            return plant.CollectRegisteredGeometries(
-                [plant.GetBodyByName(link) for link in links]
-            )
+        def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
+            bodies = [plant.get_body(link) for link in links]
+            return plant.CollectRegisteredGeometries(bodies)
 
-        left, right = map(set, legs)
-        others = shapes(names - left - right)
+        others = shapes(own - left - right)
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(shapes(left))
             .ExcludeWithin(shapes(right))
-            .ExcludeWithin(shapes(self.foot_bodies.values()))
+            .ExcludeWithin(
+                shapes(plant.GetBodyByName(foot).index() for foot in feet)
+            )
             .ExcludeWithin(others)
             .ExcludeBetween(others, shapes(left | right))
         )
@@ -408,17 +405,3 @@ def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
     robot_checks.check_plant(plant, params)
     with naming(f"urdf = {urdf}"):
         return with_lengths(params, given, plant, scene_graph.model_inspector())
-
-
-def actuated_velocities(plant: MultibodyPlant) -> np.ndarray:
-    """Index (nu,) in v of `plant` of each actuator's joint."""
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    return np.array([a.joint().velocity_start() for a in actuators])
-
-
-def body_poses(
-    plant: MultibodyPlant, context: Context, bodies: Iterable[RigidBody]
-) -> np.ndarray:
-    """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
-    poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
-    return np.array([X_WB.GetAsMatrix34() for X_WB in poses])

@@ -17,9 +17,9 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context
 
 from nadia_balance.robot.params import RobotParams
+from nadia_balance.robot.plants import actuators, is_pitch, joints_above
 
 _JOINTS = ("revolute", "continuous", "fixed")
-_PITCH = 0.75  # least |y| of a pitch axis; also of slanted hips [-]
 _LEVEL = 1e-3  # points of a foot so near to its lowest one are of the sole [m]
 _DIGITS = 3  # lengths are rounded to millimetres
 
@@ -81,12 +81,12 @@ def check_urdf(urdf: Path) -> None:
 
 def _effort_limits(urdf: Path) -> dict[str, float]:
     """The effort limit of each joint of a checked `urdf` that has one."""
-    limits = {
-        joint.get("name", ""): _number(limit.get("effort"))
+    return {
+        joint.get("name", ""): effort
         for joint in ElementTree.parse(urdf).getroot().findall("joint")
         for limit in joint.findall("limit")
+        if (effort := _number(limit.get("effort"))) > 0.0
     }
-    return {name: effort for name, effort in limits.items() if effort > 0.0}
 
 
 def require(fulfilled: bool, message: str) -> None:
@@ -115,8 +115,7 @@ def _add_actuators(
 ) -> None:
     """Adds actuators to joints for which the URDF has no <transmission>."""
     # All actuators: those of an instance are known only once it is finalized.
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    driven = [actuator.joint().index() for actuator in actuators]
+    driven = [actuator.joint().index() for actuator in actuators(plant)]
     if len(set(driven)) < len(driven):
         raise ValueError("a joint must not have two <transmission>s")
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
@@ -145,14 +144,15 @@ def with_lengths(
     context = plant.CreateDefaultContext()
     left, right = (_position(plant, context, foot) for foot in feet)
     legs = {"hip_width": left[1] - right[1]}
-    hip, knee, ankle = _pitch_axes(plant, context, feet[0])
-    if hip is not None:
+    axes = [_pitch_axes(plant, context, foot) for foot in feet]
+    if all(axes):
+        hip, knee, ankle = axes[0]
         legs["length"] = _apart(hip, knee) + _apart(knee, ankle)
         legs["ankle_height"] = ankle[2] - left[2] - sole.z
     for joint, angle in params.posture.items():
         plant.GetJointByName(joint).set_angle(context, angle)
     com = plant.CalcCenterOfMassPositionInWorld(context)[2]
-    if hip is not None:
+    if all(axes):
         hips = [_pitch_axes(plant, context, foot)[0][2] for foot in feet]
         legs["com_above_hip"] = com - 0.5 * sum(hips)
     ground = [_position(plant, context, foot, sole.z)[2] for foot in feet]
@@ -184,22 +184,17 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 
 def _pitch_axes(
     plant: MultibodyPlant, context: Context, foot: str
-) -> list[np.ndarray | None]:
+) -> list[np.ndarray]:
     """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
 
-    All are None if the leg has not three of them, as with oblique hip axes.
+    None if the leg has not three of them, as with oblique hip axes.
     """
-    joints = map(plant.get_joint, plant.GetJointIndices())
-    above = {joint.child_body().name(): joint for joint in joints}
-    found, link = [], foot
-    while (joint := above.get(link)) and joint.num_positions() < 2:
-        X_WJ = joint.frame_on_child().CalcPoseInWorld(context)
-        if joint.num_positions() == 1 and joint.type_name() == "revolute":
-            axis = X_WJ.rotation() @ joint.revolute_axis()
-            if abs(axis[1]) > _PITCH:
-                found.append(X_WJ.translation())
-        link = joint.parent_body().name()
-    return found[::-1] if len(found) == 3 else [None] * 3
+    found = [
+        joint.frame_on_child().CalcPoseInWorld(context).translation()
+        for joint in joints_above(plant, foot)[::-1]
+        if is_pitch(joint, context)
+    ]
+    return found if len(found) == 3 else []
 
 
 def _sole(
@@ -253,9 +248,7 @@ def _low_points(
     """
     form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
     if isinstance(form, geometry.Sphere | geometry.Capsule):
-        half = (
-            0.5 * form.length() if isinstance(form, geometry.Capsule) else 0.0
-        )
+        half = 0.5 * getattr(form, "length", float)()
         ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
         return (X_BG @ ends.T).T - [0.0, 0.0, form.radius()]
     if isinstance(form, geometry.Convex | geometry.Mesh):

@@ -5,7 +5,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.joint_drives import lag_share, torque_limits
-from nadia_balance.robot.model import RobotModel, actuated_velocities
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import VectorInput
 
 

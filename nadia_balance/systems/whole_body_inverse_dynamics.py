@@ -14,7 +14,8 @@ from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.kinematics import whole_body_model
-from nadia_balance.robot.model import RobotModel, actuated_velocities
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput
 from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 

@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from pydrake.geometry import Role
 
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
@@ -71,15 +70,3 @@ def test_legs_touch_each_other_and_no_link_its_neighbour(robot):
     for leg in legs:
         chain = ["pelvis", *leg]
         assert pairs.isdisjoint(map(frozenset, itertools.pairwise(chain)))
-
-
-def test_every_link_with_a_visual_can_be_seen(robot):
-    """Oracle: the biped's own shapes; the mesh of a sole is one."""
-    _, plant, scene_graph = robot.control_diagram()
-    inspector = scene_graph.model_inspector()
-    for name in ("pelvis", "chest", "l_arm", "r_shin", "l_foot"):
-        body = plant.GetBodyByName(name).index()
-        frame = plant.GetBodyFrameIdOrThrow(body)
-        assert inspector.NumGeometriesForFrameWithRole(
-            frame, Role.kIllustration
-        )

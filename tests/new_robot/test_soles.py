@@ -96,10 +96,6 @@ def test_collision_comes_before_visual_unless_it_is_small():
         assert found.source == source
 
 
-def test_a_ball_has_no_sole():
-    assert larger_sole([], [sphere(0.1, (0.0, 0.0, 0.0))], DOWN) is None
-
-
 def test_the_largest_rectangle_in_an_ellipse_and_in_two_soles():
     """Oracle: its sides are the diameters over sqrt(2); the common part.
 

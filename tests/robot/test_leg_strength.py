@@ -212,10 +212,3 @@ def test_refuses_an_ankle_that_cannot_carry_the_robot():
     legs = robot.foot_bodies, robot.X_FootSole, far
     with pytest.raises(ValueError, match=message):
         cop_area(robot.control_plant(), robot.standing_positions(), *legs)
-
-
-@pytest.mark.parametrize("joint", ["LEFT_ANKLE_Y", "RIGHT_KNEE_Y"])
-def test_refuses_a_leg_too_weak_to_stand_by_its_name(tmp_path, joint):
-    """Oracle: the message; 10 N m are next to nothing."""
-    with pytest.raises(ValueError, match=f"effort limit of {joint} = 10: must"):
-        weaker(tmp_path, {joint: 10.0})

@@ -196,29 +196,6 @@ def effort_limits(robot):
     return {a.joint().name(): a.effort_limit() for a in actuators}
 
 
-def test_nadia_is_as_strong_as_its_sister():
-    """Oracle: Atlas v5's URDF: torques over m g L; Nadia's knee by itself.
-
-    Newton metres are rounded, of 54 N m 1 %.
-    """
-    links = "back_bkz back_bkx back_bky l_leg_hpz l_leg_hpx l_leg_hpy"
-    links += " l_leg_aky l_leg_akx"
-    joints = "SPINE_Z SPINE_X SPINE_Y LEFT_HIP_Z LEFT_HIP_X LEFT_HIP_Y"
-    joints += " LEFT_ANKLE_Y LEFT_ANKLE_X"
-    shares = []
-    for robot, names in (ROBOT, joints), (load_robot("atlas"), links):
-        limits, size = effort_limits(robot), robot.params.legs.length
-        weight = robot.mass * 9.81
-        shares.append(
-            [limits[name] / (weight * size) for name in names.split()]
-        )
-    assert shares[0] == pytest.approx(shares[1], rel=0.01)
-    ours = effort_limits(ROBOT)
-    assert ours["LEFT_KNEE_Y"] == ours["RIGHT_KNEE_Y"] == 350.0
-    for joint in "HIP_Z", "HIP_X", "HIP_Y", "ANKLE_Y", "ANKLE_X":
-        assert ours[f"LEFT_{joint}"] == ours[f"RIGHT_{joint}"]
-
-
 def test_torque_limits_reach_plant_drives_and_controller(copy):
     """Oracle: robot.yaml; all other limits are as before.  Ideal has none."""
     change(copy / "robot.yaml", "LEFT_HIP_X: 270", "LEFT_HIP_X: 251.5")
@@ -246,17 +223,6 @@ def test_torque_limits_reach_plant_drives_and_controller(copy):
     assert found[index] == 251.5
     ideal = effort_limits(load_robot("nadia", "ideal"))
     assert {limit for name, limit in ideal.items() if "HIP" in name} == {1e3}
-
-
-@pytest.mark.parametrize("name", ["LEFT_HIP", "LEFT_FOOT_LINK"])
-def test_refuses_the_torque_of_an_unknown_joint(copy, name):
-    """Oracle: the message names the joint and the robot."""
-    change(copy / "robot.yaml", "LEFT_HIP_X: 270", f"{name}: 270")
-    message = (
-        rf"drives\.max_torque\.{name}: must be of an actuated joint of nadia$"
-    )
-    with pytest.raises(ValueError, match=message):
-        load(copy)
 
 
 def test_shapes_are_missed(copy):
@@ -320,17 +286,15 @@ def of_urdf(old, new, named):
     ("file", "old", "new", "named"),
     [
         of_yaml("urdf: nadia.urdf", "urdf: none.urdf", "urdf"),
-        of_yaml("name: nadia", "nam: nadia", "nam"),
         of_yaml("name: nadia", "name: a\ncom_height: .nan", "com_height = nan"),
         of_yaml("name: nadia", "name: a\ncom_height: 2.0", "com_height = 2.0"),
-        of_yaml("name: nadia", "", "name"),
         of_yaml("name: nadia", "name: a\nlegs: {length: -1}", "legs.length"),
         of_yaml("name: nadia", "name: a\nsole: {x_max: -0.1}", "sole.x_max"),
         of_yaml("TORSO_LINK", "TRUNK", "torso_body"),
         of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
         of_yaml("foot_body: RIGHT", "foot_body: LEFT", "left_foot_body"),
         of_yaml("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
-        of_yaml("HIP_X: 270", "HIP_X: -1", "max_torque.LEFT_HIP_X = -1"),
+        of_yaml("LEFT_HIP_X: 270", "HIP: 270", "drives.max_torque.HIP: must"),
         of_yaml("KNEE_Y: 0.552", "KNEE_Y: -0.5", "posture.LEFT_KNEE_Y"),
         of_urdf("</robot>", "", "no element found"),
         of_urdf("</robot>", "<link/></robot>", "name"),

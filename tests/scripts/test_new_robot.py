@@ -1,5 +1,6 @@
 """One command from a URDF of anybody's to a robot that walks."""
 
+import subprocess
 import sys
 
 import pytest
@@ -54,14 +55,27 @@ def test_a_robot_that_does_not_walk_is_told(
         (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 5 to 7"),
         (["FILE", "--fix", "("], "fix = '(': must be a regular expression"),
         (["FILE", "--pelvis", "tail"], "link tail: must be one of chest, "),
+        (["FILE", "--package-root", "none"], "package-root = none: must be"),
+        (["FILE", "--out", ""], "argument --out: '': must be a path"),
     ],
 )
 def test_refuses_what_it_cannot_make_a_robot_of(
     file, argv, message, tmp_path, capsys
 ):
     argv = [file if word == "FILE" else word for word in argv]
-    outcome = run_script(new_robot, [*argv, "--out", tmp_path / "made"], capsys)
+    outcome = run_script(new_robot, ["--out", tmp_path / "made", *argv], capsys)
     assert_refused(outcome, message)
+
+
+def test_an_edited_robot_is_overwritten_only_by_force(file, tmp_path, capsys):
+    """Oracle: the text of the user, and that it is gone."""
+    made = tmp_path / "robot.yaml"
+    made.write_text("mine", encoding="utf-8")
+    argv = [file, "--out", tmp_path, "--no-walk"]
+    assert_refused(run_script(new_robot, argv, capsys), f"{made}: exists; ")
+    assert made.read_text(encoding="utf-8") == "mine"
+    assert run_script(new_robot, [*argv, "--force"], capsys).code == 0
+    assert "mine" not in made.read_text(encoding="utf-8")
 
 
 def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
@@ -83,3 +97,17 @@ def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     message = "trimesh is missing: pip install 'nadia_balance[robots]'"
     assert_refused(outcome, message)
+
+
+def test_help_needs_no_extra():
+    """Oracle: a process in which trimesh cannot be imported."""
+    code = (
+        "import sys; sys.modules['trimesh'] = None; "
+        "from nadia_balance.scripts import new_robot; "
+        "new_robot.main(['--help'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--package-root" in done.stdout
