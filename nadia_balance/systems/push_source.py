@@ -81,9 +81,8 @@ class PushSource(framework.LeafSystem):
             for push, shares in zip(pushes, self._shares, strict=True)
         ]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
-        self._walking_state, self._live_push = inputs(
-            self, "walking_state?", "live_push?"
-        )
+        (self._walking_state,) = inputs(self, "walking_state?")
+        self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             size = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(framework.BasicVector(size))
@@ -145,8 +144,8 @@ class PushSource(framework.LeafSystem):
                 row[0] -= 1.0
             elif row[0] < 0.0:
                 self._await(context, i, row)
-        if (live := self._live_push(context)) is not None:
-            clicks, *wish = live.tolist()
+        if self._live_push.HasValue(context):
+            clicks, *wish = self._live_push.Eval(context).tolist()
             if clicks > count:
                 push = self._live_one(*wish)
                 number += 1.0
