@@ -16,14 +16,14 @@ from nadia_balance.capture_point_controller import (
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.steps.foothold_adjustment import current_adjustment
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
+from nadia_balance.core.walking.vocabulary import FootPose, Phase
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import steps
 from nadia_balance.robot.model import load_robot
-from nadia_balance.systems.ports import ValueInput, declare_output
+from nadia_balance.systems.ports import declare_output, inputs
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, asked, fix
@@ -129,7 +129,7 @@ class Aside(LeafSystem):
 
     def __init__(self, outputs=("adjustment",), **vectors):
         super().__init__()
-        self._state = ValueInput(self, "walking_state", WalkingState)
+        (self._state,) = inputs(self, "walking_state")
         needs = {self._state.ticket()}
         for name in outputs:
             declare_output(self, name, self._calc, needs)

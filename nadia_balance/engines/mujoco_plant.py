@@ -15,7 +15,7 @@ from pydrake.systems import framework
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from nadia_balance.robot.model import RobotModel, default_plant_config
-from nadia_balance.systems.ports import VectorInput, declare_cache
+from nadia_balance.systems.ports import Input, declare_cache
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class MujocoPlant(framework.LeafSystem):
                 "engine = 'mujoco': must have its package: pip install mujoco"
             ) from None
         self._model = MujocoModel(plant, scene_graph.model_inspector())
-        self._actuation = VectorInput(self, "actuation", plant.num_actuators())
+        self._actuation = Input(self, "actuation", plant.num_actuators())
         self._forces = self.DeclareAbstractInputPort(
             "applied_spatial_force",
             AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -80,11 +80,11 @@ class MujocoPlant(framework.LeafSystem):
             plant.GetPositionsAndVelocities(default)
         )
         self.DeclareStateOutputPort("state", self._state)
-        needs = {
+        needs = [
             self.discrete_state_ticket(self._state),
-            self._actuation.ticket(),
-            self._forces.ticket(),
-        }
+            self._actuation,
+            self._forces,
+        ]
         self._step = declare_cache(self, "step", self._calc_step, needs)
         self.DeclareAbstractOutputPort(
             "contact_results",

@@ -6,12 +6,8 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
-from nadia_balance.systems.signals import (
-    ComState,
-    EcmpCommand,
-    SwingFootReference,
-)
+from nadia_balance.systems.ports import declare_output, inputs
+from nadia_balance.systems.signals import ComState, SwingFootReference
 
 
 class PointMassPlant(LeafSystem):
@@ -53,24 +49,24 @@ class PointMassPlant(LeafSystem):
             [*start.com, model.com_height, *start.com_velocity, 0.0]
         )
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
-        self._ecmp = VectorInput(self, "ecmp_command", EcmpCommand)
-        reference = SwingFootReference
-        self._swing = VectorInput(self, "swing_foot_reference", reference)
-        self._walking = ValueInput(self, "walking_state", walking.WalkingState)
-        self._push = VectorInput(self, "push_force", 3)
+        self._ecmp, self._swing, self._walking, self._push = inputs(
+            self,
+            "ecmp_command",
+            "swing_foot_reference",
+            "walking_state",
+            "push_force",
+        )
         self.DeclareStateOutputPort("com_state", self._com)
-        com = {self.discrete_state_ticket(self._com)}
-        self.DeclareVectorOutputPort("icp", 2, self._calc_icp, com)
-        feet = {self.discrete_state_ticket(self._foot), self._walking.ticket()}
+        com = [self.discrete_state_ticket(self._com)]
+        declare_output(self, "icp", self._calc_icp, com)
+        feet = [self.discrete_state_ticket(self._foot), self._walking]
         declare_output(self, "foot_poses", self._calc_foot_poses, feet)
-        self.DeclareVectorOutputPort("foot_forces", 2, self._calc_forces, feet)
+        declare_output(self, "foot_forces", self._calc_forces, feet)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._step)
 
-    def _calc_icp(self, context, output):
+    def _calc_icp(self, context) -> np.ndarray:
         com = ComState(context.get_discrete_state(self._com).value())
-        output.SetFromVector(
-            icp(com.position[:2], com.velocity[:2], self._omega)
-        )
+        return icp(com.position[:2], com.velocity[:2], self._omega)
 
     def _calc_foot_poses(self, context) -> walking.FootPoses:
         schedule = self._schedule(context)
@@ -82,14 +78,14 @@ class PointMassPlant(LeafSystem):
         pose = walking.FootPose(np.array([x, y, max(z, ground)]), yaw)
         return feet.with_foot(schedule.support_side.other, pose)
 
-    def _calc_forces(self, context, output):
+    def _calc_forces(self, context) -> tuple[float, float]:
         schedule = self._schedule(context)
         left = right = True
         if schedule.phase is walking.Phase.SWING and not self._landed(context):
             left = schedule.in_contact(walking.Side.LEFT)
             right = not left
         share = self._weight / (left + right)
-        output.SetFromVector([share * left, share * right])
+        return share * left, share * right
 
     def _landed(self, context) -> bool:
         ground = self._schedule(context).footsteps[0].pose.p_WF[2]

@@ -68,25 +68,26 @@ class CaptureRegionStepAdjuster(LeafSystem):
         check(params)
         params.usable_foot(model.cop_area)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
-        self._icp = ports.VectorInput(self, "alip_icp", 2)
-        self._walking_state = ports.ValueInput(
-            self, "walking_state", walking.WalkingState
+        self._icp, self._walking_state, self._time, self._feet, self._on = (
+            ports.inputs(
+                self,
+                "alip_icp",
+                "walking_state",
+                "time_adjustment",
+                "foot_poses?",
+                "mechanisms",
+            )
         )
-        self._time = ports.VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._feet = ports.ValueInput(
-            self, "foot_poses", walking.FootPoses, None
-        )
-        self._mechanisms = ports.MechanismsInput(self)
-        inputs = {self.all_input_ports_ticket()}
-        self._tick = ports.declare_cache(self, "tick", self._calc_tick, inputs)
-        needs = {self._tick.ticket()}
+        self._tick = ports.declare_cache(self, "tick", self._calc_tick)
         self._adjustment = ports.declare_output(
-            self, "adjustment", self._calc_adjustment, needs
+            self, "adjustment", self._calc_adjustment, [self._tick]
         )
-        ports.declare_output(self, "capture_regions", self._calc_regions, needs)
+        ports.declare_output(
+            self, "capture_regions", self._calc_regions, [self._tick]
+        )
 
     def _calc_tick(self, context, last: Tick | tuple[()]) -> Tick:
-        state, on = self._walking_state(context), self._mechanisms(context)
+        state, on = self._walking_state(context), self._on(context)
         if state.schedule.phase is not walking.Phase.SWING:
             return Tick(state, on)
         key = geometry_key(state.schedule, on)

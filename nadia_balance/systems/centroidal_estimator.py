@@ -4,6 +4,7 @@ import math
 
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
 from nadia_balance.core.walking.vocabulary import FootPose, FootPoses
 from nadia_balance.core.whole_body.collision_avoidance import (
@@ -14,7 +15,7 @@ from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.kinematics import WholeBodyKinematics
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import ComState, size
+from nadia_balance.systems.signals import ComState
 
 
 class CentroidalEstimator(LeafSystem):
@@ -53,21 +54,25 @@ class CentroidalEstimator(LeafSystem):
         )
         self._omega = robot.point_mass.omega
         self._height = robot.com_height
-        self._state = ports.VectorInput(
-            self, "predicted_state", plant.num_multibody_states()
-        )
+        size = plant.num_multibody_states()
+        self._state = ports.Input(self, "predicted_state", size)
         # Only the calculation of the terms changes it.
         self._scratch = ports.declare_scratch(self, diagram)
         self._terms = ports.declare_output(
-            self, "whole_body_terms", self._calc_terms, {self._state.ticket()}
+            self, "whole_body_terms", self._calc_terms
         )
-        needs = {self._terms.ticket()}
-        self.DeclareVectorOutputPort(
-            "com_state", size(ComState), self._calc_com_state, needs
-        )
-        self.DeclareVectorOutputPort("icp", 2, self._calc_icp, needs)
-        self.DeclareVectorOutputPort("alip_icp", 2, self._calc_alip_icp, needs)
-        ports.declare_output(self, "foot_poses", self._calc_foot_poses, needs)
+        for name, calc in (
+            ("com_state", lambda terms: terms.com_state),
+            ("icp", self._calc_icp),
+            ("alip_icp", self._calc_alip_icp),
+            ("foot_poses", foot_poses),
+        ):
+            ports.declare_output(
+                self,
+                name,
+                lambda context, calc=calc: calc(self._terms.Eval(context)),
+                [self._terms],
+            )
 
     def _calc_terms(self, context) -> WholeBodyTerms:
         plant_context = self._plant.GetMyMutableContextFromRoot(
@@ -81,25 +86,20 @@ class CentroidalEstimator(LeafSystem):
             return terms
         return terms._replace(avoidance=self._avoidance.calc(plant_context))
 
-    def _calc_com_state(self, context, output):
-        output.set_value(self._terms.Eval(context).com_state)
+    def _calc_icp(self, terms: WholeBodyTerms) -> Array:
+        com = ComState(terms.com_state)
+        return icp(com.position[:2], com.velocity[:2], self._omega)
 
-    def _calc_icp(self, context, output):
-        com = ComState(self._terms.Eval(context).com_state)
-        output.set_value(icp(com.position[:2], com.velocity[:2], self._omega))
-
-    def _calc_alip_icp(self, context, output):
-        terms = self._terms.Eval(context)
+    def _calc_alip_icp(self, terms: WholeBodyTerms) -> Array:
         com, L = ComState(terms.com_state), terms.angular_momentum
         v = alip_velocity(com.velocity[:2], L, self._height)
-        output.set_value(icp(com.position[:2], v, self._omega))
+        return icp(com.position[:2], v, self._omega)
 
-    def _calc_foot_poses(self, context) -> FootPoses:
-        terms = self._terms.Eval(context)
-        left, right = (
-            FootPose(
-                terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0])
-            )
-            for i, R_WF in enumerate(terms.rotations[:2].tolist())
-        )
-        return FootPoses(left, right)
+
+def foot_poses(terms: WholeBodyTerms) -> FootPoses:
+    """The measured soles, as if level."""
+    left, right = (
+        FootPose(terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0]))
+        for i, R_WF in enumerate(terms.rotations[:2].tolist())
+    )
+    return FootPoses(left, right)

@@ -10,10 +10,10 @@ from nadia_balance.core.body.com_height import (
 )
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.vocabulary import Phase, WalkingState
-from nadia_balance.systems.ports import ValueInput, VectorInput, declare_plan
-from nadia_balance.systems.signals import ComState, EcmpCommand
+from nadia_balance.core.walking.vocabulary import Phase
+from nadia_balance.systems.ports import declare_output, declare_plan, inputs
 
 
 class ComHeightController(LeafSystem):
@@ -38,17 +38,17 @@ class ComHeightController(LeafSystem):
         super().__init__()
         check(params)
         self._params, self._model = params, model
-        self._com_state = VectorInput(self, "com_state", ComState)
-        self._ecmp_command = VectorInput(self, "ecmp_command", EcmpCommand)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
+        self._com_state, self._ecmp_command, self._walking_state = inputs(
+            self, "com_state", "ecmp_command", "walking_state"
+        )
         self._height = declare_plan(
             self,
             self._walking_state,
             lambda state: plan_com_height(state.schedule, params, model),
         )
-        self.DeclareVectorOutputPort("momentum_rate", 3, self._calc_rate)
+        declare_output(self, "momentum_rate", self._calc_rate)
 
-    def _calc_rate(self, context, output):
+    def _calc_rate(self, context) -> Array:
         com = self._com_state(context)
         state, plan = self._walking_state(context), self._height.Eval(context)
         wanted = plan[1].at(state.time_in_phase)
@@ -65,6 +65,4 @@ class ComHeightController(LeafSystem):
             float(com.z), float(com.vz), *wanted, self._params
         )
         ecmp = self._ecmp_command(context).ecmp
-        output.SetFromVector(
-            momentum_rate(com.position[:2], ecmp, acceleration, self._model)
-        )
+        return momentum_rate(com.position[:2], ecmp, acceleration, self._model)

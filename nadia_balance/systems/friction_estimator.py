@@ -5,13 +5,13 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.whole_body.command import SOLES, WholeBodyTerms
+from nadia_balance.core.whole_body.command import SOLES
 from nadia_balance.core.whole_body.friction import (
     FrictionEstimate,
     friction_after,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.systems.ports import ValueInput, VectorInput
+from nadia_balance.systems import ports
 
 
 class FrictionEstimator(LeafSystem):
@@ -39,16 +39,17 @@ class FrictionEstimator(LeafSystem):
         super().__init__()
         self._params, self._period = params, period
         self._weight = model.mass * GRAVITY
-        self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
-        self._wrenches = VectorInput(self, "foot_wrenches", 12)
+        self._terms, self._wrenches = ports.inputs(
+            self, "whole_body_terms", "foot_wrenches"
+        )
         self.DeclareDiscreteState(FrictionEstimate(params.friction, 0.0, 0.0))
-        self.DeclareVectorOutputPort(
-            "friction", 1, self._calc_friction, {self.all_state_ticket()}
+        ports.declare_output(
+            self,
+            "friction",
+            lambda context: context.get_discrete_state_vector().value()[:1],
+            [self.all_state_ticket()],
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-
-    def _calc_friction(self, context, output):
-        output.set_value(context.get_discrete_state_vector().value()[:1])
 
     def _update(self, context, new):
         last = context.get_discrete_state_vector().value()

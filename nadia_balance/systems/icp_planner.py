@@ -10,9 +10,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
 )
-from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import IcpReference, size
 
 
 class IcpPlanner(LeafSystem):
@@ -39,7 +37,7 @@ class IcpPlanner(LeafSystem):
     ):
         super().__init__()
         check(params)
-        self._walking = ports.ValueInput(self, "walking_state", WalkingState)
+        (self._walking,) = ports.inputs(self, "walking_state")
         self._planned = ports.declare_plan(
             self,
             self._walking,
@@ -49,18 +47,15 @@ class IcpPlanner(LeafSystem):
                 else icp_plan.plan_icp(state.schedule, params, model)
             ),
         )
-        needs = {self._planned.ticket()}
-        ports.declare_output(self, "icp_plan", self._plan, needs)
+        ports.declare_output(self, "icp_plan", self._plan, [self._planned])
         if has_reference:
-            self.DeclareVectorOutputPort(
-                "icp_reference", size(IcpReference), self._calc_reference, needs
+            ports.declare_output(
+                self, "icp_reference", self._calc_reference, [self._planned]
             )
 
     def _plan(self, context) -> icp_plan.IcpPlan:
         return self._planned.Eval(context)[1]
 
-    def _calc_reference(self, context, output):
+    def _calc_reference(self, context) -> np.ndarray:
         now = icp_plan.reference_of(self._plan(context), self._walking(context))
-        output.SetFromVector(
-            np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
-        )
+        return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
@@ -15,12 +14,7 @@ from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import (
-    EcmpCommand,
-    IcpReference,
-    QpStatus,
-    size,
-)
+from nadia_balance.systems.signals import QpStatus, sizes
 
 
 class IcpStepController(LeafSystem):
@@ -64,13 +58,13 @@ class IcpStepController(LeafSystem):
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._params = params
         self._qp = IcpStepQp(params)
-        self._icp = ports.VectorInput(self, "icp", 2)
-        self._walking_state = ports.ValueInput(
-            self, "walking_state", walking.WalkingState
+        self._icp, self._walking_state = ports.inputs(
+            self, "icp", "walking_state"
         )
-        self._icp_plan = ports.ValueInput(self, "icp_plan", AtlasIcpPlan)
-        self._time = ports.VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._mechanisms = ports.MechanismsInput(self)
+        self._icp_plan = ports.Input(self, "icp_plan", AtlasIcpPlan)
+        self._time, self._mechanisms = ports.inputs(
+            self, "time_adjustment", "mechanisms"
+        )
         reach = icp_step_control.uncrossed_reach(params, model)
         self._phase = ports.declare_plan(
             self,
@@ -79,35 +73,21 @@ class IcpStepController(LeafSystem):
                 state, reach, self._qp, params, model
             ),
         )
-        needs = {
-            port.ticket()
-            for port in (
-                self._icp,
-                self._walking_state,
-                self._icp_plan,
-                self._time,
-                self._mechanisms,
-            )
-        }
         self._feedback = ports.declare_cache(
-            self, "feedback", self._calc_feedback, needs
+            self, "feedback", self._calc_feedback
         )
-        needs = {self._feedback.ticket()}
+        needs = [self._feedback]
         ports.declare_output(self, "adjustment", self._adjustment, needs)
         ports.declare_output(
             self, "capture_regions", self._calc_capture_regions, needs
         )
         ports.Outcome(
             self,
-            {
-                "ecmp_command": size(EcmpCommand),
-                "momentum_qp_status": size(QpStatus),
-                "icp_reference": size(IcpReference),
-            },
-            3,
+            sizes("ecmp_command", "momentum_qp_status", "icp_reference"),
+            {},
             self._calc_outcome,
-            needs,
             period,
+            needs,
         )
 
     def _calc_feedback(self, context, _) -> icp_step_control.StepFeedback:
@@ -136,16 +116,8 @@ class IcpStepController(LeafSystem):
         now = self._adjustment(context) or phase.adjustment
         return CaptureRegions((), phase.reach, now.nominal.pose, now.pose)
 
-    def _calc_outcome(self, context, last) -> np.ndarray:
+    def _calc_outcome(self, context, last) -> tuple:
         _, reference, ecmp, result = self._feedback.Eval(context)
-        return np.concatenate(
-            (
-                ecmp,
-                ecmp,
-                QpStatus(last["momentum_qp_status"]).after(result),
-                reference.icp,
-                reference.icp_velocity,
-                reference.cop,
-                reference.ecmp,
-            )
-        )
+        status = QpStatus(last["momentum_qp_status"]).after(result)
+        plan = reference.icp, reference.icp_velocity, reference.cop
+        return ecmp, ecmp, status, *plan, reference.ecmp

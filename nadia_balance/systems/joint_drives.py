@@ -7,7 +7,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.joint_drives import lag_share, torque_limits
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import VectorInput
+from nadia_balance.systems.ports import Input
 
 
 class JointDrives(LeafSystem):
@@ -40,9 +40,8 @@ class JointDrives(LeafSystem):
         self._corner_speed = robot.drives.corner_speed
         step = plant.time_step()
         self._share = lag_share(robot.drives.bandwidth, step)
-        self._actuation = VectorInput(self, "actuation", velocities.size)
-        size = plant.num_multibody_states()
-        self._plant_state = VectorInput(self, "state", size)
+        self._actuation = Input(self, "actuation", velocities.size)
+        self._plant_state = Input(self, "state", plant.num_multibody_states())
         state = self.DeclareDiscreteState(velocities.size)
         self.DeclareStateOutputPort("torques", state)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)

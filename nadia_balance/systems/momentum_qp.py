@@ -1,20 +1,14 @@
 """ICP feedback by the CoP and the eCMP."""
 
-import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback import momentum_qp
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.polygon import shrink
-from nadia_balance.core.walking.vocabulary import WalkingState, support_polygon
+from nadia_balance.core.walking.vocabulary import support_polygon
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import (
-    EcmpCommand,
-    IcpReference,
-    QpStatus,
-    size,
-)
+from nadia_balance.systems.signals import QpStatus, sizes
 
 
 class MomentumQp(LeafSystem):
@@ -44,9 +38,9 @@ class MomentumQp(LeafSystem):
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._qp = momentum_qp.IcpFeedbackQp(params)
-        self._icp = ports.VectorInput(self, "icp", 2)
-        self._reference = ports.VectorInput(self, "icp_reference", IcpReference)
-        self._walking = ports.ValueInput(self, "walking_state", WalkingState)
+        self._icp, self._reference, self._walking = ports.inputs(
+            self, "icp", "icp_reference", "walking_state"
+        )
         self._limits = ports.declare_plan(
             self,
             self._walking,
@@ -58,32 +52,21 @@ class MomentumQp(LeafSystem):
         )
         ports.Outcome(
             self,
-            {
-                "ecmp_command": size(EcmpCommand),
-                "momentum_qp_status": size(QpStatus),
-                "increments": 4,
-            },
-            2,
+            sizes("ecmp_command", "momentum_qp_status"),
+            {"increments": 4},
             self._calc_outcome,
-            {self.all_input_ports_ticket(), self._limits.ticket()},
             period,
         )
 
-    def _calc_outcome(self, context, last) -> np.ndarray:
+    def _calc_outcome(self, context, last) -> tuple:
         reference = self._reference(context)
         cop_r = reference.cop
-        feedback = self._qp.solve(
+        found = self._qp.solve(
             self._icp(context) - reference.icp,
             cop_r,
             reference.ecmp - cop_r,
             last["increments"],
             self._limits.Eval(context)[1],
         )
-        return np.concatenate(
-            (
-                feedback.cop,
-                feedback.ecmp,
-                QpStatus(last["momentum_qp_status"]).after(feedback.result),
-                feedback.increments,
-            )
-        )
+        status = QpStatus(last["momentum_qp_status"]).after(found.result)
+        return found.cop, found.ecmp, status, found.increments

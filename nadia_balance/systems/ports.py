@@ -1,18 +1,17 @@
 """Ports that check their values, and what a block computes in a tick.
 
-A port that is not finite, or of another type than its block needs, raises an
-error as soon as the block reads it; a block whose parameters are out of range
-is not made (ValueError).  The `period` of a block is in [s].
+A port that is not finite, or of another type than its signal (see SIGNALS),
+raises an error as soon as the block reads it; a block whose parameters are out
+of range is not made (ValueError).  The `period` of a block is in [s].
 
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of
 them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 """
 
-import abc
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,22 +21,57 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
 from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.systems.signals import size
+from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 _REQUIRED = object()
 _EARLY = 1e-6  # times of ticks differ by rounding [s]
 
 
-class Input(abc.ABC):
+class _Nothing:
+    """Replaces None, which newer Drake versions refuse as a value."""
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __deepcopy__(self, memo: object) -> "_Nothing":
+        return self
+
+
+NOTHING = _Nothing()
+
+
+class Input:
     """An input port that checks its value; a call returns the value.
 
-    The `default`, if given, is the value while the port is not connected.
+    `kind` is the size of a vector, the namedview that a call returns, or the
+    type of a Python value.  Not connected, the value is the `default`, if
+    given.  A call raises RuntimeError for a vector that is not finite, and
+    TypeError for a value that is neither of its kind nor the `default`: Drake
+    connects any abstract output to any abstract input.
     """
 
     def __init__(
-        self, system: LeafSystem, port: framework.InputPort, default: object
+        self,
+        system: LeafSystem,
+        name: str,
+        kind: int | type,
+        default: object = _REQUIRED,
+        view: Callable[[np.ndarray], Any] | None = None,
     ):
-        self._system, self._port, self._default = system, port, default
+        """Declares the port; a call returns the `view` of a vector, if given.
+
+        By default that is the namedview.
+        """
+        self._system, self._kind, self._default = system, kind, default
+        self._view = view
+        if is_vector(kind):
+            self._checked = self._vector
+            self._port = system.DeclareVectorInputPort(name, size(kind))
+            if not isinstance(kind, int):
+                self._view = kind
+        else:
+            self._checked = self._value
+            self._port = system.DeclareAbstractInputPort(name, Value(NOTHING))
 
     def ticket(self) -> framework.DependencyTicket:
         """The port's ticket, for whatever depends on the port."""
@@ -54,111 +88,98 @@ class Input(abc.ABC):
             return self._default
         return self._checked(value)
 
-    @abc.abstractmethod
-    def _checked(self, value: Any) -> Any:
-        """Returns the value to the caller; raises if it is invalid."""
-
-    def _message(self, what: str) -> str:
-        name = self._system.get_name() or type(self._system).__name__
-        return f"{name}: input port '{self._port.get_name()}' {what}"
-
-
-class _Nothing:
-    """Replaces None, which newer Drake versions refuse as a value."""
-
-    def __bool__(self) -> bool:
-        return False
-
-    def __deepcopy__(self, memo: object) -> "_Nothing":
-        return self
-
-
-NOTHING = _Nothing()
-
-
-def _packed(value: object) -> object:
-    return NOTHING if value is None else value
-
-
-def _unpacked(value: object) -> Any:
-    return None if value is NOTHING else value
-
-
-class ValueInput(Input):
-    """An abstract input port for Python values of one `kind`.
-
-    All Python values have the same C++ type, so Drake connects any abstract
-    output to any abstract input.  A call raises TypeError for a value that is
-    neither of this kind nor the `default`.
-    """
-
-    def __init__(
-        self,
-        system: LeafSystem,
-        name: str,
-        kind: type,
-        default: object = _REQUIRED,
-    ):
-        port = system.DeclareAbstractInputPort(name, Value(NOTHING))
-        super().__init__(system, port, default)
-        self._kind = kind
-
-    def _checked(self, value: Any) -> Any:
-        value = _unpacked(value)
+    def _value(self, value: Any) -> Any:
+        value = None if value is NOTHING else value
         if not isinstance(value, self._kind) and value is not self._default:
             got, needed = type(value).__name__, self._kind.__name__
             raise TypeError(self._message(f"got a {got}, needs a {needed}"))
         return value
 
-
-class VectorInput(Input):
-    """A vector input port; a call raises RuntimeError for non-finite values.
-
-    `shape` is the port's size, or the namedview that a call returns.
-    """
-
-    def __init__(
-        self,
-        system: LeafSystem,
-        name: str,
-        shape: int | type,
-        default: object = _REQUIRED,
-    ):
-        self._view = None if isinstance(shape, int) else shape
-        length = shape if isinstance(shape, int) else size(shape)
-        port = system.DeclareVectorInputPort(name, length)
-        super().__init__(system, port, default)
-
-    def _checked(self, value: np.ndarray) -> Any:
+    def _vector(self, value: np.ndarray) -> Any:
         # The sum of squares is finite only if all entries are; `dot` is the
         # fastest way to compute it.
         if not math.isfinite(value.dot(value)):
             raise RuntimeError(self._message("is not finite"))
         return value if self._view is None else self._view(value)
 
+    def _message(self, what: str) -> str:
+        name = self._system.get_name() or type(self._system).__name__
+        return f"{name}: input port '{self._port.get_name()}' {what}"
 
-class MechanismsInput(VectorInput):
-    """The input port `mechanisms` (4,); all are on if it is not connected."""
 
-    def __init__(self, system: LeafSystem):
-        every = MECHANISMS["all_with_cross_over"]
-        super().__init__(system, "mechanisms", 4, every)
+# What a signal is for a block that is not connected to it.
+_DEFAULTS = {
+    "mechanisms": MECHANISMS["all_with_cross_over"],
+    "time_adjustment": (0.0, 0.0),
+}
+_VIEWS = {"mechanisms": Mechanisms.from_vector}
+# What a value depends on; None: all inputs of its block.
+Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 
-    def _checked(self, value: np.ndarray) -> Mechanisms:
-        return Mechanisms.from_vector(super()._checked(value))
+
+def inputs(system: LeafSystem, *names: str) -> Iterator[Input]:
+    """Declares input ports for the SIGNALS of these names, in their order.
+
+    A signal `name?` is None while it is not connected.
+    """
+    for name in names:
+        name, maybe, _ = name.partition("?")
+        default = None if maybe else _DEFAULTS.get(name, _REQUIRED)
+        yield Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+
+
+def _tickets(
+    system: LeafSystem, needs: Needs | None
+) -> set[framework.DependencyTicket]:
+    if needs is None:
+        return {system.all_input_ports_ticket()}
+    return {
+        need if isinstance(need, framework.DependencyTicket) else need.ticket()
+        for need in needs
+    }
+
+
+def declare_output(
+    system: LeafSystem,
+    name: str,
+    calc: Callable[[framework.Context], Any],
+    needs: Needs | None = None,
+) -> framework.CacheEntry:
+    """Declares an output port for what `calc(context)` returns, one of SIGNALS.
+
+    It depends on `needs`, by default on all inputs.
+    """
+    kind, tickets = SIGNALS[name], _tickets(system, needs)
+    if is_vector(kind):
+        port = system.DeclareVectorOutputPort(
+            name,
+            size(kind),
+            lambda context, output: output.SetFromVector(calc(context)),
+            tickets,
+        )
+        return port.cache_entry()
+
+    def fill(context, output):
+        value = calc(context)
+        output.set_value(NOTHING if value is None else value)
+
+    port = system.DeclareAbstractOutputPort(
+        name, lambda: Value(NOTHING), fill, tickets
+    )
+    return port.cache_entry()
 
 
 def declare_cache(
     system: LeafSystem,
     name: str,
     calc: Callable[[framework.Context, Any], object],
-    needs: set[framework.DependencyTicket],
+    needs: Needs | None = None,
     first: object = (),
 ) -> framework.CacheEntry:
     """Declares a cache entry whose value is `calc(context, last value)`.
 
-    Reuse of the last value, initially `first`, may save work, but must not
-    change the result, which is not None.
+    It depends on `needs` as declare_output does.  Reuse of the last value,
+    initially `first`, may save work, but must not change the result.
     """
     return system.DeclareCacheEntry(
         name,
@@ -168,7 +189,7 @@ def declare_cache(
                 calc(context, cache.get_value())
             ),
         ),
-        needs,
+        _tickets(system, needs),
     )
 
 
@@ -188,7 +209,7 @@ def declare_scratch(
 
 def declare_plan(
     system: LeafSystem,
-    walking_state: ValueInput,
+    walking_state: Input,
     calc: Callable[[WalkingState], object],
 ) -> framework.CacheEntry:
     """Declares a cache entry (schedule, plan), with plan = `calc(state)`.
@@ -202,75 +223,63 @@ def declare_plan(
             return last
         return state.schedule, calc(state)
 
-    needs = {walking_state.ticket()}
-    return declare_cache(system, "plan", planned, needs, (None, None))
-
-
-def declare_output(
-    system: LeafSystem,
-    name: str,
-    calc: Callable[[framework.Context], object],
-    needs: set[framework.DependencyTicket],
-) -> framework.CacheEntry:
-    """Declares an abstract output port for what `calc(context)` returns."""
-    port = system.DeclareAbstractOutputPort(
-        name,
-        lambda: Value(NOTHING),
-        lambda context, output: output.set_value(_packed(calc(context))),
-        needs,
-    )
-    return port.cache_entry()
+    return declare_cache(system, "plan", planned, [walking_state], (None, None))
 
 
 class Outcome:
     """The result of one tick as one vector: the outputs and all of the state.
 
-    `calc(context, last)` returns it; `last` are the parts of the previous
-    result by name.  The first `outputs` parts are output ports.  If it `holds`,
-    the outputs keep their values of a tick until the next one is due.
+    `calc(context, last)` returns its parts in their order; `last` are those of
+    the previous result by name.  If it `holds`, the outputs keep their values
+    of a tick until the next one is due.
     """
 
     def __init__(
         self,
         system: LeafSystem,
-        parts: Mapping[str, int],
-        outputs: int,
-        calc: Callable[[framework.Context, dict[str, np.ndarray]], np.ndarray],
-        needs: set[framework.DependencyTicket],
+        outputs: Mapping[str, int],
+        memory: Mapping[str, int],
+        calc: Callable[[framework.Context, dict[str, np.ndarray]], tuple],
         period: float,
+        needs: Needs | None = None,
         holds: bool = False,
     ):
-        """Declares state, cache, ports and update; `parts` are sizes by name.
+        """Declares state, cache, ports and update.
 
-        The result depends on `needs` and on the state (0 at the start), and
-        becomes the state in an update every `period` [s].
+        `outputs` and `memory` are sizes by name.  The result depends on `needs`
+        (see declare_output) and on the state (0 at the start), and becomes the
+        state in an update every `period` [s].
         """
-        ends = itertools.accumulate(parts.values(), initial=0)
+        sizes = {**outputs, **memory}
+        ends = itertools.accumulate(sizes.values(), initial=0)
         slices = itertools.starmap(slice, itertools.pairwise(ends))
-        self._parts = dict(zip(parts, slices, strict=True))
+        self._parts = dict(zip(sizes, slices, strict=True))
         # With `holds`, the last entry is the time of the next tick [s].
-        length = sum(parts.values()) + holds
+        length = sum(sizes.values()) + holds
         self._state = system.DeclareDiscreteState(length)
         self._period = period
-        needs = needs | {system.discrete_state_ticket(self._state)}
+        tickets = _tickets(system, needs)
+        tickets.add(system.discrete_state_ticket(self._state))
 
         def tick(context, _):
             last = context.get_discrete_state(self._state).value()
-            now = calc(context, self._split(last))
-            return np.append(now, context.get_time() + period) if holds else now
+            parts = calc(context, self._split(last))
+            if holds:
+                parts = (*parts, (context.get_time() + period,))
+            return np.concatenate(parts)
 
-        self._cache = declare_cache(system, "outcome", tick, needs)
+        self._cache = declare_cache(system, "outcome", tick, tickets)
         if holds:
-            needs = needs | {system.time_ticket()}
+            tickets.add(system.time_ticket())
         now = self._held if holds else self._cache.Eval
-        for name in itertools.islice(parts, outputs):
+        for name in outputs:
             system.DeclareVectorOutputPort(
                 name,
-                parts[name],
+                outputs[name],
                 lambda context, output, part=self._parts[name]: (
                     output.set_value(now(context)[part])
                 ),
-                needs | {self._cache.ticket()},
+                tickets | {self._cache.ticket()},
             )
 
         def remember(context, new):

@@ -16,8 +16,7 @@ from pydrake.systems.framework import Context
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Push
 from nadia_balance.core.walking.vocabulary import WalkingState, number_of_ticks
-from nadia_balance.systems.ports import ValueInput, declare_cache
-from nadia_balance.systems.signals import PushSignal
+from nadia_balance.systems.ports import declare_cache, declare_output, inputs
 
 # "Ticks left" of a push that has not begun: before its phase, and within it.
 _PENDING, _EXPECTED = -1.0, -2.0
@@ -82,9 +81,7 @@ class PushSource(framework.LeafSystem):
             for push, shares in zip(pushes, self._shares, strict=True)
         ]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
-        self._walking_state = ValueInput(
-            self, "walking_state", WalkingState, None
-        )
+        (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             size = [push.newtons(mass, period), push.direction_deg]
@@ -92,16 +89,13 @@ class PushSource(framework.LeafSystem):
         self._state = self.DeclareDiscreteState(
             [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
         )
-        needs = {self.discrete_state_ticket(self._state)}
+        needs = [self.discrete_state_ticket(self._state)]
         self._active = declare_cache(
             self, "active pushes", self._calc_active, needs
         )
-        needs = needs | {self._active.ticket()}
-        self.DeclareVectorOutputPort("push_force", 3, self._calc_force, needs)
-        size = len(PushSignal.get_fields())
-        self.DeclareVectorOutputPort(
-            "push_signal", size, self._calc_signal, needs
-        )
+        needs.append(self._active.ticket())
+        declare_output(self, "push_force", self._calc_force, needs)
+        declare_output(self, "push_signal", self._calc_signal, needs)
         if plant is not None:
             names = [p.body or base_body for p in pushes] + [base_body]
             bodies = [find_body(plant, name) for name in names]
@@ -110,7 +104,7 @@ class PushSource(framework.LeafSystem):
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
                 self._calc_spatial,
-                needs,
+                set(needs),
             )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
@@ -208,13 +202,10 @@ class PushSource(framework.LeafSystem):
                 active.append((i, passed, force))
         return active
 
-    def _calc_force(self, context, output):
-        total = np.zeros(3)
-        for *_, force in self._active.Eval(context):
-            total += force
-        output.set_value(total)
+    def _calc_force(self, context) -> np.ndarray:
+        return sum((f for *_, f in self._active.Eval(context)), np.zeros(3))
 
-    def _calc_signal(self, context, output):
+    def _calc_signal(self, context) -> list[float]:
         number, delta_v, force = 0, 0.0, np.zeros(3)
         rows = self._rows(context)
         active = self._active.Eval(context)
@@ -226,7 +217,7 @@ class PushSource(framework.LeafSystem):
             effective = ticks * self.period if is_live else self._effective[i]
             delta_v = rows[i, 2] * effective / self._mass
         waiting = np.count_nonzero(rows[:-1, 0])
-        output.SetFromVector([number, delta_v, *force, waiting])
+        return [number, delta_v, *force, waiting]
 
     def _calc_spatial(self, context, output):
         forces = []

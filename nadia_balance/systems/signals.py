@@ -9,7 +9,11 @@ import numpy as np
 from pydrake.common.containers import namedview
 
 from nadia_balance.core.math.qp import QpResult
+from nadia_balance.core.plan.icp_plan import IcpPlan
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.whole_body.command import WholeBodyTerms
 
 PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
 _ICP = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
@@ -26,9 +30,14 @@ def entries(first: int, last: int) -> property:
     return property(lambda view: view[first:last])
 
 
-def size(view: type) -> int:
-    """The number of entries of a namedview."""
-    return len(view.get_fields())
+def is_vector(kind: int | type) -> bool:
+    """True for a size or a namedview, False for another type."""
+    return isinstance(kind, int) or hasattr(kind, "get_fields")
+
+
+def size(kind: int | type) -> int:
+    """The number of entries of a namedview; a size itself."""
+    return kind if isinstance(kind, int) else len(kind.get_fields())
 
 
 class ComState(namedview("ComState", ["x", "y", "z", "vx", "vy", "vz"])):
@@ -120,3 +129,38 @@ class MeasuredFeet(
 
 # Angles of torso and pelvis against the vertical [rad].
 TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
+
+# What blocks tell each other, by the names of the ports: the size of a vector,
+# its namedview, or the type of a Python value.  Those that a robot's number of
+# joints determines are not here.
+SIGNALS: dict[str, int | type] = {
+    "adjustment": walking.Adjustment,
+    "alip_icp": 2,
+    "capture_regions": CaptureRegions,
+    "com_state": ComState,
+    "ecmp_command": EcmpCommand,
+    "foot_forces": 2,
+    "foot_poses": walking.FootPoses,
+    "foot_wrenches": 12,
+    "friction": 1,
+    "icp": 2,
+    "icp_plan": IcpPlan,
+    "icp_reference": IcpReference,
+    "live_push": 4,
+    "mechanisms": 4,
+    "momentum_qp_status": QpStatus,
+    "momentum_rate": 3,
+    "push_force": 3,
+    "push_signal": PushSignal,
+    "swing_foot_reference": SwingFootReference,
+    "time_adjustment": 2,
+    "walking_signal": WalkingSignal,
+    "walking_state": walking.WalkingState,
+    "whole_body_qp_status": QpStatus,
+    "whole_body_terms": WholeBodyTerms,
+}
+
+
+def sizes(*names: str) -> dict[str, int]:
+    """The sizes of these vector signals, by name."""
+    return {name: size(SIGNALS[name]) for name in names}

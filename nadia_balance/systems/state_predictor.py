@@ -7,7 +7,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.joint_drives import lag_share
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.ports import VectorInput, declare_scratch
+from nadia_balance.systems.ports import Input, declare_scratch
 
 
 class StatePredictor(LeafSystem):
@@ -63,9 +63,7 @@ class StatePredictor(LeafSystem):
             if robot.drives is not None:
                 self._share = lag_share(robot.drives.bandwidth, period)
                 self._mean_share -= self._share * robot.drives.lag / period
-            self._commanded = VectorInput(
-                self, "generalized_acceleration", self._nv
-            )
+            self._commanded = Input(self, "generalized_acceleration", self._nv)
             self.DeclareDiscreteState((1 + self._periods) * self._nv)
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
         needs = {self._state.ticket(), self.all_state_ticket()}

@@ -5,7 +5,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.walking.imperfections import Imperfections
-from nadia_balance.systems.ports import VectorInput
+from nadia_balance.systems.ports import Input
 
 _FEET = 2
 _PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
@@ -52,8 +52,8 @@ class StateSensor(LeafSystem):
         self._deviations[_PELVIS] = imperfections.pelvis_noise
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
-        self._now = VectorInput(self, "state", size)
-        self._forces = VectorInput(self, "foot_forces", _FEET)
+        self._now = Input(self, "state", size)
+        self._forces = Input(self, "foot_forces", _FEET)
         self._past = self.DeclareDiscreteState(self._ticks * (size + _FEET))
         delayed = {self.all_state_ticket()}
         for name, length, calc, port in (

@@ -1,15 +1,13 @@
 """Swing-foot reference, continuous when the step is re-planned."""
 
-import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.steps import swing_foot
 from nadia_balance.core.steps.swing_clearance import edges_on_way
-from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import SwingFootReference, size
+from nadia_balance.systems.signals import sizes
 
 
 class SwingFootPlanner(LeafSystem):
@@ -39,7 +37,7 @@ class SwingFootPlanner(LeafSystem):
         check(params)
         self._params, self._model = params, model
         self._period, self._lead = period, lead
-        self._walking = ports.ValueInput(self, "walking_state", WalkingState)
+        (self._walking,) = ports.inputs(self, "walking_state")
         self._edges = ports.declare_plan(
             self,
             self._walking,
@@ -49,17 +47,13 @@ class SwingFootPlanner(LeafSystem):
         # the standing foot.
         ports.Outcome(
             self,
-            {
-                "swing_foot_reference": size(SwingFootReference),
-                "motion": size(SwingFootReference),
-            },
-            1,
+            sizes("swing_foot_reference"),
+            {"motion": 12},
             self._calc,
-            {self._walking.ticket(), self._edges.ticket()},
             period,
         )
 
-    def _calc(self, context, last) -> np.ndarray:
+    def _calc(self, context, last) -> tuple:
         motion, ahead = swing_foot.swing_foot_motion(
             swing_foot.FootMotion.from_vector(last["motion"]),
             self._walking(context),
@@ -70,4 +64,4 @@ class SwingFootPlanner(LeafSystem):
             self._edges.Eval(context)[1],
         )
         reference = swing_foot.velocity_now(ahead.as_vector(), self._lead)
-        return np.concatenate((reference, motion.as_vector()))
+        return reference, motion.as_vector()

@@ -10,10 +10,9 @@ from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan import walking_state_machine
 from nadia_balance.core.plan.gait import Gait, walking_start
-from nadia_balance.core.plan.icp_plan import IcpPlan
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.ports import ValueInput, VectorInput, declare_output
-from nadia_balance.systems.signals import PHASES, WalkingSignal, size
+from nadia_balance.systems.ports import declare_output, inputs
+from nadia_balance.systems.signals import PHASES
 
 
 class WalkingStateMachine(LeafSystem):
@@ -52,20 +51,21 @@ class WalkingStateMachine(LeafSystem):
             params, model, period
         )
         self._weight = model.mass * GRAVITY
-        self._foot_poses = ValueInput(self, "foot_poses", walking.FootPoses)
-        self._foot_forces = VectorInput(self, "foot_forces", 2)
-        self._icp = VectorInput(self, "icp", 2)
-        self._icp_plan = ValueInput(self, "icp_plan", IcpPlan)
-        self._time = VectorInput(self, "time_adjustment", 2, (0.0, 0.0))
-        self._adjustment = ValueInput(
-            self, "adjustment", walking.Adjustment, None
+        self._foot_poses, self._foot_forces, self._icp = inputs(
+            self, "foot_poses", "foot_forces", "icp"
+        )
+        self._icp_plan, self._time, self._adjustment = inputs(
+            self, "icp_plan", "time_adjustment", "adjustment?"
         )
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
-        state_only = {self.abstract_state_ticket(self._state)}
+        state_only = [self.abstract_state_ticket(self._state)]
         declare_output(self, "walking_state", self._walking_state, state_only)
-        self.DeclareVectorOutputPort(
-            "walking_signal", size(WalkingSignal), self._calc_signal, state_only
+        declare_output(
+            self,
+            "walking_signal",
+            lambda context: walking_signal(self._walking_state(context)),
+            state_only,
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
@@ -89,9 +89,6 @@ class WalkingStateMachine(LeafSystem):
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
-
-    def _calc_signal(self, context, output):
-        output.SetFromVector(walking_signal(self._walking_state(context)))
 
 
 def walking_signal(state: walking.WalkingState) -> list[float]:

@@ -5,19 +5,15 @@ from collections.abc import Iterable
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.core.whole_body.command import (
-    WholeBodyTerms,
-    whole_body_command,
-)
+from nadia_balance.core.whole_body.command import whole_body_command
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Outcome, ValueInput, VectorInput
-from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
+from nadia_balance.systems.ports import Input, Outcome, inputs
+from nadia_balance.systems.signals import QpStatus, sizes
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
@@ -70,36 +66,35 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._qp = WholeBodyQp(params, model, period, tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
-        self._terms = ValueInput(self, "whole_body_terms", WholeBodyTerms)
-        self._momentum_rate = VectorInput(self, "momentum_rate", 3)
-        shape = size(SwingFootReference)
-        self._swing = VectorInput(self, "swing_foot_reference", shape)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        usual = np.array([params.friction])
-        self._friction = VectorInput(self, "friction", 1, usual)
+        self._terms, self._momentum_rate, self._swing, self._walking_state = (
+            inputs(
+                self,
+                "whole_body_terms",
+                "momentum_rate",
+                "swing_foot_reference",
+                "walking_state",
+            )
+        )
+        self._friction = Input(self, "friction", 1, [params.friction])
         Outcome(
             self,
             {
                 "actuation": len(self._joint_of_actuator),
-                "foot_wrenches": 12,
-                "whole_body_qp_status": size(QpStatus),
+                **sizes("foot_wrenches", "whole_body_qp_status"),
                 "generalized_acceleration": plant.num_velocities(),
-                "torques": model.num_joints,
-                "unsolved": 1,
             },
-            4,
+            {"torques": model.num_joints, "unsolved": 1},
             self._calc_outcome,
-            {self.all_input_ports_ticket()},
             period,
             holds=True,
         )
 
-    def _calc_outcome(self, context, last) -> np.ndarray:
+    def _calc_outcome(self, context, last) -> tuple:
         terms = self._terms(context)
         command = whole_body_command(
             self._walking_state(context),
             self._momentum_rate(context),
-            self._swing(context),
+            self._swing(context)[:],
             float(self._friction(context)[0]),
             self._params,
             self._model,
@@ -121,6 +116,4 @@ class WholeBodyInverseDynamics(LeafSystem):
             wrenches, vdot = np.zeros(12), np.zeros(terms.v.size)
             unsolved += 1
         actuation = torques[self._joint_of_actuator]
-        return np.concatenate(
-            (actuation, wrenches, status, vdot, torques, [unsolved])
-        )
+        return actuation, wrenches, status, vdot, torques, [unsolved]

@@ -13,15 +13,13 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import circle
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
-from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
     WalkingState,
     support_polygon,
 )
-from nadia_balance.systems.ports import ValueInput
-from nadia_balance.systems.signals import ComState, EcmpCommand, IcpReference
+from nadia_balance.systems.ports import inputs
 from nadia_balance.view import overlay
 
 ROOT = "/overlay"
@@ -41,14 +39,6 @@ _MARKERS = {
     "icp": (Sphere(0.034), palette.ICP),
     "cop": (_DISC, palette.COP),
     "ecmp": (Box(0.046, 0.046, 0.014), palette.ECMP),
-}
-# Markers on the ground: their port, and the point (2,) in its value.
-_ON_GROUND = {
-    "com_ground": ("com_state", lambda value: ComState(value).position[:2]),
-    "icp_reference": ("icp_reference", lambda value: IcpReference(value).icp),
-    "icp": ("icp", lambda value: value),
-    "cop": ("ecmp_command", lambda value: EcmpCommand(value).cop),
-    "ecmp": ("ecmp_command", lambda value: EcmpCommand(value).ecmp),
 }
 # Polygons that change: colour, and whether it is filled.  Those that are not
 # opaque are painted after the floor.
@@ -97,15 +87,16 @@ class BalanceVisualizer(LeafSystem):
         """
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        self._walking_state = ValueInput(self, "walking_state", WalkingState)
-        self._com = self.DeclareVectorInputPort("com_state", 6)
-        self.DeclareVectorInputPort("icp", 2)
-        self.DeclareVectorInputPort("icp_reference", 8)
-        self.DeclareVectorInputPort("ecmp_command", 4)
-        self._push = self.DeclareVectorInputPort("push_force", 3)
-        self._regions = ValueInput(
-            self, "capture_regions", CaptureRegions, None
+        self._walking_state, self._com, *self._on_ground, self._push = inputs(
+            self,
+            "walking_state",
+            "com_state?",
+            "icp?",
+            "icp_reference?",
+            "ecmp_command?",
+            "push_force?",
         )
+        (self._regions,) = inputs(self, "capture_regions?")
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
         for period, draw in (
@@ -184,12 +175,20 @@ class BalanceVisualizer(LeafSystem):
         self._polygons[f"{ROOT}/support_polygon"].draw(
             support_polygon(schedule, self._sole), ground + _OUTLINE, time
         )
-        for name, (signal, point) in _ON_GROUND.items():
-            if (port := self.GetInputPort(signal)).HasValue(context):
-                p_W = [*point(port.Eval(context)), ground]
+        com = self._com(context)
+        icp, reference, command = (port(context) for port in self._on_ground)
+        for name, point in {
+            "com_ground": com and com.position[:2],
+            "icp": icp,
+            "icp_reference": reference and reference.icp,
+            "cop": command and command.cop,
+            "ecmp": command and command.ecmp,
+        }.items():
+            if point is not None:
+                p_W = [*point, ground]
                 self._markers[name].place(RigidTransform(p_W), time)
-        if self._com.HasValue(context):
-            self._draw_com_and_push(context, time)
+        if com is not None:
+            self._draw_com_and_push(context, com.position, time)
         if schedule.phase is not walking.Phase.SWING:
             self._region_view.show(False, time)
         return EventStatus.Succeeded()
@@ -231,13 +230,11 @@ class BalanceVisualizer(LeafSystem):
         for name, surface in self._in_use.items():
             surface.show(region is not None and name == region.name, time)
 
-    def _draw_com_and_push(self, context, time: float) -> None:
-        com = ComState(self._com.Eval(context)).position
+    def _draw_com_and_push(self, context, com: Array, time: float) -> None:
         self._markers["com"].place(RigidTransform(com), time)
         self._middle.place(RigidTransform([com[0], com[1], 0.0]), time)
-        if not self._push.HasValue(context):
+        if (force := self._push(context)) is None:
             return
-        force = self._push.Eval(context)
         if np.linalg.norm(force) <= 1e-6:
             self._arrow.show(False, None)  # a recording shows it longer
             return

@@ -228,15 +228,6 @@ def test_no_other_times_capture_more(phase, at, on, direction):
         assert value(np.array([earliest, 0.35]) + waits) < 1.01 * best.delta_v
 
 
-def test_the_hips_help_by_what_they_may_add():
-    """Oracle: forward, kappa over the ICP's way per m/s pushed."""
-    without = limit(robot()).largest_push(0).delta_v
-    with_hips = limit(robot(), kappa=0.05).largest_push(0).delta_v
-    w = robot().omega
-    per_speed = (1.0 - math.exp(-0.1 * w)) / (0.1 * w * w)
-    assert with_hips - without == pytest.approx(0.05 / per_speed, rel=1e-6)
-
-
 @pytest.mark.parametrize("angle", [20, 250])
 def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     """Oracle: the largest pushes, and the ICP that has the same future.
@@ -285,9 +276,3 @@ def test_without_a_step_there_are_the_soles_on_the_ground():
         found = limit(robot(), phase=phase, num_steps=0)
         found = replace(found, icp=np.array([0.12, y]))
         assert found.least_steps() == expected
-
-
-def test_bad_input_is_named():
-    """Oracle: the docstring."""
-    with pytest.raises(ValueError, match=r"kappa = -0.1: must be >= 0 m"):
-        limit(robot(), kappa=-0.1)

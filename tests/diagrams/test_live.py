@@ -4,12 +4,10 @@ import signal
 
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.diagrams import live
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import RESET, SPEED, LiveSession, endless
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.live_controls import PUSH, SIZE
 from nadia_balance.view.scene import start_meshcat
 from tests.clicks import click
@@ -105,37 +103,10 @@ def test_a_fall_begins_anew(session):
     assert session.context.get_time() < 0.1
 
 
-def test_begins_anew_after_the_last_step(monkeypatch):
-    """Oracle: the clock; two steps are done after 3.3 s."""
-    monkeypatch.setattr(live, "LYING", 0.0)
-    monkeypatch.setattr(live, "MOST_STEPS", 2)
-    session = Session()
-    session.ticks(170)
-    (line,) = session.told
-    assert line.endswith("walked all its steps: begins anew")
-    assert 0.0 < session.context.get_time() < 0.5
-
-
 def test_ctrl_c_ends_it_too(session):
     """Oracle: the signal, sent while the status is shown."""
     assert session.run(lambda _: signal.raise_signal(signal.SIGINT)) is True
     assert session.context.get_time() == pytest.approx(0.02)
-
-
-def test_old_footprints_go(monkeypatch):
-    """Oracle: Meshcat; of each foot the last two are there."""
-    monkeypatch.setattr(live, "PRINTS", 2)
-    session = Session()
-    session.ticks(350)
-    steps = session._steps
-    assert steps > 4
-    for side in Side:
-        there = [
-            n
-            for n in range(-1, steps + 1)
-            if session.meshcat.HasPath(f"{FOOTPRINTS}/{side.value}_{n}")
-        ]
-        assert there and there[0] > steps - 3
 
 
 def test_is_no_faster_than_its_slider_says(session):

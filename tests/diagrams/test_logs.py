@@ -1,14 +1,11 @@
 """A row of the log is one instant: what every port has then."""
 
-import shutil
-
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.log import pushes, signal
-from nadia_balance.robot.model import MODELS
 from tests.diagrams.simulated import diagram_of
 
 REGIONS = ("base", "forward", "backward")
@@ -44,22 +41,6 @@ def test_equals_the_ports_at_that_instant(plant):
     for name in names:
         context = ports[name].get_system().GetMyContextFromRoot(by_hand)
         assert np.array_equal(ports[name].Eval(context), logs[name][k]), name
-
-
-def test_knows_where_a_foot_could_have_gone(tmp_path):
-    """Oracle: Figs. 5 and 8, of a robot with other widths.
-
-    The least one is that of the feet, 0.13 m, and their clearance, 0.02 m.
-    """
-    shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
-    path = tmp_path / "nadia" / "robot.yaml"
-    text = path.read_text().replace("width_max: 0.8", "width_max: 0.6")
-    path.write_text(text.replace("width_forward: 0.1", "width_forward: 0.2"))
-    diagram = diagram_of(f"{{robot: {path}}}", "lipm")
-    logs = diagram.read_logs(start(diagram).get_context())
-    tips = [np.min(logs[f"region_{n}"][:, 1]) for n in REGIONS]
-    assert tips == pytest.approx([0.15, -0.2, 0.05])
-    assert np.max(logs["region_base"][:, 1]) == pytest.approx(0.6)
 
 
 def test_measures_where_the_soles_are():

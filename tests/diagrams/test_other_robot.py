@@ -20,15 +20,6 @@ def shoved(delta_v, direction):
     )
 
 
-def test_walks_in_place():
-    """Oracle: the bar for Nadia, an ICP error of 5 mm."""
-    found = figures(WALK)
-    assert found["recovered"]
-    assert found["steps_taken"] == 2
-    assert found["max_icp_error_m"] < 0.005
-    assert found["qp_failures"] == 0
-
-
 @pytest.mark.parametrize("delta_v, direction", [(1.15, 0.0), (0.41, 90.0)])
 def test_recovers_from_what_the_paper_shows_for_nadia(delta_v, direction):
     """Oracle: Fig. 10 of the Nadia paper, all mechanisms [m/s].

@@ -52,14 +52,6 @@ def test_requires_what_the_gait_and_the_time_allow(text, push, answer):
     assert required_calm_steps(scenario, log_of(push)) == answer
 
 
-def test_the_last_push_counts():
-    """Oracle: as if the first had not been: two steps of 12 are left."""
-    scenario = load_scenario("push", text="{gait: {num_steps: 8}}")
-    first, last = (1.7, 0), (7.4, 6)
-    assert required_calm_steps(scenario, log_of(first)) == (2, True)
-    assert required_calm_steps(scenario, log_of(first, last)) == (1, True)
-
-
 @pytest.mark.parametrize("rows", [7000, 0])
 def test_without_a_push_a_run_is_judged_from_its_start(rows):
     """Oracle: it lands at 2, 3, ... s; Ctrl-C may come at once."""

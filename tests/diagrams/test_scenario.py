@@ -71,14 +71,6 @@ def test_one_of_everything_from_a_file(tmp_path):
     assert yaml_dump_typed(again, child_name="OneOfEverything") == text
 
 
-def test_text_overrides_single_fields():
-    loaded = load_scenario("push", text="{seed: 4, gait: {step_width: 0.3}}")
-    plain = load_scenario("push")
-    assert (loaded.seed, loaded.gait.step_width) == (4, 0.3)
-    assert loaded.gait.num_steps == plain.gait.num_steps
-    assert yaml_dump_typed(plain.pushes[0]) == yaml_dump_typed(loaded.pushes[0])
-
-
 # What is wrong, and how the message begins.  The bounds of the parameters are
 # tested with their classes: here is one of each kind, to see that it is asked.
 BAD_TEXTS = {

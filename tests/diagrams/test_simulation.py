@@ -48,17 +48,6 @@ def test_ends_with_a_failure_if_it_is_told_to(stops, end):
     assert (run.fell_at, run.until) == (None, False)
 
 
-@pytest.mark.parametrize("period", [0.01, 0.003])
-def test_until_is_asked_once_a_tick_whatever_the_plants_step(period):
-    """Oracle: the ticks, counted; the robot's plant steps every 1 ms."""
-    asked = []
-    text = f"{{controller: {{control_period: {period}}}, duration: 0.05}}"
-    simulator = start(diagram_of(text))
-    advance(simulator, 0.05, until=lambda c: asked.append(c.get_time()))
-    ticks = period * np.arange(int(0.05 / period + 1e-9) + 1)
-    assert asked == pytest.approx(ticks, abs=1e-12)
-
-
 def test_the_watch_sees_the_recovery_that_the_summary_finds():
     """Oracle: calm_steps of the whole run's log, cut off row by row."""
     text = "{mechanisms: all_with_cross_over, gait: {num_steps: 12}, "
@@ -186,16 +175,6 @@ def test_from_a_walk_one_goes_on_as_in_one_go(when, period=0.01):
         assert whole.missed_pushes == after.missed_pushes == 0
         for name, values in whole.logs.items():
             assert np.array_equal(values, after.logs[name], equal_nan=True)
-
-
-def test_a_walk_may_come_to_no_push():
-    """Oracle: the run ends before; or somebody has seen enough."""
-    text = PUSHED.format("at: right swing 25 %")
-    for until, end in (lambda context: False, 1.2), (lambda context: True, 0):
-        _, run = walk_to_push(diagram_of(text, "lipm"), 1.2, until)
-        assert run.until == (end == 0)
-        assert run.missed_pushes == 1
-        assert run.simulated_time == end
 
 
 def test_ctrl_c_is_a_question_at_first():

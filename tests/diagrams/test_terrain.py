@@ -9,15 +9,13 @@ import shapely
 
 from nadia_balance.core.body.ground import GroundError
 from nadia_balance.core.plan.gait import Gait, StepVector, walking_start
-from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.terrain import COURSES, Terrain, foot_beside
+from nadia_balance.diagrams.terrain import COURSES, Terrain
 from nadia_balance.results.log import ground_regions, steps
-from nadia_balance.results.plots import footsteps
 from tests.diagrams.simulated import run_of
-from tests.example_walks import MODEL, SOLE, swing
+from tests.example_walks import MODEL, SOLE
 from tests.results.made_up_run import summary_of
 
 LARGE = """
@@ -98,30 +96,6 @@ def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     scenario.terrain.margin = 0.0
     run = run_of(scenario, "lipm")
     assert run.fall_reason.endswith("foot beside its region")
-
-
-def test_a_foot_that_stands_across_an_edge_is_beside_its_region():
-    """Oracle: by hand; what is in the air does not count."""
-    ground = Terrain(name="stepping_stones").ground(SOLE)
-    schedule = swing()  # the right foot's
-    assert foot_beside(ground, schedule) == foot_beside(None, schedule) == ""
-    for side, expected in (Side.LEFT, "left foot beside"), (Side.RIGHT, ""):
-        feet = schedule.feet.with_foot(side, FootPose([0.25, 0.2, 0.0]))
-        found = foot_beside(ground, replace(schedule, feet=feet))
-        assert found.startswith(expected) and bool(found) == bool(expected)
-
-
-def test_footsteps_png_shows_the_regions():
-    """Oracle: the log: one more patch each, and two words in the legend."""
-    log = pushed(0, 0.8).logs
-    without = {name: log[name] for name in log if name != "ground"}
-    drawn, flat = (
-        footsteps.draw(each, summary_of(log)).axes[0] for each in (log, without)
-    )
-    more = len(drawn.patches) - len(flat.patches)
-    assert more == len(ground_regions(log)) == 17
-    words = [text.get_text() for text in drawn.get_legend().get_texts()]
-    assert {"region stepped on", "other region"} <= set(words)
 
 
 @pytest.mark.parametrize(

@@ -69,17 +69,6 @@ def test_draws_the_figures_that_it_is_told(tmp_path, capsys):
     assert_refused(run_script(atlas_paper, argv, capsys), "out = ")
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"),
-    [
-        (["--figure", "5"], "argument --figure: invalid choice: '5'"),
-        (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
-    ],
-)
-def test_says_what_is_wrong_on_one_line(argv, message, capsys):
-    assert_refused(run_script(nadia, argv, capsys), message)
-
-
 def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
     """Oracle: projection on the rectangle; the direction of the error.
 

@@ -182,14 +182,3 @@ def test_says_what_is_wrong_on_one_line(
     outcome = run_script(picture, ["--run", "pushed", *argv], capsys)
     assert_refused(outcome, message)
     assert not list(runs.rglob("*.png"))
-
-
-def test_says_that_chromium_is_missing():
-    """Oracle: a playwright that finds none."""
-
-    def launch(**_):
-        raise Error("not found")
-
-    playwright = SimpleNamespace(chromium=SimpleNamespace(launch=launch))
-    with pytest.raises(ValueError, match="Chromium is missing"):
-        picture.launch_chromium(playwright)

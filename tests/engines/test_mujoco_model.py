@@ -3,13 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     MultibodyPlant,
 )
-from pydrake.multibody.tree import UniversalJoint
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.engines.mujoco_model import MujocoModel
@@ -130,13 +128,3 @@ def test_a_joint_stops_at_its_limit():
         x, _ = model.step(x, torques)
     angle = x[knee.joint().position_start()]
     assert angle == pytest.approx(most, abs=0.01)
-
-
-def test_refuses_a_joint_that_it_cannot_express():
-    """Oracle: the message, by hand."""
-    plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
-    frames = plant.world_frame(), plant.AddRigidBody("link").body_frame()
-    plant.AddJoint(UniversalJoint("cardan", *frames, 0.0))
-    plant.Finalize()
-    with pytest.raises(ValueError, match="^joint cardan: type universal: must"):
-        MujocoModel(plant, scene_graph.model_inspector())

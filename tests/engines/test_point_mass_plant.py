@@ -74,13 +74,6 @@ def test_the_swing_foot_goes_where_it_is_told():
     assert foot.yaw == pytest.approx(0.3 + 0.00096, abs=1e-12)
 
 
-def test_the_ground_stops_the_swing_foot():
-    """Oracle: the height of the soles, 0."""
-    plant, simulator, context = plant_with(swing=(0.05, -0.13, -0.01))
-    simulator.AdvanceTo(0.5 * PERIOD)
-    assert answer(plant, context, "foot_poses").right.p_WF[2] == 0.0
-
-
 @pytest.mark.parametrize(
     ("phase", "height", "shares"),
     [

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.results import folder
-from nadia_balance.results.log import signal
 from nadia_balance.results.pages import start_recording
-from nadia_balance.results.plots import effort
 from nadia_balance.view.scene import start_meshcat
 from tests.results import made_up_run
 
@@ -72,18 +70,6 @@ def test_plots_cope_with_what_a_log_lacks(log, tmp_path, change, names):
         == names
     )
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
-
-
-def test_failures_show_in_the_effort_plot(log, tmp_path):
-    """Oracle: the picture changes when QPs fail or fall back."""
-    worse = {**log, "whole_body_qp_status": log["whole_body_qp_status"].copy()}
-    qp = signal(worse, "whole_body_qp_status")
-    qp.solved[1000:1100] = 0.0
-    qp.fallback[1200:1300] = 1.0
-    pictures = [tmp_path / "a.png", tmp_path / "b.png"]
-    for path, run in zip(pictures, (log, worse), strict=True):
-        effort.draw(run, made_up_run.summary_of(log)).savefig(path)
-    assert pictures[0].read_bytes() != pictures[1].read_bytes()
 
 
 @pytest.mark.parametrize("out", ["file/below", "file", "/proc/nowhere", "a\0b"])

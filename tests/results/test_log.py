@@ -11,7 +11,7 @@ from nadia_balance.results.log import (
     sole_pose,
     steps,
 )
-from tests.results.made_up_run import HALF_WIDTH, MASS, Recipe, T, cut, make_log
+from tests.results.made_up_run import HALF_WIDTH, MASS, Recipe, T, make_log
 
 
 def test_finds_every_phase_with_its_true_times():
@@ -31,12 +31,6 @@ def test_finds_every_phase_with_its_true_times():
     assert right_swing.swing_side is Side.RIGHT
     assert [right_swing.carries(side) for side in Side] == [True, False]
     assert all(spans[1].carries(side) for side in Side)
-
-
-def test_a_phase_that_the_log_cuts_off_is_not_complete():
-    log = cut(make_log(Recipe(num_steps=2)), round(1.0 / T))
-    assert [s.complete for s in phase_spans(log)] == [True, True, False]
-    assert steps(log) == []
 
 
 def test_a_step_knows_what_was_commanded_adjusted_and_achieved():
@@ -78,9 +72,3 @@ def test_finds_each_push_with_its_own_size():
     assert second.start == pytest.approx(first.end)
     assert second.delta_v == 0.15
     assert second.force == pytest.approx([136.0, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("rows", [0, 1])
-def test_next_to_nothing_has_no_steps_and_no_pushes(rows):
-    log = cut(make_log(), rows)
-    assert (len(phase_spans(log)), steps(log), pushes(log)) == (rows, [], [])

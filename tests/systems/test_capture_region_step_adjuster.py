@@ -28,12 +28,11 @@ from nadia_balance.systems.capture_region_step_adjuster import (
 )
 from nadia_balance.systems.ports import NOTHING
 from tests.blocks import answer, asked, fix
-from tests.example_walks import ALL, MODEL, UNCROSSED, standing, swing, walk
+from tests.example_walks import ALL, MODEL, standing, swing, walk
 
 PARAMS = CaptureRegionStepAdjusterParams()
 PERIOD = 0.002  # [s]
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
-ACROSS = np.array([0.1, 0.35])  # an ICP that no uncrossed step captures
 
 
 IN_PLACE = swing(length=0.0)
@@ -82,22 +81,6 @@ def test_proposes_and_draws_what_the_core_does(adjuster, gain):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(ours.reach, theirs.reach)
     assert (ours.nominal, ours.adjusted) == (theirs.nominal, theirs.adjusted)
-
-
-def test_crosses_the_legs_only_while_that_is_on(adjuster):
-    """Oracle: the core, on, off, on; all is on if it is not connected."""
-    context = asked(adjuster, walking_state=IN_AIR, alip_icp=ACROSS)
-    assert adjustment(adjuster, context) == expected(ACROSS)
-    regions = []
-    for on in ALL, UNCROSSED, ALL:
-        fix(adjuster, context, mechanisms=on.as_vector())
-        found = adjustment(adjuster, context)
-        wanted = expected(ACROSS, on=on)
-        assert found == wanted
-        reach = capture_regions(landing(ACROSS, on=on), wanted).reach
-        np.testing.assert_array_equal(drawn(adjuster, context).reach, reach)
-        regions.append(found.region)
-    assert regions == ["forward", "base", "forward"]
 
 
 def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster(adjuster):

@@ -108,19 +108,6 @@ def test_foot_poses_are_those_of_the_soles(seed):
         assert poses[side].yaw == pytest.approx(yaw, abs=1e-12)
 
 
-def test_a_robot_that_stands_has_its_soles_on_the_ground():
-    """Oracle: where standing_positions says that it puts them."""
-    v = np.zeros(PLANT.num_velocities())
-    state = np.concatenate((ROBOT.standing_positions(0.3), v))
-    com_state, icp, poses = outputs(state)
-    # The tolerance of SNOPT.
-    assert com_state[2] == pytest.approx(ROBOT.point_mass.com_height, abs=1e-5)
-    assert icp == pytest.approx([0.0, 0.0], abs=1e-5)
-    assert poses.left.p_WF == pytest.approx([0.0, 0.15, 0.0], abs=1e-5)
-    assert poses.right.p_WF == pytest.approx([0.0, -0.15, 0.0], abs=1e-5)
-    assert poses.left.yaw == pytest.approx(0.0, abs=1e-5)
-
-
 def test_poses_the_plant_once_for_all_outputs(monkeypatch):
     """Oracle: the calls counted."""
     estimator, calls = CentroidalEstimator(ROBOT), []

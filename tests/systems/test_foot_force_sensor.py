@@ -77,20 +77,6 @@ def test_a_foot_at_rest_presses_with_its_weight(contact_model):
     assert found == pytest.approx([WEIGHT_LEFT, WEIGHT_RIGHT], rel=1e-3)
 
 
-def test_friction_does_not_count():
-    """Oracle: the normal part of a weight that also pulls sideways."""
-    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT, tilt=0.3)
-    expected = np.cos(0.3) * np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
-    assert found == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_foot_in_the_air_has_no_force():
-    """Oracle: zero, exactly, as it falls for 0.6 s from 5 m."""
-    found = measured([0.0, 0.3, 5.0], ON_GROUND_RIGHT)
-    assert found[0] == 0.0
-    assert found[1] == pytest.approx(WEIGHT_RIGHT, rel=1e-3)
-
-
 @pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
 def test_a_foot_on_the_other_foot_is_not_on_the_ground(contact_model):
     """Oracle: the lower one carries both weights."""

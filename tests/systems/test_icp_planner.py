@@ -92,24 +92,3 @@ def test_plans_a_schedule_once_whatever_the_clock_says(planner, planned):
     fix(planner, context, walking_state=WalkingState(swing))
     assert plan(planner, context) is not found[0]
     assert [id(s) for s in planned] == [id(schedule), id(swing)]
-
-
-def test_contexts_do_not_share_their_memory(planner, planned):
-    """Oracle: fresh contexts; the original, which a clone does not disturb."""
-    state = WalkingState(walk(), 0.1)
-    context = asked(planner, walking_state=state)
-    original = plan(planner, context)
-    clone = context.Clone()
-    fix(planner, clone, walking_state=replace(state, time_in_phase=0.2))
-    assert plan(planner, clone) is original
-    fix(planner, clone, walking_state=WalkingState(walk(0.1)))
-    assert plan(planner, clone) is not original
-    fix(planner, context, walking_state=replace(state, time_in_phase=0.2))
-    assert plan(planner, context) is original
-    assert len(planned) == 2
-    for state in [*states(), *reversed(list(states()))]:
-        fresh = asked(planner, walking_state=state)
-        fix(planner, context, walking_state=state)
-        np.testing.assert_array_equal(
-            reference(planner, context), reference(planner, fresh)
-        )

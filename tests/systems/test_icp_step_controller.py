@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from nadia_balance.core.body.reachability import in_world
 from nadia_balance.core.feedback.icp_step_control import (
     step_feedback,
     step_phase,
@@ -18,14 +17,13 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     plan_atlas_icp,
 )
 from nadia_balance.core.plan.icp_plan import reference_of
-from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking.vocabulary import Side, WalkingState
+from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.ports import NOTHING
-from nadia_balance.systems.signals import EcmpCommand, IcpReference, QpStatus
-from tests.blocks import answer, asked, fix, running
+from nadia_balance.systems.signals import EcmpCommand, IcpReference
+from tests.blocks import answer, asked, fix
 from tests.example_walks import MODEL, swing, walk
 
 PARAMS, PERIOD = IcpStepQpParams(), 0.002
@@ -73,27 +71,6 @@ def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
         )
 
 
-def test_counts_what_was_not_solved(monkeypatch):
-    """Oracle: a QP that never is; the feet stay, the ankles do their best."""
-    solve = IcpStepQp.solve
-    monkeypatch.setattr(
-        IcpStepQp,
-        "solve",
-        lambda *args: (found := solve(*args))._replace(
-            result=found.result._replace(solved=False)
-        ),
-    )
-    controller = IcpStepController(PARAMS, MODEL, PERIOD)
-    simulator, context = running(controller, **inputs())
-    simulator.AdvanceTo(2.5 * PERIOD)
-    status = QpStatus(answer(controller, context, "momentum_qp_status"))
-    assert not status.solved
-    assert status.failures == 4.0  # in the ticks at 0, 1, 2, and this one
-    found = answer(controller, context, "adjustment")
-    assert found.pose is IN_PLACE.footsteps[0].pose
-    assert np.isfinite(answer(controller, context, "ecmp_command")).all()
-
-
 @pytest.mark.parametrize(
     "state", [ON_TWO_FEET, replace(IN_AIR, elapsed=0.0)], ids=["two", "early"]
 )
@@ -102,23 +79,6 @@ def test_leaves_the_foothold_while_it_may_not_move(controller, state):
     context = asked(controller, **inputs(state))
     found = answer(controller, context, "adjustment")
     assert found.pose is state.schedule.footsteps[0].pose
-
-
-def test_draws_reach_and_footholds_of_a_swing(controller):
-    """Oracle: the reach; capture regions are not of this paper."""
-    context = asked(controller, **inputs())
-    drawn = answer(controller, context, "capture_regions")
-    reach = uncrossed_reach(PARAMS, MODEL)
-    reach = in_world(reach, IN_PLACE.feet.left, Side.RIGHT)
-    np.testing.assert_array_equal(drawn.reach, reach)
-    assert drawn.regions == ()
-    found = answer(controller, context, "adjustment")
-    assert drawn.nominal is found.nominal.pose
-    assert drawn.adjusted is found.pose
-    context = asked(controller, **inputs(ON_TWO_FEET))
-    drawn = answer(controller, context, "capture_regions")
-    assert drawn.nominal is CaptureRegions().nominal is None
-    assert not len(drawn.reach)
 
 
 def test_can_be_switched_off_and_on(controller):

@@ -100,18 +100,6 @@ def test_remembers_the_feedback_for_the_rate_weight():
     assert second == pytest.approx([*expected.cop, *expected.ecmp], abs=1e-12)
 
 
-def test_solves_once_per_tick(system, monkeypatch):
-    """Oracle: the calls counted, over all outputs and the update."""
-    calls, real = [], system._qp.solve
-    monkeypatch.setattr(
-        system._qp, "solve", lambda *args: (calls.append(1), real(*args))[1]
-    )
-    simulator, context = running(system, **INPUTS)
-    outputs(system, context)
-    simulator.AdvanceTo(0.5 * PERIOD)
-    assert len(calls) == 1
-
-
 def test_counts_failures_and_holds_the_command(system, monkeypatch):
     """Oracle: status and command of ticks without a solution."""
     simulator, context = running(system, **INPUTS)

@@ -7,7 +7,6 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import asked, fix
 
 POSE = FootPose([1.0, 2.0, 3.0], 0.5)
@@ -19,9 +18,9 @@ class Sink(LeafSystem):
     def __init__(self, output="twice"):
         super().__init__()
         self.set_name("my_sink")
-        self.pose = ports.ValueInput(self, "pose", FootPose)
-        self.pair = ports.VectorInput(self, "pair", 2)
-        self.mechanisms = ports.MechanismsInput(self)
+        self.pose = ports.Input(self, "pose", FootPose)
+        self.pair = ports.Input(self, "pair", 2)
+        (self.mechanisms,) = ports.inputs(self, "mechanisms")
         self.DeclareVectorOutputPort(
             output,
             2,
@@ -60,7 +59,7 @@ def test_names_system_and_port_of_what_is_not_finite(sink, bad):
 
 def test_a_port_with_a_default_may_stay_open(sink):
     """Oracle: the default, itself or as a value; the message for all else."""
-    pose = ports.ValueInput(sink, "maybe", FootPose, None)
+    pose = ports.Input(sink, "maybe", FootPose, None)
     context = asked(sink)
     assert pose(context) is None
     for value in None, POSE:
@@ -69,13 +68,6 @@ def test_a_port_with_a_default_may_stay_open(sink):
     fix(sink, context, maybe=Side.LEFT)
     with pytest.raises(TypeError, match="'maybe' got a Side, needs a FootPose"):
         pose(context)
-
-
-def test_a_vector_can_have_names(sink):
-    """Oracle: the namedview's entries; its size is that of the port."""
-    command = ports.VectorInput(sink, "command", EcmpCommand)
-    context = asked(sink, command=[1.0, 2.0, 3.0, 4.0])
-    assert command(context).ecmp.tolist() == [3.0, 4.0]
 
 
 def test_all_mechanisms_are_on_unless_they_are_told(sink):

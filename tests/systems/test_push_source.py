@@ -22,7 +22,7 @@ from nadia_balance.core.walking.vocabulary import (
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import PushSignal
 from nadia_balance.systems.wiring import connect
-from tests.blocks import answer, asked, fix, running
+from tests.blocks import answer, fix, running
 from tests.example_walks import standing
 
 PERIOD = 0.002
@@ -164,20 +164,6 @@ def test_the_direction_is_that_of_the_support_foot(degrees, left_foot_frame):
     assert force[2] == 0.0
 
 
-def test_the_direction_stays_although_the_foot_turns():
-    """Oracle: one direction for the whole push."""
-
-    def turning(t):
-        feet = FEET.with_foot(Side.LEFT, FootPose(np.zeros(3), 10.0 * t))
-        return replace(
-            RIGHT_SWING, schedule=replace(RIGHT_SWING.schedule, feet=feet)
-        )
-
-    forces = run([Push(force=1.0, at="0.1 s")], 100, turning)
-    assert len(np.unique(forces[active(forces)], axis=0)) == 1
-    assert forces[60] == pytest.approx([math.cos(1.0), math.sin(1.0), 0.0])
-
-
 def test_pushes_that_overlap_add_up():
     """Oracle: sum; the last is a click."""
     along_x = math.degrees(-YAW)
@@ -204,27 +190,6 @@ def test_each_click_is_one_push_with_the_sliders_as_they_were():
         angle = YAW + math.radians(k)
         expected = [force * math.cos(angle), force * math.sin(angle), 0.0]
         assert forces[k : k + 50] == pytest.approx(np.tile(expected, (50, 1)))
-
-
-@pytest.mark.parametrize(
-    ("counts", "ticks"),
-    [
-        # During a live push, a click starts it anew: 50 ticks from then on.
-        ([0] * 5 + [1] * 15 + [2] * 80, [*range(5, 70)]),
-        # A count that begins anew is no push; the next click is one.
-        ([3] * 60 + [0] * 60 + [1] * 60, [*range(50), *range(120, 170)]),
-    ],
-)
-def test_whenever_the_count_increases_a_live_push_begins(counts, ticks):
-    """Oracle: by hand."""
-    forces = run([], len(counts), live_at=lambda k: [counts[k], 0.3, 0.0])
-    assert active(forces) == ticks
-
-
-def test_refuses_a_live_push_that_is_not_finite():
-    """Oracle: the field, its value, what is allowed."""
-    with pytest.raises(ValueError, match="delta_v = nan: must be"):
-        run([], 1, live_at=lambda k: [1, math.nan, 0.0])
 
 
 def test_each_live_push_has_its_number_and_its_size_while_others_act():
@@ -300,16 +265,6 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
         assert signal.delta_v == pytest.approx(delta_v)
         force = answer(source, context, "push_force")
         assert np.array_equal(signal.force, force)
-
-
-def test_a_live_push_lasts_as_long_as_it_is_told():
-    """Oracle: m delta_v in 0.3 s, or 150 ticks; felt from the next tick on."""
-    source = PushSource([], MASS, PERIOD)
-    context = asked(source, live_push=[1, 0.3, 0.0, 0.3])
-    for ticks, newtons in (1.5, MASS), (149.5, MASS), (150.5, 0.0):
-        signal = signal_of(source, advanced(source, ticks, context.Clone()))
-        assert np.linalg.norm(signal.force) == pytest.approx(newtons)
-        assert signal.delta_v == pytest.approx(0.3 if newtons else 0.0)
 
 
 def test_copies_of_one_context_can_be_pushed_in_different_ways():

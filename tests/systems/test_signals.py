@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.math.qp import QpResult
-from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems import signals
 
 
@@ -34,10 +33,6 @@ def test_a_part_has_the_entries_of_its_name(view, part, names):
     signal = view(np.arange(signals.size(view)))
     named = [getattr(signal, name) for name in names.split()]
     assert getattr(signal, part).tolist() == named
-
-
-def test_feet_are_left_and_right():
-    assert signals.FootForces.get_fields() == tuple(s.value for s in Side)
 
 
 def test_a_failed_qp_is_counted():

@@ -47,17 +47,6 @@ def test_joints_go_on_as_commanded(ticks):
     assert way[7:] == pytest.approx(np.full(NQ - 7, expected))
 
 
-def test_the_pelvis_turns():
-    """Oracle: the angle of a rotation about an axis in the plane."""
-    v = np.zeros(standing_state().size - NQ)
-    v[1] = 2.0
-    way, _ = predicted("ideal", v, 0.0, 0)
-    q = way[:4] + standing_state()[:4]
-    angle = 2.0 * math.atan2(q[2], q[0])
-    assert angle == pytest.approx(2.0 * DELAY, rel=1e-4)
-    assert np.linalg.norm(q) == pytest.approx(1.0)
-
-
 def test_drives_are_late():
     """Oracle: the integrals of 1 - exp(-t / T), in closed form."""
     way, gain = predicted("realistic", 0.0, 4.0, TICKS)

@@ -15,7 +15,7 @@ from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 from tests.blocks import answer, asked, fix, running
-from tests.example_walks import FEET, MODEL, standing, walk
+from tests.example_walks import FEET, MODEL, walk
 
 PERIOD = 0.002
 PARAMS = WalkingStateMachineParams()
@@ -86,14 +86,6 @@ def test_signal_says_what_the_state_says():
     assert found.left == pytest.approx([0.0, 0.125, 0.0])
     assert found.right == pytest.approx([0.0, -0.125, 0.0])
     assert found.target == pytest.approx([0.3, -0.125, 0.0])
-
-
-def test_signal_has_no_target_when_no_step_is_left():
-    """Oracle: NaN, and side 0."""
-    found = signal_of(WalkingState(standing()))
-    assert PHASES[int(found.phase)] is Phase.STANDING
-    assert np.all(np.isnan(found.target))
-    assert found.target_side == 0.0
 
 
 @pytest.mark.parametrize("adjuster", ["switched off", "on"])

@@ -12,7 +12,7 @@ from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
 from tests import example_walks
-from tests.blocks import answer, asked, fix, running, tick
+from tests.blocks import answer, asked, fix, running
 from tests.core.whole_body.test_tasks import ELBOW, JointTask
 from tests.whole_body_examples import (
     PERIOD,
@@ -90,21 +90,6 @@ def test_holds_the_torques_of_a_tick_until_the_next(system):
             assert np.array_equal(held, first)
     simulator.AdvanceTo(PERIOD)
     assert np.abs(outputs(system, context)[0] - told[0]).max() > 1.0
-
-
-def test_solves_once_for_all_outputs_and_the_update(system, monkeypatch):
-    """Oracle: a counter in the place of the core function."""
-    calls, solve = [], WholeBodyQp.solve
-    monkeypatch.setattr(
-        WholeBodyQp, "solve", lambda *args: calls.append(1) or solve(*args)
-    )
-    simulator, context = running(system, **inputs())
-    tick(simulator, PERIOD)
-    calls.clear()
-    outputs(system, context)
-    simulator.AdvanceTo(1.5 * PERIOD)
-    outputs(system, context)
-    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("unsolved", [3, 25, 26])

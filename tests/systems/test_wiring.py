@@ -85,13 +85,6 @@ def test_refuses_to_wire_what_does_not_fit(inputs, blocks, message):
         wired(inputs.split(), **blocks)
 
 
-def test_fills_roles_with_the_given_blocks_or_the_defaults():
-    """Oracle: the systems themselves; None leaves a role empty."""
-    mine, roles = (Sink(), {"a": Role(Sink, ()), "b": Role(Sink, ("twice",))})
-    assert fill(roles, {"b": mine, "a": None}) == {"b": mine}
-    assert type(fill(roles, {"b": mine})["a"]) is Sink
-
-
 @pytest.mark.parametrize(
     ("blocks", "message"),
     [

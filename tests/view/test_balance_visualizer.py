@@ -388,40 +388,6 @@ def test_the_feet_in_contact_are_outlined_and_regions_seen_in_swings(
     assert ("capture_regions" in replay.visible("overlay")) == swings
 
 
-def test_the_push_is_seen_long_enough_and_not_before(replay):
-    """Oracle: pushed from 4.2 to 4.3 s; the arrow lingers for half a second.
-
-    It points at the centre of mass, to the left.
-    """
-    for time, seen in (0.0, 0), (4.0, 0), (4.7, 1), (5.5, 0), (4.25, 1):
-        replay.seek(time)
-        assert ("push" in replay.visible("overlay")) == seen
-    assert replay.position("overlay/push") == pytest.approx(com(4.25), abs=1e-6)
-    tip = replay.look_up(
-        "overlay/push",
-        "new (node.object.position.constructor)(0, 0, 1)"
-        ".applyQuaternion(node.object.quaternion).toArray()",
-    )
-    assert tip == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
-
-
-def test_footprints_stay_and_future_ones_are_hidden(replay):
-    """Oracle: at 4.5 s steps -1 to 4 have landed, 5 to 10 have not."""
-    replay.seek(4.5)
-    expected = {f"{foot(n)[0].value}_{n}" for n in range(-1, 5)}
-    assert replay.visible("overlay/footprints") == expected
-    found = replay.position("overlay/footprints/left_4")
-    assert found[:2] == pytest.approx(foot(4)[1].p_WF[:2], abs=1e-6)
-
-
-def test_the_region_of_the_next_step_is_darker(replay):
-    """Oracle: steps 2 and 4, by hand; none where the foothold is on none."""
-    usual = {"0", "1"}
-    for time, more in (1.5, {"in_use_0"}), (2.5, set()), (3.5, {"in_use_1"}):
-        replay.seek(time)
-        assert replay.visible("overlay/ground") == usual | more
-
-
 def test_the_camera_follows_the_walk(replay):
     """Oracle: the robot walks 1.1 m; the view lags by the dead band at most."""
     targets = []
