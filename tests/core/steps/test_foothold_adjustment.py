@@ -680,13 +680,6 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
         assert ground.region_under(found.pose).name == expected
 
 
-def test_without_a_stone_in_reach_the_foot_goes_on():
-    """Oracle: the very same adjustment."""
-    case, _ = on_stones([0.5, 0.0], (square("far", 5.0),))
-    current = unadjusted(IN_PLACE)
-    assert adjust_foothold(current, case, ONE, TICK) is current
-
-
 # Noise.
 
 GAITS = [

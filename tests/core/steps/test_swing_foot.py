@@ -216,14 +216,6 @@ def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
     assert z.max() == pytest.approx(height, abs=2e-3)
 
 
-def test_a_late_foot_goes_on_downward():
-    """Oracle: constant velocity, reached without a jump."""
-    states = [swing_state(t) for t in times()] + [swing_state(0.7)] * 100
-    _, v, a = follow(states)[:, :, 2].T
-    assert v[-20:] == pytest.approx(-PARAMS.touchdown_velocity, abs=1e-3)
-    assert np.abs(np.diff(v)).max() < 1.5 * PERIOD * np.abs(a).max()
-
-
 @pytest.mark.parametrize("rate", [0.0, 0.15])
 def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     """Oracle: the trapezoidal rule, exact up to (third derivative) T^3 / 12.

@@ -244,14 +244,3 @@ def test_says_that_there_is_no_solution():
     found = WholeBodyQp(params, model(), PERIOD).solve(terms, command(terms))
     assert not found.qp.solved
     assert np.isnan(found.torques).all()
-
-
-@pytest.mark.parametrize("name", ["momentum_rate", "heading", "swing"])
-def test_refuses_nan(name):
-    """Oracle: no torque comes out."""
-    terms = terms_at(standing_state())
-    good = command(terms, (True, False))
-    bad = good._replace(**{name: np.full_like(getattr(good, name), np.nan)})
-    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
-    with pytest.raises(ValueError, match="must be finite"):
-        qp.solve(terms, bad)
