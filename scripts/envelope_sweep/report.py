@@ -13,13 +13,15 @@ import matplotlib as mpl
 from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep import plots, search
+from nadia_balance.scripts.envelope_sweep import plots
 from nadia_balance.scripts.envelope_sweep.rows import (
     NO_ANSWER,
     OUTCOMES,
     UNDECIDED,
     recovered,
+    search_of,
 )
+from nadia_balance.scripts.envelope_sweep.search import Situation
 from nadia_balance.scripts.envelope_sweep.table import (
     AT_LEAST,
     UNSURE,
@@ -159,24 +161,22 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 def what_was_done(limits: LimitTable) -> str:
     """Table of the search parameters, its progress and the versions."""
     identity, records = limits.identity, limits.records
-    replicas = identity["replicas"]
-    required = search.SearchParams(replicas=replicas).required
+    search = search_of(identity)
     found = {
         "scenario": ", ".join({s.scenario: 0 for s in limits.situations}),
         "limits": f"{sum(r.complete for r in records)} of {len(records)} "
         "complete",
         "trials": len(limits.rows),
-        "resolution [m/s]": f"{identity['resolution']:g}",
-        "largest [m/s]": f"{identity['largest']:g}",
-        "replicas": f"{required} of {replicas} recover",
+        "resolution [m/s]": f"{search.resolution:g}",
+        "largest [m/s]": f"{search.largest:g}",
+        "replicas": f"{search.required} of {search.replicas} recover",
     }
-    for name in ("code", "parameters", "nadia_balance", "drake", "daqp"):
-        found[name] = identity[name]
-    found |= {name: identity[name] for name in ("numpy", "python")}
+    names = "code", "parameters", "nadia_balance", "drake", "daqp"
+    found |= {name: identity[name] for name in (*names, "numpy", "python")}
     return table(["sweep", ""], [[name, str(x)] for name, x in found.items()])
 
 
-def overview(limits: LimitTable, situation: search.Situation) -> str:
+def overview(limits: LimitTable, situation: Situation) -> str:
     """Table of the limits: directions by mechanisms, and the mean."""
     columns = [limits.of(name, situation) for name in limits.mechanisms]
     lines = [

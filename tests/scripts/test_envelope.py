@@ -49,7 +49,7 @@ def workers_here(workers, scheduler):
 @pytest.fixture
 def here(monkeypatch):
     """Sweeps of this process need no cluster."""
-    monkeypatch.setattr(envelope, "open_workers", workers_here)
+    monkeypatch.setattr(envelope.run, "open_workers", workers_here)
 
 
 def rows_in(folder):
@@ -63,7 +63,7 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     out = io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
-        patch.setattr(envelope, "open_workers", workers_here)
+        patch.setattr(envelope.run, "open_workers", workers_here)
         assert envelope.main([*SWEEP, "--out", str(folder)]) == 0
     return folder, out.getvalue().splitlines()
 
@@ -249,8 +249,8 @@ REFUSED = [
         "duration = 0.001",
     ),
     (["--scheduler", "host:port"], "scheduler = 'host:port'"),
-    (["--plot-only", "nowhere"], "plot_only = 'nowhere'"),
-    (["--from", "nowhere"], "from = 'nowhere'"),
+    (["--plot-only", "nowhere"], "folder = 'nowhere'"),
+    (["--from", "nowhere"], "folder = 'nowhere'"),
     ([TEXT, "controller: {control_period: 0.0035}"], "time_step = 0.001"),
 ]
 
@@ -291,4 +291,4 @@ def test_refuses_a_folder_that_another_sweep_is_in(undisturbed, capsys, here):
     folder, _ = undisturbed
     with opened(folder):
         outcome = run_script(envelope, [*SWEEP, "--out", folder], capsys)
-    assert_refused(outcome, f"folder = {str(folder)!r}: must not be in use")
+    assert_refused(outcome, f"folder = {str(folder)!r}: must be in use by")
