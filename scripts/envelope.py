@@ -21,13 +21,13 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 # isort: split
 import argparse
 import contextlib
-import os
 import shlex
 import sys
 from concurrent.futures import Executor
 from datetime import datetime
 from pathlib import Path
 
+from dask.system import CPU_COUNT
 from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.simulation import until_ctrl_c
@@ -77,6 +77,7 @@ _FLAGS: dict[str, command_line.Flags] = {
         },
         "workers": {
             "type": int,
+            "default": CPU_COUNT,
             "help": "trials at a time on this machine (default: %(default)s, "
             "its cores)",
         },
@@ -120,13 +121,7 @@ def _parser() -> command_line.CommandLine:
     sweep_flags(parser)
     for group, flags in _FLAGS.items():
         command_line.add_flags(parser, group, flags)
-    parser.set_defaults(workers=_cores())
     return parser
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)  # macOS has none
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _prepare(

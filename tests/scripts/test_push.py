@@ -1,6 +1,5 @@
 """The main job: what it takes, what it refuses, what it leaves behind."""
 
-import shutil
 import signal
 import time
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 from nadia_balance.results import folder
-from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.signals import PushSignal
 from tests.scripts.running import (
@@ -79,14 +77,6 @@ def test_directions(asked_for, direction, right_swing, left_swing):
         at = f"{side} transfer 50 %"
         scenario = asked_for(f"--direction={direction}", "--at", at)
         assert scenario.pushes[0].direction_deg == degrees
-
-
-def test_a_standing_robot_takes_no_steps(asked_for):
-    scenario = asked_for(
-        "--at", "standing", "--scenario_text", "gait: {step_width: 0.3}"
-    )
-    assert scenario.gait.num_steps == 0
-    assert scenario.pushes[0].at == "1 s"
 
 
 def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
@@ -163,18 +153,6 @@ def test_refuses_what_has_no_meaning(argv, message, nothing_runs, capsys):
     assert_refused(outcome, message)
     assert outcome.out == []
     assert not list(nothing_runs.iterdir())
-
-
-def test_the_program_refuses_a_bad_robot(tmp_path):
-    """Oracle: what the shell sees; the path of the file at fault."""
-    shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
-    urdf = tmp_path / "nadia" / "nadia.urdf"
-    urdf.write_text(urdf.read_text().replace('mass value="', 'mass value="-'))
-    argv = ("--no-meshcat", "--robot", urdf.with_name("robot.yaml"))
-    done = ended(program("push", *argv, cwd=tmp_path))
-    assert_refused(done, f"urdf = {urdf}: ")
-    assert done.out == []
-    assert not (tmp_path / "runs").exists()
 
 
 def test_recovers_and_leaves_all_behind(tmp_path, capsys):

@@ -3,7 +3,6 @@
 Oracle: the limits from which the trials were made up; the rest by hand.
 """
 
-import csv
 from dataclasses import replace
 
 import pytest
@@ -182,34 +181,6 @@ def test_marks_what_is_not_sure_and_writes_the_digits_that_tell():
     assert any(line.startswith(">= nothing") for line in told)
     fine = made_up_table({hurried: 0.3}, SearchParams(resolution=0.005))
     assert "0.300" in report.overview(fine, AT)
-
-
-def test_the_report_has_every_table(tmp_path):
-    """Oracle: the tables one by one, and Python's reader of CSV."""
-    cells = paper_times(1.0) | paper_times(0.8, LEFT)
-    found = coarse_table(cells)
-    text = report.report_text(found)
-    assert "\n\n\n" not in text
-    assert "computed for a point mass 2 m high." in text.replace("\n", " ")
-    parts = [report.what_was_done(found), report.outcomes_table(found)]
-    parts += [report.predictions_table(found)]
-    for at in (AT, LEFT):
-        parts.append(report.overview(found, at))
-        parts += [
-            report.details(found, found.of(n, at)) for n in found.mechanisms
-        ]
-    for part in parts:
-        assert part in text
-    lines = [line for line in text.splitlines() if not line.startswith("|")]
-    assert max(map(len, lines)) <= 80
-    names = report.write_report(tmp_path, found)
-    assert {path.name for path in tmp_path.iterdir()} == set(names)
-    assert (tmp_path / "tables.md").read_text("utf-8") == text
-    lines = (tmp_path / "limits.csv").read_text().splitlines()
-    written = list(csv.DictReader(lines))
-    assert [float(row["recovered"]) for row in written] == [
-        record.recovered for record in found.records
-    ]
 
 
 # Trials: 0.1 to 0.3 m/s recover, 0.4 m/s does not; 0.1 m/s recovers, 0.2 not.
