@@ -50,8 +50,8 @@ _NOT_LIVE = (
 )
 
 
-# The `main` of a script: it runs a command line, None: that of the process.
-Main = Callable[[list[str] | None], int]
+# The `main` of a script: argv=None -> exit code.
+Main = Callable[..., int]
 
 
 def program(main: Main) -> Main:

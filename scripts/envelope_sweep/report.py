@@ -32,7 +32,6 @@ from nadia_balance.scripts.envelope_sweep.table import (
 
 PICTURE, TABLES, LIMITS = "envelope.png", "tables.md", "limits.csv"
 NOTHING = "–"  # a missing value
-_MOST_REASONS = 10
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
@@ -244,24 +243,15 @@ def _limit(limits: LimitTable, records: Iterable[Record]) -> str:
 
 
 def outcomes_table(limits: LimitTable) -> str:
-    """Numbers of trials by outcome and mechanisms; reasons without a result."""
-    rows, lines = limits.rows, []
-    counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
+    """Numbers of trials by outcome and mechanisms."""
+    lines = []
+    counts = Counter((r["outcome"], r["mechanisms"]) for r in limits.rows)
     for outcome in OUTCOMES:
         cells = [counts[outcome, name] for name in limits.mechanisms]
         if any(cells):
             lines.append([outcome, *map(str, [*cells, sum(cells)])])
     head = ["outcome", *(f"`{name}`" for name in limits.mechanisms), "all"]
-    reasons = Counter(
-        f"{row['outcome']}: {row['reason']}"
-        for row in rows
-        if row["outcome"] in (UNDECIDED, *NO_ANSWER) and row["reason"]
-    )
-    odd = [[reason, str(n)] for reason, n in reasons.most_common(_MOST_REASONS)]
-    if (more := len(reasons) - _MOST_REASONS) > 0:
-        odd.append([f"and {more} other reasons", NOTHING])
-    text = table(head, lines)
-    return f"{text}\n{table(['reason', 'trials'], odd)}" if odd else text
+    return table(head, lines)
 
 
 def predictions_table(limits: LimitTable) -> str:
