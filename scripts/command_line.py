@@ -9,7 +9,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, Protocol, TextIO
+from typing import Any, NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
@@ -50,11 +50,8 @@ _NOT_LIVE = (
 )
 
 
-class Main(Protocol):
-    """The `main` of a script, which returns its exit code."""
-
-    def __call__(self, argv: list[str] | None = None) -> int:
-        """Runs the command line `argv`, None: that of the process."""
+# The `main` of a script: argv=None -> exit code.
+Main = Callable[..., int]
 
 
 def program(main: Main) -> Main:

@@ -21,22 +21,20 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 # isort: split
 import argparse
 import contextlib
-import os
 import shlex
 import sys
 from concurrent.futures import Executor
 from datetime import datetime
 from pathlib import Path
 
+from dask.system import CPU_COUNT
 from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.envelope_sweep import run, table
+from nadia_balance.scripts.envelope_sweep import report, run, table
 from nadia_balance.scripts.envelope_sweep.flags import sweep_flags, sweep_from
-from nadia_balance.scripts.envelope_sweep.physical import limit_lines
-from nadia_balance.scripts.envelope_sweep.report import said_lines, write_report
 from nadia_balance.scripts.envelope_sweep.rows import (
     DATABASE,
     EXPORTS,
@@ -45,7 +43,6 @@ from nadia_balance.scripts.envelope_sweep.rows import (
 )
 from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Sweep
 from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
-from nadia_balance.scripts.envelope_sweep.workers import open_workers
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 
@@ -60,16 +57,13 @@ def main(argv: list[str] | None = None) -> int:
     with contextlib.ExitStack() as stack:
         with parser.refusing():
             if args.plot_only is not None:
-                return _plot_only(args.plot_only)
+                rows = stack.enter_context(opened(args.plot_only))
+                prepare_folder(args.plot_only)
+                return _report(rows, [])
             if args.limit:
                 return _limit(sweep_from(args))
             job = _prepare(args, stack)
         return _run(*job)
-
-
-def _complain(error: Exception, code: int) -> int:
-    command_line.complain("envelope.py", error)
-    return code
 
 
 _FLAGS: dict[str, command_line.Flags] = {
@@ -83,6 +77,7 @@ _FLAGS: dict[str, command_line.Flags] = {
         },
         "workers": {
             "type": int,
+            "default": CPU_COUNT,
             "help": "trials at a time on this machine (default: %(default)s, "
             "its cores)",
         },
@@ -126,13 +121,7 @@ def _parser() -> command_line.CommandLine:
     sweep_flags(parser)
     for group, flags in _FLAGS.items():
         command_line.add_flags(parser, group, flags)
-    parser.set_defaults(workers=_cores())
     return parser
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)  # macOS has none
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _prepare(
@@ -146,19 +135,18 @@ def _prepare(
     """
     sweep = sweep_from(args)
     if args.known is not None:
-        with opened(_given("from", args.known)) as rows:
+        with opened(args.known) as rows:
             found = table.found_limits(rows.identity, rows.all())
         known = {c: limit.recovered for c, limit in found.items() if limit}
         sweep.known_limits = known
     # Building a diagram checks the robot and the blocks, too.
-    firsts = {cell.situation.scenario: cell for cell in sweep.cells()}
-    for cell in firsts.values():
+    for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
         DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
     out = args.out
     if out is None:
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         out = Path("envelopes") / f"{now}_{args.protocol}"
-    workers = open_workers(args.workers, args.scheduler)
+    workers = run.open_workers(args.workers, args.scheduler)
     executor, slots = stack.enter_context(workers)
     folder = prepare_folder(out)
     rows = stack.enter_context(opened(folder, sweep.identity()))
@@ -176,7 +164,16 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
     folder, code = rows.path.parent, command_line.DONE
     start = run.progress_of(run.searches_of(sweep, rows.all()))
-    command_line.say(*_plan_lines(sweep, start, slots), f"into {folder}")
+    limits = "limit" if start.cells == 1 else "limits"
+    numbers = f"gaits {len(sweep.scenarios)} x mechanisms "
+    numbers += f"{len(sweep.mechanisms)} x moments {len(sweep.at)} x "
+    numbers += f"directions {len(sweep.directions)}"
+    command_line.say(
+        f"{start.cells} {limits} to find ({numbers})",
+        f"about {start.total - start.done} trials to run, {slots} at a "
+        f"time; {start.done} are there already",
+        f"into {folder}",
+    )
     with until_ctrl_c() as stopped:
         try:
             with run.progress_bar(start) as show:
@@ -185,52 +182,20 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
                 ):
                     code = INTERRUPTED
         except RuntimeError as error:
-            code = _complain(error, command_line.FAILED)
+            command_line.complain("envelope.py", error)
+            code = command_line.FAILED
         if rows.all():
             try:
-                if _report(rows, [SCENARIO, COMMAND]).undecided:
-                    code = code or command_line.UNDECIDED
+                undecided = _report(rows, [SCENARIO, COMMAND])
+                code = code or undecided
             except ValueError as error:  # no trial was decided
-                code = _complain(error, code or command_line.UNDECIDED)
+                command_line.complain("envelope.py", error)
+                code = code or command_line.UNDECIDED
         if code in (command_line.FAILED, INTERRUPTED):
             command_line.say(
                 f"the same flags and --out {folder} go on from here"
             )
     return code
-
-
-def _plan_lines(sweep: Sweep, progress: run.Progress, slots: int) -> list[str]:
-    """Lines with the numbers of limits and trials."""
-    limits = "limit" if progress.cells == 1 else "limits"
-    numbers = (
-        f"{name} {len(values)}"
-        for name, values in (
-            ("gaits", sweep.scenarios),
-            ("mechanisms", sweep.mechanisms),
-            ("moments", sweep.at),
-            ("directions", sweep.directions),
-        )
-    )
-    return [
-        f"{progress.cells} {limits} to find ({' x '.join(numbers)})",
-        f"about {progress.total - progress.done} trials to run, {slots} at a "
-        f"time; {progress.done} are there already",
-    ]
-
-
-def _plot_only(folder: Path) -> int:
-    with opened(_given("plot_only", folder)) as rows:
-        prepare_folder(folder)
-        undecided = _report(rows, []).undecided
-    return command_line.UNDECIDED if undecided else command_line.DONE
-
-
-def _given(flag: str, folder: Path) -> Path:
-    if not (folder / DATABASE).is_file():
-        raise ValueError(
-            f"{flag} = {str(folder)!r}: must be a folder with a {DATABASE}"
-        )
-    return folder
 
 
 def _limit(sweep: Sweep) -> int:
@@ -239,12 +204,15 @@ def _limit(sweep: Sweep) -> int:
     for cell in sweep.cells():
         if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
             walk, at = sweep.walk(cell, replica=0), cell.situation
-            command_line.say(*limit_lines(walk, at, sweep.plant, directions))
+            lines = table.limit_lines(walk, at, sweep.plant, directions)
+            command_line.say(*lines)
     return command_line.DONE
 
 
-def _report(rows: Rows, written: list[str]) -> table.LimitTable:
-    """Writes the report; prints the table, and the names of all files.
+def _report(rows: Rows, written: list[str]) -> int:
+    """Writes the report, prints the table and the names of all files.
+
+    Returns the exit code: UNDECIDED if a cell has no limit.
 
     Raises:
         ValueError: no trial was decided.
@@ -253,11 +221,12 @@ def _report(rows: Rows, written: list[str]) -> table.LimitTable:
     folder = rows.path.parent
     rows.export(folder)
     limits = table.limit_table(rows.identity, rows.all(), folder / SCENARIO)
-    written = [*write_report(folder, limits), DATABASE, *EXPORTS, *written]
-    command_line.say(
-        *said_lines(limits), f"wrote {folder}/{{{', '.join(written)}}}"
-    )
-    return limits
+    names = report.write_report(folder, limits)
+    names += [DATABASE, *EXPORTS, *written]
+    lines = report.said_lines(limits)
+    command_line.say(*lines, f"wrote {folder}/{{{', '.join(names)}}}")
+    undecided = any(r.trials and r.recovered is None for r in limits.records)
+    return command_line.UNDECIDED if undecided else command_line.DONE
 
 
 if __name__ == "__main__":

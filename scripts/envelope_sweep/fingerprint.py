@@ -12,7 +12,7 @@ from pydrake.common.yaml import yaml_dump_typed
 import nadia_balance
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.robot.model import load_robot
 
 # Folders and modules on which a row depends; not reports and plots.
 FOLDERS = (
@@ -42,14 +42,12 @@ def code_hash(package: Path = Path(nadia_balance.__file__).parent) -> str:
     Comments and docstrings do not count; the hash depends on Python's version.
     `package` is the folder of nadia_balance.
     """
-    return _digest(
-        part
-        for path in code_files(package)
-        for part in (
-            path.relative_to(package).as_posix().encode(),
-            without_words(path.read_bytes(), path.suffix == ".py"),
-        )
-    )
+    parts = []
+    for path in code_files(package):
+        parts.append(path.relative_to(package).as_posix().encode())
+        is_code = path.suffix == ".py"
+        parts.append(without_words(path.read_bytes(), is_code))
+    return _digest(parts)
 
 
 def code_files(package: Path) -> list[Path]:
@@ -80,22 +78,18 @@ def without_words(text: bytes, is_code: bool) -> bytes:
 def parameters_hash(*scenarios: Scenario) -> str:
     """Returns a hash (16 hex digits) of the parameters of all trials.
 
-    It covers `scenarios` and their robot, without the seed, the mechanisms, and
+    It covers the `scenarios` without their robot, the seed, the mechanisms, and
     size, direction and time of the push, which a sweep varies.
-
-    Raises:
-        ValueError: the robot is unknown or invalid.
-        FileNotFoundError: a file of the robot is missing.
     """
-    robot, texts = load_robot(scenarios[0].robot), []
+    texts = []
     for common in map(copy.deepcopy, scenarios):
-        common.description, common.robot, common.seed = "", robot.name, 0
+        common.description, common.robot, common.seed = "", "", 0
         common.mechanisms = ""
         for push in common.pushes:
             push.delta_v, push.force = 0.0, None
             push.direction_deg, push.at = 0, ""
         texts.append(yaml_dump_typed(common).encode())
-    return _digest([*texts, *_files(robot)])
+    return _digest(texts)
 
 
 def robot_hash(name: str) -> str:
@@ -105,12 +99,9 @@ def robot_hash(name: str) -> str:
         ValueError: the robot is unknown or invalid.
         FileNotFoundError: a file of the robot is missing.
     """
-    return _digest(_files(load_robot(name)))
-
-
-def _files(robot: RobotModel) -> tuple[bytes, bytes]:
-    params, urdf = yaml_dump_typed(robot.params), robot.urdf
-    return params.encode(), urdf.read_text(encoding="utf-8").encode()
+    robot = load_robot(name)
+    urdf = robot.urdf.read_text(encoding="utf-8")
+    return _digest([yaml_dump_typed(robot.params).encode(), urdf.encode()])
 
 
 def _digest(parts: Iterable[bytes]) -> str:

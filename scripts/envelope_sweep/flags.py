@@ -5,6 +5,7 @@ import contextlib
 import math
 from pathlib import Path
 
+from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.scripts.command_line import (
     Flags,
@@ -15,7 +16,7 @@ from nadia_balance.scripts.command_line import (
 )
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep, moment_of
+from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep
 
 MOST_DIRECTIONS = 72  # largest count of directions
 DEFAULT = "nadia_fig10"  # key of PROTOCOLS
@@ -83,12 +84,14 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         ValueError: a flag is invalid; names it and what is allowed.
         FileNotFoundError: the scenario file does not exist.
     """
-    asked = {name: x for name, x in vars(args).items() if x is not None}
-    defaults = PROTOCOLS[args.protocol].flags()
+    protocol = PROTOCOLS[args.protocol]
+    names = "scenario_name", "at", "directions", "mechanisms"
+    defaults = {name: getattr(protocol, name) for name in names}
     if args.quick:
-        most = defaults["mechanisms"].rpartition(",")[2]
+        most = protocol.mechanisms.rpartition(",")[2]
         defaults |= QUICK | {"mechanisms": most}
-    asked = defaults | asked
+    given = {name: x for name, x in vars(args).items() if x is not None}
+    asked = defaults | given
     search = {
         name: asked[name] for name in vars(SearchParams()) if name in asked
     }
@@ -99,7 +102,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         },
         plant=args.plant,
         directions=directions(asked["directions"]),
-        at=tuple(str(moment_of(word)) for word in _words(asked["at"])),
+        at=tuple(map(_moment, _words(asked["at"]))),
         mechanisms=tuple(_words(asked["mechanisms"])),
         search=SearchParams(**search),
         timeout=args.timeout,
@@ -143,6 +146,14 @@ def directions(text: str) -> tuple[float, ...]:
             "how many"
         )
     return tuple(found)
+
+
+def _moment(text: str) -> str:
+    """A point of the gait, as Moment writes it; no time in seconds."""
+    with contextlib.suppress(ValueError):
+        if (moment := Moment.parse(text)).phase:
+            return str(moment)
+    raise ValueError(f'at = {text!r}: must be like "{AT}", from 0 to 100 %')
 
 
 def _words(text: str) -> list[str]:

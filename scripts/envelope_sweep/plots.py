@@ -18,11 +18,11 @@ from matplotlib.projections.polar import PolarAxes
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.plots.style import FAINT, TEXT
 from nadia_balance.scripts.envelope_sweep.protocols import PROTOCOLS, Curve
 from nadia_balance.scripts.envelope_sweep.search import Situation
-from nadia_balance.scripts.envelope_sweep.sweep import moment_of
 from nadia_balance.scripts.envelope_sweep.table import LimitTable, mark
 
 # Names of directions [deg], relative to the heading of the stance foot.
@@ -88,7 +88,7 @@ def direction_name(direction: float, at: str) -> str:
 
     Inward is from the swing foot to the other.
     """
-    inward = 90.0 if moment_of(at).swing is Side.RIGHT else 270.0
+    inward = 90.0 if Moment.parse(at).swing is Side.RIGHT else 270.0
     side = {inward: "inward", 360.0 - inward: "outward"}
     if direction not in WORDS:
         return f"{direction:g}°"
@@ -96,20 +96,13 @@ def direction_name(direction: float, at: str) -> str:
     return f"{word}\n({side[direction]})" if direction in side else word
 
 
-def spoke_angle(directions: Sequence[float]) -> float:
-    """Angle between spokes [deg] that fits all directions, or else 30."""
-    for angle in (45.0, 30.0):
-        if all(d % angle == 0.0 for d in directions):
-            return angle
-    return 30.0
-
-
 def _draw_directions(
     ax: PolarAxes, limits: LimitTable, situation: Situation
 ) -> None:
     """Draws spokes and rings, in the unit of the paper."""
     unit, _ = _unit(limits)
-    angles = np.arange(0.0, 360.0, spoke_angle(limits.directions))
+    eighths = all(r.direction_deg % 45.0 == 0.0 for r in limits.records)
+    angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
     ax.set_theta_zero_location("N")
     words = [direction_name(angle, situation.at) for angle in angles]
     ax.set_thetagrids(angles, words, color=TEXT)
@@ -135,13 +128,15 @@ def _draw_curves(
         area = points(known.limit[most], speed)
         ax.fill(*area, fc="white", ec=LIMIT, zorder=0.5)
     for mechanisms in reversed(limits.mechanisms):
-        records = limits.curve(mechanisms, situation)
-        curve = {a: record.recovered for a, record in records.items()}
+        records = limits.of(mechanisms, situation)
+        records = [r for r in records if r.recovered is not None]
+        curve = {r.direction_deg: r.recovered for r in records}
         _draw_limits(ax, points(curve, speed), mechanisms)
-        for angle, record in records.items():
+        for record in records:
             face = COLORS[mechanisms] if record.complete else "white"
             dot = {"mfc": face, "mec": COLORS[mechanisms], "zorder": 3.1}
-            place = math.radians(angle), record.recovered / speed
+            angle = math.radians(record.direction_deg)
+            place = angle, record.recovered / speed
             ax.plot(*place, **DOT, **dot)
             if mechanisms == most and len(records) <= _MOST_NUMBERS:
                 words = mark([record]) + limits.words(place[1])

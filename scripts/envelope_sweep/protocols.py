@@ -27,18 +27,6 @@ class Protocol:
     unit: str = "m/s"
     unit_speed: float = 1.0  # velocity change of the CoM per `unit` [m/s]
 
-    def flags(self) -> dict[str, str]:
-        """The default flags of a sweep."""
-        names = "scenario_name", "at", "directions", "mechanisms"
-        return {name: getattr(self, name) for name in names}
-
-    def is_of(self, robot: str, situation: Situation) -> bool:
-        """True if the figure has this robot and situation."""
-        names = self.scenario_name.split(",")
-        return (robot, situation.at) == (self.robot, self.at) and (
-            situation.scenario in names
-        )
-
     def curves(self, scenario: str) -> Curves:
         """The curves [m/s] of a gait."""
         path = MODELS / self.robot / self.figures
@@ -82,5 +70,8 @@ PROTOCOLS = {
 
 def protocol_of(robot: str, situation: Situation) -> Protocol | None:
     """Returns the figure with this `robot` and `situation`, if any."""
-    found = (p for p in PROTOCOLS.values() if p.is_of(robot, situation))
-    return next(found, None)
+    for figure in PROTOCOLS.values():
+        if (robot, situation.at) == (figure.robot, figure.at):
+            if situation.scenario in figure.scenario_name.split(","):
+                return figure
+    return None

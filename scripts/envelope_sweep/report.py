@@ -13,13 +13,15 @@ import matplotlib as mpl
 from nadia_balance.analysis.lipm_limit import LOST
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep import plots, search
+from nadia_balance.scripts.envelope_sweep import plots
 from nadia_balance.scripts.envelope_sweep.rows import (
     NO_ANSWER,
     OUTCOMES,
     UNDECIDED,
     recovered,
+    search_of,
 )
+from nadia_balance.scripts.envelope_sweep.search import Situation
 from nadia_balance.scripts.envelope_sweep.table import (
     AT_LEAST,
     UNSURE,
@@ -30,7 +32,6 @@ from nadia_balance.scripts.envelope_sweep.table import (
 
 PICTURE, TABLES, LIMITS = "envelope.png", "tables.md", "limits.csv"
 NOTHING = "–"  # a missing value
-_MOST_REASONS = 10
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
@@ -159,24 +160,22 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 def what_was_done(limits: LimitTable) -> str:
     """Table of the search parameters, its progress and the versions."""
     identity, records = limits.identity, limits.records
-    replicas = identity["replicas"]
-    required = search.SearchParams(replicas=replicas).required
+    search = search_of(identity)
     found = {
         "scenario": ", ".join({s.scenario: 0 for s in limits.situations}),
         "limits": f"{sum(r.complete for r in records)} of {len(records)} "
         "complete",
         "trials": len(limits.rows),
-        "resolution [m/s]": f"{identity['resolution']:g}",
-        "largest [m/s]": f"{identity['largest']:g}",
-        "replicas": f"{required} of {replicas} recover",
+        "resolution [m/s]": f"{search.resolution:g}",
+        "largest [m/s]": f"{search.largest:g}",
+        "replicas": f"{search.required} of {search.replicas} recover",
     }
-    for name in ("code", "parameters", "nadia_balance", "drake", "daqp"):
-        found[name] = identity[name]
-    found |= {name: identity[name] for name in ("numpy", "python")}
+    names = "code", "parameters", "nadia_balance", "drake", "daqp"
+    found |= {name: identity[name] for name in (*names, "numpy", "python")}
     return table(["sweep", ""], [[name, str(x)] for name, x in found.items()])
 
 
-def overview(limits: LimitTable, situation: search.Situation) -> str:
+def overview(limits: LimitTable, situation: Situation) -> str:
     """Table of the limits: directions by mechanisms, and the mean."""
     columns = [limits.of(name, situation) for name in limits.mechanisms]
     lines = [
@@ -244,24 +243,15 @@ def _limit(limits: LimitTable, records: Iterable[Record]) -> str:
 
 
 def outcomes_table(limits: LimitTable) -> str:
-    """Numbers of trials by outcome and mechanisms; reasons without a result."""
-    rows, lines = limits.rows, []
-    counts = Counter((row["outcome"], row["mechanisms"]) for row in rows)
+    """Numbers of trials by outcome and mechanisms."""
+    lines = []
+    counts = Counter((r["outcome"], r["mechanisms"]) for r in limits.rows)
     for outcome in OUTCOMES:
         cells = [counts[outcome, name] for name in limits.mechanisms]
         if any(cells):
             lines.append([outcome, *map(str, [*cells, sum(cells)])])
     head = ["outcome", *(f"`{name}`" for name in limits.mechanisms), "all"]
-    reasons = Counter(
-        f"{row['outcome']}: {row['reason']}"
-        for row in rows
-        if row["outcome"] in (UNDECIDED, *NO_ANSWER) and row["reason"]
-    )
-    odd = [[reason, str(n)] for reason, n in reasons.most_common(_MOST_REASONS)]
-    if (more := len(reasons) - _MOST_REASONS) > 0:
-        odd.append([f"and {more} other reasons", NOTHING])
-    text = table(head, lines)
-    return f"{text}\n{table(['reason', 'trials'], odd)}" if odd else text
+    return table(head, lines)
 
 
 def predictions_table(limits: LimitTable) -> str:

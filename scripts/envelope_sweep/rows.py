@@ -8,15 +8,10 @@ import csv
 import json
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.scripts.envelope_sweep.search import (
-    Cell,
-    SearchParams,
-    Situation,
-)
+from nadia_balance.scripts.envelope_sweep.search import Cell, SearchParams
 from nadia_balance.scripts.envelope_sweep.sweep import PROTOCOL
 
 DATABASE = "trials.sqlite"
@@ -27,7 +22,7 @@ NO_ANSWER = ("error", "crashed", "hung")
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, *NO_ANSWER)
 
 _OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
-KEY = ("scenario", *_OWN)  # unique in a sweep
+KEY = ("scenario", *_OWN)  # unique in a sweep, and the order of the rows
 RESULTS = (
     *("seed", "outcome", "reason", "steps_after_push", "max_icp_error_m"),
     *("max_torque_ratio", "max_joint_speed", "max_torso_tilt_deg"),
@@ -45,6 +40,12 @@ _SCHEMA = (
     f"CREATE TABLE trials ({', '.join(_COLUMNS)}, "
     f"PRIMARY KEY ({', '.join(KEY)}))",
 )
+# Sets of fewer mechanisms come first.
+_ALL = (
+    "SELECT * FROM trials ORDER BY scenario, "
+    f"instr(',{','.join(NAMED)},', ',' || mechanisms || ','), "
+    f"{', '.join(KEY[2:])}"
+)
 _HINTS = {
     "protocol": " (limits are searched and judged in another way now)",
     "parameters": " (the scenario, its duration or its robot differs)",
@@ -54,8 +55,7 @@ _HINTS = {
 
 def cell_of(row: dict) -> Cell:
     """The cell of a row's trial."""
-    situation = Situation(row["scenario"], row["at"])
-    return Cell(row["mechanisms"], situation, row["direction_deg"])
+    return Cell(*(row[name] for name in Cell._fields))
 
 
 def recovered(row: dict) -> bool | None:
@@ -66,7 +66,7 @@ def recovered(row: dict) -> bool | None:
 def search_of(identity: dict) -> SearchParams:
     """The parameters of the search of a sweep."""
     return SearchParams(
-        **{field.name: identity[field.name] for field in fields(SearchParams)}
+        **{name: identity[name] for name in vars(SearchParams())}
     )
 
 
@@ -82,18 +82,16 @@ class Rows:
         self.identity: dict = json.loads(text)
 
     def all(self) -> list[dict]:
-        """All rows, sorted by scenario, mechanisms (fewer first), and so on."""
-        found = self._database.execute("SELECT * FROM trials")
+        """All rows, sorted by KEY; fewer mechanisms come first."""
+        found = self._database.execute(_ALL)
         names = [column[0] for column in found.description]
-        rows = [dict(zip(names, row, strict=True)) for row in found]
-        return sorted(rows, key=_place)
+        return [dict(zip(names, row, strict=True)) for row in found]
 
     def add(self, row: dict) -> None:
         """Adds a trial; missing values are None, lists become "1;2;3".
 
         Raises:
-            ValueError: it is there already.
-            OSError: it cannot be written.
+            OSError: it cannot be written, or is there already.
         """
         values = [_plain(row.get(name)) for name in _COLUMNS]
         marks = ", ".join("?" * len(values))
@@ -101,9 +99,6 @@ class Rows:
             self._database.execute(
                 f"INSERT INTO trials VALUES ({marks})", values
             )
-        except sqlite3.IntegrityError:
-            key = tuple(row[name] for name in KEY)
-            raise ValueError(f"trial = {key}: must not be repeated") from None
         except sqlite3.Error as error:
             raise OSError(f"{self.path}: {error}") from error
 
@@ -113,22 +108,21 @@ class Rows:
         Raises:
             OSError: a file cannot be written.
         """
-        common = {name: self.identity.get(name) for name in _SHARED}
+        shared = {name: self.identity.get(name) for name in _SHARED}
+        common = shared | {"robot": self.identity["robot"]}
         columns = (*_OWN, *RESULTS, "robot", "scenario", *_SHARED)
-        common["robot"] = self.identity["robot"]
-        for name, head, names in zip(
-            EXPORTS,
-            (f"# {json.dumps(self.identity)}\n", ""),
-            (columns, (*KEY, *COSTS)),
-            strict=True,
+        head = f"# {json.dumps(self.identity)}\n"
+        for name, first, names in (
+            (EXPORTS[0], head, columns),
+            (EXPORTS[1], "", (*KEY, *COSTS)),
         ):
             with open(folder / name, "w", encoding="utf-8", newline="") as file:
-                file.write(head)
+                file.write(first)
                 lines = csv.DictWriter(
                     file, names, extrasaction="ignore", lineterminator="\n"
                 )
                 lines.writeheader()
-                lines.writerows({**common, **row} for row in self.all())
+                lines.writerows(common | row for row in self.all())
 
 
 @contextlib.contextmanager
@@ -145,11 +139,6 @@ def opened(folder: Path, identity: dict | None = None) -> Iterator[Rows]:
         raise ValueError(
             f"folder = {str(folder)!r}: must have a {DATABASE} of a sweep"
         )
-    if not path.is_file() and (folder / EXPORTS[0]).is_file():
-        raise ValueError(
-            f"folder = {str(folder)!r}: must be another one: its {EXPORTS[0]} "
-            "is of an older version"
-        )
     # Each statement is a transaction; the first one takes the lock.
     database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
     with contextlib.closing(database):
@@ -161,19 +150,14 @@ def opened(folder: Path, identity: dict | None = None) -> Iterator[Rows]:
             database.execute("COMMIT")
             rows = Rows(path, database)
         except (sqlite3.Error, TypeError, json.JSONDecodeError) as error:
-            raise _refusal(path, error) from None
-        _compare(path, rows.identity, identity)
+            named, rule = f"trials = {path}", f"a {DATABASE} of this program"
+            if "locked" in str(error):
+                named = f"folder = {str(folder)!r}"
+                rule = "in use by no other sweep"
+            raise ValueError(f"{named}: must be {rule} ({error})") from None
+        ours = rows.identity | {"protocol": PROTOCOL}
+        _compare(path, rows.identity, ours if identity is None else identity)
         yield rows
-
-
-def _refusal(path: Path, error: Exception) -> ValueError:
-    if "locked" in str(error):
-        return ValueError(
-            f"folder = {str(path.parent)!r}: must not be in use by a sweep"
-        )
-    return ValueError(
-        f"trials = {path}: must be a {DATABASE} of this program ({error})"
-    )
 
 
 def _create(database: sqlite3.Connection, identity: dict) -> None:
@@ -184,24 +168,14 @@ def _create(database: sqlite3.Connection, identity: dict) -> None:
         database.execute("INSERT INTO sweep VALUES (?)", [text])
 
 
-def _compare(path: Path, found: dict, asked: dict | None) -> None:
+def _compare(path: Path, found: dict, asked: dict) -> None:
     """Raises ValueError that names the first field that differs."""
-    if asked is None and found.get("protocol") != PROTOCOL:
-        raise ValueError(
-            f"protocol = {found.get('protocol')}: must be {PROTOCOL} in {path}"
-        )
-    asked = found if asked is None else asked
-    for name in {**asked, **found}:
+    for name in asked | found:
         if found.get(name) != asked.get(name):
             raise ValueError(
                 f"{name} = {asked.get(name)}: must be {found.get(name)} as in "
                 f"{path}{_HINTS.get(name, '')}"
             )
-
-
-def _place(row: dict) -> tuple:
-    scenario, mechanisms, *rest = (row[name] for name in KEY)
-    return scenario, list(NAMED).index(mechanisms), *rest
 
 
 def _plain(value: object) -> object:

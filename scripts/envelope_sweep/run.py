@@ -1,6 +1,9 @@
-"""Parallel execution of the trials of a sweep."""
+"""Parallel execution of the trials of a sweep, by Dask."""
 
+import asyncio
 import contextlib
+import logging
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -9,12 +12,12 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
+    ThreadPoolExecutor,
     wait,
 )
-from dataclasses import dataclass
 from typing import NamedTuple
 
-from distributed import KilledWorker
+from distributed import Client, KilledWorker, LocalCluster, Security, rpc
 from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
@@ -28,6 +31,7 @@ from nadia_balance.scripts.envelope_sweep.search import (
 )
 from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 
+CONNECT_TIMEOUT = 5.0  # [s]
 LOOK = 0.2  # period of the checks whether to stop [s]
 # If no trial has ended for NO_TRIAL + TRIES timeouts, there are no workers:
 # Dask begins a trial four times if its process dies, each up to the timeout.
@@ -35,8 +39,66 @@ NO_TRIAL, TRIES = 300.0, 5  # [s], timeouts
 DIED = "crashed", "the process of the trial died"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Progress:
+@contextlib.contextmanager
+def open_workers(
+    workers: int, scheduler: str | None = None
+) -> Iterator[tuple[Executor, int]]:
+    """Yields an Executor, and how many trials it runs at a time.
+
+    They are `workers` processes of this machine, or all workers of the Dask
+    cluster of the `scheduler`.  Trials that run at the end of the block are
+    abandoned.
+
+    Raises:
+        ValueError: no worker, or no such scheduler.
+    """
+    if scheduler is None and workers < 1:
+        raise ValueError(f"workers = {workers}: must be >= 1")
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                memory_limit=None,
+                silence_logs=logging.CRITICAL,
+            )
+            stack.enter_context(cluster)
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+            client.run(os.setsid)  # Ctrl-C interrupts only this process
+        else:
+            client = stack.enter_context(_client(scheduler))
+        yield client.get_executor(pure=False), len(client.nthreads())
+
+
+def _client(scheduler: str) -> Client:
+    """A client of a scheduler that has workers."""
+    try:
+        with ThreadPoolExecutor(1) as thread:  # which has no event loop yet
+            found = thread.submit(asyncio.run, _identity(scheduler)).result()
+        if found["type"] == "Scheduler" and found["workers"]:
+            usual = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
+            return Client(scheduler, **usual)
+        why = f"this is a {found['type']} without workers"
+    except TimeoutError:
+        why = f"no answer for {CONNECT_TIMEOUT:g} s"
+    except (OSError, TypeError, ValueError) as error:
+        why = str(error)
+    raise ValueError(
+        f"scheduler = {scheduler!r}: must be a running Dask scheduler ({why})"
+    )
+
+
+async def _identity(scheduler: str) -> dict:
+    """What answers there.  A Client would wait for an answer without end."""
+    keys = Security().get_connection_args("client")
+    async with rpc(scheduler, connection_args=keys) as remote:
+        return await asyncio.wait_for(remote.identity(), CONNECT_TIMEOUT)
+
+
+class Progress(NamedTuple):
     """Progress of a sweep; its total is an estimate until the end."""
 
     done: int  # trials
@@ -49,8 +111,7 @@ class Job(NamedTuple):
     """A trial that runs; `alone` if no other one can have ended its process."""
 
     search: "CellSearch"
-    labels: dict
-    arguments: tuple
+    attempt: Attempt
     alone: bool = False
 
 
@@ -73,11 +134,11 @@ class CellSearch:
         foreseen = attempts_left(self.known, *self._search)
         self.left = max(len(needed), foreseen) if needed else 0
 
-    def begin(self) -> Attempt:
+    def begin(self) -> Job:
         """Returns the next attempt, which runs from now on."""
         attempt = self.waiting.pop(0)
         self._running.add(attempt)
-        return attempt
+        return Job(self, attempt)
 
     def record(self, row: dict) -> None:
         """Records a trial, which may have been begun before."""
@@ -181,7 +242,7 @@ def run_sweep(
             return suspects.pop() if suspects and not running else None
         # One more than can run, so that no worker waits for the next one.
         search = most_urgent(searches) if len(running) <= slots else None
-        return search and _job(search, sweep, rows.identity)
+        return search and search.begin()
 
     show(progress_of(searches))
     patience = NO_TRIAL + TRIES * sweep.timeout
@@ -189,27 +250,21 @@ def run_sweep(
     try:
         while not stopped():
             while job := next_job():
-                running[executor.submit(trial.run_trial, *job.arguments)] = job
+                arguments = _arguments(sweep, rows.identity, job)
+                running[executor.submit(trial.run_trial, *arguments)] = job
             if not running:
                 return True
-            failure = None
             for future in wait(running, LOOK, FIRST_COMPLETED).done:
                 job, latest = running.pop(future), time.monotonic() + patience
-                try:
-                    result = _result(future)
-                except RuntimeError as error:
-                    failure = error
-                    continue
+                result = _result(future)
                 if result is None and not job.alone:
                     suspects.append(job._replace(alone=True))
                     continue
-                row = job.labels | (result or trial.row_without_run(*DIED))
+                row = _row(sweep, job, result)
                 rows.add(row)
                 job.search.record(row)
                 job.search.go_on()
                 show(progress_of(searches))
-            if failure:
-                raise failure
             if time.monotonic() > latest:
                 raise RuntimeError("the workers are gone: no trial has ended")
         return False
@@ -218,21 +273,24 @@ def run_sweep(
             future.cancel()
 
 
-def _job(search: CellSearch, sweep: Sweep, identity: dict) -> Job:
-    """The next attempt of `search`, which runs from now on."""
-    cell, (delta_v, replica) = search.cell, search.begin()
-    labels = {
-        **cell.situation._asdict(),
-        "mechanisms": cell.mechanisms,
-        "direction_deg": cell.direction_deg,
+def _arguments(sweep: Sweep, identity: dict, job: Job) -> tuple:
+    """The arguments of run_trial."""
+    cell, (delta_v, replica) = job.search.cell, job.attempt
+    walk = yaml_dump_typed(sweep.walk(cell, replica))
+    push = delta_v, cell.direction_deg
+    return identity, walk, sweep.plant, *push, sweep.timeout
+
+
+def _row(sweep: Sweep, job: Job, result: dict | None) -> dict:
+    """The row of a trial that has ended; without a result, its process died."""
+    delta_v, replica = job.attempt
+    return {
+        **job.search.cell._asdict(),
         "delta_v": delta_v,
         "replica": replica,
         "seed": sweep.common.seed + replica,
+        **(result or trial.row_without_run(*DIED)),
     }
-    walk = yaml_dump_typed(sweep.walk(cell, replica))
-    push = delta_v, cell.direction_deg
-    arguments = identity, walk, sweep.plant, *push, sweep.timeout
-    return Job(search, labels, arguments)
 
 
 def _result(future: Future) -> dict | None:

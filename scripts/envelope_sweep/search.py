@@ -12,11 +12,11 @@ import math
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NamedTuple
 
 from nadia_balance.core.math.bounds import bounded
 
-FINEST = 1e-4  # resolution [m/s]
 LARGEST = 100.0  # bound of pushes, far above any recovery [m/s]
 TYPICAL = 0.6  # assumed limit of a cell without trials [m/s]
 
@@ -24,6 +24,9 @@ TYPICAL = 0.6  # assumed limit of a cell without trials [m/s]
 Attempt = tuple[float, int]
 # True if the robot recovered; None: undecided, as the run was too short.
 Results = Mapping[Attempt, bool | None]
+# Verdicts on a push: required replicas recovered; all until now have; one has
+# not, which others may make up for; too many have not, or one is undecided.
+PASSED, LIKELY, DOUBTFUL, FAILED = "passed", "likely", "doubtful", "failed"
 
 
 @dataclass(kw_only=True)
@@ -31,7 +34,7 @@ class SearchParams:
     """Resolution, strides and replicas of a search."""
 
     # Resolution of the limit.
-    resolution: float = bounded(0.02, least=FINEST, unit="m/s")
+    resolution: float = bounded(0.02, least=1e-4, unit="m/s")
     # Increments before the first failure, in resolutions [-].
     stride: int = bounded(8, least=1, most=1000)
     replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
@@ -50,16 +53,11 @@ class SearchParams:
         """Number of replicas that must recover: four in five, rounded up."""
         return -(-4 * self.replicas // 5)
 
-    @property
+    @functools.cached_property
     def grid(self) -> tuple[float, ...]:
         """Zero and all pushes that may be tried [m/s], to nine decimals."""
-        return _grid(self.resolution, self.largest)
-
-
-@functools.lru_cache
-def _grid(resolution: float, largest: float) -> tuple[float, ...]:
-    count = math.floor(largest / resolution * (1.0 + 1e-9))
-    return tuple(round(i * resolution, 9) for i in range(count + 1))
+        count = math.floor(self.largest / self.resolution * (1.0 + 1e-9))
+        return tuple(round(i * self.resolution, 9) for i in range(count + 1))
 
 
 class Situation(NamedTuple):
@@ -73,43 +71,38 @@ class Situation(NamedTuple):
         return f"{self.scenario}, {self.at}"
 
 
-@dataclass(frozen=True)
-class Cell:
-    """Conditions of one limit to find."""
+class Cell(NamedTuple):
+    """Conditions of one limit to find, named as the columns of a row."""
 
+    scenario: str
+    at: str
     mechanisms: str  # a name of NAMED
-    situation: Situation
     direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
 
+    @property
+    def situation(self) -> Situation:
+        """The gait and its moment."""
+        return Situation(self.scenario, self.at)
 
-@dataclass(frozen=True)
-class Limit:
+
+class Limit(NamedTuple):
     """Present knowledge of the limit between recovery and fall."""
 
     # Largest push such that the robot recovers from it and from every smaller
     # push that was tried; 0 if there is none.  Before the search is complete,
     # a push counts if all its trials until now have recovered.
-    recovered: float  # [m/s]
+    recovered: float | None  # [m/s]
     # The smallest push that fails [m/s]; None if no failure is known.
     failed: float | None
     complete: bool  # the search has ended
 
 
-@dataclass(frozen=True)
-class _Push:
+class _Push(NamedTuple):
     """Results of one push that was tried."""
 
     delta_v: float  # [m/s]
     outcomes: dict[int, bool | None]  # replica -> recovered
-    verdict: bool | None  # True: the robot recovers; None: more to try
-
-    @property
-    def is_doubtful(self) -> bool:
-        return self.verdict is None and not all(self.outcomes.values())
-
-    @property
-    def is_decided(self) -> bool:
-        return None not in self.outcomes.values()
+    verdict: str
 
 
 def _pushes(results: Results, search: SearchParams) -> list[_Push]:
@@ -120,17 +113,24 @@ def _pushes(results: Results, search: SearchParams) -> list[_Push]:
     tried: dict[float, dict[int, bool | None]] = {}
     for (delta_v, replica), recovered in sorted(results.items()):
         tried.setdefault(delta_v, {})[replica] = recovered
-    found = []
-    for delta_v, outcomes in tried.items():
-        good, verdict = list(outcomes.values()).count(True), None
-        if None in outcomes.values():
-            verdict = False
-        elif good >= search.required:
-            verdict = True
-        elif len(outcomes) - good > search.replicas - search.required:
-            verdict = False
-        found.append(_Push(delta_v, outcomes, verdict))
-    return found
+    return [
+        _Push(v, found, _verdict(found, search)) for v, found in tried.items()
+    ]
+
+
+def _verdict(outcomes: dict[int, bool | None], search: SearchParams) -> str:
+    good = list(outcomes.values()).count(True)
+    bad = len(outcomes) - good
+    if None in outcomes.values() or bad > search.replicas - search.required:
+        return FAILED
+    if good >= search.required:
+        return PASSED
+    return DOUBTFUL if bad else LIKELY
+
+
+def _below(pushes: list[_Push]) -> list[_Push]:
+    """The pushes below the smallest that failed."""
+    return list(takewhile(lambda push: push.verdict != FAILED, pushes))
 
 
 def next_batch(
@@ -143,26 +143,29 @@ def next_batch(
     next call, the set of all attempts depends on their outcomes only.
     """
     grid, pushes = search.grid, _pushes(results, search)
-    failed = [push.delta_v for push in pushes if push.verdict is False]
-    below = [p for p in pushes if not failed or p.delta_v < failed[0]]
+    below = _below(pushes)
     # Doubtful pushes come first: if they fail, larger ones are not needed.
     for push in below:
-        if push.is_doubtful:
+        if push.verdict == DOUBTFUL:
             missing = set(range(search.replicas)).difference(push.outcomes)
             return [(push.delta_v, min(missing))]
     # Places in the grid.
-    lower = bisect_left(grid, below[-1].delta_v) if below else 0
-    upper = bisect_left(grid, failed[0]) if failed else len(grid)
-    if not failed and lower < len(grid) - 1:
+    lower, upper = (
+        (bisect_left(grid, below[-1].delta_v) if below else 0),
+        len(grid),
+    )
+    if len(below) < len(pushes):
+        upper = bisect_left(grid, pushes[len(below)].delta_v)
+    elif lower < upper - 1:
         begin = max(round(first / search.resolution), search.stride)
         place = lower + search.stride if below else begin
-        return [(grid[min(place, len(grid) - 1)], 0)]
+        return [(grid[min(place, upper - 1)], 0)]
     if upper - lower > 1:
         return [(grid[(lower + upper) // 2], 0)]
     return [
         (push.delta_v, replica)
         for push in below[-2:]
-        if push.verdict is None
+        if push.verdict == LIKELY
         for replica in range(search.required)
         if replica not in push.outcomes
     ]
@@ -189,17 +192,18 @@ def limit(results: Results, search: SearchParams) -> Limit | None:
 
     None if no trial was decided: the limit is then unknown, not 0.
     """
-    if all(recovered is None for recovered in results.values()) and results:
+    if results and all(recovered is None for recovered in results.values()):
         return None
-    pushes, recovered = _pushes(results, search), 0.0
-    for push in pushes:
-        if push.verdict is False or push.is_doubtful:
-            break
-        recovered = push.delta_v
-    failed = [push for push in pushes if push.verdict is False][:1]
+    pushes = _pushes(results, search)
+    below = _below(pushes)
+    sure = list(takewhile(lambda push: push.verdict != DOUBTFUL, below))
+    failed = None
+    for push in pushes[len(below) : len(below) + 1]:
+        if None not in push.outcomes.values():
+            failed = push.delta_v
     return Limit(
-        recovered=recovered,
-        failed=failed[0].delta_v if failed and failed[0].is_decided else None,
+        recovered=sure[-1].delta_v if sure else 0.0,
+        failed=failed,
         complete=not next_batch(results, search),
     )
 
@@ -212,12 +216,10 @@ def attempts_left(
     The search is run to its end for an assumed limit, in the middle of the
     interval that `results` leave: recovery below it, failure above.
     """
-    known = limit(results, search) or Limit(0.0, None, False)
-    middle = max(
-        TYPICAL, known.recovered + 0.5 * search.stride * search.resolution
-    )
-    if known.failed is not None:
-        middle = 0.5 * (known.recovered + known.failed)
+    recovered, failed, _ = limit(results, search) or (0.0, None, False)
+    middle = max(TYPICAL, recovered + 0.5 * search.stride * search.resolution)
+    if failed is not None:
+        middle = 0.5 * (recovered + failed)
     foreseen = dict(results)
     while batch := next_batch(foreseen, search, first):
         foreseen |= {attempt: attempt[0] <= middle for attempt in batch}

@@ -89,12 +89,9 @@ def run_trial(
 
 @functools.lru_cache
 def _check_identity(walk: str, identity: frozenset) -> None:
-    scenario, asked = load_typed(Scenario, "walk", data=walk), dict(identity)
-    ours = {
-        **fingerprint.this_code(),
-        "robot_files": fingerprint.robot_hash(scenario.robot),
-    }
-    for name, value in ours.items():
+    robot, asked = load_typed(Scenario, "walk", data=walk).robot, dict(identity)
+    files = {"robot_files": fingerprint.robot_hash(robot)}
+    for name, value in (fingerprint.this_code() | files).items():
         if asked.get(name, value) != value:
             raise ValueError(
                 f"{name} = {value}: must be {asked[name]}, as when the sweep "
@@ -128,6 +125,10 @@ class Walk:
     def push(self, delta_v: float, direction_deg: float, latest: float) -> dict:
         """Returns the row of a push of `delta_v` [m/s] in a direction [deg].
 
+        `predicted_at_push` and `predicted_at_touchdowns` are the least numbers
+        of steps that capture the point mass, or -1: at the end of the push
+        (None before it), and at each touchdown after that.
+
         Raises:
             TimeoutError: it runs longer than `latest` on the monotonic clock.
         """
@@ -139,32 +140,51 @@ class Walk:
             _check(run, latest)
             self._to_push = context, run
         context, run = self._to_push
-        observer = Observer(self, context, latest)
+        watch, steps = simulation.RecoveryWatch(diagram), self._steps(context)
+        at_push: int | None = None
+        at_touchdowns: list[int] = []
+
+        def decided(context: Context) -> bool:
+            nonlocal at_push, steps
+            before, steps = steps, self._steps(context)
+            if at_push is not None:
+                if steps > before:
+                    at_touchdowns.append(self._least_steps(context))
+            elif simulation.push_signal(diagram, context).waiting == 0.0:
+                at_push = self._least_steps(context)
+            return watch(context) or time.monotonic() > latest
+
         if run.until:  # the walk did not end before the push
-            simulator = simulation.pushed(
-                diagram, context, delta_v, direction_deg
-            )
             run = simulation.advance(
-                simulator, duration, stop_at_failure=True, until=observer
+                simulation.pushed(diagram, context, delta_v, direction_deg),
+                duration,
+                stop_at_failure=True,
+                until=decided,
             )
             _check(run, latest)
-        return self._row(run, observer)
+        return self._judged(run) | {
+            "predicted_at_push": at_push,
+            "predicted_at_touchdowns": at_touchdowns,
+        }
 
-    def _row(self, run: simulation.Run, observer: "Observer") -> dict:
-        summary = summarize(
-            run, simulation.run_info(self.scenario, run, self.plant)
-        )
+    def _judged(self, run: simulation.Run) -> dict:
+        info = simulation.run_info(self.scenario, run, self.plant)
+        summary = summarize(run, info)
         outcome = summary["outcome"]
         if run.error:
             outcome = "error"
         elif run.fell_at is not None:
             outcome = "fell"
-        return {
-            "outcome": outcome,
-            **{name: summary[name] for name in FROM_SUMMARY},
-            "predicted_at_push": observer.at_push,
-            "predicted_at_touchdowns": observer.at_touchdowns.copy(),
-        }
+        results = {name: summary[name] for name in FROM_SUMMARY}
+        return {"outcome": outcome, **results}
+
+    def _least_steps(self, context: Context) -> int:
+        model = self.scenario.point_mass(self.diagram.robot)
+        return limit_from(self.diagram, context, model=model).least_steps()
+
+    def _steps(self, context: Context) -> int:
+        state = self.diagram.GetOutputPort("walking_state").Eval(context)
+        return state.steps_taken
 
 
 class _Kept(threading.local):
@@ -194,43 +214,6 @@ def limit_from(
         on=NAMED[scenario.mechanisms],
         **more,
     )
-
-
-class Observer:
-    """Observes a pushed robot; ends the simulation once it has recovered.
-
-    `at_push` and `at_touchdowns` are the least numbers of steps that capture
-    the point mass, or -1: at the end of the push (None before it), and at
-    each touchdown after that.
-    """
-
-    def __init__(self, walk: Walk, context: Context, latest: float):
-        """Observes a simulation that continues `walk` from `context` on."""
-        self._diagram, self._latest = walk.diagram, latest
-        self._point_mass = walk.scenario.point_mass(walk.diagram.robot)
-        self._steps = self._steps_in(context)
-        self.at_push: int | None = None
-        self.at_touchdowns: list[int] = []
-        self._watch = simulation.RecoveryWatch(walk.diagram)
-
-    def __call__(self, context: Context) -> bool:
-        """True if the robot has recovered, or the time is up."""
-        steps = self._steps_in(context)
-        landed, self._steps = steps > self._steps, steps
-        if self.at_push is not None:
-            if landed:
-                self.at_touchdowns.append(self._foretell(context))
-        elif simulation.push_signal(self._diagram, context).waiting == 0.0:
-            self.at_push = self._foretell(context)
-        return self._watch(context) or time.monotonic() > self._latest
-
-    def _foretell(self, context: Context) -> int:
-        model = self._point_mass
-        return limit_from(self._diagram, context, model=model).least_steps()
-
-    def _steps_in(self, context: Context) -> int:
-        state = self._diagram.GetOutputPort("walking_state").Eval(context)
-        return state.steps_taken
 
 
 def _check(run: simulation.Run, latest: float) -> None:

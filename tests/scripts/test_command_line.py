@@ -1,6 +1,5 @@
 """What the scripts share: flags, Meshcat, the results, Ctrl-C."""
 
-import argparse
 import errno
 import io
 import json
@@ -47,14 +46,6 @@ QUICK = ["--plant", "lipm", "--duration", "0.5"]
 
 def run(capsys, *argv):
     return run_script(Job, [*QUICK, *argv], capsys)
-
-
-def test_finite_reads_finite_numbers():
-    finite = command_line.finite
-    assert [finite(text) for text in ("-2.5", "1e-3")] == [-2.5, 0.001]
-    for text in ("nan", "-inf", "1e999", "one", ""):
-        with pytest.raises(argparse.ArgumentTypeError, match="finite number"):
-            finite(text)
 
 
 @pytest.mark.parametrize(
@@ -134,14 +125,6 @@ def test_results_are_whole_although_nobody_reads_the_story(tmp_path):
     assert piped(*STAND, cwd=tmp_path, stdout=writer) == (0, [])
     os.close(writer)
     read_run(tmp_path / "run")
-
-
-def test_results_are_whole_although_the_story_is_on_a_full_disk(tmp_path):
-    """Oracle: the device that is always full."""
-    with open("/dev/full", "w") as full:
-        assert piped(*STAND, cwd=tmp_path, stdout=full) == (0, [])
-        read_run(tmp_path / "run")
-        assert piped("push", "--help", stdout=full) == (0, [])
 
 
 def test_a_full_disk_is_one_line_and_leaves_no_half_file(

@@ -5,7 +5,6 @@ import shutil
 import numpy as np
 import pytest
 
-from nadia_balance.diagrams.scenario import scenario_names
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import simulate
 from tests.scripts.running import run_script, summary_of
@@ -25,13 +24,6 @@ def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
     assert summary["steps_taken"] == 2
     assert summary["pushes"] == []
     assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
-
-
-def test_help_has_the_scenarios_and_the_exit_codes(capsys):
-    outcome = run_script(simulate, ["--help"], capsys)
-    text = " ".join(" ".join(outcome.out).split())
-    assert "Exit code: 0 " in text
-    assert all(name in text for name in scenario_names())
 
 
 def test_another_robot_from_another_folder(tmp_path, monkeypatch, capsys):

@@ -37,7 +37,7 @@ def paper_times(
     reference = AT if robot == "nadia" else at
     paper = protocol_of(robot, reference).curves(reference.scenario)
     return {
-        Cell(mechanisms, at, direction): factor * value
+        Cell(*at, mechanisms, direction): factor * value
         for mechanisms, curve in paper.items()
         for direction, value in curve.items()
     }
@@ -110,9 +110,7 @@ def table_of(rows, identity, physical=NOTHING):
 
 def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
     return {
-        **cell.situation._asdict(),
-        "mechanisms": cell.mechanisms,
-        "direction_deg": cell.direction_deg,
+        **cell._asdict(),
         "delta_v": delta_v,
         "replica": replica,
         "seed": replica,
@@ -232,7 +230,7 @@ def walk_of(
 ) -> str:
     """The walk of a trial, as it travels."""
     sweep = sweep or stepping_sweep()
-    cell = Cell(mechanisms, Situation("push", at), 0.0)
+    cell = Cell("push", at, mechanisms, 0.0)
     return yaml_dump_typed(sweep.walk(cell, replica))
 
 

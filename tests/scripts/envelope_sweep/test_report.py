@@ -3,15 +3,12 @@
 Oracle: the limits from which the trials were made up; the rest by hand.
 """
 
-import csv
-import math
 from dataclasses import replace
 
 import pytest
 
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.physical import References
 from nadia_balance.scripts.envelope_sweep.protocols import protocol_of
 from nadia_balance.scripts.envelope_sweep.search import (
     Cell,
@@ -19,9 +16,9 @@ from nadia_balance.scripts.envelope_sweep.search import (
     Situation,
 )
 from nadia_balance.scripts.envelope_sweep.table import (
+    References,
     Scale,
     limit_table,
-    scale_of,
 )
 from tests.scripts.envelope_sweep.made_up import (
     AT,
@@ -46,9 +43,9 @@ LIMITS = References(
     assumptions="a point mass 2 m high",
 )
 CELLS = {
-    Cell(ALL, AT, 0.0): 1.3,
-    Cell(ALL, AT, 45.0): 0.8,
-    Cell(ALL, AT, 90.0): 0.3,
+    Cell(*AT, ALL, 0.0): 1.3,
+    Cell(*AT, ALL, 45.0): 0.8,
+    Cell(*AT, ALL, 90.0): 0.3,
 }
 
 
@@ -77,32 +74,18 @@ def test_finds_the_limits_again_in_any_order():
     assert found.records == table_of(rows, identity_of()).records
     assert len(found.records) == len(limits)
     for record in found.records:
-        cell = Cell(record.mechanisms, AT, record.direction_deg)
+        cell = Cell(*AT, record.mechanisms, record.direction_deg)
         assert record.recovered == pytest.approx(limits[cell], abs=1e-9)
         assert record.failed == pytest.approx(record.recovered + 0.02)
         assert record.complete
         assert record.paper == pytest.approx(paper_times(1.0)[cell])
 
 
-def test_names_are_in_the_order_of_the_paper_and_its_moment_is_first():
-    found = made_up_table(
-        {
-            Cell(name, at, direction): 0.2
-            for name in (ALL, "icp_only", "step_swing")
-            for at in (EARLY, LATE, LEFT, AT)
-            for direction in (270.0, 0.0)
-        }
-    )
-    assert found.mechanisms == ["icp_only", "step_swing", ALL]
-    assert found.situations == [AT, EARLY, LEFT, LATE]
-    assert found.directions == [0.0, 270.0]
-
-
 @pytest.mark.parametrize("outcome", ["fell", "error", "crashed", "hung"])
 def test_only_a_recovery_is_one(outcome):
     """Oracle: by hand; 0.1 m/s is recovered from, 0.2 m/s is not."""
     search = SearchParams(resolution=0.1, stride=1, replicas=1)
-    rows = made_up_rows({Cell("step", AT, 0.0): 0.5}, search)[:2]
+    rows = made_up_rows({Cell(*AT, "step", 0.0): 0.5}, search)[:2]
     rows[1]["outcome"] = outcome
     (record,) = table_of(rows, identity_of(search)).records
     found = record.recovered, record.failed, record.complete
@@ -111,18 +94,10 @@ def test_only_a_recovery_is_one(outcome):
 
 @pytest.mark.parametrize("outcomes", [[], ["undecided"]])
 def test_a_table_needs_a_trial_that_was_decided(outcomes, tmp_path):
-    row = made_up_rows({Cell("step", AT, 0.0): 0.5})[0]
+    row = made_up_rows({Cell(*AT, "step", 0.0): 0.5})[0]
     rows = [{**row, "outcome": outcome} for outcome in outcomes]
     with pytest.raises(ValueError, match="none was decided"):
         limit_table(identity_of(), rows, tmp_path / "none")
-
-
-def test_the_scale_of_a_robot_is_its_mass_and_its_height_s():
-    """Oracle: sqrt(g z), with com_height of Nadia's robot.yaml; 91 kg."""
-    mass, speed = scale_of("nadia")
-    assert speed == pytest.approx(math.sqrt(9.81 * 0.888), rel=1e-12)
-    assert mass == pytest.approx(91.0, abs=0.5)
-    assert scale_of("nobody") is None
 
 
 def test_knows_the_figures_of_the_papers():
@@ -193,8 +168,8 @@ def test_a_row_for_each_direction_beside_the_paper_and_the_limit():
 
 def test_marks_what_is_not_sure_and_writes_the_digits_that_tell():
     """Oracle: by hand; a mark of several is that of the least sure one."""
-    hurried = Cell("step", AT, 90.0)
-    cells = {**CELLS, Cell("step", AT, 0.0): 9.0, hurried: 0.3}
+    hurried = Cell(*AT, "step", 90.0)
+    cells = {**CELLS, Cell(*AT, "step", 0.0): 9.0, hurried: 0.3}
     found = coarse_table(cells, is_unfinished=hurried.__eq__)
     rows = read_table(report.overview(found, AT))
     assert [row["direction"] for row in rows] == ["0", "45", "90", "mean"]
@@ -208,37 +183,9 @@ def test_marks_what_is_not_sure_and_writes_the_digits_that_tell():
     assert "0.300" in report.overview(fine, AT)
 
 
-def test_the_report_has_every_table(tmp_path):
-    """Oracle: the tables one by one, and Python's reader of CSV."""
-    cells = paper_times(1.0) | paper_times(0.8, LEFT)
-    found = coarse_table(cells)
-    text = report.report_text(found)
-    assert "\n\n\n" not in text
-    assert "computed for a point mass 2 m high." in text.replace("\n", " ")
-    parts = [report.what_was_done(found), report.outcomes_table(found)]
-    parts += [report.predictions_table(found)]
-    for at in (AT, LEFT):
-        parts.append(report.overview(found, at))
-        parts += [
-            report.details(found, found.of(n, at)) for n in found.mechanisms
-        ]
-    for part in parts:
-        assert part in text
-    lines = [line for line in text.splitlines() if not line.startswith("|")]
-    assert max(map(len, lines)) <= 80
-    names = report.write_report(tmp_path, found)
-    assert {path.name for path in tmp_path.iterdir()} == set(names)
-    assert (tmp_path / "tables.md").read_text("utf-8") == text
-    lines = (tmp_path / "limits.csv").read_text().splitlines()
-    written = list(csv.DictReader(lines))
-    assert [float(row["recovered"]) for row in written] == [
-        record.recovered for record in found.records
-    ]
-
-
 # Trials: 0.1 to 0.3 m/s recover, 0.4 m/s does not; 0.1 m/s recovers, 0.2 not.
 ONE_EACH = SearchParams(resolution=0.1, stride=1, replicas=1)
-FEW = {Cell("icp_only", AT, 0.0): 0.3, Cell("step", AT, 0.0): 0.1}
+FEW = {Cell(*AT, "icp_only", 0.0): 0.3, Cell(*AT, "step", 0.0): 0.1}
 
 
 def changed_table(changed):
@@ -258,20 +205,6 @@ def test_counts_how_the_trials_ended():
         ["fell", "0", "1", "1"],
         ["failed", "1", "0", "1"],
     ]
-
-
-def test_says_why_trials_have_no_answer_or_no_verdict():
-    crash = {"outcome": "crashed", "reason": "SIGSEGV | x"}
-    short = {"outcome": "undecided", "reason": "the run is too short"}
-    found = changed_table({2: short, 3: crash, 5: crash})
-    _, second = report.outcomes_table(found).split("\n\n")
-    assert second.splitlines()[2:] == [
-        "| crashed: SIGSEGV \\| x           |      2 |",
-        "| undecided: the run is too short |      1 |",
-    ]
-    assert any(line.startswith("2 of 6") for line in report.said_lines(found))
-    flood = {n: {"outcome": "error", "reason": f"no {n}"} for n in range(5)}
-    assert report.outcomes_table(changed_table(flood)).count("error: no") == 5
 
 
 def test_counts_false_predictions():

@@ -154,19 +154,3 @@ def test_tells_its_progress_after_every_trial(tmp_path):
         assert now.total >= now.done + (now.complete < now.cells)
     assert told[-1].total == told[-1].done
     assert told[-1].complete == told[-1].cells == 6
-
-
-def test_the_bar_shows_what_it_is_told(capsys):
-    """Oracle: the text on stderr; what an earlier run did took no time."""
-
-    def told(done, total, complete):
-        return module.Progress(
-            done=done, total=total, complete=complete, cells=6
-        )
-
-    with module.progress_bar(told(20, 80, 0)) as show:
-        show(told(95, 95, 6))
-    said = capsys.readouterr().err
-    assert "20/80" in said
-    assert "95/95" in said.split("\r")[-1]
-    assert "6/6 limits found" in said

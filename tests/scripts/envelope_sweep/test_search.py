@@ -103,21 +103,6 @@ def test_the_limit_is_what_the_protocol_says(example, first):
         assert (found.failed, found.recovered) == (None, search.grid[-1])
 
 
-@given(searches(), st.integers(0, 31))
-def test_a_clear_limit_costs_a_known_number_of_trials(search, last):
-    """Oracle: strides up, halves down, replicas at two pushes and at falls."""
-    largest = (last + 0.5) * search.resolution
-    results = run(search, lambda delta_v, _: delta_v <= largest)
-    passed = {delta_v for (delta_v, _), good in results.items() if good}
-    failed = {delta_v for (delta_v, _), good in results.items() if not good}
-    enough = 1 + search.replicas - search.required
-    confirmed = min(len(passed), 2) * (search.required - 1)
-    assert len(results) == len(passed) + confirmed + enough * len(failed)
-    march = math.ceil(min(last + 1, len(search.grid) - 1) / search.stride)
-    halves = math.ceil(math.log2(search.stride))
-    assert len(passed | failed) <= march + halves
-
-
 @pytest.mark.parametrize(
     ("first", "pushes"),
     [

@@ -1,6 +1,5 @@
 """What is simulated, and what becomes of it: one whole run is the oracle."""
 
-import json
 import threading
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts.envelope_sweep import trial as module
 from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
@@ -86,14 +84,6 @@ def test_ends_as_soon_as_the_verdict_is_certain():
     assert row["max_icp_error_m"] == summary["max_icp_error_m"]
 
 
-def test_who_was_not_pushed_is_undecided():
-    """Oracle: the run ends before the swing in which the push should be."""
-    row = tried(walk_of(stepping_sweep(1.2)), 0.3)
-    assert row["outcome"] == "undecided"
-    assert row["reason"].startswith("not pushed")
-    assert row["predicted_at_push"] is None
-
-
 def test_an_error_is_a_row_like_any_other():
     """Oracle: the columns of a row without an error."""
     row = tried(walk_of(), 0.3, plant="lipn")
@@ -131,25 +121,6 @@ def test_ctrl_c_gives_no_row(monkeypatch):
         tried(walk_of(), 0.3)
 
 
-def test_keeps_the_walks_that_were_used_last(monkeypatch):
-    """Oracle: the walks that are made, by seed; none is simulated."""
-    made = []
-
-    class Counted:
-        def __init__(self, text, _):
-            made.append(load_typed(Scenario, "walk", data=text).seed)
-
-        def push(self, *args):
-            return {}
-
-    monkeypatch.setattr(module, "Walk", Counted)
-    monkeypatch.setattr(module, "MOST_WALKS", 2)
-    monkeypatch.setattr(module, "_kept", module._Kept())
-    for replica in (0, 1, 0, 2, 0, 1):
-        tried(walk_of(stepping_sweep(1.5), replica=replica), 0.1)
-    assert made == [0, 1, 2, 1]
-
-
 # What the capture regions foretell, beside what becomes of it.
 
 
@@ -174,20 +145,6 @@ def test_what_becomes_of_a_push_is_foretold(
     assert row["predicted_at_push"] in foretold
     if direction == 0.0:
         assert set(row["predicted_at_touchdowns"]) <= foretold
-
-
-def test_there_is_a_prediction_for_each_touchdown_after_the_push():
-    """Oracle: the steps that landed, less those before the push's end.
-
-    None are required, so that it is seen to its end.
-    """
-    walk = walk_of(stepping_sweep(4.5), ALL)
-    log = judged(walk, 0.5, 90.0)[0].logs
-    end = pushes(log)[-1].end
-    landed = [s for s in steps(log) if s.swing.end >= end - 1e-9]
-    row = tried(walk, 0.5, 90.0)
-    assert json.loads(json.dumps(row, allow_nan=False)) == row
-    assert len(row["predicted_at_touchdowns"]) == len(landed) >= 3
 
 
 def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():

@@ -9,10 +9,9 @@ import socket
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import workers as module
-from nadia_balance.scripts.envelope_sweep.fingerprint import this_code
+from nadia_balance.scripts.envelope_sweep import run as module
+from nadia_balance.scripts.envelope_sweep.run import open_workers
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
-from nadia_balance.scripts.envelope_sweep.workers import open_workers
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts, walk_of
 
 TRIALS = [
@@ -63,18 +62,3 @@ def test_refuses_what_is_no_scheduler(monkeypatch):
             with pytest.raises(ValueError, match=f"^scheduler = '{address}':"):
                 with open_workers(1, address):
                     raise AssertionError("accepted")
-
-
-@pytest.mark.parametrize(
-    "codes",
-    [
-        {},
-        {"tcp://host:1": OSError("gone")},
-        {"tcp://host:1": {**this_code(), "code": "0" * 16}},
-    ],
-)
-def test_refuses_workers_that_cannot_run_this_code(codes):
-    """Oracle: a worker that is this one is accepted."""
-    module._check_workers("tcp://host:0", {"tcp://host:1": this_code()})
-    with pytest.raises(ValueError, match="^scheduler = 'tcp://host:0': must"):
-        module._check_workers("tcp://host:0", codes)

@@ -7,7 +7,7 @@ import pytest
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.envelope_sweep.physical import (
+from nadia_balance.scripts.envelope_sweep.table import (
     limits_of,
     physical_limits,
 )
@@ -45,8 +45,8 @@ def test_every_robot_has_its_own():
 
 def test_curves_are_of_what_was_tried_and_around(tmp_path):
     """Oracle: `limits_of`, of one direction."""
-    tried = {"icp_only": [40.0], "step": [40.0]}
-    found = physical_limits("nadia", "humanoid", AT, tried, tmp_path / "none")
+    tried = ["icp_only", "step"], [40.0], tmp_path / "none"
+    found = physical_limits("nadia", "humanoid", AT, *tried)
     assert set(found.limit["icp_only"]) == {40.0}
     around = {40.0, *(15.0 * i for i in range(24))}
     assert set(found.limit["step"]) == set(found.with_hips["step"]) == around
