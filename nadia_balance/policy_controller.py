@@ -113,6 +113,8 @@ class PolicyController(LeafSystem):
         super().__init__()
         self.params = params = params or PolicyParams()
         check(params)
+        *velocity, yaw_rate = params.command
+        self.stands = max(math.hypot(*velocity), abs(yaw_rate)) < _STILL
         what = f"controller = {str(onnx)!r}: must"
         self._network = _session(Path(onnx), what)
         self.joints, self._kp, self._kd = _metadata(self._network, what)
@@ -122,6 +124,11 @@ class PolicyController(LeafSystem):
         joints = [plant.get_joint_actuator(i).joint() for i in indices]
         names = [joint.name() for joint in joints]
         _same(names, self.joints, f"{what} be of the joints of {robot.name}")
+        for name in params.default_angles:
+            if name not in names:
+                raise ValueError(
+                    f"default_angles.{name}: must be a joint of {robot.name}"
+                )
         # In the order of the policy.
         places = [names.index(name) for name in self.joints]
         nq, default = plant.num_positions(), params.default_angles.get
@@ -146,20 +153,13 @@ class PolicyController(LeafSystem):
             params.period, 0.0, self._update
         )
 
-    @property
-    def stands(self) -> bool:
-        """True if the command is to stand."""
-        *velocity, yaw_rate = self.params.command
-        return max(math.hypot(*velocity), abs(yaw_rate)) < _STILL
-
     def time_of(self, moment: Moment) -> float:
         """Returns the time [s] of the first tick at `moment` by the clock.
 
-        A foot swings, by the clock, for the half of the stride around its
-        phase 0.  A moment in a swing is later than `settling`.
+        A foot swings for the half of the stride around its phase 0; a moment
+        in a swing is later than `settling`.
 
-        Raises:
-            ValueError: it is in a phase that the clock does not have.
+        Raises ValueError: it is in a phase that the clock does not have.
         """
         p = self.params
         if moment.phase is None:
@@ -266,14 +266,11 @@ def _checked_port(network: Any, n: int, what: str) -> str:
         ("input", network.get_inputs(), 3 * n + 13),
         ("output", network.get_outputs(), n),
     ):
-        has = [(port.type, port.shape) for port in ports]
-        if [(kind, shape[1:]) for kind, shape in has] != [
-            ("tensor(float)", [size])
-        ]:
-            told = ", ".join(f"{kind} {shape}" for kind, shape in has)
+        wanted = f"tensor(float) [1, {size}]"
+        has = ", ".join(f"{port.type} {port.shape}" for port in ports)
+        if has != wanted:
             raise ValueError(
-                f"{what} have one {name}, tensor(float) [1, {size}] for {n} "
-                f"joints; has {told}"
+                f"{what} have one {name} {wanted} for {n} joints; has {has}"
             )
     return network.get_inputs()[0].name
 
@@ -282,7 +279,7 @@ def _same(wanted: Any, found: Any, what: str) -> None:
     """Raises ValueError, beginning with `what`, unless the names agree."""
     lacks = [name for name in wanted if name not in found]
     more = [name for name in found if name not in wanted]
-    told = [("lacks", lacks), ("has besides", more)]
-    if lacks or more:
-        said = (f"{verb} {', '.join(names)}" for verb, names in told if names)
+    told = ("lacks", lacks), ("has besides", more)
+    said = [f"{verb} {', '.join(names)}" for verb, names in told if names]
+    if said:
         raise ValueError(f"{what}: {'; '.join(said)}")
