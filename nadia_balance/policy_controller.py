@@ -67,26 +67,25 @@ class PolicyController(LeafSystem):
     in training, the parts in the alphabetical order of their names:
 
     =============  =====  ===================================  ==============
-    from           size   what                                 unit
+    from           size   what                                 unit, scale
     =============  =====  ===================================  ==============
     0              n      last action a, at first 0            -
-    n              3      angular velocity of the pelvis, in   0.25 rad/s
+    n              3      angular velocity of the pelvis, in   rad/s x 0.25
                           its frame
     n + 3          1      commanded yaw rate                   rad/s
     n + 4          2      commanded velocity, forward, left    m/s
     n + 6          2      cos of the phases                    -
     n + 8          n      q - q_0                              rad
-    2 n + 8        n      joint speeds v                       0.05 rad/s
+    2 n + 8        n      joint speeds v                       rad/s x 0.05
     3 n + 8        3      direction of gravity, in the         -
                           pelvis' frame
     3 n + 11       2      sin of the phases                    -
     =============  =====  ===================================  ==============
 
-    An entry is the value times the figure of its unit.  The clock is two
-    phases, of the left and the right foot, from 0 and pi at the start on: each
-    tick adds 2 pi `period` / `stride` first.  At 0 a foot is to be highest, at
-    pi on the ground; both stay at pi while the command is to stand.  The clock
-    neither knows nor follows where the feet are.
+    The clock is two phases, of the left and the right foot, from 0 and pi at
+    the start on: each tick adds 2 pi `period` / `stride` first.  At 0 a foot is
+    to be highest, at pi on the ground; both stay at pi while the command is to
+    stand.  The clock neither knows nor follows where the feet are.
 
     `estimated_state` is [q, v] of the robot, `actuation` (n,) [N m] in the
     order of its actuators.  The discrete state is [a, phases] (n + 2,).
@@ -106,9 +105,8 @@ class PolicyController(LeafSystem):
     ):
         """Reads the policy for `robot` from the file `onnx`.
 
-        Raises:
-            ValueError: the file is no such policy, or one of another robot, or
-                onnxruntime is missing: one line that names what differs.
+        Raises ValueError: the file is no such policy, or one of another robot,
+        or onnxruntime is missing: one line that names what differs.
         """
         super().__init__()
         self.params = params = params or PolicyParams()
@@ -124,11 +122,10 @@ class PolicyController(LeafSystem):
         joints = [plant.get_joint_actuator(i).joint() for i in indices]
         names = [joint.name() for joint in joints]
         _same(names, self.joints, f"{what} be of the joints of {robot.name}")
-        for name in params.default_angles:
-            if name not in names:
-                raise ValueError(
-                    f"default_angles.{name}: must be a joint of {robot.name}"
-                )
+        for name in {*params.default_angles} - {*names}:
+            raise ValueError(
+                f"default_angles.{name}: must be a joint of {robot.name}"
+            )
         # In the order of the policy.
         places = [names.index(name) for name in self.joints]
         nq, default = plant.num_positions(), params.default_angles.get
@@ -180,8 +177,8 @@ class PolicyController(LeafSystem):
         p, state = self.params, self._state(context)
         memory = context.get_discrete_state(self._memory).value()
         phases = self._advanced(memory[-2:])
-        quaternion = state[:4] / np.linalg.norm(state[:4])
-        R_BW = RotationMatrix(Quaternion(quaternion)).inverse()
+        unit = state[:4] / np.linalg.norm(state[:4])
+        R_BW = RotationMatrix(Quaternion(unit)).inverse()
         *velocity, yaw_rate = p.command
         return np.concatenate(
             [

@@ -298,8 +298,7 @@ def _policy(
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
 
-    Raises:
-        ValueError: the policy does not fit the robot or the other flags.
+    Raises ValueError: the policy does not fit the robot or the other flags.
     """
     if args.controller is None:
         return []

@@ -214,7 +214,7 @@ def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
     assert (summary["outcome"], info.is_long_enough) == ("failed", False)
     (felt,) = summary["pushes"]
     assert (felt["time_s"], felt["direction_deg"]) == pytest.approx((0.1, 90.0))
-    for name in ("max_icp_error_m", "swing_durations_s", "recovery_time_s"):
+    for name in ("max_icp_error_m", "stance_slip_m", "recovery_time_s"):
         assert summary[name] is None
     told = telling_lines(run.logs, summary)
     assert told[0].startswith("t=0.10 s  push 1.00 m/s left ")

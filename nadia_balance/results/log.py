@@ -203,14 +203,13 @@ def landings(log: Log) -> list[float]:
     """
     if "walking_signal" in log or "foot_forces" not in log:
         return [step.swing.end for step in steps(log)]
-    found = [
-        start
-        for side in Side
-        for (last, lasted), (start, _) in itertools.pairwise(
-            contacts(log, side)
-        )
-        if start - last - lasted > BOUNCE
-    ]
+    found = []
+    for spans in (contacts(log, side) for side in Side):
+        ends = [start + duration for start, duration in spans]
+        starts = [start for start, _ in spans[1:]]
+        found += [
+            b for a, b in zip(ends, starts, strict=False) if b - a > BOUNCE
+        ]
     return sorted(found)
 
 

@@ -44,7 +44,8 @@ def calm_steps(log: Log) -> int:
     """Number of calm steps (see CalmSteps) at the end of the log."""
     last = pushes(log)[-1:]
     begin = recovered_at(log, last[0] if last else None)
-    return max(sum(time > begin for time in logs.landings(log)) - 1, 0)
+    landings = [step.swing.end for step in steps(log)]
+    return max(sum(time > begin for time in landings) - 1, 0)
 
 
 def recovered_at(log: Log, push: logs.PushSpan | None) -> float:
@@ -261,17 +262,11 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "max_icp_error_m": ("icp", icp_error),
     "rms_icp_error_m": ("icp", _rms_icp_error),
     "footstep_error_m": (
-        "walking_signal",
+        "t",
         lambda log: np.array([s.error for s in steps(log)]),
     ),
-    "swing_durations_s": (
-        "walking_signal",
-        lambda log: _durations(log, Phase.SWING),
-    ),
-    "transfer_durations_s": (
-        "walking_signal",
-        lambda log: _durations(log, Phase.TRANSFER),
-    ),
+    "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
+    "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
     "steps_taken": ("t", lambda log: len(logs.landings(log))),
     "steps_after_push": ("t", _steps_after_push),
     "calm_steps": ("icp", calm_steps),
@@ -290,11 +285,11 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         lambda log: np.maximum(_powers(log), 0.0).sum(axis=1),
     ),
     "max_swing_foot_speed": (
-        "foot_poses walking_signal",
+        "foot_poses",
         lambda log: np.concatenate([np.zeros(0), *_swing_speeds(log)]),
     ),
     "mean_swing_foot_speed": (
-        "foot_poses walking_signal",
+        "foot_poses",
         lambda log: np.array([np.mean(speed) for speed in _swing_speeds(log)]),
     ),
     # Each force is the mean of a tick.
@@ -303,7 +298,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         lambda log: log["foot_forces"] / log["weight"],
     ),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
-    "min_edge_distances_m": ("ground walking_signal", _edge_distances),
+    "min_edge_distances_m": ("ground", _edge_distances),
     "qp_solves": ("t", lambda log: sum(len(q.solved) for q in _qps(log))),
     "qp_failures": ("t", _qp_failures),
     "qp_fallbacks": (
