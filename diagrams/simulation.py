@@ -17,7 +17,7 @@ from nadia_balance.diagrams.signal_log import SignalLog
 from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
 from nadia_balance.results.measurements import CalmSteps
-from nadia_balance.results.summary import Run, RunInfo
+from nadia_balance.results.summary import STEADY, Run, RunInfo
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import IcpReference, PushSignal
@@ -103,17 +103,20 @@ class RecoveryWatch:
 
     The robot has recovered after the complete steps with a small ICP error
     that its scenario requires (see summarize), and `more_steps` like them.
-    Without required steps, only the end of the run decides.
+    Without required steps, or an ICP, only the end of the run decides.
     """
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
         """Watches `diagram`, from any time on."""
         self._diagram, self._calm = diagram, CalmSteps()
-        calm = diagram.scenario.calm_steps
+        has_icp = diagram.HasOutputPort("icp")
+        calm = diagram.scenario.calm_steps if has_icp else 0
         self._required = calm + more_steps if calm else math.inf
 
     def __call__(self, context: Context) -> bool:
         """True if the robot has recovered."""
+        if self._required == math.inf:
+            return False
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
         calm = self._calm.look(context.get_time(), steps_taken, error, waiting)
@@ -249,12 +252,18 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     the gait has left when the last push begins, if that is less; 0 for a robot
     that only stands.  A run is long enough if PATIENCE steps, or all that are
     left, end one step before the end of the run, since a push delays the steps.
-    A run without a push is judged from its start.
+    A run without a push is judged from its start.  Without a walking signal,
+    a run is long enough that ends STEADY after the push.
     """
     robot = load_robot(scenario.robot, scenario.fidelity)
     start = scenario.start(scenario.point_mass(robot)).schedule
     begin, taken = 0.0, 0
-    if felt := pushes(log):
+    felt = pushes(log)
+    if "walking_signal" not in log:
+        ends = felt[-1].end if felt else 0.0
+        steps = min(scenario.calm_steps, len(start.footsteps))
+        return steps, bool(log["t"][-1:] >= ends + STEADY)
+    if felt:
         begin = felt[-1].start
         walking = logged(log, "walking_signal", felt[-1].first)
         taken = int(walking.steps_taken)
@@ -271,13 +280,18 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
 
 
 def run_info(
-    scenario: Scenario, run: Run, plant: str = "humanoid", name: str = ""
+    scenario: Scenario,
+    run: Run,
+    plant: str = "humanoid",
+    name: str = "",
+    policy: str = "",
 ) -> RunInfo:
     """Returns the RunInfo by which `run`, a run of `scenario`, is judged.
 
-    `plant` is humanoid or lipm, `name` is the scenario's name.
+    `plant` is humanoid or lipm, `name` is the scenario's name, `policy` the
+    file of the policy that walked.
     """
-    same = "robot", "mechanisms", "fidelity", "engine", "seed"
+    same = "robot", "fidelity", "engine", "seed"
     push = scenario.pushes[0] if scenario.pushes else None
     calm_steps, is_long_enough = required_calm_steps(scenario, run.logs)
     upright = {}
@@ -285,6 +299,7 @@ def run_info(
         upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
     return RunInfo(
         **{field: getattr(scenario, field) for field in same},
+        mechanisms=policy or scenario.mechanisms,
         scenario=name,
         plant=plant,
         direction_deg=push.direction_deg if push else None,

@@ -24,6 +24,7 @@ _PUBLIC = {
     "diagrams.simulation": ("simulate",),
     "engines.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
     "engines.point_mass_plant": ("PointMassPlant",),
+    "policy_controller": ("PolicyController", "PolicyParams"),
     "robot.model": ("RobotModel", "add_ground", "load_robot"),
     "systems.capture_region_step_adjuster": ("CaptureRegionStepAdjuster",),
     "systems.centroidal_estimator": ("CentroidalEstimator",),

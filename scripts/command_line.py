@@ -16,16 +16,19 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
+from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
+from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
@@ -46,7 +49,7 @@ ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
 # Flags that have no effect with --live.
 _NOT_LIVE = (
     *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "random"),
+    *("direction", "delta_v", "at", "shape", "random", "controller"),
 )
 
 
@@ -166,6 +169,13 @@ _SCENARIO_FLAGS: Flags = {
 }
 # Fields of a Scenario that a flag of the same name replaces.
 _FIELDS = "robot", "fidelity", "engine", "mechanisms", "duration", "seed"
+_POLICY_FLAGS: Flags = {
+    "controller": {
+        "type": place,
+        "metavar": "ONNX",
+        "help": "file of the policy (docs/policy.md)",
+    }
+}
 _OUTPUT_FLAGS: Flags = {
     "out": {
         "type": place,
@@ -232,6 +242,8 @@ def main_job(
 
     Returns the exit code; bad input exits.
     """
+    about = "Of a learned policy that walks, not our controller."
+    add_flags(parser, "policy", _POLICY_FLAGS, about)
     add_flags(parser, "output", _OUTPUT_FLAGS)
     args = parser.parse_args(argv)
     with parser.refusing():
@@ -241,7 +253,8 @@ def main_job(
             scenario = endless(scenario)
         meshcat = _meshcat(args.port) if shown else None
         make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
-        diagram = make(scenario, meshcat)
+        policy = _policy(args, scenario)
+        diagram = make(scenario, meshcat, *policy)
         if not args.live:
             simulator = simulation.start(diagram)
             folder = new_folder(args.out, args.scenario_name)
@@ -255,7 +268,14 @@ def main_job(
     watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
     run = simulation.advance(simulator, scenario.duration, until=watch)
     summary = summarize(
-        run, simulation.run_info(scenario, run, args.plant, args.scenario_name)
+        run,
+        simulation.run_info(
+            scenario,
+            run,
+            args.plant,
+            args.scenario_name,
+            args.controller.name if policy else "",
+        ),
     )
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
@@ -266,6 +286,37 @@ def main_job(
     if args.hold:
         _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
+
+
+def _policy(
+    args: argparse.Namespace, scenario: Scenario
+) -> list[PolicyController]:
+    """The controller of --controller, if any; its clock times the pushes.
+
+    It walks at the mean velocity of the gait, or stands if that has no steps.
+
+    Raises ValueError: the policy does not fit the robot or the other flags.
+    """
+    if args.controller is None:
+        return []
+    if args.plant == "lipm" or args.mechanisms is not None:
+        raise ValueError(
+            f"controller = {str(args.controller)!r}: must not come with "
+            "plant = lipm or mechanisms"
+        )
+    params, gait = PolicyParams(), scenario.gait
+    step, time = gait.step, gait.swing_duration + gait.transfer_duration
+    if gait.steps or gait.footholds:
+        raise ValueError("gait: must have num_steps with a policy")
+    way = step.length, step.sideways, math.radians(step.yaw_deg)
+    if not gait.num_steps or any(way):
+        params.command = tuple(part / time for part in way)
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    policy = PolicyController(robot, args.controller, params)
+    for push in scenario.pushes:
+        push.at = str(Moment(time=policy.time_of(push.moment)))
+    check(scenario)
+    return [policy]
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:

@@ -26,7 +26,7 @@ FLOORS = (
     "core.plan core.steps core.whole_body new_robot",
     "core.feedback robot analysis",
     "systems",
-    "capture_point_controller engines view",
+    "capture_point_controller policy_controller engines view",
     "balance_controller results",
     "diagrams",
     "scripts",

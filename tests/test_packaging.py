@@ -159,7 +159,7 @@ def test_declares_what_it_imports():
     """Oracle: the imports in the syntax trees of all files."""
     needed = names(PROJECT["dependencies"])
     extras = PROJECT["optional-dependencies"]
-    names_of = ("docs", "mujoco", "robots")
+    names_of = ("docs", "mujoco", "policies", "robots")
     more = set().union(*(names(extras[extra]) for extra in names_of))
     extra = names(extras["test"])
     assert (

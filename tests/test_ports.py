@@ -26,8 +26,11 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.engines.mujoco_plant import PointContacts
+from nadia_balance.policy_controller import PolicyController
 from nadia_balance.view.scene import start_meshcat
 from tests.example_walks import MODEL
+from tests.onnx_bytes import linear_policy
+from tests.test_policy_controller import GOOD, ROBOT, B, W
 
 # output port: the input ports that it depends on within the same instant.
 ICP_CONTROL = "icp icp_reference walking_state"
@@ -59,6 +62,7 @@ FEEDTHROUGH = {
         "icp_reference": "walking_state",
     },
     "JointDrives": {"torques": ""},  # one step late
+    "PolicyController": {"actuation": "estimated_state"},
     "LiveControls": {"live_push": "", "mechanisms": ""},
     "MomentumQp": dict.fromkeys(QP, ICP_CONTROL),
     "MujocoPlant": {
@@ -134,9 +138,13 @@ def diagrams() -> list[Diagram]:
 
 
 @pytest.fixture(scope="module")
-def systems(diagrams) -> dict[type, System]:
+def systems(diagrams, tmp_path_factory) -> dict[type, System]:
     """One instance of every class, from the first diagram that has it."""
-    found: dict[type, System] = {}
+    policy = tmp_path_factory.mktemp("policy") / "policy.onnx"
+    policy.write_bytes(linear_policy(W, B, **GOOD))
+    found: dict[type, System] = {
+        PolicyController: PolicyController(ROBOT, policy)
+    }
     for diagram in diagrams:
         for system in systems_in(diagram):
             found.setdefault(type(system), system)

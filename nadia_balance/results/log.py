@@ -15,7 +15,8 @@ number of the region and x, y [m] of each corner.
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
 of a point mass lacks joints, `state`, `foot_poses`, `trunk_tilt` and
-`foot_wrenches`; readers of a log must handle this.
+`foot_wrenches`, that of a controller of the user's what it has no port for;
+readers of a log must handle this.
 """
 
 import itertools
@@ -45,6 +46,8 @@ Log = Mapping[str, np.ndarray]
 
 QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 
+LOADED = 0.05  # share of the weight above which a foot is in contact [-]
+BOUNCE = 0.06  # shortest swing that is measured [s]
 # Rows from the tick in which a push begins to its first row in the signal.
 _FELT = 1
 
@@ -99,7 +102,9 @@ class PhaseSpan:
 
 
 def phase_spans(log: Log) -> list[PhaseSpan]:
-    """Returns the phases of the run, in order."""
+    """Returns the phases of the run, in order; none if they are not logged."""
+    if "walking_signal" not in log:
+        return []
     t, walking = log["t"], signal(log, "walking_signal")
     last = len(t) - 1
     edges = [
@@ -179,6 +184,35 @@ def steps(log: Log) -> list[Step]:
     return found
 
 
+def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
+    """Measured contacts of the foot of `side`: (start, duration) [s]."""
+    t, forces = log["t"], signal(log, "foot_forces")
+    weight = np.median(forces.left + forces.right)
+    loaded = getattr(forces, side.value) > LOADED * weight
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
+    return [
+        (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
+        for a, b in edges.reshape(-1, 2)
+    ]
+
+
+def landings(log: Log) -> list[float]:
+    """Returns the times [s] of all landings: of its steps, or as measured.
+
+    A foot that was in the air for less than BOUNCE has not been lifted.
+    """
+    if "walking_signal" in log or "foot_forces" not in log:
+        return [step.swing.end for step in steps(log)]
+    found = []
+    for spans in (contacts(log, side) for side in Side):
+        ends = [start + duration for start, duration in spans]
+        starts = [start for start, _ in spans[1:]]
+        found += [
+            b for a, b in zip(ends, starts, strict=False) if b - a > BOUNCE
+        ]
+    return sorted(found)
+
+
 def ground_regions(log: Log) -> list[np.ndarray]:
     """Returns the regions of the ground (n, 2) [m]; none if it is flat."""
     if "ground" not in log:
@@ -204,14 +238,25 @@ def to_pose(x_y_yaw: np.ndarray) -> FootPose:
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 
 
+def walking_at(log: Log, row: int) -> WalkingSignal | None:
+    """The walking signal at this row, None if it is not logged."""
+    has = "walking_signal" in log
+    return signal(log, "walking_signal", row) if has else None
+
+
 def support_side(walking: WalkingSignal) -> Side:
     """The foot that carries, or that receives the weight, in one row."""
     return Side.LEFT if walking.support_side > 0 else Side.RIGHT
 
 
-def push_direction(walking: WalkingSignal, force: np.ndarray) -> float:
-    """Direction of `force` (3,) in the support foot's frame, [0, 360) [deg]."""
-    yaw = getattr(walking, support_side(walking).value)[2]
+def push_direction(walking: WalkingSignal | None, force: np.ndarray) -> float:
+    """Direction of `force` (3,) in the support foot's frame, [0, 360) [deg].
+
+    In W without a walking signal.
+    """
+    yaw = 0.0
+    if walking is not None:
+        yaw = getattr(walking, support_side(walking).value)[2]
     angle = math.atan2(force[1], force[0]) - yaw
     return round(math.degrees(angle), 6) % 360.0
 
@@ -258,9 +303,7 @@ def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
         end=float(t[rows[-1] + 1 - _FELT]),
         force=begins * np.max(sizes),
         delta_v=float(push.delta_v[rows[0]]),
-        direction_deg=push_direction(
-            signal(log, "walking_signal", first), begins
-        ),
+        direction_deg=push_direction(walking_at(log, first), begins),
         rows=rows,
     )
 

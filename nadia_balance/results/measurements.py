@@ -58,15 +58,15 @@ def recovered_at(log: Log, push: logs.PushSpan | None) -> float:
 
 def recovery_time(log: Log) -> float | None:
     """Time [s] from the start of the last push to `recovered_at`, if any."""
-    last = pushes(log)[-1:]
+    last = pushes(log)[-1:] if "icp" in log else []
     return recovered_at(log, last[0]) - last[0].start if last else None
 
 
 def measure(log: Log) -> dict[str, Any]:
     """Returns all measurements as plain values, None if not available."""
     found = {
-        name: function(log) if need in log else None
-        for name, (need, function) in _MEASUREMENTS.items()
+        name: function(log) if {*needs.split()} <= {*log} else None
+        for name, (needs, function) in _MEASUREMENTS.items()
     }
     return {
         name: largest(value) if isinstance(value, np.ndarray) else value
@@ -84,14 +84,16 @@ def _rms_icp_error(log: Log) -> float | None:
     return math.sqrt(np.mean(error**2)) if error.size else None
 
 
-def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, float]:
+def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
     force = signal(log, "push_signal", felt).force
     impulses = force * (log["t"][felt] - log["t"][before])
-    com = signal(log, "com_state").velocity
-    work = np.sum(impulses * 0.5 * (com[:, before] + com[:, felt]))
+    work = None
+    if "com_state" in log:
+        com = signal(log, "com_state").velocity
+        work = float(np.sum(impulses * 0.5 * (com[:, before] + com[:, felt])))
     return {
         "time_s": push.start,
         "duration_s": push.end - push.start,
@@ -99,7 +101,7 @@ def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, float]:
         "direction_deg": push.direction_deg,
         "force_n": float(np.linalg.norm(push.force)),
         "impulse_n_s": float(np.linalg.norm(np.sum(impulses, axis=1))),
-        "absorbed_energy_j": float(work),
+        "absorbed_energy_j": work,
     }
 
 
@@ -147,7 +149,7 @@ def _steps_after_push(log: Log) -> int:
     """Number of landings since the last push began, or since the start."""
     last = pushes(log)[-1:]
     begin = last[0].start if last else -math.inf
-    return sum(step.swing.end > begin for step in steps(log))
+    return sum(time > begin for time in logs.landings(log))
 
 
 def _stance_slip(log: Log) -> float:
@@ -241,7 +243,7 @@ def _qp_failures(log: Log) -> int:
     )
 
 
-# Name: a signal that is needed, and a function of the log; of an array the
+# Name: the signals that are needed, and a function of the log; of an array the
 # largest entry counts.  Units are in the names, or as of the functions.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
@@ -253,7 +255,10 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "body_sway_deg": ("com_state", body_sway),
     "max_torso_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[0]),
     "max_pelvis_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[1]),
-    "com_sag_m": ("t", lambda log: com_height(log)[:1] - com_height(log)),
+    "com_sag_m": (
+        "com_state",
+        lambda log: com_height(log)[:1] - com_height(log),
+    ),
     "max_icp_error_m": ("icp", icp_error),
     "rms_icp_error_m": ("icp", _rms_icp_error),
     "footstep_error_m": (
@@ -262,10 +267,10 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     ),
     "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
     "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
-    "steps_taken": ("t", lambda log: len(steps(log))),
+    "steps_taken": ("t", lambda log: len(logs.landings(log))),
     "steps_after_push": ("t", _steps_after_push),
-    "calm_steps": ("t", calm_steps),
-    "stance_slip_m": ("foot_poses", _stance_slip),
+    "calm_steps": ("icp", calm_steps),
+    "stance_slip_m": ("foot_poses walking_signal", _stance_slip),
     "max_torque_ratio": ("effort_limits", torque_ratio),
     # From tick to tick, of the commands [N m].
     "max_torque_step": (

@@ -120,18 +120,22 @@ def moment_words(walking: WalkingSignal) -> str:
     return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
 
 
-def push_words(walking: WalkingSignal, force: Array, delta_v: float) -> str:
+def push_words(
+    walking: WalkingSignal | None, force: Array, delta_v: float
+) -> str:
     """Describes a push, as it begins: size, direction, point of the gait."""
     direction = direction_words(walking, force)
+    if walking is None:
+        return f"push {delta_v:.2f} m/s {direction}"
     return f"push {delta_v:.2f} m/s {direction}, {moment_words(walking)}"
 
 
-def direction_words(walking: WalkingSignal, force: Array) -> str:
-    """The direction of a force (3,) in the support foot's frame."""
+def direction_words(walking: WalkingSignal | None, force: Array) -> str:
+    """The direction of a force (3,) in the support foot's frame, or in W."""
     angle = logs.push_direction(walking, force)
-    inward = 90.0 * support_side(walking).sign
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
-    if PHASES[int(walking.phase)] is Phase.SWING:
+    if walking is not None and PHASES[int(walking.phase)] is Phase.SWING:
+        inward = 90.0 * support_side(walking).sign
         words = {"inward": inward, "outward": -inward, **words}
     for word, degrees in words.items():
         if abs((angle - degrees + 180.0) % 360.0 - 180.0) < 0.5:
@@ -167,7 +171,7 @@ def recovery_words(count: int) -> str:
 
 
 def _tell_push(log: Log, push: logs.PushSpan) -> str:
-    walking = signal(log, "walking_signal", push.first)
+    walking = logs.walking_at(log, push.first)
     what = push_words(walking, push.force, push.delta_v)
     newtons = float(np.linalg.norm(push.force))
     sizes = np.linalg.norm(signal(log, "push_signal", push.rows).force, axis=0)
@@ -203,7 +207,7 @@ def _end_time(log: Log, summary: dict) -> float:
     if summary["fell_at"] is not None:
         return float(summary["fell_at"])
     pushed = pushes(log)
-    if not pushed or not summary["recovered"]:
+    if not pushed or not summary["recovered"] or "icp" not in log:
         return float(log["t"][-1]) if len(log["t"]) else 0.0
     return recovered_at(log, pushed[-1])
 
@@ -228,9 +232,12 @@ def _tell_outcome(log: Log, summary: dict, end: float) -> str:
     if not summary["recovered"]:
         verb, _, why = reason.partition(": ")
         return f"{verb.upper()}: {why}" if why else verb.upper()
+    count = summary["steps_taken"]
+    if "icp" not in log:
+        told = f"WALKED {count} steps" if count else "STOOD"
+        return f"{told}, upright" + ", after the push" * bool(pushed)
     if pushed:
         taken = signal(log, "walking_signal").steps_taken
         row = min(np.searchsorted(log["t"], end), len(taken) - 1)
         return recovery_words(int(taken[row] - taken[pushed[-1].first]))
-    count = summary["steps_taken"]
     return f"WALKED {count} steps" if count else "STOOD"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.core.walking.vocabulary import Phase
+from nadia_balance.results import log as logs
 from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
@@ -16,6 +17,7 @@ from nadia_balance.systems.signals import PHASES
 from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
 
 SETTLED = 0.5  # time below ICP_BACK at the end of a run without steps [s]
+STEADY = 2.0  # time of steps at the end, to walk on without an ICP [s]
 EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
 ROUNDING = 1e-6  # of times [s]
@@ -46,7 +48,7 @@ class RunInfo:
     """
 
     robot: str
-    mechanisms: str
+    mechanisms: str  # or the file of a policy
     scenario: str = ""
     plant: str = "humanoid"  # or lipm
     fidelity: str = "realistic"  # or ideal
@@ -147,6 +149,11 @@ def _doubt(run: Run) -> str:
 
 def _shortfall(log: Log, info: RunInfo) -> str:
     """The criterion of recovery that is not met at the end; empty if none."""
+    if "icp" not in log:
+        later = log["t"][-1] - STEADY
+        late = sum(time > later for time in logs.landings(log))
+        walks = late > 1 or not info.calm_steps
+        return "" if walks else f"it did not step in the last {STEADY:g} s"
     if info.calm_steps and measured.calm_steps(log) >= info.calm_steps:
         return ""
     shortfall = f"the ICP error did not stay below {ICP_BACK} m"

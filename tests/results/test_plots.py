@@ -9,7 +9,7 @@ from nadia_balance.core.body.reachability import (
     step_regions,
 )
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.results.log import pushes
+from nadia_balance.results.log import contacts, pushes
 from nadia_balance.results.plots import footsteps, timeline
 from tests.results.made_up_run import HALF_WIDTH, Recipe, make_log, summary_of
 
@@ -64,9 +64,9 @@ def test_measured_contacts_are_those_of_the_forces(log):
     forces[500:1000] = [450.0, 450.0]
     forces[1000] = [900.0, 90_000.0]
     log = {**log, "foot_forces": forces}
-    ((start, duration),) = timeline.measured(log, Side.RIGHT)
+    ((start, duration),) = contacts(log, Side.RIGHT)
     assert (start, duration) == pytest.approx((1.0, 1.002))
-    ((start, duration),) = timeline.measured(log, Side.LEFT)
+    ((start, duration),) = contacts(log, Side.LEFT)
     assert (start, duration) == pytest.approx((0.0, log["t"][-1]))
 
 

@@ -113,8 +113,10 @@ def _legend(ax: Axes, columns: int) -> None:
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), **look)
 
 
-def draw_icp(log: Log, summary: dict) -> Figure:
-    """Draws both coordinates with the CoP and CoM, and the error."""
+def draw_icp(log: Log, summary: dict) -> Figure | None:
+    """Draws both coordinates with the CoP and CoM, and the error, if any."""
+    if "icp" not in log:
+        return None
     fig, axes = time_axes(log, summary, "ICP", [2.4, 2.4, 1.5], label=True)
     for axis, name in enumerate(("x, forward [m]", "y, left [m]")):
         _draw_icp(axes[axis], log, axis)

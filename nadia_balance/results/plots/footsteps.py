@@ -39,8 +39,13 @@ _MEANING = {
 }
 
 
-def draw(log: Log, summary: dict) -> Figure:
-    """Draws the recovery from the last push, or the whole run without one."""
+def draw(log: Log, summary: dict) -> Figure | None:
+    """Draws the recovery from the last push, or the whole run without one.
+
+    None without an ICP.
+    """
+    if "icp" not in log:
+        return None
     pushed = logs.pushes(log)
     first, last = window(log, pushed)
     shown = [s for s in logs.steps(log) if first <= s.swing.last < last]

@@ -10,11 +10,10 @@ from matplotlib.patches import Patch
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results.log import Log, PhaseSpan, phase_spans, signal
+from nadia_balance.results.log import Log, PhaseSpan, contacts, phase_spans
 from nadia_balance.results.plots import style
 from nadia_balance.results.plots.style import FAINT, RC, TEXT
 
-LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
@@ -46,9 +45,12 @@ def draw(log: Log, summary: dict) -> Figure:
 
 def _add_key(fig: Figure, log: Log) -> None:
     """Adds the legend of bars and numbers below the axes."""
+    planned = "walking_signal" in log
     bars = [Patch(color=FAINT, alpha=_PALE, label="contact as planned")]
+    bars = bars if planned else []
     if "foot_forces" in log:
-        bars.append(Patch(color=FAINT, label="as measured"))
+        label = "as measured" if planned else "contact as measured"
+        bars.append(Patch(color=FAINT, label=label))
     numbers = [
         Line2D([], [], color=color, marker=f"${text}$", label=label, **_NUMBER)
         for text, color, label in (
@@ -56,6 +58,7 @@ def _add_key(fig: Figure, log: Log) -> None:
             ("0.54", TEXT, "transfer [s]"),
             ("(0.70)", FAINT, "as planned, if changed"),
         )
+        if planned
     ]
     style.key(fig, [*bars, *numbers, *style.push_key(log)])
 
@@ -73,7 +76,7 @@ def _draw_row(
         plan = [(s.start, s.duration) for s in spans if s.carries(side)]
         _bars(ax, plan, _FOOT_Y[side], _PLAN, side, _PALE)
         if "foot_forces" in log:
-            _bars(ax, measured(log, side), _FOOT_Y[side], _MEASURED, side, 1.0)
+            _bars(ax, contacts(log, side), _FOOT_Y[side], _MEASURED, side, 1.0)
     inches = _WIDTH * 0.9 / (end - begin)
     free = [-math.inf] * len(_LABEL_Y)  # end of each lane's last label [s]
     for span in spans:
@@ -84,18 +87,6 @@ def _draw_row(
 def _bars(ax: Axes, bars, y: float, lane, side: Side, alpha: float) -> None:
     look = {"facecolor": palette.foot_color(side), "alpha": alpha, "lw": 0}
     ax.broken_barh(bars, (y + lane[0], lane[1] - lane[0]), **look)
-
-
-def measured(log: Log, side: Side) -> list[tuple[float, float]]:
-    """Measured contacts of the foot of `side`: (start, duration) [s]."""
-    t, forces = log["t"], signal(log, "foot_forces")
-    weight = np.median(forces.left + forces.right)
-    loaded = getattr(forces, side.value) > LOADED * weight
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
-    return [
-        (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
-        for a, b in edges.reshape(-1, 2)
-    ]
 
 
 def _write_duration(

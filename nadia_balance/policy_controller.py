@@ -1,0 +1,282 @@
+"""A learned walking policy, in the place of the BalanceController."""
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
+from pydrake.systems.framework import Context, EventStatus, LeafSystem
+
+from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.systems.ports import VectorInput
+
+_METADATA = "dof_names", "kp", "kd"
+_STILL = 0.01  # slower commands are to stand [m/s], [rad/s]
+_FIRST = {Side.LEFT: 0.0, Side.RIGHT: math.pi}  # phases at the start [rad]
+
+
+def _g1_pose() -> dict[str, float]:
+    """Default angles [rad] of holosoma's policies for the G1."""
+    both = {"hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363}
+    both |= {"shoulder_pitch": 0.2, "elbow": 0.6}
+    pose = {f"{s.value}_{j}_joint": a for s in Side for j, a in both.items()}
+    return pose | {f"{s.value}_shoulder_roll_joint": 0.2 * s.sign for s in Side}
+
+
+@dataclass(kw_only=True)
+class PolicyParams:
+    """What a policy was trained with, and its ONNX file does not say.
+
+    By default, that of holosoma's walking policies for the G1.
+    """
+
+    # Velocity forward, to the left [m/s], and yaw rate [rad/s]: just enough to
+    # step, as all zeros are to stand.
+    command: tuple[float, float, float] = (0.02, 0.0, 0.0)
+    # q_0 by joint [rad]; of joints that are not named 0.
+    default_angles: dict[str, float] = field(default_factory=_g1_pose)
+    action_scale: float = bounded(0.25, above=0.0)  # s [rad]
+    action_limit: float = bounded(100.0, above=0.0)  # of |a| [-]
+    gyro_scale: float = bounded(0.25, above=0.0)  # [s/rad]
+    speed_scale: float = bounded(0.05, above=0.0)  # [s/rad]
+    period: float = bounded(0.02, above=0.0, unit="s")  # from action to action
+    stride: float = bounded(1.0, above=0.0, unit="s")  # of two steps
+    # Pushes in a phase are later than this: it walks steadily by then.
+    settling: float = bounded(4.0, least=0.0, most=60.0, unit="s")
+
+
+class PolicyController(LeafSystem):
+    """Computes joint torques by a policy, an ONNX network from o to a.
+
+    It wants joint targets; the torques hold them like springs, clipped at the
+    actuators' effort limits [N m]:
+
+        q_d = q_0 + s a,    tau = K_p (q_d - q) - K_d v
+
+    The network gives a new action a (n,) every `period` (50 Hz), the torques
+    follow the state at all times.  Joint order, K_p [N m/rad] and K_d
+    [N m s/rad] are the file's metadata `dof_names`, `kp` and `kd`; q_0, s and
+    all numbers below are PolicyParams.  The observation o (3 n + 13,) has, as
+    in training, the parts in the alphabetical order of their names:
+
+    =============  =====  ===================================  ==============
+    from           size   what                                 unit, scale
+    =============  =====  ===================================  ==============
+    0              n      last action a, at first 0            -
+    n              3      angular velocity of the pelvis, in   rad/s x 0.25
+                          its frame
+    n + 3          1      commanded yaw rate                   rad/s
+    n + 4          2      commanded velocity, forward, left    m/s
+    n + 6          2      cos of the phases                    -
+    n + 8          n      q - q_0                              rad
+    2 n + 8        n      joint speeds v                       rad/s x 0.05
+    3 n + 8        3      direction of gravity, in the         -
+                          pelvis' frame
+    3 n + 11       2      sin of the phases                    -
+    =============  =====  ===================================  ==============
+
+    The clock is two phases, of the left and the right foot, from 0 and pi at
+    the start on: each tick adds 2 pi `period` / `stride` first.  At 0 a foot is
+    to be highest, at pi on the ground; both stay at pi while the command is to
+    stand.  The clock neither knows nor follows where the feet are.
+
+    `estimated_state` is [q, v] of the robot, `actuation` (n,) [N m] in the
+    order of its actuators.  The discrete state is [a, phases] (n + 2,).
+
+    .. pydrake_system::
+
+        name: PolicyController
+        input_ports: [estimated_state]
+        output_ports: [actuation]
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        onnx: str | Path,
+        params: PolicyParams | None = None,
+    ):
+        """Reads the policy for `robot` from the file `onnx`.
+
+        Raises ValueError: the file is no such policy, or one of another robot,
+        or onnxruntime is missing: one line that names what differs.
+        """
+        super().__init__()
+        self.params = params = params or PolicyParams()
+        check(params)
+        *velocity, yaw_rate = params.command
+        self.stands = max(math.hypot(*velocity), abs(yaw_rate)) < _STILL
+        what = f"controller = {str(onnx)!r}: must"
+        self._network = _session(Path(onnx), what)
+        self.joints, self._kp, self._kd = _metadata(self._network, what)
+        self._port = _checked_port(self._network, len(self.joints), what)
+        plant = robot.control_plant()
+        indices = plant.GetJointActuatorIndices()
+        joints = [plant.get_joint_actuator(i).joint() for i in indices]
+        names = [joint.name() for joint in joints]
+        _same(names, self.joints, f"{what} be of the joints of {robot.name}")
+        for name in {*params.default_angles} - {*names}:
+            raise ValueError(
+                f"default_angles.{name}: must be a joint of {robot.name}"
+            )
+        # In the order of the policy.
+        places = [names.index(name) for name in self.joints]
+        nq, default = plant.num_positions(), params.default_angles.get
+        self._q = np.array([joints[i].position_start() for i in places])
+        self._v = nq + np.array([joints[i].velocity_start() for i in places])
+        self._spin = slice(nq, nq + 3)  # of the floating base, in W
+        self._q0 = np.array([default(name, 0.0) for name in self.joints])
+        self._limits = plant.GetEffortUpperLimits()[places]
+        self._actuators = np.argsort(places)  # from the policy's order
+        self._state = VectorInput(
+            self, "estimated_state", plant.num_multibody_states()
+        )
+        first = [*np.zeros(len(names)), *_FIRST.values()]
+        self._memory = self.DeclareDiscreteState(first)
+        self.DeclareVectorOutputPort(
+            "actuation",
+            len(names),
+            self._calc_torques,
+            {self._state.ticket(), self.discrete_state_ticket(self._memory)},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            params.period, 0.0, self._update
+        )
+
+    def time_of(self, moment: Moment) -> float:
+        """Returns the time [s] of the first tick at `moment` by the clock.
+
+        A foot swings for the half of the stride around its phase 0; a moment
+        in a swing is later than `settling`.
+
+        Raises ValueError: it is in a phase that the clock does not have.
+        """
+        p = self.params
+        if moment.phase is None:
+            return moment.time
+        if moment.phase is not Phase.SWING or self.stands:
+            known = "a time" if self.stands else "in a swing, or a time"
+            raise ValueError(
+                f"at = '{moment}': must be {known}: the policy's clock has no "
+                f"{moment.phase.value}"
+            )
+        phase = math.pi * (moment.fraction - 0.5) - _FIRST[moment.swing]
+        time = p.stride * phase / (2.0 * math.pi) - p.period
+        time += p.stride * math.ceil((p.settling - time) / p.stride)
+        return p.period * math.ceil(time / p.period - 1e-9)
+
+    def observe(self, context: Context) -> np.ndarray:
+        """Returns the observation (3 n + 13,) of the tick of `context`."""
+        p, state = self.params, self._state(context)
+        memory = context.get_discrete_state(self._memory).value()
+        phases = self._advanced(memory[-2:])
+        unit = state[:4] / np.linalg.norm(state[:4])
+        R_BW = RotationMatrix(Quaternion(unit)).inverse()
+        *velocity, yaw_rate = p.command
+        return np.concatenate(
+            [
+                memory[:-2],
+                p.gyro_scale * (R_BW @ state[self._spin]),
+                [yaw_rate, *velocity],
+                np.cos(phases),
+                state[self._q] - self._q0,
+                p.speed_scale * state[self._v],
+                R_BW @ [0.0, 0.0, -1.0],
+                np.sin(phases),
+            ]
+        )
+
+    def _advanced(self, phases: np.ndarray) -> np.ndarray:
+        """The phases (2,) of the next tick."""
+        if self.stands:
+            return np.full(2, math.pi)
+        p = self.params
+        return phases + 2.0 * math.pi * p.period / p.stride
+
+    def _update(self, context: Context, state) -> EventStatus:
+        seen = self.observe(context).astype(np.float32)
+        action = self._network.run(None, {self._port: seen[None]})[0][0]
+        most = self.params.action_limit
+        memory = context.get_discrete_state(self._memory).value()
+        state.get_mutable_discrete_state(self._memory).set_value(
+            [*np.clip(action, -most, most), *self._advanced(memory[-2:])]
+        )
+        return EventStatus.Succeeded()
+
+    def _calc_torques(self, context: Context, output) -> None:
+        state = self._state(context)
+        action = context.get_discrete_state(self._memory).value()[:-2]
+        target = self._q0 + self.params.action_scale * action
+        torques = self._kp * (target - state[self._q])
+        torques -= self._kd * state[self._v]
+        torques = np.clip(torques, -self._limits, self._limits)
+        output.SetFromVector(torques[self._actuators])
+
+
+def _session(onnx: Path, what: str) -> Any:
+    """The network in the file `onnx`; errors begin with `what`."""
+    if not onnx.is_file():
+        raise ValueError(f"{what} be a file")
+    try:
+        import onnxruntime
+    except ModuleNotFoundError:
+        raise ValueError(
+            f"{what} have its package: pip install onnxruntime"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    try:
+        return onnxruntime.InferenceSession(str(onnx), options)
+    except Exception as error:  # its exceptions have no class in common
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{what} be an ONNX model ({reason})") from None
+
+
+def _metadata(network: Any, what: str) -> tuple[list[str], Any, Any]:
+    """The names (n,) of the joints, and the gains (n,) and (n,)."""
+    texts = network.get_modelmeta().custom_metadata_map
+    _same(_METADATA, set(texts) & {*_METADATA}, f"{what} have metadata")
+    try:
+        names, *gains = (json.loads(texts[name]) for name in _METADATA)
+        names, gains = [*map(str, names)], np.array(gains, dtype=float)
+    except (TypeError, ValueError):  # no JSON, or lists of several lengths
+        names, gains = [], np.zeros((2, 0))
+    sized = len({*names}) > 0 and gains.shape == (2, len({*names}))
+    if not sized or not np.all((gains >= 0.0) & np.isfinite(gains)):
+        raise ValueError(
+            f"{what} have lists in JSON as metadata: dof_names, as many kp "
+            ">= 0 and kd >= 0"
+        )
+    return names, *gains
+
+
+def _checked_port(network: Any, n: int, what: str) -> str:
+    """The name of the input, if input and output fit `n` joints."""
+    for name, ports, size in (
+        ("input", network.get_inputs(), 3 * n + 13),
+        ("output", network.get_outputs(), n),
+    ):
+        wanted = f"tensor(float) [1, {size}]"
+        has = ", ".join(f"{port.type} {port.shape}" for port in ports)
+        if has != wanted:
+            raise ValueError(
+                f"{what} have one {name} {wanted} for {n} joints; has {has}"
+            )
+    return network.get_inputs()[0].name
+
+
+def _same(wanted: Any, found: Any, what: str) -> None:
+    """Raises ValueError, beginning with `what`, unless the names agree."""
+    lacks = [name for name in wanted if name not in found]
+    more = [name for name in found if name not in wanted]
+    told = ("lacks", lacks), ("has besides", more)
+    said = [f"{verb} {', '.join(names)}" for verb, names in told if names]
+    if said:
+        raise ValueError(f"{what}: {'; '.join(said)}")

@@ -1,0 +1,225 @@
+"""A policy in the place of our controller, with a network known to the tests.
+
+The network is a linear map written by hand (onnx_bytes), so that observation,
+action and torques have closed forms.
+"""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+from pydrake.math import RollPitchYaw
+
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.simulation import run_info, simulate
+from nadia_balance.policy_controller import PolicyController, PolicyParams
+from nadia_balance.results.folder import write_plots
+from nadia_balance.results.story import telling_lines
+from nadia_balance.results.summary import summarize
+from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts import push
+from tests.blocks import answer, running
+from tests.onnx_bytes import linear_policy
+from tests.scripts.running import assert_refused, run_script
+
+ROBOT = load_robot("g1")
+PLANT = ROBOT.control_plant()
+JOINTS = [
+    PLANT.get_joint_actuator(i).joint() for i in PLANT.GetJointActuatorIndices()
+]
+NAMES = [joint.name() for joint in reversed(JOINTS)]  # the policy's own order
+N, NQ = len(NAMES), PLANT.num_positions()
+KP, KD = 20.0 + np.arange(N), 0.1 * np.arange(N)
+RNG = np.random.default_rng(0)
+W, B = RNG.normal(size=(N, 3 * N + 13)), RNG.normal(size=N)
+GOOD = {"dof_names": NAMES, "kp": KP.tolist(), "kd": KD.tolist()}
+SWING = "left swing 5 %"
+ANGLES = {"left_knee_joint": 0.7, "right_elbow_joint": -0.3}
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Writes a policy file; returns its path."""
+
+    def make(W=W, b=B, shape=None, **changes):
+        data = linear_policy(W, b, shape, **GOOD | changes)
+        (tmp_path / "policy.onnx").write_bytes(data)
+        return tmp_path / "policy.onnx"
+
+    return make
+
+
+def test_observes_and_acts_in_the_order_of_the_policy(made):
+    """Oracle: the closed form, joint by joint, of a tilted, turned robot."""
+    params = PolicyParams(
+        command=(0.3, -0.2, 0.1), default_angles=ANGLES, stride=0.8
+    )
+    controller = PolicyController(ROBOT, made(), params)
+    R_WB = RollPitchYaw(0.2, -0.3, 2.0)
+    state = RNG.normal(scale=0.1, size=NQ + PLANT.num_velocities())
+    state[:4] = R_WB.ToQuaternion().wxyz()
+    simulator, context = running(controller, estimated_state=state)
+    q = np.array([state[j.position_start()] for j in reversed(JOINTS)])
+    v = np.array([state[NQ + j.velocity_start()] for j in reversed(JOINTS)])
+    q0 = np.array([ANGLES.get(name, 0.0) for name in NAMES])
+    action, R_BW = np.zeros(N), R_WB.ToRotationMatrix().matrix().T
+    limits = PLANT.GetEffortUpperLimits()
+    assert controller.joints == NAMES
+    for tick in (1, 2):  # the network counts in single precision
+        phases = np.array([0.0, np.pi]) + 2.0 * np.pi * 0.02 / 0.8 * tick
+        seen = np.concatenate(
+            [
+                action,
+                0.25 * (R_BW @ state[NQ : NQ + 3]),
+                [0.1, 0.3, -0.2],
+                np.cos(phases),
+                q - q0,
+                0.05 * v,
+                -R_BW[:, 2],
+                np.sin(phases),
+            ]
+        )
+        assert controller.observe(context) == pytest.approx(seen, abs=1e-5)
+        simulator.AdvanceTo((tick - 0.5) * 0.02)
+        action = W @ seen + B
+        torques = (KP * (q0 + 0.25 * action - q) - KD * v)[::-1]
+        found = answer(controller, context, "actuation")
+        assert found == pytest.approx(
+            np.clip(torques, -limits, limits), abs=1e-2
+        )
+        simulator.AdvanceTo(tick * 0.02 - 1e-6)
+    assert np.any(np.abs(torques) > limits)
+
+
+def test_its_clock_tells_when_a_foot_swings(made):
+    """Oracle: the phases at that tick and before it, from 4 s on."""
+    controller = PolicyController(ROBOT, made())
+    for side, first in ("left", 0.0), ("right", np.pi):
+        for percent in (0, 25, 90):
+            time = controller.time_of(Moment.parse(f"{side} swing {percent} %"))
+            wanted = np.pi * (percent / 100.0 - 0.5)
+            phase = first + 2.0 * np.pi * (time + 0.02)
+            late = (phase - wanted + 1e-9) % (2.0 * np.pi)
+            assert late < 2.0 * np.pi * 0.02
+            assert 4.0 <= time < 5.02
+    assert controller.time_of(Moment.parse("2.5 s")) == 2.5
+    still = PolicyController(ROBOT, made(), PolicyParams(command=(0, 0, 0)))
+    for policy, at in (
+        (still, "left swing 5 %"),
+        (controller, "left transfer 5%"),
+    ):
+        with pytest.raises(ValueError, match=f"^at = '{at[:9]}.*: must be"):
+            policy.time_of(Moment.parse(at))
+    _, context = running(still, estimated_state=np.eye(NQ + N + 6)[0])
+    assert np.allclose(still.observe(context)[N + 6 : N + 8], -1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kp": None}, "have lists in JSON as metadata: dof_names, as many kp"),
+        ({"kd": [1.0]}, "have lists in JSON as metadata"),
+        ({"kp": [-1.0] * N}, "have lists in JSON as metadata"),
+        ({"dof_names": [NAMES[0]] * N}, "have lists in JSON as metadata"),
+        (
+            {"dof_names": ["tail", *NAMES[1:]]},
+            f"be of the joints of g1: lacks {NAMES[0]}; has besides tail",
+        ),
+        (
+            {"W": W[:, 1:]},
+            "have one input tensor(float) [1, 100] for 29 joints; has "
+            "tensor(float) [1, 99]",
+        ),
+        (
+            {"W": W[1:], "b": B[1:]},
+            "have one output tensor(float) [1, 29] for 29 joints; has "
+            "tensor(float) [1, 28]",
+        ),
+    ],
+)
+def test_names_what_differs_from_the_robot(made, changes, message):
+    """Oracle: one line with the file, and what is wrong with it."""
+    path = made(**changes)
+    begin = f"controller = {str(path)!r}: must {message}"
+    with pytest.raises(ValueError, match=f"^{re.escape(begin)}"):
+        PolicyController(ROBOT, path)
+
+
+def test_the_default_pose_is_of_this_robot(made):
+    """Oracle: the name of the joint; holosoma's G1 has no tail either."""
+    params = PolicyParams(default_angles={"tail": 0.1})
+    with pytest.raises(ValueError, match=r"^default_angles\.tail: must be a"):
+        PolicyController(ROBOT, made(), params)
+    assert {*PolicyParams().default_angles} < {*NAMES}
+
+
+def test_bad_files_and_flags_are_refused_in_one_line(
+    made, tmp_path, capsys, monkeypatch
+):
+    """Oracle: exit code 2, and one line; no file of a run is written."""
+    bad, good = tmp_path / "bad.onnx", made()
+    bad.write_text("this is no network\n")
+    bare = tmp_path / "bare.onnx"
+    bare.write_bytes(linear_policy(W, B))
+
+    def refused(path, message, *argv):
+        usual = ["--robot", "g1", "--no-meshcat", "--out", tmp_path / "run"]
+        outcome = run_script(
+            push, [*usual, "--controller", path, *argv], capsys
+        )
+        assert_refused(outcome, message)
+
+    for path, what in (
+        (tmp_path / "none.onnx", "be a file"),
+        (tmp_path, "be a file"),
+        (bad, "be an ONNX model ("),
+        (bare, "have metadata: lacks dof_names, kp, kd"),
+    ):
+        refused(path, f"controller = {str(path)!r}: must {what}")
+    refused(
+        good, "at = 'left transfer 50 %': must", "--at", "left transfer 50%"
+    )
+    refused(good, f"controller = {str(good)!r}: must not", "--plant", "lipm")
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    refused(
+        good,
+        f"controller = {str(good)!r}: must have its package: pip install "
+        "onnxruntime",
+    )
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("engine", ["drake", "mujoco"])
+def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
+    """Oracle: the push; a robot that is held by springs alone tips over.
+
+    No ICP, no planned step, no plot of either.
+    """
+    path = made(W=0.0 * W, b=0.0 * B, kp=[200.0] * N, kd=[5.0] * N)
+    scenario = load_scenario(
+        "push",
+        robot="g1",
+        engine=engine,
+        duration=1.2,
+        text="pushes: [{delta_v: 1.0, direction_deg: 90.0, at: 0.1 s}]",
+    )
+    diagram = HumanoidDiagram(scenario, None, PolicyController(ROBOT, path))
+    run = simulate(diagram, 1.2)
+    info = run_info(scenario, run, policy="policy.onnx")
+    summary = summarize(run, info)
+    assert summary["mechanisms"] == "policy.onnx"
+    assert (summary["outcome"], info.is_long_enough) == ("failed", False)
+    (felt,) = summary["pushes"]
+    assert (felt["time_s"], felt["direction_deg"]) == pytest.approx((0.1, 90.0))
+    for name in ("max_icp_error_m", "stance_slip_m", "recovery_time_s"):
+        assert summary[name] is None
+    told = telling_lines(run.logs, summary)
+    assert told[0].startswith("t=0.10 s  push 1.00 m/s left ")
+    assert "FELL" in told[-1]
+    assert write_plots(tmp_path, run.logs, summary) == [
+        "timeline.png",
+        "effort.png",
+    ]
