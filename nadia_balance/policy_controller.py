@@ -15,7 +15,7 @@ from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.ports import VectorInput
+from nadia_balance.systems.ports import Input
 
 _METADATA = "dof_names", "kp", "kd"
 _STILL = 0.01  # slower commands are to stand [m/s], [rad/s]
@@ -135,7 +135,7 @@ class PolicyController(LeafSystem):
         self._q0 = np.array([default(name, 0.0) for name in self.joints])
         self._limits = plant.GetEffortUpperLimits()[places]
         self._actuators = np.argsort(places)  # from the policy's order
-        self._state = VectorInput(
+        self._state = Input(
             self, "estimated_state", plant.num_multibody_states()
         )
         first = [*np.zeros(len(names)), *_FIRST.values()]

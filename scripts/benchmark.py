@@ -8,7 +8,7 @@ the caches as the controller leaves them: an upper bound of the closed loop.
 Examples:
     python scripts/benchmark.py --mechanisms all_with_cross_over --seconds 10
     python scripts/benchmark.py --record     # a row in docs/results/speed.csv
-    python scripts/benchmark.py --scenario_text "{robot: my/robot.yaml}"
+    python scripts/benchmark.py --json --scenario_text "{robot: my/robot.yaml}"
 """
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
@@ -16,6 +16,7 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 # isort: split
 import contextlib
 import csv
+import json
 import platform
 import re
 import subprocess
@@ -53,6 +54,7 @@ FLAGS = {
     "scenario_text": {"help": "YAML that overrides single fields"},
     "mechanisms": {"help": command_line.ONE_OF},
     "seconds": {"default": 5.0, "type": command_line.finite, "help": "[s]"},
+    "json": {"action": "store_true", "help": "print JSON"},
     "record": {
         "nargs": "?",
         "const": Path("docs/results/speed.csv"),
@@ -93,7 +95,8 @@ def main(argv: list[str] | None = None) -> int:
                 f"seconds = {args.seconds}: must be in (0, {LONGEST}]"
             )
     figures = measure(scenario, args.seconds)
-    command_line.say(as_text(figures))
+    text = json.dumps(figures, indent=2) if args.json else as_text(figures)
+    command_line.say(text)
     if args.record is not None:
         record(args.record, scenario, figures)
     return command_line.DONE

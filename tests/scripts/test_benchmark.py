@@ -1,6 +1,9 @@
 """The benchmark: what it measures, and what it refuses."""
 
 import csv
+import json
+from contextlib import redirect_stdout
+from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +12,6 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
-from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.scripts import benchmark
 from nadia_balance.scripts.benchmark import plant_alone, tick_time, tick_times
@@ -30,12 +32,20 @@ BLOCKS = {
 
 
 @pytest.fixture(scope="module")
-def figures():
-    """Those of one short run."""
-    scenario = load_scenario("walk_in_place", mechanisms="all_with_cross_over")
-    with pytest.MonkeyPatch.context() as patch:
+def recorded(tmp_path_factory):
+    return tmp_path_factory.mktemp("speed") / "speed.csv"
+
+
+@pytest.fixture(scope="module")
+def figures(recorded):
+    """One short run, as --json prints it."""
+    argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
+    argv += f" --record {recorded}"
+    out = StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
         patch.setattr(benchmark, "TICKS", 20)
-        return benchmark.measure(scenario, 0.2)
+        assert benchmark.main(argv.split()) == 0
+    return json.loads(out.getvalue())
 
 
 def test_every_block_and_every_plant_has_its_figures(figures):
@@ -59,13 +69,9 @@ def test_every_block_and_every_plant_has_its_figures(figures):
     assert ratio == pytest.approx(loop / in_loop)
 
 
-def test_a_record_has_a_row_for_each_run(figures, tmp_path, monkeypatch):
+def test_a_record_has_a_row_for_each_run(figures, recorded):
     """Oracle: the figures; a second run adds a row under the same head."""
-    monkeypatch.setattr(benchmark, "measure", lambda *_: figures)
-    recorded = tmp_path / "speed.csv"
-    for name in "all_with_cross_over", "icp_only":
-        argv = ["--mechanisms", name, "--record", str(recorded)]
-        assert benchmark.main(argv) == 0
+    benchmark.record(recorded, scenario_of(), figures)
     with recorded.open(encoding="utf-8", newline="") as file:
         first, second = csv.DictReader(file)
     assert first["mechanisms"] == "all_with_cross_over"

@@ -112,13 +112,17 @@ class WholeBodyQp:
         # not physical and may be relaxed.
         first = 6 * sum(contacts) + 6  # row of the limits
         torque_rows = problem.A[first:][self._limits.torque_rows]
-        relaxed = self._limits.relaxed(problem, first, terms, last_torques)
-        while not qp.solved and (problem := next(relaxed, None)):
-            again = self._qps[problem.g.size].solve(problem)
-            solves, helped = qp.solves + again.solves, qp.fallback
-            qp = again._replace(
-                solves=solves, fallback=helped or again.fallback
-            )
+        if not qp.solved:
+            for weaker in self._limits.relaxed(
+                problem, first, terms, last_torques
+            ):
+                again = self._qps[weaker.g.size].solve(weaker)
+                qp = again._replace(
+                    solves=qp.solves + again.solves,
+                    fallback=qp.fallback or again.fallback,
+                )
+                if qp.solved:
+                    break
         nv, mass = terms.v.size, self._model.mass
         x = qp.x[:num_variables]
         torques = torque_rows @ x + terms.forces[6:, -1]
