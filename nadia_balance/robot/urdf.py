@@ -187,7 +187,7 @@ def _pitch_axes(
 ) -> list[np.ndarray]:
     """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
 
-    None if the leg has not three of them, as with oblique hip axes.
+    Empty if the leg has not three of them, as with oblique hip axes.
     """
     found = [
         joint.frame_on_child().CalcPoseInWorld(context).translation()

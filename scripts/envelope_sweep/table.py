@@ -99,7 +99,7 @@ class LimitTable:
 
     @property
     def assumptions(self) -> list[str]:
-        """Those of the limits of any controller."""
+        """Assumptions of the limits of any controller, as text."""
         return sorted({r.assumptions for r in self.references.values()} - {""})
 
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:

@@ -46,7 +46,8 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
 _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
-# Costs of a joint's and of the trunk's acceleration beyond its limit.
+# Costs of a joint's and of the trunk's acceleration beyond its limit, s^2 in
+# (rad/s^2)^2.
 _JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _SIGNS = np.array([[-1.0], [1.0]])
@@ -171,7 +172,8 @@ class WholeBodyLimits:
         Joint limits and tilt get a slack s each, lower <= C x + s <= upper,
         with a cost s^2, so that none yields more than it has to.  Then the
         torque rate limits grow by the factors _HASTE, and the link distances
-        are dropped.  The slacks are the last variables, in rad/s^2.
+        are dropped: the bounds of `problem` change in place.  The slacks are
+        the last variables, in rad/s^2.
         """
         H, g, A, lower, upper = problem
         rows = slice(
