@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Browser, Page
 
+from nadia_balance.diagrams.live import SPEED
 from nadia_balance.robot.model import load_robot
 from tests.scripts.running import environment
 
@@ -79,6 +80,10 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
         return lambda: all(word in text.inner_text() for word in words)
 
     wait_until(page, has_come("t = ", "ICP error", "walks", "factor"))
+    # A page that is slower than what it is sent falls ever farther behind, as
+    # on a busy machine without a GPU.
+    page.evaluate("viewer.renderer.setPixelRatio(0.1)")
+    set_slider(page, SPEED, "0.3")
     heights = [
         page.get_by_text(label, exact=True).bounding_box()["y"]
         for label in ("Push", "Pause", "cross-over: on", "Scene")
