@@ -56,7 +56,7 @@ class WholeBodyQpParams:
     # Largest tilt of torso and pelvis, and the horizon within which they stop
     # there.  Below it the trunk is free to help: its weight is low.
     max_trunk_tilt_deg: float = bounded(
-        35.0, above=0.0, most=180.0, unit="deg", of=""
+        29.0, above=0.0, most=180.0, unit="deg", of=""
     )
     trunk_tilt_horizon: float = bounded(0.15, above=0.0, unit="s")
     # Regularisation of sole moments, horizontal and normal forces / mass: it
