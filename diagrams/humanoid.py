@@ -153,15 +153,15 @@ class HumanoidDiagram(ClosedLoop):
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
-        config = self.scenario.plant_config
+        step = self.scenario.time_step
         if self.scenario.engine == "mujoco":
             self.scenario.terrain.level_ground(self.robot.sole, "MuJoCo")
             self.engine, self.plant, self.scene_graph = add_mujoco_plant(
-                builder, self.robot, config
+                builder, self.robot, step
             )
         else:
             self.plant, self.scene_graph = self.robot.add_plant_to(
-                builder, config, self._ground
+                builder, step, self._ground
             )
             self.engine = self.plant
             ratio = self.scenario.imperfections.friction_ratio

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from pydrake.common.yaml import yaml_load_file
-from pydrake.multibody.plant import MultibodyPlantConfig
 
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
@@ -17,24 +16,12 @@ from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Push
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.robot.ground_geometry import default_plant_config
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 UNITS = ("si", "froude")
-PLANT_NUMBERS = (  # of MultibodyPlantConfig
-    ("time_step", 1e-5, 0.1),
-    ("penetration_allowance", 1e-6, 0.1),
-    ("stiction_tolerance", 1e-6, 1.0),
-    ("sap_near_rigid_threshold", 0.0, 10.0),
-)
 ENGINES = ("drake", "mujoco")
-PLANT_WORDS = {  # of MultibodyPlantConfig
-    "contact_model": ("point", "hydroelastic", "hydroelastic_with_fallback"),
-    "discrete_contact_approximation": ("tamsi", "sap", "similar", "lagged"),
-    "contact_surface_representation": ("triangle", "polygon"),
-}
 
 
 @dataclass(kw_only=True)
@@ -48,8 +35,7 @@ class Scenario:
     units: str = bounded("si", one_of=UNITS)
     # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)
-    # Physics engine.  MuJoCo uses only the time step of plant_config.
-    engine: str = bounded("drake", one_of=ENGINES)
+    engine: str = bounded("drake", one_of=ENGINES)  # of the physics
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; otherwise it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)
@@ -65,9 +51,8 @@ class Scenario:
     # Control period of the point mass.  At 0.01 the largest pushes are those at
     # controller.control_period, and the simulation is faster.
     lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
-    plant_config: MultibodyPlantConfig = field(
-        default_factory=default_plant_config
-    )
+    # Of the physics engine.
+    time_step: float = bounded(0.001, least=1e-5, most=0.1, unit="s", of="")
     # Model errors and measurement errors unknown to the controller.
     imperfections: Imperfections = field(default_factory=Imperfections)
     terrain: Terrain = field(default_factory=Terrain)
@@ -92,7 +77,12 @@ class Scenario:
     def validate_more(self) -> None:
         """Raises ValueError if fields contradict each other."""
         period = self.controller.control_period
-        _check_plant(self.plant_config, period)
+        ticks = period / self.time_step
+        if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
+            raise ValueError(
+                f"time_step = {self.time_step}: must divide "
+                f"controller.control_period = {period} s"
+            )
         delay = self.imperfections.delay / period
         if abs(delay - round(delay)) > 1e-6:
             raise ValueError(
@@ -100,7 +90,6 @@ class Scenario:
                 f"multiple of controller.control_period = {period} s"
             )
         if self.engine == "mujoco":
-            _check_untouched(self.plant_config)
             for name in ("friction_ratio", "torso_mass_ratio"):
                 if (value := getattr(self.imperfections, name)) != 1.0:
                     raise ValueError(
@@ -143,41 +132,6 @@ class Scenario:
         ):
             raise ValueError(
                 f"at = {push.at!r}: must come with steps in the gait"
-            )
-
-
-def _check_plant(config: MultibodyPlantConfig, control_period: float) -> None:
-    """Raises ValueError for values that Drake refuses late or by an abort."""
-    for name, least, most in PLANT_NUMBERS:
-        value = getattr(config, name)
-        if not least <= value <= most:
-            raise ValueError(
-                f"{name} = {value}: must be in [{least:g}, {most:g}]"
-            )
-    for name, words in PLANT_WORDS.items():
-        value = getattr(config, name)
-        if value not in words:
-            raise ValueError(
-                f"{name} = {value!r}: must be one of {', '.join(words)}"
-            )
-    ticks = control_period / config.time_step
-    if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
-        raise ValueError(
-            f"time_step = {config.time_step}: must divide "
-            f"control_period = {control_period} s"
-        )
-
-
-def _check_untouched(config: MultibodyPlantConfig) -> None:
-    """Raises ValueError for settings that have no effect with MuJoCo."""
-    default = default_plant_config()
-    default.time_step = config.time_step
-    for field_name in (entry.name for entry in config.__fields__):
-        value = getattr(config, field_name)
-        if value != (allowed := getattr(default, field_name)):
-            raise ValueError(
-                f"{field_name} = {value!r}: must be {allowed!r} with "
-                "engine = mujoco, which has the time_step only"
             )
 
 

@@ -134,7 +134,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
     """The same robot and plant, on flat ground, with Drake's joint control."""
     builder = DiagramBuilder()
     robot = load_robot(scenario.robot, scenario.fidelity)
-    plant, _ = robot.add_plant_to(builder, scenario.plant_config)
+    plant, _ = robot.add_plant_to(builder, scenario.time_step)
     joints = []
     for i in plant.GetJointActuatorIndices():
         actuator = plant.get_joint_actuator(i)

@@ -1,11 +1,6 @@
-"""Boxes on the ground, of both contact models, for tests of contacts."""
+"""Boxes on the ground, for tests of contacts."""
 
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    Box,
-    ProximityProperties,
-)
+from pydrake.geometry import AddContactMaterial, Box, ProximityProperties
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -18,16 +13,15 @@ from pydrake.systems.framework import DiagramBuilder
 
 def properties() -> ProximityProperties:
     found = ProximityProperties()
-    AddCompliantHydroelasticProperties(0.05, 1e7, found)
     AddContactMaterial(
         properties=found, dissipation=10.0, friction=CoulombFriction(0.8, 0.8)
     )
     return found
 
 
-def ground(builder: DiagramBuilder, contact_model: str) -> MultibodyPlant:
+def ground(builder: DiagramBuilder) -> MultibodyPlant:
     """A plant with a time step of 1 ms that is flat, and empty."""
-    config = MultibodyPlantConfig(time_step=0.001, contact_model=contact_model)
+    config = MultibodyPlantConfig(time_step=0.001, contact_model="point")
     plant, _ = AddMultibodyPlant(config, builder)
     register(plant, plant.world_body(), Box(4.0, 4.0, 1.0), [0.0, 0.0, -0.5])
     return plant

@@ -74,24 +74,6 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
         simulator.AdvanceTo((row + 1) * PERIOD)
 
 
-def test_sampled_ports_of_the_plant_change_no_bit():
-    """Oracle: all logs of a run without them, through a touchdown."""
-    sampled, direct = (
-        run_of(
-            scenario_of(
-                "duration: 1.0, pushes: [], "
-                f"plant_config: {{use_sampled_output_ports: {sampled}}}"
-            )
-        ).logs
-        for sampled in ("true", "false")
-    )
-    signal = WalkingSignal(direct["walking_signal"].T)
-    assert signal.steps_taken[-1] == 1
-    for name, values in direct.items():
-        equal_nan = values.dtype.kind == "f"
-        assert np.array_equal(values, sampled[name], equal_nan), name
-
-
 def parts_of(**changes):
     """The names of the classes of the blocks, by the names of the blocks."""
     params = replace(ControllerParams(), **changes)

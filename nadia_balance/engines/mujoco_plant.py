@@ -8,13 +8,12 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     MultibodyPlant,
-    MultibodyPlantConfig,
     PointPairContactInfo,
 )
 from pydrake.systems import framework
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from nadia_balance.robot.model import RobotModel, default_plant_config
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, declare_cache
 
 
@@ -34,10 +33,6 @@ class PointContacts:
     def point_pair_contact_info(self, i: int) -> PointPairContactInfo:
         """Bodies, point and force of contact `i`."""
         return self.pairs[i]
-
-    def num_hydroelastic_contacts(self) -> int:
-        """Always 0: MuJoCo has point contacts only."""
-        return 0
 
 
 class MujocoPlant(framework.LeafSystem):
@@ -127,18 +122,17 @@ class MujocoPlant(framework.LeafSystem):
 def add_mujoco_plant(
     builder: framework.DiagramBuilder,
     robot: RobotModel,
-    config: MultibodyPlantConfig | None = None,
+    time_step: float = 0.001,
 ) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
     """Adds a MujocoPlant in which `robot` stands on flat ground.
 
-    Only the time step of `config` is used.  The MultibodyPlant that it
-    replaces is not part of the diagram; the SceneGraph is, with all poses.
+    `time_step` [s].  The MultibodyPlant that it replaces is not part of the
+    diagram; the SceneGraph is, with all poses.
 
     Raises ValueError: MuJoCo is not installed, or cannot express the robot.
     """
-    config = config or default_plant_config()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    plant = MultibodyPlant(config.time_step)
+    plant = MultibodyPlant(time_step)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     robot.stand_in(plant, scene_graph)
     engine = builder.AddNamedSystem(

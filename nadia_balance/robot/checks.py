@@ -1,10 +1,9 @@
 """Checks of a robot's plant against robot.yaml, and of its contacts."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
-from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody import tree
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
@@ -86,7 +85,9 @@ def _check_drives(
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
     """Warnings about legal but suspicious settings of a plant with shapes."""
     remarks = []
-    if {body.name() for body in _body_of_shape(plant).values()} == feet:
+    bodies = map(plant.get_body, map(tree.BodyIndex, range(plant.num_bodies())))
+    shaped = filter(plant.GetCollisionGeometriesForBody, bodies)
+    if {body.name() for body in shaped} == feet:
         remarks.append(
             "only the feet have collision shapes: a fall, or legs in each "
             "other, are not noticed"
@@ -141,7 +142,10 @@ def improper_contacts(
     - ground".  A foot may touch all bodies that are not of the `robot`.
     """
     improper = set()
-    for bodies in _touching(plant, results):
+    points = range(results.num_point_pair_contacts())
+    infos = map(results.point_pair_contact_info, points)
+    for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
+        bodies = [plant.get_body(tree.BodyIndex(body)) for body in pair]
         own = {b.name() for b in bodies if b.model_instance() == robot}
         # Two robots may have bodies of the same name.
         others = {
@@ -154,28 +158,3 @@ def improper_contacts(
         if own and not (others and own <= feet):
             improper.add(" - ".join([*sorted(own), *others]))
     return improper
-
-
-def _touching(
-    plant: MultibodyPlant, results: ContactResults
-) -> Iterator[list[tree.RigidBody]]:
-    """The two bodies of every contact; of points, each pair once."""
-    points = range(results.num_point_pair_contacts())
-    infos = map(results.point_pair_contact_info, points)
-    for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
-        yield [plant.get_body(tree.BodyIndex(body)) for body in pair]
-    surfaces = range(results.num_hydroelastic_contacts())
-    body_of = _body_of_shape(plant) if surfaces else {}
-    for i in surfaces:
-        surface = results.hydroelastic_contact_info(i).contact_surface()
-        yield [body_of[surface.id_M()], body_of[surface.id_N()]]
-
-
-def _body_of_shape(plant: MultibodyPlant) -> dict[GeometryId, tree.RigidBody]:
-    """The body of every collision shape of the `plant`."""
-    bodies = map(plant.get_body, map(tree.BodyIndex, range(plant.num_bodies())))
-    return {
-        shape: body
-        for body in bodies
-        for shape in plant.GetCollisionGeometriesForBody(body)
-    }

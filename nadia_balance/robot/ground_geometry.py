@@ -16,10 +16,10 @@ _ROUGH = mbp.CoulombFriction(0.8, 0.8)  # as in flat.urdf
 _DEPTH = 0.5  # depth of the ground below its lowest point [m]
 
 
-def default_plant_config() -> MultibodyPlantConfig:
+def default_plant_config(time_step: float = 0.001) -> MultibodyPlantConfig:
     """Point contact at 1 kHz: the fastest that is accurate enough."""
     return MultibodyPlantConfig(
-        time_step=0.001,
+        time_step=time_step,
         contact_model="point",
         discrete_contact_approximation="sap",
         use_sampled_output_ports=False,

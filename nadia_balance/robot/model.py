@@ -11,7 +11,7 @@ from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody import inverse_kinematics as ik
 from pydrake.multibody import plant as mbp
-from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -171,14 +171,14 @@ class RobotModel:
     def add_plant_to(
         self,
         builder: DiagramBuilder,
-        config: MultibodyPlantConfig | None = None,
+        time_step: float = 0.001,
         ground: Ground | None = None,
     ) -> tuple[MultibodyPlant, SceneGraph]:
         """Adds a plant, finalized, in which the robot stands on the `ground`.
 
-        `config` is by default `default_plant_config()`; see `add_ground`.
+        It has point contacts and this `time_step` [s]; see `add_ground`.
         """
-        config = config or default_plant_config()
+        config = default_plant_config(time_step)
         plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph

@@ -2,7 +2,6 @@
 
 import numpy as np
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import EventStatus, LeafSystem, System
 
 from nadia_balance.core.walking.vocabulary import Side
@@ -37,8 +36,8 @@ class FootForceSensor(LeafSystem):
 
         `engine` is the system that computes the contacts, by default `plant`.
 
-        Raises:
-            ValueError: the period is not a multiple of the plant's time step.
+        Raises ValueError: the period is not a multiple of the plant's time
+        step, or not all contacts are points.
         """
         super().__init__()
         step = plant.time_step()
@@ -48,27 +47,21 @@ class FootForceSensor(LeafSystem):
                 f"period = {period}: must be a multiple of the plant's "
                 f"time_step = {step} s"
             )
+        engine, point = engine or plant, ContactModel.kPoint
+        if engine is plant and plant.get_contact_model() != point:
+            raise ValueError("contact_model of the plant: must be point")
         feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
-        own = plant.GetBodyIndices(feet[0].model_instance())
-        bodies = [BodyIndex(i) for i in range(plant.num_bodies())]
+        own = set(map(int, plant.GetBodyIndices(feet[0].model_instance())))
         # For bodies (A, B) in contact: the foot among them, and the sign of
         # the force on it; contact results list the force on B.
         self._foot_of = {}
         for i, foot in enumerate(feet):
-            for other in (int(body) for body in bodies if body not in own):
+            for other in set(range(plant.num_bodies())) - own:
                 self._foot_of[other, int(foot.index())] = i, 1.0
                 self._foot_of[int(foot.index()), other] = i, -1.0
-        self._has_patches = plant.get_contact_model() != ContactModel.kPoint
-        self._body_of = {
-            geometry: int(body)
-            for body in bodies
-            for geometry in plant.GetCollisionGeometriesForBody(
-                plant.get_body(body)
-            )
-        }
         self._contact_results = self.DeclareAbstractInputPort(
             "contact_results",
-            (engine or plant).GetOutputPort("contact_results").Allocate(),
+            engine.GetOutputPort("contact_results").Allocate(),
         )
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
@@ -95,15 +88,4 @@ class FootForceSensor(LeafSystem):
             if found := foot_of.get(bodies):
                 foot, sign = found
                 forces[foot] += sign * float(pair.contact_force()[2])
-        patches = self._has_patches and results.num_hydroelastic_contacts()
-        for i in range(patches):
-            patch = results.hydroelastic_contact_info(i)
-            surface = patch.contact_surface()
-            bodies = (
-                self._body_of[surface.id_M()],
-                self._body_of[surface.id_N()],
-            )
-            if found := foot_of.get(bodies):
-                foot, sign = found
-                forces[foot] -= sign * patch.F_Ac_W().translational()[2]
         return forces

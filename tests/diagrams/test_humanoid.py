@@ -32,7 +32,7 @@ from tests.source_files import ROOT
 
 SWING = PHASES.index(Phase.SWING)
 STAND = "{duration: 1.5}"
-IN_MUJOCO = "{engine: mujoco, plant_config: {time_step: 0.0005}, duration: 1.5}"
+IN_MUJOCO = "{engine: mujoco, time_step: 0.0005, duration: 1.5}"
 STANDS = STAND, IN_MUJOCO
 IN_PLACE = f"{{duration: 3.1, {runs.SOON % 'right'}}}"
 # Forward, then to the left, backward, and turned; then the feet close up.

@@ -10,7 +10,7 @@ from tests.diagrams.simulated import EARLY, diagram_of, figures, simulated
 PUSHED = (
     "{engine: mujoco, duration: 2.8, calm_steps: 0, mechanisms: step, "
     f"{EARLY % 'num_steps: 2, transfer_duration: 0.3'}, "
-    "plant_config: {time_step: 0.001}, "
+    "time_step: 0.001, "
     "pushes: [{delta_v: 0.2, at: right swing 25 %, direction_deg: 90}]}"
 )
 

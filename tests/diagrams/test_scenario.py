@@ -37,7 +37,7 @@ Other: {duration: 3.0}
 OneOfEverything:
   description: one of everything
   duration: 7.5
-  plant_config: {time_step: 0.0005}
+  time_step: 0.0005
   gait:
     steps: [{length: 0.2}, {yaw_deg: 5.0}]
     step_width: 0.3
@@ -56,8 +56,7 @@ def test_one_of_everything_from_a_file(tmp_path):
     path.write_text(ONE_OF_EVERYTHING)
     loaded = load_scenario("OneOfEverything", path)
     assert (loaded.description, loaded.duration) == ("one of everything", 7.5)
-    assert loaded.plant_config.time_step == 0.0005
-    assert loaded.plant_config.contact_model == "point"  # the default stays
+    assert loaded.time_step == 0.0005
     assert loaded.gait.steps == [StepVector(length=0.2), StepVector(yaw_deg=5)]
     assert loaded.controller.control_period == 0.004
     assert loaded.controller.balance.feedback_gain == 2.5
@@ -78,24 +77,13 @@ BAD_TEXTS = {
     "duration: 0.001": "duration = 0.001: must be",  # half a tick
     "mechanisms: luck": "mechanisms = 'luck': must be one of icp_only",
     "engine: bullet": "engine = 'bullet': must be one of drake, mujoco",
-    "{engine: mujoco, plant_config: {contact_model: hydroelastic}}": (
-        "contact_model = 'hydroelastic': must be 'point' with engine = mujoco"
-    ),
     "imperfections: {delay: 0.003}": "imperfections.delay = 0.003: must",
     "imperfections: {pelvis_noise: -1}": "imperfections.pelvis_noise = -1",
     "{engine: mujoco, imperfections: {friction_ratio: 0.5}}": (
         "imperfections.friction_ratio = 0.5: must be 1"
     ),
-    "plant_config: {time_step: .nan}": "time_step = nan: must be",
-    "plant_config: {time_step: 0.0015}": "time_step = 0.0015: must divide",
-    # Drake would end the process.
-    "plant_config: {stiction_tolerance: 0}": "stiction_tolerance = 0.0: must",
-    "plant_config: {sap_near_rigid_threshold: -1}": (
-        "sap_near_rigid_threshold = -1.0: must be"
-    ),
-    "plant_config: {contact_model: magic}": (
-        "contact_model = 'magic': must be one of point"
-    ),
+    "time_step: .nan": "time_step = nan: must be",
+    "time_step: 0.0015": "time_step = 0.0015: must divide",
     "{mechanisms: all_with_cross_over, controller: {icp_step_qp: {}}}": (
         "controller.icp_step_qp: must be null where the legs may cross"
     ),

@@ -17,13 +17,13 @@ ON_GROUND = 0.5 * SIZE - 0.001  # [m]
 ON_A_FOOT = 1.5 * SIZE - 0.002  # [m]
 
 
-def contacts(contact_model: str, positions: dict) -> set[str]:
+def contacts(positions: dict) -> set[str]:
     """What touches improperly when boxes are put at these positions (3,).
 
     All are the robot's but the one named box.
     """
     builder = DiagramBuilder()
-    plant = ground(builder, contact_model)
+    plant = ground(builder)
     robot = plant.AddModelInstance("robot")
     other = plant.AddModelInstance("other")
     cube = Box(SIZE, SIZE, SIZE)
@@ -47,7 +47,6 @@ def contacts(contact_model: str, positions: dict) -> set[str]:
     return improper_contacts(plant, results, robot, FEET)
 
 
-@pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
 @pytest.mark.parametrize(
     "positions, expected",
     [
@@ -65,7 +64,7 @@ def contacts(contact_model: str, positions: dict) -> set[str]:
         ),
     ],
 )
-def test_names_what_is_not_foot_and_ground(contact_model, positions, expected):
+def test_names_what_is_not_foot_and_ground(positions, expected):
     """Oracle: where the boxes were put."""
     positions = {k: np.array(p, dtype=float) for k, p in positions.items()}
-    assert contacts(contact_model, positions) == expected
+    assert contacts(positions) == expected

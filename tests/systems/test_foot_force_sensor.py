@@ -26,16 +26,14 @@ ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
 ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
 
 
-def recorded(
-    left, right, contact_model="point", tilt=0.0, period=0.002
-) -> np.ndarray:
+def recorded(left, right, tilt=0.0, period=0.002) -> np.ndarray:
     """Lets two boxes settle where they are put, and reads the sensor.
 
     Once a `period`, from 0 to 0.6 s (n, 2).  A box on a plane touches it in
     one point and rocks: each has four knobs.
     """
     builder = DiagramBuilder()
-    plant = ground(builder, contact_model)
+    plant = ground(builder)
     instance = plant.AddModelInstance("robot")
     for name, mass in (("left", 3.0), ("right", 5.0)):
         body = plant.AddRigidBody(
@@ -69,18 +67,16 @@ def measured(*args, **kwargs) -> np.ndarray:
     return recorded(*args, **kwargs)[-1]
 
 
-@pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
-def test_a_foot_at_rest_presses_with_its_weight(contact_model):
+def test_a_foot_at_rest_presses_with_its_weight():
     """Oracle: weight; left comes before right."""
-    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT, contact_model)
+    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT)
     # What the boxes still move after 0.6 s.
     assert found == pytest.approx([WEIGHT_LEFT, WEIGHT_RIGHT], rel=1e-3)
 
 
-@pytest.mark.parametrize("contact_model", ["point", "hydroelastic"])
-def test_a_foot_on_the_other_foot_is_not_on_the_ground(contact_model):
+def test_a_foot_on_the_other_foot_is_not_on_the_ground():
     """Oracle: the lower one carries both weights."""
-    found = measured(ON_RIGHT_FOOT, ON_GROUND_RIGHT, contact_model)
+    found = measured(ON_RIGHT_FOOT, ON_GROUND_RIGHT)
     assert found[0] == 0.0
     assert found[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)
 
