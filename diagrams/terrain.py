@@ -4,8 +4,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nadia_balance.core.body import ground as core
-from nadia_balance.core.body.ground import Ground, GroundError, Region
-from nadia_balance.core.body.ground_steps import standing_on
+from nadia_balance.core.body.ground import (
+    Ground,
+    GroundError,
+    Region,
+    standing_on,
+)
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import (

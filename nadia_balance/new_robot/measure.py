@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.math import RotationMatrix
 from scipy.optimize import least_squares
 
-from nadia_balance.core.body.leg_reach import LegReach, leg_reach
+from nadia_balance.core.body.com_height import LegReach, leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.math.size import Size
 from nadia_balance.core.walking.vocabulary import Side

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -55,6 +56,48 @@ def height_limit(
     if squared <= 0.0:
         return 0.0
     return legs.ankle_height + math.sqrt(squared) + legs.com_above_hip
+
+
+class LegReach(NamedTuple):
+    """Extents [m] of a base region (ReachabilityParams)."""
+
+    length: float  # forward, and backward
+    width_max: float
+
+
+def leg_reach(
+    legs: LegGeometry,
+    com_height: float,
+    lean: float,
+    params: ComHeightParams | None = None,
+) -> LegReach:
+    """Returns the base region that the legs allow.
+
+    It is `height_limit` solved for the step, with flat soles and the hips
+    half-way, at the lowest CoM of the height plan, with legs of the largest
+    length or an outward angle of `lean` [rad]; `com_height` [m] is that above
+    the soles when standing.  For Nadia it agrees with the paper's Sec. VII to
+    1 %.
+
+    Raises ValueError: the legs are straight at the lowest CoM, or the hips on
+    the ground.
+    """
+    params = params or ComHeightParams()
+    above_ankle = legs.com_above_hip + legs.ankle_height
+    hip = params.min_height_ratio * com_height - above_ankle
+    longest = params.max_stretch * legs.length
+    if not 0.0 < hip < longest:
+        low, high = (
+            (above_ankle + height) / params.min_height_ratio
+            for height in (0.0, longest)
+        )
+        raise ValueError(
+            f"com_height = {com_height:g}: must leave the legs bent in a "
+            f"crouch: in ({low:.3f}, {high:.3f}) m"
+        )
+    length = 2.0 * math.sqrt(longest**2 - hip**2)
+    aside = min(2.0 * hip * math.tan(lean), length)
+    return LegReach(length, legs.hip_width + aside)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
-"""Ground of convex planar regions, and the footholds on them."""
+"""Ground of convex planar regions, and the footsteps on them."""
 
 import itertools
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import (
@@ -19,7 +20,13 @@ from nadia_balance.core.math.polygon import (
     intersection,
     project,
 )
-from nadia_balance.core.walking.vocabulary import FootPose, Immutable
+from nadia_balance.core.walking.vocabulary import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Immutable,
+    Side,
+)
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
@@ -197,6 +204,90 @@ class Ground(Immutable):
         if region.is_level:
             return FootPose(p_WF, yaw)
         return FootPose(p_WF, yaw, region.unit_normal)
+
+
+def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
+    """Returns the feet with the heights and normals of their regions.
+
+    Raises ValueError: a foot is not on a single region.
+    """
+    for side in Side:
+        what = f"{side.value} foot at the start"
+        feet = feet.with_foot(side, _on_region(ground, feet[side], what))
+    return feet
+
+
+def steps_on(
+    ground: Ground,
+    steps: Iterable[Footstep],
+    feet: FootPoses,
+    reach: reachability.ReachabilityParams | None,
+) -> tuple[Footstep, ...]:
+    """Returns the steps with the heights and normals of their regions.
+
+    If a `reach` is given, each is moved to the nearest foothold within reach of
+    its stance foot, the first at `feet`.
+
+    Raises ValueError: a step is not on a single region, or there is no foothold
+    within reach.
+    """
+    found = []
+    for number, step in enumerate(steps, start=1):
+        what = f"step {number} ({step.side.value})"
+        placed: Footstep | None
+        if reach is None:
+            placed = replace(step, pose=_on_region(ground, step.pose, what))
+        else:
+            base = reachability.base_region(reach)
+            stance = feet[step.side.other]
+            within = reachability.in_world(base, stance, step.side)
+            placed = moved_to(ground, step, [within])
+        if placed is None:
+            raise ValueError(
+                f"{what}: must fit on a region within reach of the other foot; "
+                f"{_beside(ground, step.pose)}"
+            )
+        feet = feet.with_foot(step.side, placed.pose)
+        found.append(placed)
+    return tuple(found)
+
+
+def moved_to(
+    ground: Ground, step: Footstep, within: Iterable[Array]
+) -> Footstep | None:
+    """Returns the step at the nearest foothold in the first feasible polygon.
+
+    Polygons (n, 2) [m] in W, in order; None if none contains a foothold.
+    """
+    p, yaw = step.pose.p_WF, step.pose.yaw
+    for polygon in within:
+        point = ground.nearest(p[:2], yaw, polygon)
+        if point is not None:
+            return replace(step, pose=ground.pose(point, yaw, float(p[2])))
+    return None
+
+
+def _on_region(ground: Ground, foot: FootPose, what: str) -> FootPose:
+    """Returns the foot on its region; raises ValueError about `what`."""
+    if ground.region_under(foot) is None:
+        raise ValueError(f"{what}: {_beside(ground, foot)}")
+    return ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
+
+
+def _beside(ground: Ground, foot: FootPose) -> str:
+    """Returns the foot's position and the nearest foothold, as a message."""
+    x, y, _ = foot.p_WF.tolist()
+    point = ground.nearest(foot.p_WF[:2], foot.yaw)
+    where = f"the sole at x = {x:.3f}, y = {y:.3f} m must be on one region"
+    if point is None:
+        return f"{where}, and fits on none"
+    region = ground.region_under(ground.pose(point, foot.yaw, 0.0))
+    name = "" if region is None else f", on {region.name!r}"
+    away = math.dist(point, (x, y))
+    return (
+        f"{where}; the nearest foothold is x = {point[0]:.3f}, "
+        f"y = {point[1]:.3f} m{name}, {away:.3f} m away"
+    )
 
 
 def check_ground(ground: Ground) -> None:

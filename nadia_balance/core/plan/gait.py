@@ -7,8 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nadia_balance.core.body import ground_steps
-from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.ground import (
+    Ground,
+    moved_to,
+    standing_on,
+    steps_on,
+)
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import ReachabilityParams as Reach
 from nadia_balance.core.body.reachability import base_region, in_world
@@ -109,10 +113,9 @@ def make_footsteps(
         )
         wanted.append(Footstep(side, pose, transfer, gait.swing_duration))
     steps = tuple(wanted)
-    if ground is not None and gait.footholds:
-        steps = ground_steps.given_on(ground, steps)
-    elif ground is not None:
-        steps = ground_steps.snapped_to(ground, steps, feet, reach)
+    if ground is not None:
+        limit = None if gait.footholds else reach
+        steps = steps_on(ground, steps, feet, limit)
     _check(steps, feet, reach)
     return steps
 
@@ -132,7 +135,7 @@ def walking_start(gait: Gait, model: PointMassModel) -> walking.WalkingState:
         FootPose(np.array([0.0, -0.5 * width, 0.0])),
     )
     if model.ground is not None:
-        feet = ground_steps.standing_on(model.ground, feet)
+        feet = standing_on(model.ground, feet)
     steps = make_footsteps(gait, feet, model.reach, model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
@@ -237,7 +240,7 @@ def within_reach(
             if ground is not None and not ground.allows(step.pose):
                 within = (region, base_region(reach))
                 parts = [in_world(part, stance, step.side) for part in within]
-                step = ground_steps.moved_to(ground, step, parts) or step
+                step = moved_to(ground, step, parts) or step
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
         steps.append(step)

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.body.com_height import ComHeightParams
-from nadia_balance.core.body.leg_reach import leg_reach
+from nadia_balance.core.body.com_height import ComHeightParams, leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.robot.model import load_robot_params
 
