@@ -78,14 +78,12 @@ class WalkingStateMachine(LeafSystem):
             self._foot_forces(context) / self._weight,
             self._icp(context),
         )
-        proposal = walking_state_machine.Proposal(
-            float(self._time(context)[0]), self._adjustment(context)
-        )
         now = self._machine.advance(
             self._walking_state(context),
             self._icp_plan(context),
             measured,
-            proposal,
+            float(self._time(context)[0]),
+            self._adjustment(context),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()

@@ -6,6 +6,7 @@ specify it; see also the Atlas paper, Sec. II.
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -78,22 +79,6 @@ class Measurement:
     forces: Array  # (2,) normal, left and right, as a share of the weight [-]
     icp: Array  # (2,) [m]
 
-    def force(self, side: Side) -> float:
-        """Normal force on the foot of `side`, as a share of the weight [-]."""
-        return float(self.forces[0 if side is Side.LEFT else 1])
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """Timing and foothold adjustment proposed for this tick."""
-
-    # Advance of the clock on top of the tick; negative: the clock is held [s].
-    time_gain: float = 0.0
-    adjustment: Adjustment | None = None  # None: footholds are not adjustable
-
-
-KEEP = Proposal()
-
 
 @dataclass(frozen=True, eq=False)
 class StateMachine:
@@ -108,27 +93,30 @@ class StateMachine:
         state: WalkingState,
         plan: IcpPlan,
         measured: Measurement,
-        proposal: Proposal = KEEP,
+        time_gain: float = 0.0,
+        adjustment: Adjustment | None = None,
     ) -> WalkingState:
         """Returns the walking state one period later.
 
         `plan` is the ICP plan of `state.schedule`: its reference at the end of
-        a phase is the start of the next plan.
+        a phase is the start of the next plan.  The clock advances by
+        `time_gain` [s] on top of the period; it is held if that is negative.
+        Without an `adjustment` footholds cannot be adjusted.
         """
-        state = _adjusted(
-            state, plan, measured.icp, proposal.adjustment, self.model
-        )
-        state = self._tick(state, measured, proposal.time_gain)
+        state = _adjusted(state, plan, measured.icp, adjustment, self.model)
+        state = self._tick(state, measured, time_gain)
         match state.schedule.phase:
             case Phase.STANDING if state.waiting:
                 return _start_transfer(state, plan, measured, self.model)
             case Phase.TRANSFER if state.waiting:
                 lift_off = self.params.lift_off
-                if proposal.adjustment is None:  # only waiting reduces it
+                if adjustment is None:  # only waiting reduces it
                     lift_off = replace(lift_off, max_wait=math.inf)
                 if may_lift(state, plan, measured.icp, lift_off, self.model):
                     return _end_transfer(state, plan, measured)
-            case Phase.SWING if self._has_landed(state):
+            case Phase.SWING if (
+                state.contact_impulse > self.params.contact_impulse
+            ):
                 commanded = state.commanded
                 landed = replace(
                     state,
@@ -140,21 +128,26 @@ class StateMachine:
                 )
         return state
 
-    def _has_landed(self, state: WalkingState) -> bool:
-        return state.contact_impulse > self.params.contact_impulse
-
     def _tick(
         self, state: WalkingState, measured: Measurement, time_gain: float
     ) -> WalkingState:
         """Returns the state one period later in the same phase."""
-        schedule, period = state.schedule, self.period
+        schedule, period, params = state.schedule, self.period, self.params
         time = state.time_in_phase + max(period + time_gain, 0.0)
         done = time >= schedule.duration - 0.5 * period
         time = schedule.duration if done else time
         elapsed = state.elapsed + period
         waits = done and schedule.phase is Phase.TRANSFER
-        force = self._contact_force(schedule, time, elapsed, measured)
-        impulse = state.contact_impulse + period * force if force else 0.0
+        impulse = 0.0
+        if schedule.phase is Phase.SWING:
+            # A share of real time: an advanced clock may pass half of the plan
+            # before the foot has left the ground.
+            whole = elapsed + schedule.duration - time
+            may_land = elapsed >= params.earliest_touchdown * whole
+            left_swings = schedule.support_side is Side.RIGHT
+            force = float(measured.forces[0 if left_swings else 1])
+            if may_land and force > params.contact_force:
+                impulse = state.contact_impulse + period * force
         return replace(
             state,
             time_in_phase=time,
@@ -163,26 +156,6 @@ class StateMachine:
             waited=state.waited + period if waits else 0.0,
             contact_impulse=impulse,
         )
-
-    def _contact_force(
-        self,
-        schedule: ContactSchedule,
-        time: float,
-        elapsed: float,
-        measured: Measurement,
-    ) -> float:
-        """Returns the contact force [-] on a swing foot; 0 if it may not land.
-
-        The share of the swing before which it may not is of real time: an
-        advanced clock may pass half of the plan before the foot has left the
-        ground.
-        """
-        if schedule.phase is not Phase.SWING:
-            return 0.0
-        whole = elapsed + schedule.duration - time
-        force = measured.force(schedule.support_side.other)
-        early = elapsed < self.params.earliest_touchdown * whole
-        return 0.0 if early or force <= self.params.contact_force else force
 
 
 def may_lift(
@@ -210,25 +183,18 @@ def may_lift(
     length = math.hypot(*error)
     support = support_polygon(schedule, model.cop_area)
     room = float(np.max((support - icp) @ (error / length)))
-    if _is_held(schedule, room, waited, params):
-        return False
-    room += params.ecmp_outside
-    left = params.max_wait - waited
-    # Eq. 3: the ICP moves back by room (e^wt - 1).
-    growth = math.expm1(min(model.omega * left, _HUGE))
-    return room <= 0.0 or room * growth < length * excess
-
-
-def _is_held(
-    schedule: ContactSchedule, room: float, waited: float, params: LiftOffParams
-) -> bool:
-    """True if the wait goes on, with `room` [m] of support beyond the ICP."""
     left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
-    return (
+    if (
         room >= params.held_room
         and waited < params.max_held_wait
         and math.dist(left[:2], right[:2]) <= params.held_stance
-    )
+    ):
+        return False
+    room += params.ecmp_outside
+    # Eq. 3: the ICP moves back by room (e^wt - 1) in the remaining wait.
+    wt = model.omega * (params.max_wait - waited)
+    growth = math.expm1(min(wt, _HUGE))
+    return room <= 0.0 or room * growth < length * excess
 
 
 def _size(
@@ -280,19 +246,17 @@ def _start_transfer(
     steps = within_reach(
         state.commanded, feet, model.reach, landed, ground=model.ground
     )
-    schedule = replace(
-        old,
+    return _begin(
+        state,
+        plan,
+        feet,
         phase=Phase.TRANSFER,
         support_side=steps[0].side.other if steps else old.support_side.other,
         duration=(
             steps[0].transfer_duration if steps else old.final_transfer_duration
         ),
-        feet=feet,
         footsteps=steps,
-        start=plan.at(state.time_in_phase).point(),
-        start_time=0.0,
     )
-    return _begin(state, schedule)
 
 
 def _end_transfer(
@@ -301,16 +265,15 @@ def _end_transfer(
     """Lifts the foot, or comes to rest if there are no more steps."""
     old = state.schedule
     steps = old.footsteps
-    schedule = replace(
-        old,
+    begun = _begin(
+        state,
+        plan,
+        _tilted(measured.feet, old.feet),
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
-        feet=_tilted(measured.feet, old.feet),
-        start=plan.at(state.time_in_phase).point(),
-        start_time=0.0,
     )
     # Footholds that were adjusted in the transfer are kept.
-    return replace(_begin(state, schedule), adjustment=state.adjustment)
+    return replace(begun, adjustment=state.adjustment)
 
 
 def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
@@ -322,8 +285,17 @@ def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
     return feet
 
 
-def _begin(state: WalkingState, schedule: ContactSchedule) -> WalkingState:
-    """Returns the state at the start of the phase of `schedule`."""
+def _begin(
+    state: WalkingState, plan: IcpPlan, feet: FootPoses, **changes: Any
+) -> WalkingState:
+    """Returns the state at the start of a phase, by its schedule's changes."""
+    schedule = replace(
+        state.schedule,
+        feet=feet,
+        start=plan.at(state.time_in_phase).point(),
+        start_time=0.0,
+        **changes,
+    )
     return WalkingState(
         schedule, steps_taken=state.steps_taken, commanded=state.commanded
     )

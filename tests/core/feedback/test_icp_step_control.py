@@ -54,7 +54,7 @@ def next_tick(state, adjustment):
         state,
         plan_of(state),
         machine.Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
-        machine.Proposal(adjustment=adjustment),
+        adjustment=adjustment,
     )
 
 

@@ -11,10 +11,8 @@ import pytest
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.plan.walking_state_machine import (
-    KEEP,
     LiftOffParams,
     Measurement,
-    Proposal,
     StateMachine,
     WalkingStateMachineParams,
     may_lift,
@@ -69,14 +67,14 @@ def step(
     forces=(400.0, 400.0),
     icp=(0.0, 0.0),
     feet=FEET,
-    proposal=KEEP,
     period=PERIOD,
+    **proposal,
 ):
     """One period later."""
     shares = np.array(forces) / WEIGHT
     measured = Measurement(feet, shares, np.array(icp))
     machine = StateMachine(PARAMS, MODEL, period)
-    return machine.advance(state, FakePlan(), measured, proposal)
+    return machine.advance(state, FakePlan(), measured, **proposal)
 
 
 def until(state, phase, **measured):
@@ -197,13 +195,13 @@ def test_the_clock_is_advanced_or_held_but_never_runs_back():
     """Oracle: by hand; the elapsed time is the real one."""
     state = swinging()
     for _ in range(10):
-        state = step(state, proposal=Proposal(time_gain=0.01))
+        state = step(state, time_gain=0.01)
     assert state.time_in_phase == pytest.approx(10 * (PERIOD + 0.01))
     assert state.elapsed == pytest.approx(10 * PERIOD)
     state = step(swinging())
-    held = step(state, proposal=Proposal(time_gain=-1.0))
+    held = step(state, time_gain=-1.0)
     assert held.time_in_phase == state.time_in_phase == PERIOD
-    slow = step(state, proposal=Proposal(time_gain=-0.5 * PERIOD))
+    slow = step(state, time_gain=-0.5 * PERIOD)
     assert slow.time_in_phase == pytest.approx(1.5 * PERIOD)
 
 
@@ -211,8 +209,8 @@ def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
     """Oracle: max_held_wait; the ICP stays where no foot would be lifted."""
     state, _ = until(standing(2), Phase.TRANSFER)
     first = state.schedule.footsteps[0]
-    adjusts = Proposal(adjustment=Adjustment(first, first.pose))
-    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0), proposal=adjusts)
+    adjusts = {"adjustment": Adjustment(first, first.pose)}
+    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0), **adjusts)
     wait = ticks * PERIOD - state.schedule.duration
     most = PARAMS.lift_off.max_held_wait  # it is well inside the support
     assert 0.8 * most < wait < most + 1.5 * PERIOD
@@ -227,12 +225,12 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     pose = FootPose([0.2, -0.3, 0.0])
     nominal = state.schedule.footsteps[0]
     adjustment = Adjustment(nominal, pose, "base")
-    moved = step(state, proposal=Proposal(adjustment=adjustment))
+    moved = step(state, adjustment=adjustment)
     assert moved.schedule.footsteps[0].pose is pose
     assert moved.schedule.footsteps[1:] == state.schedule.footsteps[1:]
     assert moved.commanded == state.commanded
     assert moved.adjustment is adjustment
-    again = step(moved, proposal=Proposal(adjustment=adjustment))
+    again = step(moved, adjustment=adjustment)
     assert again.schedule is moved.schedule  # nothing to plan anew
     assert moved.schedule.start_time == state.time_in_phase
     landed, _ = until(again, Phase.TRANSFER)
@@ -245,10 +243,10 @@ def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
     first, second, _ = state.schedule.footsteps
     near, far = FootPose([0.1, -0.2, 0.0]), FootPose([0.2, 0.2, 0.0])
     adjustment = Adjustment(first, near, later=(Adjustment(second, far),))
-    proposal = Proposal(adjustment=adjustment)
-    moved = step(state, proposal=proposal)
+    proposal = {"adjustment": adjustment}
+    moved = step(state, **proposal)
     assert [s.pose for s in moved.schedule.footsteps[:2]] == [near, far]
-    assert step(moved, proposal=proposal).schedule is moved.schedule
+    assert step(moved, **proposal).schedule is moved.schedule
     swinging, _ = until(moved, Phase.SWING)
     assert swinging.schedule.footsteps[0].pose is near
     assert swinging.adjustment is adjustment
@@ -256,7 +254,7 @@ def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
     """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
-    state = step(swinging(), proposal=Proposal(time_gain=0.4))
+    state = step(swinging(), time_gain=0.4)
     _, ticks = until(state, Phase.TRANSFER)
     landed = (1 + ticks) * PERIOD
     assert landed == pytest.approx(0.15, abs=3 * PERIOD)
