@@ -11,7 +11,7 @@ from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import MeasuredPoses, SignalLog
+from nadia_balance.diagrams.signal_log import MeasuredPoses
 from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
@@ -25,30 +25,7 @@ from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.state_sensor import StateSensor
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
-from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
-CONTROLLER_LOGS = (
-    "com_state",
-    "icp",
-    "icp_reference",
-    "ecmp_command",
-    "momentum_rate",
-    "momentum_qp_status",
-    "whole_body_qp_status",
-    "foot_wrenches",
-    "swing_foot_reference",
-    "walking_signal",
-    "actuation",
-)
-VISUALIZED = (
-    "walking_state",
-    "com_state",
-    "icp",
-    "icp_reference",
-    "ecmp_command",
-    "capture_regions",
-)
-EXPORTED = ("walking_state", "icp", "icp_reference", "swing_foot_reference")
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
 FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
@@ -77,9 +54,8 @@ class HumanoidDiagram(ClosedLoop):
         a time, in directions relative to W.  `blocks` are those of the
         BalanceController, or its `tasks`.
 
-        Raises:
-            ValueError: the robot cannot stand with the step width of the gait
-                or on the terrain, or a block or the `controller` lacks a port.
+        Raises ValueError: the robot cannot stand with the step width of the
+        gait or on the terrain, or a block or the `controller` lacks a port.
         """
         super().__init__()
         self.scenario = scenario
@@ -118,14 +94,14 @@ class HumanoidDiagram(ClosedLoop):
         self._close_loop(builder, meshcat)
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
-        if meshcat is not None and controller.HasOutputPort("walking_state"):
-            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            drawn = (self.controller, VISUALIZED), (self.push, ("push_force",))
-            scene.add_drawings(builder, view, drawn)
-        self._log(builder, period)
-        for name in filter(controller.HasOutputPort, EXPORTED):
-            builder.ExportOutput(controller.GetOutputPort(name), name)
-        builder.BuildInto(self)
+        self._finish(
+            builder,
+            meshcat,
+            period,
+            (self.engine, self.sensor, self.push, controller),
+            mechanisms=self._mechanisms,
+            torques=self._torques,
+        )
 
     def _check_controller(self, controller: System, blocks: dict) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
@@ -217,20 +193,6 @@ class HumanoidDiagram(ClosedLoop):
         builder.Connect(state, controller.GetInputPort("estimated_state"))
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
-
-    def _log(self, builder: DiagramBuilder, period: float) -> None:
-        signals = {
-            name: self.controller.GetOutputPort(name)
-            for name in filter(self.controller.HasOutputPort, CONTROLLER_LOGS)
-        }
-        signals["mechanisms"] = self._mechanisms
-        signals["push_signal"] = self.push.GetOutputPort("push_signal")
-        signals["foot_forces"] = self.sensor.GetOutputPort("foot_forces")
-        signals["torques"] = self._torques
-        signals["state"] = self.engine.GetOutputPort("state")
-        self._signal_log = SignalLog(
-            builder, period, signals, self.robot, self._ground
-        )
 
     def set_initial_state(self, context: Context) -> None:
         """Lets the robot stand, shifted at random by the scenario's seed."""

@@ -10,7 +10,6 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import SignalLog
 from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.point_mass_plant import PointMassPlant
@@ -18,22 +17,8 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.wiring import connect
-from nadia_balance.view.balance_visualizer import BalanceVisualizer
-from nadia_balance.view.scene import add_drawings, add_mechanisms
+from nadia_balance.view.scene import add_mechanisms
 
-CONTROLLER_LOGS = (
-    "icp_reference",
-    "ecmp_command",
-    "momentum_rate",
-    "momentum_qp_status",
-    "walking_signal",
-)
-CONTROLLER_DRAWN = (
-    "walking_state",
-    "icp_reference",
-    "ecmp_command",
-    "capture_regions",
-)
 FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
 
 
@@ -50,9 +35,8 @@ class LipmDiagram(ClosedLoop):
 
         `blocks` replace blocks of the CapturePointController.
 
-        Raises:
-            ValueError: a block lacks a port, the robot lacks the body of a
-                push, the engine is not Drake, or the terrain is not level.
+        Raises ValueError: a block lacks a port, the robot lacks the body of a
+        push, the engine is not Drake, or the terrain is not level.
         """
         super().__init__()
         if scenario.engine != "drake":
@@ -85,23 +69,10 @@ class LipmDiagram(ClosedLoop):
         watched = "com_state", "foot_poses"
         self._watched = [self.plant.GetOutputPort(name) for name in watched]
         self._close_loop(builder)
-        if meshcat is not None:
-            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            sources = (
-                (self.controller, CONTROLLER_DRAWN),
-                (self.plant, ("com_state", "icp")),
-                (self.push, ("push_force",)),
-            )
-            add_drawings(builder, view, sources)
-        self._log(builder, period)
-        for system, name in (
-            (self.controller, "walking_state"),
-            (self.controller, "icp_reference"),
-            (self.plant, "icp"),
-            (self.swing, "swing_foot_reference"),
-        ):
-            builder.ExportOutput(system.GetOutputPort(name), name)
-        builder.BuildInto(self)
+        systems = self.plant, self.controller, self.swing, self.push
+        self._finish(
+            builder, meshcat, period, systems, mechanisms=self._mechanisms
+        )
 
     def _close_loop(self, builder: DiagramBuilder) -> None:
         controller, plant = self.controller, self.plant
@@ -120,22 +91,6 @@ class LipmDiagram(ClosedLoop):
     def _sensed(self, builder: DiagramBuilder) -> System:
         """The system that outputs the controller's com_state and icp."""
         return self.plant
-
-    def _log(self, builder: DiagramBuilder, period: float) -> None:
-        signals = {
-            name: system.GetOutputPort(name)
-            for system, names in (
-                (self.plant, ("com_state", "icp", "foot_forces")),
-                (self.swing, ("swing_foot_reference",)),
-                (self.push, ("push_signal",)),
-                (self.controller, CONTROLLER_LOGS),
-            )
-            for name in filter(system.HasOutputPort, names)
-        }
-        signals["mechanisms"] = self._mechanisms
-        self._signal_log = SignalLog(
-            builder, period, signals, self.robot, self._ground
-        )
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""

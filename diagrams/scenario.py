@@ -63,8 +63,7 @@ class Scenario:
     def point_mass(self, robot: RobotModel) -> PointMassModel:
         """The controller's model of `robot` and of the ground.
 
-        Raises:
-            ValueError: the terrain is invalid, see `Terrain.ground`.
+        Raises ValueError: the terrain is invalid, see `Terrain.ground`.
         """
         terrain = self.terrain
         ground = terrain.known(terrain.ground(robot.sole))

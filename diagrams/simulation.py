@@ -6,25 +6,43 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, EventStatus, System
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    EventStatus,
+    OutputPort,
+    System,
+)
 
+from nadia_balance.core.body.ground import Ground
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.signal_log import SignalLog
 from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
 from nadia_balance.results.measurements import CalmSteps
 from nadia_balance.results.summary import STEADY, Run, RunInfo
-from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import IcpReference, PushSignal
+from nadia_balance.view import scene
+from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
+# Signals that are logged, drawn and exported, of those that there are.
+LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
+    momentum_qp_status whole_body_qp_status foot_wrenches swing_foot_reference
+    walking_signal actuation push_signal foot_forces state""".split()
+DRAWN = """walking_state com_state icp icp_reference ecmp_command
+    capture_regions push_force""".split()
+EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
 
 
 class ClosedLoop(Diagram):
@@ -36,9 +54,42 @@ class ClosedLoop(Diagram):
     """
 
     scenario: Scenario
+    robot: RobotModel
     push: PushSource  # one of its systems
     controller: System  # one of its systems
+    _ground: Ground | None  # the true one, if it is not flat
     _signal_log: SignalLog
+
+    def _finish(
+        self,
+        builder: DiagramBuilder,
+        meshcat: Meshcat | None,
+        period: float,
+        systems: Sequence[System],
+        **ports: OutputPort,
+    ) -> None:
+        """Draws, logs and exports the signals of `systems`; builds the diagram.
+
+        Where several have a signal, it is that of the first.  `ports` are
+        logged, too, every `period` [s].
+        """
+        of = {
+            name: system.GetOutputPort(name)
+            for system in reversed(systems)
+            for name in (*LOGGED, *DRAWN, *EXPORTED)
+            if system.HasOutputPort(name)
+        }
+        if meshcat is not None and "walking_state" in of:
+            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
+            drawn = [(of[n].get_system(), [n]) for n in DRAWN if n in of]
+            scene.add_drawings(builder, view, drawn)
+        logged = {name: of[name] for name in LOGGED if name in of} | ports
+        self._signal_log = SignalLog(
+            builder, period, logged, self.robot, self._ground
+        )
+        for name in filter(of.get, EXPORTED):
+            builder.ExportOutput(of[name], name)
+        builder.BuildInto(self)
 
     def set_initial_state(self, context: Context) -> None:
         """Sets the robot's initial state."""

@@ -51,9 +51,8 @@ class Terrain:
     def ground(self, sole: Array) -> Ground | None:
         """The true ground for soles (n, 2) [m]; None if it is flat.
 
-        Raises:
-            ValueError: the course or file does not exist, or regions are not
-                convex, upside down, too small, or overlap.
+        Raises ValueError: the course or file does not exist, or regions are not
+        convex, upside down, too small, or overlap.
         """
         if self.name == FLAT:
             return None
@@ -66,9 +65,8 @@ class Terrain:
     def level_ground(self, sole: Array, what: str) -> Ground | None:
         """The true ground, for `what`, which supports level ground only.
 
-        Raises:
-            ValueError: as `ground`; or the true ground or the controller's
-                model of it is not level at z = 0.
+        Raises ValueError: as `ground`; or the true ground or the controller's
+        model of it is not level at z = 0.
         """
         truth = self.ground(sole)
         if not all(g is None or g.is_level for g in (truth, self.known(truth))):
@@ -103,9 +101,8 @@ def check_start(
 ) -> None:
     """Checks that a robot can start on the true `ground` with these `feet`.
 
-    Raises:
-        ValueError: the ground under a foot is not one level region at z = 0,
-            or a region is too steep for the `friction` coefficient [-].
+    Raises ValueError: the ground under a foot is not one level region at z = 0,
+    or a region is too steep for the `friction` coefficient [-].
     """
     if ground is None or ground.is_level:
         return

@@ -52,8 +52,7 @@ class MujocoModel:
     def __init__(self, plant: MultibodyPlant, inspector: SceneGraphInspector):
         """Models `plant`, finalized, with the shapes of the `inspector`.
 
-        Raises:
-            ValueError: a joint or a shape of a type that is not supported.
+        Raises ValueError: a joint or a shape of a type that is not supported.
         """
         self._plant = plant
         self._spec = _empty_spec(plant)

@@ -131,8 +131,7 @@ def whole_body_model(
 
     Position limits are the tighter ones of `plant` and `params`.
 
-    Raises:
-        ValueError: a named joint does not exist.
+    Raises ValueError: a named joint does not exist.
     """
     n = plant.num_velocities() - 6
 

@@ -70,8 +70,7 @@ def cop_area(
     those between the foot and the knee, which is the second pitch axis above
     the foot; with other legs, the part is the `sole` (4, 2).
 
-    Raises:
-        ValueError: an ankle cannot carry the robot at any point of the sole.
+    Raises ValueError: an ankle cannot carry the robot at any point of the sole.
     """
     context, effort = context_at(plant, q), effort_limits(plant)
     weight = plant.CalcTotalMass(context) * GRAVITY

@@ -57,9 +57,8 @@ class RobotModel:
     def __init__(self, params: RobotParams, urdf: Path):
         """Takes `params` and `urdf` of `load_robot_params`.
 
-        Raises:
-            ValueError: the robot cannot stand with these parameters; names the
-                field, its value and what is allowed.
+        Raises ValueError: the robot cannot stand with these parameters; names
+        the field, its value and what is allowed.
         """
         self.params, self.urdf, self.name = params, urdf, params.name
         self.com_height, self.posture = params.com_height, params.posture
@@ -138,8 +137,7 @@ class RobotModel:
 
         They are those of its robot.yaml that are not Nadia's, scaled.
 
-        Raises:
-            ValueError: values contradict each other.
+        Raises ValueError: values contradict each other.
         """
         usual = scaled(WholeBodyQpParams(), self.params.size)
         params = overridden(params, self.params.whole_body, usual)
@@ -149,9 +147,8 @@ class RobotModel:
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the robot to a `plant` that is not finalized yet.
 
-        Raises:
-            ValueError: the URDF is malformed (see `add_urdf`), or a torque
-                limit is of an unknown joint.
+        Raises ValueError: the URDF is malformed (see `add_urdf`), or a torque
+        limit is of an unknown joint.
         """
         instance = add_urdf(plant, self.urdf)
         limits = dict(self.drives.max_torque) if self.drives else {}
@@ -254,8 +251,7 @@ class RobotModel:
         upright, the CoM over the origin at `com_height`, the joints as near
         to the posture as that allows.
 
-        Raises:
-            ValueError: no posture fulfils this.
+        Raises ValueError: no posture fulfils this.
         """
         width = self.params.step_width if step_width is None else step_width
         if not 0.0 < width < np.inf:
@@ -371,8 +367,7 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
     Lengths that it does not give are those of the URDF, other parameters are
     Nadia's, scaled to its `size`.
 
-    Raises:
-        ValueError, FileNotFoundError: as load_robot.
+    Raises ValueError, FileNotFoundError: as load_robot.
     """
     what, path = f"robot = {name}", Path(name)
     if name in robot_names():

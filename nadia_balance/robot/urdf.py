@@ -38,9 +38,8 @@ def naming(what: str) -> Iterator[None]:
 def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
     """Adds the robot in `urdf` to a `plant` that is not finalized yet.
 
-    Raises:
-        ValueError: the URDF is malformed; Drake's warnings count as errors,
-            because Drake then substitutes values of its own.
+    Raises ValueError: the URDF is malformed; Drake's warnings count as errors,
+    because Drake then substitutes values of its own.
     """
     parser = Parser(plant)
     parser.SetStrictParsing()
@@ -136,8 +135,7 @@ def with_lengths(
     the ground points of the feet's collision shapes; legs are measured between
     their pitch axes, and left alone unless each has three.
 
-    Raises:
-        ValueError: a foot has no collision shape.
+    Raises ValueError: a foot has no collision shape.
     """
     feet = params.left_foot_body, params.right_foot_body
     sole = _filled(params.sole, _sole(plant, inspector, feet), given, "sole")
