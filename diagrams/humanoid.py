@@ -16,9 +16,8 @@ from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot.ground_geometry import scale_friction
 from nadia_balance.robot.model import load_robot
-from nadia_balance.robot.plants import actuated_velocities
+from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.push_source import PushSource

@@ -30,11 +30,16 @@ class SignalLog:
         ground: Ground | None,
     ):
         """Adds systems that log `ports`, by name, every `period` [s]."""
-        self._fixed = {
-            "sole": robot.sole,
-            **ground_logs(ground),
-            **region_logs(robot.point_mass.reach),
-        }
+        self._fixed = {"sole": robot.sole}
+        self._fixed |= region_logs(robot.point_mass.reach)
+        if ground is not None:
+            self._fixed["ground"] = np.concatenate(
+                [
+                    np.column_stack([np.full(len(r.polygon), i), r.polygon])
+                    for i, r in enumerate(ground.regions)
+                    if not r.obstacle
+                ]
+            )
         self._sizes = {name: port.size() for name, port in ports.items()}
         multiplexer = builder.AddNamedSystem(
             "log_multiplexer", Multiplexer(list(self._sizes.values()))
@@ -66,18 +71,6 @@ class SignalLog:
         columns = np.split(data, ends, axis=1)
         signals = dict(zip(self._sizes, columns, strict=True))
         return {"t": t, **signals, **self._fixed}
-
-
-def ground_logs(ground: Ground | None) -> dict[str, np.ndarray]:
-    """Returns the corners of all regions to step on; none if it is flat."""
-    if ground is None:
-        return {}
-    corners = [
-        np.column_stack([np.full(len(region.polygon), i), region.polygon])
-        for i, region in enumerate(ground.regions)
-        if not region.obstacle
-    ]
-    return {"ground": np.concatenate(corners)}
 
 
 def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:

@@ -12,11 +12,7 @@ from nadia_balance.core.body.ground import (
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.walking.vocabulary import (
-    ContactSchedule,
-    FootPoses,
-    Side,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
@@ -97,7 +93,7 @@ class Terrain:
 
 
 def check_start(
-    ground: Ground | None, feet: FootPoses, friction: float
+    ground: Ground | None, feet: walking.FootPoses, friction: float
 ) -> None:
     """Checks that a robot can start on the true `ground` with these `feet`.
 
@@ -107,7 +103,7 @@ def check_start(
     if ground is None or ground.is_level:
         return
     core.check_friction(ground, friction)
-    for side in Side:
+    for side in walking.Side:
         for foot in standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
                 raise ValueError(
@@ -116,10 +112,12 @@ def check_start(
                 )
 
 
-def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
+def foot_beside(
+    ground: Ground | None, schedule: walking.ContactSchedule
+) -> str:
     """Names a stance foot that is not on one region; empty if none is."""
     if ground is not None:
-        for side in filter(schedule.in_contact, Side):
+        for side in filter(schedule.in_contact, walking.Side):
             if ground.region_under(schedule.feet[side]) is None:
                 return f"{side.value} foot beside its region"
     return ""

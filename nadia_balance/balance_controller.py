@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -21,7 +22,7 @@ from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
 from nadia_balance.systems.whole_body_inverse_dynamics import (
     WholeBodyInverseDynamics,
 )
-from nadia_balance.systems.wiring import Role, fill, wire
+from nadia_balance.systems.wiring import fill, wire
 
 
 class BalanceController(Diagram):
@@ -76,6 +77,15 @@ class BalanceController(Diagram):
     """
 
     INPUTS = ("estimated_state", "foot_forces", "mechanisms")
+    # The blocks, with the outputs that others read.
+    ROLES = {
+        "state_predictor": "predicted_state",
+        "centroidal_estimator": "com_state icp alip_icp foot_poses",
+        "capture_point_controller": "walking_state momentum_rate",
+        "swing_foot_planner": "swing_foot_reference",
+        "friction_estimator": "friction",
+        "whole_body_inverse_dynamics": "actuation",
+    }
 
     def __init__(
         self,
@@ -114,40 +124,29 @@ class BalanceController(Diagram):
             )
         inner = CapturePointController.ROLES
         if "capture_point_controller" in blocks:
-            inner = ()
+            inner = {}
         planners = {name: blocks.pop(name) for name in inner if name in blocks}
-        roles = {
-            "state_predictor": Role(
-                lambda: StatePredictor(robot, period, delay, lead),
-                ("predicted_state",),
+        makers = {
+            "state_predictor": partial(
+                StatePredictor, robot, period, delay, lead
             ),
-            "centroidal_estimator": Role(
-                lambda: CentroidalEstimator(robot, whole_body.avoidance),
-                ("com_state", "icp", "alip_icp", "foot_poses"),
+            "centroidal_estimator": partial(
+                CentroidalEstimator, robot, whole_body.avoidance
             ),
-            "capture_point_controller": Role(
-                lambda: CapturePointController(
-                    params, model, start=start, **planners
-                ),
-                ("walking_state", "momentum_rate"),
+            "capture_point_controller": partial(
+                CapturePointController, params, model, start=start, **planners
             ),
-            "swing_foot_planner": Role(
-                lambda: SwingFootPlanner(
-                    params.swing_foot, model, period, lead
-                ),
-                ("swing_foot_reference",),
+            "swing_foot_planner": partial(
+                SwingFootPlanner, params.swing_foot, model, period, lead
             ),
-            "friction_estimator": Role(
-                lambda: FrictionEstimator(whole_body, model, period),
-                ("friction",),
+            "friction_estimator": partial(
+                FrictionEstimator, whole_body, model, period
             ),
-            "whole_body_inverse_dynamics": Role(
-                lambda: WholeBodyInverseDynamics(
-                    whole_body, robot, period, tasks
-                ),
-                ("actuation",),
+            "whole_body_inverse_dynamics": partial(
+                WholeBodyInverseDynamics, whole_body, robot, period, tasks
             ),
         }
         builder = DiagramBuilder()
-        wire(builder, fill(roles, blocks, inner), self.INPUTS)
+        found = fill(makers, self.ROLES, blocks, inner)
+        wire(builder, found, self.INPUTS)
         builder.BuildInto(self)

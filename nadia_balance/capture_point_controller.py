@@ -1,6 +1,7 @@
 """The capture-point controller, for any robot or a point mass."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -10,7 +11,7 @@ from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
-from nadia_balance.core.plan.icp_plan import IcpPlanParams
+from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.plan.walking_state_machine import (
     WalkingStateMachineParams,
@@ -30,7 +31,7 @@ from nadia_balance.systems.icp_step_controller import IcpStepController
 from nadia_balance.systems.momentum_qp import MomentumQp
 from nadia_balance.systems.timing_adapter import TimingAdapter
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
-from nadia_balance.systems.wiring import Role, fill, wire
+from nadia_balance.systems.wiring import fill, wire
 
 
 @dataclass(kw_only=True)
@@ -119,23 +120,17 @@ class CapturePointController(Diagram):
                        ecmp_command, momentum_qp_status, momentum_rate]
     """
 
-    INPUTS = (
-        "foot_poses",
-        "foot_forces",
-        "icp",
-        "alip_icp",
-        "mechanisms",
-        "com_state",
-    )
-    ROLES = (
-        "walking_state_machine",
-        "icp_planner",
-        "timing_adapter",
-        "step_adjuster",
-        "momentum_qp",
-        "step_controller",
-        "com_height_controller",
-    )
+    INPUTS = "foot_poses foot_forces icp alip_icp mechanisms com_state".split()
+    # The blocks, with the outputs that others read.
+    ROLES = {
+        "walking_state_machine": "walking_state",
+        "icp_planner": "icp_plan",
+        "timing_adapter": "time_adjustment",
+        "step_adjuster": "adjustment",
+        "momentum_qp": "ecmp_command",
+        "step_controller": "adjustment ecmp_command icp_reference",
+        "com_height_controller": "momentum_rate",
+    }
 
     def __init__(
         self,
@@ -156,64 +151,27 @@ class CapturePointController(Diagram):
         """
         super().__init__()
         check(params)
-        period = params.control_period
-        roles = {
-            "walking_state_machine": Role(
-                lambda: WalkingStateMachine(
-                    params.walking_state_machine, model, period, start
-                ),
-                ("walking_state",),
-            ),
-            "icp_planner": Role(
-                lambda: _icp_planner(params, model), ("icp_plan",)
-            ),
-            "timing_adapter": Role(
-                lambda: TimingAdapter(params.timing_adapter, model, period),
-                ("time_adjustment",),
-            ),
-            **_stabilisers(params, model),
-            "com_height_controller": Role(
-                lambda: ComHeightController(params.com_height, model, period),
-                ("momentum_rate",),
-            ),
+        period, qp = params.control_period, params.icp_step_qp
+        plan = params.atlas_icp_plan or params.icp_plan
+        stabilisers: dict = {
+            "step_adjuster": (CaptureRegionStepAdjuster, params.step_adjuster),
+            "momentum_qp": (MomentumQp, params.balance),
+        }
+        if qp:  # both in one, for the Atlas paper's plan
+            plan = params.atlas_icp_plan or AtlasIcpPlanParams()
+            stabilisers = {"step_controller": (IcpStepController, qp)}
+        clock = partial(WalkingStateMachine, start=start)
+        usual = {
+            "walking_state_machine": (clock, params.walking_state_machine),
+            "icp_planner": (partial(IcpPlanner, has_reference=not qp), plan),
+            "timing_adapter": (TimingAdapter, params.timing_adapter),
+            **stabilisers,
+            "com_height_controller": (ComHeightController, params.com_height),
+        }
+        makers = {
+            role: partial(kind, own, model, period)
+            for role, (kind, own) in usual.items()
         }
         builder = DiagramBuilder()
-        wire(builder, fill(roles, blocks), self.INPUTS)
+        wire(builder, fill(makers, self.ROLES, blocks), self.INPUTS)
         builder.BuildInto(self)
-
-
-def _stabilisers(
-    params: ControllerParams, model: PointMassModel
-) -> dict[str, Role]:
-    """The blocks that move footholds and the eCMP: two, or one with one QP."""
-    period = params.control_period
-    if params.icp_step_qp:
-        return {
-            "step_controller": Role(
-                lambda: IcpStepController(params.icp_step_qp, model, period),
-                ("adjustment", "ecmp_command", "icp_reference"),
-            )
-        }
-    return {
-        "step_adjuster": Role(
-            lambda: CaptureRegionStepAdjuster(
-                params.step_adjuster, model, period
-            ),
-            ("adjustment",),
-        ),
-        "momentum_qp": Role(
-            lambda: MomentumQp(params.balance, model, period), ("ecmp_command",)
-        ),
-    }
-
-
-def _icp_planner(params: ControllerParams, model: PointMassModel) -> System:
-    plan = params.atlas_icp_plan
-    if params.icp_step_qp and plan is None:
-        plan = AtlasIcpPlanParams()
-    return IcpPlanner(
-        plan or params.icp_plan,
-        model,
-        params.control_period,
-        has_reference=not params.icp_step_qp,
-    )

@@ -50,11 +50,7 @@ class PointMassPlant(LeafSystem):
         )
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
         self._ecmp, self._swing, self._walking, self._push = inputs(
-            self,
-            "ecmp_command",
-            "swing_foot_reference",
-            "walking_state",
-            "push_force",
+            self, "ecmp_command swing_foot_reference walking_state push_force"
         )
         self.DeclareStateOutputPort("com_state", self._com)
         com = [self.discrete_state_ticket(self._com)]

@@ -24,7 +24,6 @@ from nadia_balance.core.math.size import scaled
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import checks as robot_checks
-from nadia_balance.robot.ground_geometry import add_ground, default_plant_config
 from nadia_balance.robot.leg_strength import cop_area, foot_limits
 from nadia_balance.robot.params import (
     MODELS,
@@ -32,7 +31,12 @@ from nadia_balance.robot.params import (
     idealised,
     overridden,
 )
-from nadia_balance.robot.plants import actuators, joints_above
+from nadia_balance.robot.plants import (
+    actuators,
+    add_ground,
+    default_plant_config,
+    joints_above,
+)
 from nadia_balance.robot.urdf import (
     add_urdf,
     check_urdf,

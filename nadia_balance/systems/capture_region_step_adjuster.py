@@ -68,15 +68,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
         check(params)
         params.usable_foot(model.cop_area)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
+        names = "alip_icp walking_state time_adjustment foot_poses? mechanisms"
         self._icp, self._walking_state, self._time, self._feet, self._on = (
-            ports.inputs(
-                self,
-                "alip_icp",
-                "walking_state",
-                "time_adjustment",
-                "foot_poses?",
-                "mechanisms",
-            )
+            ports.inputs(self, names)
         )
         self._tick = ports.declare_cache(self, "tick", self._calc_tick)
         self._adjustment = ports.declare_output(

@@ -120,9 +120,10 @@ Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 def inputs(system: LeafSystem, *names: str) -> Iterator[Input]:
     """Declares input ports for the SIGNALS of these names, in their order.
 
-    A signal `name?` is None while it is not connected.
+    A string may have several; a signal `name?` is None while it is not
+    connected.
     """
-    for name in names:
+    for name in " ".join(names).split():
         name, maybe, _ = name.partition("?")
         default = None if maybe else _DEFAULTS.get(name, _REQUIRED)
         yield Input(system, name, SIGNALS[name], default, _VIEWS.get(name))

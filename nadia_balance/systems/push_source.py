@@ -75,11 +75,7 @@ class PushSource(framework.LeafSystem):
         for push in pushes:
             _ticks("duration", push.duration, period)
         self._shares = [push.shares(period) for push in pushes]
-        # Duration of the peak force with the same impulse [s].
-        self._effective = [
-            push.duration * float(np.mean(shares))
-            for push, shares in zip(pushes, self._shares, strict=True)
-        ]
+        self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [_ticks("delay", p.delay, period) for p in pushes]
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)

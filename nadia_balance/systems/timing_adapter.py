@@ -35,8 +35,8 @@ class TimingAdapter(LeafSystem):
         super().__init__()
         check(params)
         self._timing = Timing(params, model, period)
-        names = "walking_state", "icp_plan", "icp", "foot_poses", "mechanisms"
-        self._inputs = list(ports.inputs(self, *names))
+        names = "walking_state icp_plan icp foot_poses mechanisms"
+        self._inputs = list(ports.inputs(self, names))
         ports.declare_output(self, "time_adjustment", self._calc)
 
     def _calc(self, context) -> TimeAdjustment:

@@ -66,14 +66,9 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._qp = WholeBodyQp(params, model, period, tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
+        names = "whole_body_terms momentum_rate swing_foot_reference"
         self._terms, self._momentum_rate, self._swing, self._walking_state = (
-            inputs(
-                self,
-                "whole_body_terms",
-                "momentum_rate",
-                "swing_foot_reference",
-                "walking_state",
-            )
+            inputs(self, names, "walking_state")
         )
         self._friction = Input(self, "friction", 1, [params.friction])
         Outcome(

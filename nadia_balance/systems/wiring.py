@@ -2,34 +2,27 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import filterfalse
-from typing import NamedTuple
 
 from pydrake.systems import framework
 
 
-class Role(NamedTuple):
-    """A block's place in a controller: its default, and its outputs' names."""
-
-    make: Callable[[], framework.System]
-    outputs: tuple[str, ...]
-
-
 def fill(
-    roles: Mapping[str, Role],
+    makers: Mapping[str, Callable[[], framework.System]],
+    outputs: Mapping[str, str],
     blocks: Mapping[str, framework.System | None],
     others: Iterable[str] = (),
 ) -> dict[str, framework.System]:
-    """Returns a system for each of `roles`: that in `blocks`, or the default.
+    """Returns a system for each role: that in `blocks`, or of its maker.
 
-    None in `blocks` leaves the role empty.  `others` are roles elsewhere, for
-    the message.
+    None in `blocks` leaves the role empty.  `outputs` are the names of the
+    ports that a role must have; `others` are roles elsewhere, for the message.
 
     Raises ValueError: `blocks` has an unknown role, no System, or a system that
     lacks an output of its role.
     """
     for role, block in blocks.items():
-        if role not in roles:
-            known = ", ".join((*roles, *others))
+        if role not in makers:
+            known = ", ".join((*makers, *others))
             raise ValueError(f"block = {role!r}: must be one of {known}")
         if block is None:
             continue
@@ -37,15 +30,15 @@ def fill(
             raise ValueError(
                 f"{role} = {block!r}: must be a System, made already"
             )
-        for name in filterfalse(block.HasOutputPort, roles[role].outputs):
+        for name in filterfalse(block.HasOutputPort, outputs[role].split()):
             raise ValueError(
                 f"{role} = {type(block).__name__}: must have the output port "
                 f"{name!r}"
             )
     given = blocks | {
-        role: roles[role].make() for role in roles if role not in blocks
+        role: makers[role]() for role in makers if role not in blocks
     }
-    return {role: given[role] for role in roles if given[role] is not None}
+    return {role: given[role] for role in makers if given[role] is not None}
 
 
 def connect(

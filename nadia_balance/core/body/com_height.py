@@ -8,11 +8,7 @@ from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import (
-    ContactSchedule,
-    FootPose,
-    Phase,
-)
+from nadia_balance.core.walking import vocabulary as walking
 
 
 @dataclass(kw_only=True)
@@ -37,8 +33,8 @@ class ComHeightParams:
 
 
 def height_limit(
-    stance: FootPose,
-    other: FootPose,
+    stance: walking.FootPose,
+    other: walking.FootPose,
     params: ComHeightParams,
     legs: LegGeometry,
 ) -> float:
@@ -121,7 +117,9 @@ class ComHeightPlan:
 
 
 def plan_com_height(
-    schedule: ContactSchedule, params: ComHeightParams, model: PointMassModel
+    schedule: walking.ContactSchedule,
+    params: ComHeightParams,
+    model: PointMassModel,
 ) -> ComHeightPlan:
     """Returns the desired CoM height during the present phase.
 
@@ -134,7 +132,7 @@ def plan_com_height(
     stance, nominal = schedule.feet[side], model.com_height
     lowest = params.min_height_ratio * nominal
 
-    def height(other: FootPose) -> float:
+    def height(other: walking.FootPose) -> float:
         limit = height_limit(stance, other, params, model.legs)
         ground = float(stance.p_WF[2])
         if model.is_uneven:
@@ -142,7 +140,7 @@ def plan_com_height(
         return ground + min(max(limit, lowest), nominal)
 
     start = end = height(schedule.feet[side.other])
-    if schedule.phase is Phase.SWING and schedule.footsteps:
+    if schedule.phase is walking.Phase.SWING and schedule.footsteps:
         end = height(schedule.footsteps[0].pose)
     return ComHeightPlan(start, end, schedule.duration)
 
@@ -150,7 +148,7 @@ def plan_com_height(
 def stance_limit(
     com: Array,
     velocity: Array,
-    schedule: ContactSchedule,
+    schedule: walking.ContactSchedule,
     params: ComHeightParams,
     model: PointMassModel,
 ) -> tuple[float, float]:

@@ -20,13 +20,7 @@ from nadia_balance.core.math.polygon import (
     intersection,
     project,
 )
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Footstep,
-    Immutable,
-    Side,
-)
+from nadia_balance.core.walking import vocabulary as walking
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
@@ -105,7 +99,7 @@ class Region:
         tilt of the plane and the `yaw` [rad], shrunk by `margin` [m]; `sole`
         (k, 2) [m] in its own frame.  (0, 2) if the sole does not fit.
         """
-        foot = FootPose(yaw=yaw, normal=self.unit_normal)
+        foot = walking.FootPose(yaw=yaw, normal=self.unit_normal)
         corners = foot.outline(sole)
         A, b = halfspaces(self.polygon)
         farthest = (A @ corners.T).max(axis=1)
@@ -113,7 +107,7 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground(Immutable):
+class Ground(walking.Immutable):
     """All regions, with the sole (n, 2) [m] and its margin to their edges."""
 
     regions: tuple[Region, ...]
@@ -147,7 +141,7 @@ class Ground(Immutable):
             )
         return self._known[yaw]
 
-    def allows(self, foot: FootPose) -> bool:
+    def allows(self, foot: walking.FootPose) -> bool:
         """True if the sole is on a single region, with the margin."""
         return any(
             contains(foot.p_WF[:2], part, _ROUNDING)
@@ -182,7 +176,7 @@ class Ground(Immutable):
             if len(part):
                 yield index, part
 
-    def region_under(self, foot: FootPose) -> Region | None:
+    def region_under(self, foot: walking.FootPose) -> Region | None:
         """Returns the region that contains the whole sole, or None."""
         corners = foot.outline(self.sole)
         for region in self.regions:
@@ -192,26 +186,26 @@ class Ground(Immutable):
                 return region
         return None
 
-    def pose(self, point: Array, yaw: float, height: float) -> FootPose:
+    def pose(self, point: Array, yaw: float, height: float) -> walking.FootPose:
         """Returns the sole at `point` (2,) [m], on the plane of its region.
 
         Without a region, the sole is level at `height` [m].
         """
-        foot = FootPose(np.append(point, height), yaw)
+        foot = walking.FootPose(np.append(point, height), yaw)
         if (region := self.region_under(foot)) is None:
             return foot
         p_WF = np.append(point, region.heights(point[None]))
         if region.is_level:
-            return FootPose(p_WF, yaw)
-        return FootPose(p_WF, yaw, region.unit_normal)
+            return walking.FootPose(p_WF, yaw)
+        return walking.FootPose(p_WF, yaw, region.unit_normal)
 
 
-def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
+def standing_on(ground: Ground, feet: walking.FootPoses) -> walking.FootPoses:
     """Returns the feet with the heights and normals of their regions.
 
     Raises ValueError: a foot is not on a single region.
     """
-    for side in Side:
+    for side in walking.Side:
         what = f"{side.value} foot at the start"
         feet = feet.with_foot(side, _on_region(ground, feet[side], what))
     return feet
@@ -219,10 +213,10 @@ def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
 
 def steps_on(
     ground: Ground,
-    steps: Iterable[Footstep],
-    feet: FootPoses,
+    steps: Iterable[walking.Footstep],
+    feet: walking.FootPoses,
     reach: reachability.ReachabilityParams | None,
-) -> tuple[Footstep, ...]:
+) -> tuple[walking.Footstep, ...]:
     """Returns the steps with the heights and normals of their regions.
 
     If a `reach` is given, each is moved to the nearest foothold within reach of
@@ -234,7 +228,7 @@ def steps_on(
     found = []
     for number, step in enumerate(steps, start=1):
         what = f"step {number} ({step.side.value})"
-        placed: Footstep | None
+        placed: walking.Footstep | None
         if reach is None:
             placed = replace(step, pose=_on_region(ground, step.pose, what))
         else:
@@ -253,8 +247,8 @@ def steps_on(
 
 
 def moved_to(
-    ground: Ground, step: Footstep, within: Iterable[Array]
-) -> Footstep | None:
+    ground: Ground, step: walking.Footstep, within: Iterable[Array]
+) -> walking.Footstep | None:
     """Returns the step at the nearest foothold in the first feasible polygon.
 
     Polygons (n, 2) [m] in W, in order; None if none contains a foothold.
@@ -267,14 +261,16 @@ def moved_to(
     return None
 
 
-def _on_region(ground: Ground, foot: FootPose, what: str) -> FootPose:
+def _on_region(
+    ground: Ground, foot: walking.FootPose, what: str
+) -> walking.FootPose:
     """Returns the foot on its region; raises ValueError about `what`."""
     if ground.region_under(foot) is None:
         raise ValueError(f"{what}: {_beside(ground, foot)}")
     return ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
 
 
-def _beside(ground: Ground, foot: FootPose) -> str:
+def _beside(ground: Ground, foot: walking.FootPose) -> str:
     """Returns the foot's position and the nearest foothold, as a message."""
     x, y, _ = foot.p_WF.tolist()
     point = ground.nearest(foot.p_WF[:2], foot.yaw)

@@ -85,7 +85,10 @@ def way_round(
         corners.append((ahead, params.beside))
     way, left = [p], corners if q[0] > p[0] else corners[::-1]
     while left:  # shortest path: next is the point most to the swing side
-        nearest = max([*left, q], key=lambda c: _slope(way[-1], c))
+        x, y = way[-1]
+        nearest = max(
+            [*left, q], key=lambda c: math.atan2(c[1] - y, abs(c[0] - x))
+        )
         if nearest is q:
             break
         way.append(nearest)
@@ -148,7 +151,3 @@ def _length(p: Point, params: SwingDetourParams) -> float:
     """Returns `ahead`, or less if `p` is closer in front or behind."""
     length, too_deep = abs(p[0]), params.beside - p[1]
     return length if 0.0 < params.ahead - length < too_deep else params.ahead
-
-
-def _slope(start: Point, end: Point) -> float:
-    return math.atan2(end[1] - start[1], abs(end[0] - start[0]))

@@ -179,7 +179,7 @@ def step_feedback(
     if on and may_move(state, params):
         moves = plan.moves_of(state)[:, : len(steps)]
         back = moves @ phase.offsets  # to the nominal footholds
-        shifts, _, _, result = qp.solve(
+        shifts, result = qp.solve(
             icp - reference.icp + back[0],
             reference.ecmp - back[1],
             moves,

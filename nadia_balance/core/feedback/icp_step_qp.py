@@ -88,20 +88,6 @@ class StepLimits(Immutable):
     R: Array
 
 
-class StepSolution(NamedTuple):
-    """The optimum of the QP, in W [m]; NaN if the `result` is not solved.
-
-    `steps` (n, 2) are the shifts of the footholds from the planned ones,
-    `delta` (2,) the feedback on the CMP, `slack` = eta (2,) the remaining ICP
-    error.
-    """
-
-    steps: Array
-    delta: Array
-    slack: Array
-    result: QpResult
-
-
 class IcpStepQp:
     """The quadratic program of the Atlas paper's Eq. 20, for N steps.
 
@@ -139,11 +125,13 @@ class IcpStepQp:
 
     def solve(
         self, error: Array, cmp: Array, moves: Array, limits: StepLimits
-    ) -> StepSolution:
-        """Returns steps and feedback for the ICP error of the nominal plan.
+    ) -> tuple[Array, QpResult]:
+        """Returns the shifts (n, 2) [m] of the footholds from the planned ones.
 
-        `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m], both
-        in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N footholds.
+        `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m]; all
+        are in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N
+        footholds.  Unless the result is solved, the shifts are NaN; its x ends
+        in eta (2,) [m], the slack in the ICP error.
 
         Raises ValueError: an argument is not finite.
         """
@@ -167,9 +155,7 @@ class IcpStepQp:
                 upper,
             )
         )
-        x = result.x
-        steps = x[:used].reshape(-1, 2)
-        return StepSolution(steps, delta_0 + D @ x, x[-2:], result)
+        return result.x[:used].reshape(-1, 2), result
 
 
 class AnkleFeedback:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from nadia_balance.core.math.polygon import (
     shrink,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 REST_DURATION = 10.0  # [s]; long enough to count as infinite
@@ -24,11 +25,10 @@ REST_DURATION = 10.0  # [s]; long enough to count as infinite
 class CopPointParams:
     """One CoP point relative to the sole's centroid: x forward, y to the left.
 
-    x = clamp(offset_x + step_length_factor * step length, min_x, max_x), and
-    y is offset_inside toward the other foot.
+    x = clamp(step_length_factor * step length, min_x, max_x), and y is
+    offset_inside toward the other foot.
     """
 
-    offset_x: float = bounded(0.0, unit="m", of="sole_length")
     offset_inside: float = bounded(0.0, unit="m", of="sole_width")
     step_length_factor: float = 0.0  # [-]
     min_x: float = bounded(0.0, unit="m", of="sole_length")
@@ -43,8 +43,8 @@ class CopPointParams:
 
 
 @dataclass(kw_only=True)
-class CopWaypointParams:
-    """Positions and times of the CoP waypoints in each phase."""
+class IcpPlanParams:
+    """Parameters of the ICP plan: where and when the CoP is in each phase."""
 
     entry: CopPointParams = field(
         default_factory=lambda: CopPointParams(
@@ -94,7 +94,7 @@ class Sole:
 
         Raises ValueError: the margin leaves no area of the sole.
         """
-        inner = shrink(corners, margin, "cop.margin")
+        inner = shrink(corners, margin, "margin")
         return cls(corners, inner, centroid(corners))
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
@@ -109,7 +109,7 @@ class Sole:
         self, params: CopPointParams, side: Side, step_length: float
     ) -> Array:
         """Returns the CoP point (2,) [m] in the sole frame of `side`."""
-        x = params.offset_x + params.step_length_factor * step_length
+        x = params.step_length_factor * step_length
         x = min(max(x, params.min_x), params.max_x)
         offset = np.array([x, -side.sign * params.offset_inside])
         return project(self.centroid + offset, self.inner)
@@ -139,7 +139,7 @@ class CopWaypoints:
 
 
 def cop_waypoints(
-    schedule: walking.ContactSchedule, params: CopWaypointParams, sole: Array
+    schedule: walking.ContactSchedule, params: IcpPlanParams, sole: Array
 ) -> CopWaypoints:
     """Returns the CoP from schedule.start through the footsteps, and to rest.
 
@@ -152,119 +152,103 @@ def cop_waypoints(
     """
     if schedule.phase is walking.Phase.SWING and not schedule.footsteps:
         raise ValueError("footsteps = (): a swing needs the step in the air")
-    path = _Path(schedule, params, sole)
-    steps = (
-        () if schedule.phase is walking.Phase.STANDING else schedule.footsteps
-    )
+    feet, steps = schedule.feet, schedule.footsteps
+    if schedule.phase is walking.Phase.STANDING:
+        steps = ()
+    unseen = steps[params.num_previewed_steps :]
+    stance = _Stance(params, Sole.with_margin(sole, params.margin))
+    phases = []
     for i, step in enumerate(steps[: params.num_previewed_steps]):
         if i > 0 or schedule.phase is walking.Phase.TRANSFER:
-            path.add_transfer(step.side.other, step.transfer_duration)
-        path.add_swing(step.side, step.pose, step.swing_duration)
-    unseen = steps[params.num_previewed_steps :]
-    path.add_final_transfer(
-        unseen[0].transfer_duration
-        if unseen
-        else schedule.final_transfer_duration
+            phases.append(stance.transfer(feet, step))
+        phases.append(stance.swing(feet, step))
+        feet = feet.with_foot(step.side, step.pose)
+    last = schedule.final_transfer_duration
+    phases.append(
+        stance.final_transfer(
+            feet, unseen[0].transfer_duration if unseen else last
+        )
     )
-    return path.waypoints()
+    if math.isfinite(schedule.duration):  # overrides the footstep's
+        phases[0] = phases[0]._replace(duration=schedule.duration)
+    times = [share * p.duration for p in phases for share in p.shares]
+    lasts = np.maximum([*times, REST_DURATION], _MIN_DURATION)
+    ends, present = np.cumsum(lasts), len(phases[0].shares)
+    over = int(np.searchsorted(ends, schedule.start_time, side="right"))
+    over = min(over, present - 1)
+    left = max(ends[over] - schedule.start_time, _MIN_DURATION)
+    points = [point for phase in phases for point in phase.points]
+    return CopWaypoints(
+        np.array([schedule.start.cop, *points[over:], points[-1]]),
+        np.append(left, lasts[over + 1 :]),
+        present - over,
+        schedule.start_time,
+        [part for phase in phases[:2] for part in phase.supports][over:],
+    )
 
 
-class _Path:
-    """Builder of the segments, phase by phase, from schedule.start on."""
+class _Phase(NamedTuple):
+    """CoP points at the ends of segments, their shares of the duration [s].
 
-    def __init__(
-        self,
-        schedule: walking.ContactSchedule,
-        params: CopWaypointParams,
-        sole: Array,
-    ) -> None:
-        self._params = params
-        self._sole = Sole.with_margin(sole, params.margin)
-        self._feet: walking.FootPoses = schedule.feet
-        self._present_duration = schedule.duration
-        self._start_time = schedule.start_time
-        self._points: list[Array] = [schedule.start.cop]
-        self._phases: list[list[float]] = []  # durations of the segments
-        self._supports: list[Array] = []
+    `supports` are the CoP polygons (n, 2) [m] in W of the points.
+    """
 
-    def add_transfer(self, support: Side, duration: float) -> None:
-        """Appends the shift of the weight to the `support` foot."""
-        trailing, leading = self._feet[support.other], self._feet[support]
-        (exit_,) = self._cops(support.other, trailing, leading, "exit")
-        (entry,) = self._cops(support, leading, trailing, "entry")
-        mid = exit_ + self._params.mid_weight * (entry - exit_)
-        split = self._params.transfer_split
-        supports = [self._support(*Side), self._support(support)]
-        self._add([mid, entry], [split, 1.0 - split], duration, supports)
+    points: list[Array]
+    shares: list[float]
+    duration: float
+    supports: list[Array]
 
-    def add_swing(self, side: Side, pose: FootPose, duration: float) -> None:
-        """Appends the swing of the foot of `side` to `pose`."""
-        support = side.other
+
+class _Stance(NamedTuple):
+    """The segments of each phase, for feet on the ground."""
+
+    params: IcpPlanParams
+    sole: Sole
+
+    def transfer(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
+        """Returns the shift of the weight to the other foot of `step`."""
+        leading, side = step.side.other, step.side
+        (exit_,) = self._cops(side, feet[side], feet[leading], "exit")
+        (entry,) = self._cops(leading, feet[leading], feet[side], "entry")
+        mid = exit_ + self.params.mid_weight * (entry - exit_)
+        split = self.params.transfer_split
+        supports = [self._support(feet, *Side), self._support(feet, leading)]
+        shares = [split, 1.0 - split]
+        return _Phase([mid, entry], shares, step.transfer_duration, supports)
+
+    def swing(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
+        """Returns the swing of `step`."""
+        support = step.side.other
         ball, exit_ = self._cops(
-            support, self._feet[support], pose, "ball", "exit"
+            support, feet[support], step.pose, "ball", "exit"
         )
-        shift = self._params.swing_shift_fraction
-        split = self._params.swing_split
-        times = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        supports = 3 * [self._support(support)]
-        self._add([ball, exit_, exit_], times, duration, supports)
-        self._feet = self._feet.with_foot(side, pose)
-
-    def add_final_transfer(self, duration: float) -> None:
-        """Appends the shift to midway between the soles, and a long rest."""
-        centre = self._sole.centroid
-        left, right = (self._feet[side].to_world(centre) for side in Side)
-        mid = 0.5 * (left + right)
-        split = self._params.transfer_split
-        supports = [self._support(*Side)]
-        self._add([mid, mid], [split, 1.0 - split], duration, supports)
-        self._points.append(mid)
-
-    def waypoints(self) -> CopWaypoints:
-        """Returns the waypoints of the appended phases."""
-        durations = [d for phase in self._phases for d in phase]
-        lasts = np.maximum([*durations, REST_DURATION], _MIN_DURATION)
-        ends, present = np.cumsum(lasts), len(self._phases[0])
-        over = int(np.searchsorted(ends, self._start_time, side="right"))
-        over = min(over, present - 1)
-        left = max(ends[over] - self._start_time, _MIN_DURATION)
-        points = np.array(self._points[:1] + self._points[over + 1 :])
-        return CopWaypoints(
-            points,
-            np.append(left, lasts[over + 1 :]),
-            present - over,
-            self._start_time,
-            self._supports[over:],
+        shift = self.params.swing_shift_fraction
+        split = self.params.swing_split
+        shares = [shift * split, shift * (1.0 - split), 1.0 - shift]
+        supports = 3 * [self._support(feet, support)]
+        return _Phase(
+            [ball, exit_, exit_], shares, step.swing_duration, supports
         )
 
-    def _add(
-        self,
-        points: list[Array],
-        times: list[float],
-        duration: float,
-        supports: list[Array],
-    ) -> None:
-        """Appends a phase; `times` are the shares of its `duration` [s]."""
-        if len(self._phases) < 2:
-            self._supports += supports
-        # The schedule's duration of the present phase overrides the footstep's.
-        if not self._phases and math.isfinite(self._present_duration):
-            duration = self._present_duration
-        self._points += points
-        self._phases.append([share * duration for share in times])
+    def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
+        """Returns the shift to midway between the soles."""
+        left, right = (feet[s].to_world(self.sole.centroid) for s in Side)
+        mid, split = 0.5 * (left + right), self.params.transfer_split
+        supports = [self._support(feet, *Side)]
+        return _Phase([mid, mid], [split, 1.0 - split], duration, supports)
 
-    def _support(self, *sides: Side) -> Array:
+    def _support(self, feet: FootPoses, *sides: Side) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
-        soles = [self._feet[side].to_world(self._sole.inner) for side in sides]
+        soles = [feet[side].to_world(self.sole.inner) for side in sides]
         return convex_hull(np.concatenate(soles))
 
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str
     ) -> list[Array]:
         """Returns the named points (2,) of the foot of `side`."""
-        length = self._sole.step_length(foot, other)
+        length = self.sole.step_length(foot, other)
         cops = (
-            self._sole.cop_point(getattr(self._params, name), side, length)
+            self.sole.cop_point(getattr(self.params, name), side, length)
             for name in names
         )
         return [foot.to_world(cop) for cop in cops]

@@ -13,8 +13,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.math.polygon import project
 from nadia_balance.core.plan.cop_waypoints import (
-    CopWaypointParams,
     CopWaypoints,
+    IcpPlanParams,
     cop_waypoints,
 )
 from nadia_balance.core.walking import vocabulary as walking
@@ -129,13 +129,6 @@ def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
     return multipliers
 
 
-@dataclass(kw_only=True)
-class IcpPlanParams:
-    """Parameters of the ICP plan."""
-
-    cop: CopWaypointParams = field(default_factory=CopWaypointParams)
-
-
 @dataclass(frozen=True, eq=False)
 class IcpReference:
     """The reference motion at one time, each (2,) in W: [m], [m/s].
@@ -173,7 +166,7 @@ class IcpPlan(walking.Immutable):
     cop_waypoints: Array
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
-    cop: CopWaypointParams = field(default_factory=CopWaypointParams)
+    cop: IcpPlanParams = field(default_factory=IcpPlanParams)
     FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:
@@ -262,8 +255,11 @@ class IcpPlan(walking.Immutable):
         new, now = replace(schedule, footsteps=steps), self.at(t)
         if self.FOLLOWS_STEPS:
             return new
+        sole, w = model.cop_area, model.omega
+        paths = [cop_waypoints(s, self.cop, sole) for s in (schedule, new)]
         before, after = (
-            _unbent_icp(s, self.cop, t, model) for s in (schedule, new)
+            recursive_multipliers(path.knots, t, w) @ path.points
+            for path in paths
         )
         way, error = after - before, icp - now.icp
         length2 = float(way @ way)
@@ -290,7 +286,7 @@ def plan_icp(
     Raises ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
-    path = cop_waypoints(schedule, params.cop, model.cop_area)
+    path = cop_waypoints(schedule, params, model.cop_area)
     icp_start = icp(start.com, start.com_velocity, omega)
     ecmp, offset = _bent(path, icp_start, omega)
     coefficients = solve_segments(
@@ -306,7 +302,7 @@ def plan_icp(
         knots=path.knots,
         cop_waypoints=path.points,
         coefficients=coefficients,
-        cop=params.cop,
+        cop=params,
         offset=offset,
     )
 
@@ -338,17 +334,6 @@ def _bent(
             ecmp[bent] += np.outer(pulls / squares[0], left)
             return ecmp, np.zeros(2)
     return ecmp, left
-
-
-def _unbent_icp(
-    schedule: walking.ContactSchedule,
-    cop: CopWaypointParams,
-    t: float,
-    model: PointMassModel,
-) -> Array:
-    path = cop_waypoints(schedule, cop, model.cop_area)
-    multipliers = recursive_multipliers(path.knots, t, model.omega)
-    return np.asarray(multipliers @ path.points)
 
 
 def reference_of(plan: IcpPlan, state: walking.WalkingState) -> IcpReference:

@@ -117,6 +117,10 @@ class Push:
             return np.sin(2.0 * np.pi * self.frequency * n * period * x)
         return np.ones(n)
 
+    def effective_duration(self, period: float) -> float:
+        """Returns how long the peak force has the same impulse [s]."""
+        return self.duration * float(np.mean(self.shares(period)))
+
     def newtons(self, mass: float, period: float) -> float:
         """Returns the peak force [N] on a robot of this mass [kg].
 
@@ -125,8 +129,7 @@ class Push:
         if self.force is not None:
             return self.force
         assert self.delta_v is not None
-        mean = float(np.mean(self.shares(period)))
-        return mass * self.delta_v / (self.duration * mean)
+        return mass * self.delta_v / self.effective_duration(period)
 
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
         """True if the push begins at or before `time` [s], without `delay`.

@@ -143,8 +143,8 @@ def test_without_a_solution_no_foothold_moves():
 
     class Unsolved(IcpStepQp):
         def solve(self, *arguments):
-            found = super().solve(*arguments)
-            return found._replace(result=found.result._replace(solved=False))
+            shifts, result = super().solve(*arguments)
+            return shifts, result._replace(solved=False)
 
     found = feedback(state, icp, qp=Unsolved(PARAMS))
     alone = feedback(state, icp, on=False)

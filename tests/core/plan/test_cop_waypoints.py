@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.plan.cop_waypoints import (
     CopPointParams,
-    CopWaypointParams,
+    IcpPlanParams,
     Sole,
     cop_waypoints,
 )
@@ -46,11 +46,11 @@ def test_refuses_a_margin_that_leaves_nothing():
         Sole.with_margin(SOLE, 0.06)
 
 
-PARAMS = CopWaypointParams()
+PARAMS = IcpPlanParams()
 
 
 def test_the_first_step_of_a_walk_of_30_cm():
-    """Oracle: the offsets of CopWaypointParams, by hand.
+    """Oracle: the offsets of IcpPlanParams, by hand.
 
     The left foot takes over level with the right one: entry without step
     length; the right foot then goes 0.3 m ahead: ball at 0.3 / 8 m, exit at

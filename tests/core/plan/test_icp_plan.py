@@ -10,10 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nadia_balance.core.plan import icp_plan
-from nadia_balance.core.plan.cop_waypoints import (
-    CopWaypointParams,
-    cop_waypoints,
-)
+from nadia_balance.core.plan.cop_waypoints import cop_waypoints
 from nadia_balance.core.plan.gait import within_reach
 from nadia_balance.core.walking import vocabulary as walking
 from tests.example_walks import (
@@ -133,7 +130,7 @@ def plan_of(schedule, params=PARAMS):
 
 def as_printed(schedule):
     """The plan whose ICP starts where the waypoints lead it."""
-    path = cop_waypoints(schedule, PARAMS.cop, SOLE)
+    path = cop_waypoints(schedule, PARAMS, SOLE)
     points = path.points
     return replace(
         plan_of(schedule),
@@ -151,8 +148,7 @@ def as_printed(schedule):
 @given(random_walks())
 def test_starts_with_the_reference_it_takes_over_from(schedule):
     """Oracle: schedule.start, and Eq. 1 for its ICP."""
-    cop = CopWaypointParams(transfer_split=0.4, swing_split=0.3)
-    params = replace(PARAMS, cop=cop)
+    params = replace(PARAMS, transfer_split=0.4, swing_split=0.3)
     start, found = schedule.start, plan_of(schedule, params).at(0.0)
     exact = {"rtol": 0.0, "atol": 1e-10}
     np.testing.assert_allclose(found.com, start.com, **exact)
@@ -169,7 +165,7 @@ def test_a_small_bend_is_shared():
     """
     schedule = walk()
     swing = successor(schedule, plan_of(schedule))
-    path = cop_waypoints(swing, PARAMS.cop, SOLE)
+    path = cop_waypoints(swing, PARAMS, SOLE)
     bent = range(1, 6)  # of the swing, and of the transfer after it
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
