@@ -14,7 +14,7 @@ from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.vocabulary import WalkingState, whole_ticks
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.typed_yaml import load_tree, load_typed
@@ -82,12 +82,7 @@ class Scenario:
                 f"time_step = {self.time_step}: must divide "
                 f"controller.control_period = {period} s"
             )
-        delay = self.imperfections.delay / period
-        if abs(delay - round(delay)) > 1e-6:
-            raise ValueError(
-                f"imperfections.delay = {self.imperfections.delay}: must be a "
-                f"multiple of controller.control_period = {period} s"
-            )
+        whole_ticks("imperfections.delay", self.imperfections.delay, period)
         if self.engine == "mujoco":
             for name in ("friction_ratio", "torso_mass_ratio"):
                 if (value := getattr(self.imperfections, name)) != 1.0:

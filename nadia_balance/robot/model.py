@@ -24,18 +24,13 @@ from nadia_balance.core.math.size import scaled
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import checks as robot_checks
+from nadia_balance.robot import plants
 from nadia_balance.robot.leg_strength import cop_area, foot_limits
 from nadia_balance.robot.params import (
     MODELS,
     RobotParams,
     idealised,
     overridden,
-)
-from nadia_balance.robot.plants import (
-    actuators,
-    add_ground,
-    default_plant_config,
-    joints_above,
 )
 from nadia_balance.robot.urdf import (
     add_urdf,
@@ -156,7 +151,7 @@ class RobotModel:
         """
         instance = add_urdf(plant, self.urdf)
         limits = dict(self.drives.max_torque) if self.drives else {}
-        for actuator in actuators(plant):
+        for actuator in plants.actuators(plant):
             if actuator.model_instance() == instance:
                 name = actuator.joint().name()
                 actuator.set_effort_limit(
@@ -179,7 +174,7 @@ class RobotModel:
 
         It has point contacts and this `time_step` [s]; see `add_ground`.
         """
-        config = default_plant_config(time_step)
+        config = plants.default_plant_config(time_step)
         plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
@@ -192,7 +187,7 @@ class RobotModel:
     ) -> None:
         """Puts robot and `ground` into an empty `plant`; finalizes it."""
         self.add_to(plant)
-        add_ground(plant, ground)
+        plants.add_ground(plant, ground)
         plant.Finalize()
         if not self.params.self_collisions:
             self._let_pass(plant, scene_graph)
@@ -206,7 +201,7 @@ class RobotModel:
         pelvis = plant.GetBodyByName(self.pelvis_body)
         own = set(plant.GetBodyIndices(pelvis.model_instance()))
         feet = self.foot_bodies.values()
-        hips = [joints_above(plant, foot)[-1].index() for foot in feet]
+        hips = [plants.joints_above(plant, foot)[-1].index() for foot in feet]
         left, right = (
             set(plant.GetBodiesKinematicallyAffectedBy([hip])) for hip in hips
         )

@@ -5,11 +5,7 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.plan import icp_plan
-from nadia_balance.core.plan.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.plan import atlas_icp_plan, icp_plan
 from nadia_balance.systems import ports
 
 
@@ -30,7 +26,7 @@ class IcpPlanner(LeafSystem):
 
     def __init__(
         self,
-        params: icp_plan.IcpPlanParams | AtlasIcpPlanParams,
+        params: icp_plan.IcpPlanParams | atlas_icp_plan.AtlasIcpPlanParams,
         model: PointMassModel,
         period: float,
         has_reference: bool = True,
@@ -42,8 +38,8 @@ class IcpPlanner(LeafSystem):
             self,
             self._walking,
             lambda state: (
-                plan_atlas_icp(state.schedule, params, model)
-                if isinstance(params, AtlasIcpPlanParams)
+                atlas_icp_plan.plan_atlas_icp(state.schedule, params, model)
+                if isinstance(params, atlas_icp_plan.AtlasIcpPlanParams)
                 else icp_plan.plan_icp(state.schedule, params, model)
             ),
         )

@@ -15,7 +15,11 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import WalkingState, number_of_ticks
+from nadia_balance.core.walking.vocabulary import (
+    WalkingState,
+    number_of_ticks,
+    whole_ticks,
+)
 from nadia_balance.systems.ports import declare_cache, declare_output, inputs
 
 # "Ticks left" of a push that has not begun: before its phase, and within it.
@@ -71,12 +75,11 @@ class PushSource(framework.LeafSystem):
         super().__init__()
         for push in pushes:
             check(push)
+            whole_ticks("duration", push.duration, period)
         self._pushes, self._mass, self.period = list(pushes), mass, period
-        for push in pushes:
-            _ticks("duration", push.duration, period)
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
-        self._delays = [_ticks("delay", p.delay, period) for p in pushes]
+        self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
@@ -231,13 +234,6 @@ def _yaw(state: WalkingState | None) -> float:
         return 0.0
     schedule = state.schedule
     return schedule.feet[schedule.support_side].yaw
-
-
-def _ticks(name: str, time: float, period: float) -> int:
-    ticks = round(time / period)
-    if abs(ticks * period - time) > 1e-9:
-        raise ValueError(f"{name} = {time}: must be a multiple of {period} s")
-    return ticks
 
 
 def find_body(plant: MultibodyPlant, name: str) -> RigidBody:

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.joint_drives import lag_share
+from nadia_balance.core.walking.vocabulary import whole_ticks
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, declare_scratch
 
@@ -52,11 +53,7 @@ class StatePredictor(LeafSystem):
         size = plant.num_multibody_states()
         self._state = self.DeclareVectorInputPort("estimated_state", size)
         self._scratch = declare_scratch(self, plant)
-        self._periods = round(delay / period)
-        if abs(self._periods * period - delay) > 1e-9:
-            raise ValueError(
-                f"delay = {delay}: must be a multiple of the period, {period} s"
-            )
+        self._periods = whole_ticks("delay", delay, period)
         if self._periods:
             # Response to a step in acceleration: after a period, and its mean.
             self._share, self._mean_share = 1.0, 1.0

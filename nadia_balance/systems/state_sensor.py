@@ -5,6 +5,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.walking.imperfections import Imperfections
+from nadia_balance.core.walking.vocabulary import whole_ticks
 from nadia_balance.systems.ports import Input
 
 _FEET = 2
@@ -39,12 +40,7 @@ class StateSensor(LeafSystem):
         Raises ValueError: the delay is not a multiple of the period.
         """
         super().__init__()
-        delay = imperfections.delay
-        self._ticks = round(delay / period)
-        if abs(self._ticks * period - delay) > 1e-9:
-            raise ValueError(
-                f"delay = {delay}: must be a multiple of the period, {period} s"
-            )
+        self._ticks = whole_ticks("delay", imperfections.delay, period)
         self._period, self._seed = period, seed
         nq, size = plant.num_positions(), plant.num_multibody_states()
         self._deviations = np.zeros(size)

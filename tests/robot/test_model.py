@@ -20,13 +20,8 @@ from nadia_balance.core.whole_body.collision_avoidance import (
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import whole_body_model
-from nadia_balance.robot.model import (
-    MODELS,
-    add_ground,
-    default_plant_config,
-    load_robot,
-    robot_names,
-)
+from nadia_balance.robot.model import MODELS, load_robot, robot_names
+from nadia_balance.robot.plants import add_ground, default_plant_config
 from nadia_balance.systems.joint_drives import JointDrives
 from tests.blocks import running
 from tests.core.body.test_ground import square

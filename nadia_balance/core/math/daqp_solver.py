@@ -1,7 +1,7 @@
 """DAQP as a Drake solver, for small dense convex QPs."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import daqp  # type: ignore[import-not-found]
@@ -49,17 +49,6 @@ _ATTRIBUTES = {
 # Selection matrices E (k, n) of each binding, see _pick().
 _Picks = dict[Any, Array | None]
 _UNKNOWN = np.empty(0)
-
-
-class DaqpSolution(NamedTuple):
-    """DAQP's solution `x` (n,), NaN unless `result` is kSolutionFound.
-
-    `iterations` counts the tried working sets.
-    """
-
-    x: Array
-    result: solvers.SolutionResult
-    iterations: int
 
 
 class DaqpSolver(solvers.SolverInterface):
@@ -134,15 +123,19 @@ class DaqpSolver(solvers.SolverInterface):
         """
         if why := self.ExplainUnsatisfiedProgramAttributes(prog):
             raise ValueError(why)
-        solution = self.solve(prog)
+        x, outcome = self.solve(prog)
         filled = (
             solvers.MathematicalProgramResult() if result is None else result
         )
-        _fill(filled, prog, solution)
+        _fill(filled, prog, x, outcome)
         return filled if result is None else None
 
-    def solve(self, prog: solvers.MathematicalProgram) -> DaqpSolution:
-        """Solves the convex QP `prog`, without a MathematicalProgramResult.
+    def solve(
+        self, prog: solvers.MathematicalProgram
+    ) -> tuple[Array, solvers.SolutionResult]:
+        """Returns the solution x (n,) of the convex QP `prog`, and its result.
+
+        Unless that is kSolutionFound, x is NaN.
 
         Raises ValueError: a cost is not convex, a coefficient not finite, a
         bound is NaN, a lower bound is inf or an upper bound is -inf.
@@ -155,11 +148,11 @@ class DaqpSolver(solvers.SolverInterface):
         H, g = _cost(prog, n, picks)
         A, lower, upper = _rows(prog, n, picks)
         _check(lower, upper)
-        x, flag, iterations = _solved(H, g, A, lower, upper)
+        x, flag = _solved(H, g, A, lower, upper)
         result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
         if result is not solvers.SolutionResult.kSolutionFound:
             x = np.full(n, np.nan)
-        return DaqpSolution(x, result, iterations)
+        return x, result
 
 
 def _pick(
@@ -238,8 +231,8 @@ def _check(lower: Array, upper: Array) -> None:
 
 def _solved(
     H: Array, g: Array, A: Array, lower: Array, upper: Array
-) -> tuple[Array, int, int]:
-    """Returns DAQP's x (n,), its flag, and its iterations.
+) -> tuple[Array, int]:
+    """Returns DAQP's x (n,), and its flag.
 
     The comments explain the precautions for a reliable result.
     """
@@ -254,17 +247,17 @@ def _solved(
         # DAQP may treat lower > upper as an equality.
         gaps = lower - upper
         if gaps[gaps.argmax()] > _PRIMAL_TOLERANCE:
-            return g, _INFEASIBLE, 0
-    x, _, flag, info = daqp.solve(
+            return g, _INFEASIBLE
+    x, _, flag, _ = daqp.solve(
         H.T, g, A, upper, lower, primal_tol=_PRIMAL_TOLERANCE
     )
     if flag not in _DOUBTFUL:
-        return x, flag, info["iterations"]
+        return x, flag
     A, lower, upper = _of_length_1(A, lower, upper)
-    x, _, flag, more = daqp.solve(
+    x, _, flag, _ = daqp.solve(
         H.T / size, g / size, A, upper, lower, **_WITH_CARE
     )
-    return x, flag, info["iterations"] + more["iterations"]
+    return x, flag
 
 
 def _of_length_1(
@@ -276,15 +269,17 @@ def _of_length_1(
     return A * scale[:, None], scale * lower, scale * upper
 
 
-def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
-    """Writes `solution` of `prog` into `result`.
+def _fill(
+    result: Any, prog: Any, found: Array, outcome: solvers.SolutionResult
+) -> None:
+    """Writes the solution `found` of `prog` into `result`.
 
     Only Drake's own solvers can set the variables and the cost of a result.
-    One of them solves x = solution.x with that cost.
+    One of them solves x = found with that cost.
     """
-    x = np.nan_to_num(solution.x)
-    cost = _NO_COSTS.get(solution.result, math.nan)
-    if solution.result is solvers.SolutionResult.kSolutionFound:
+    x = np.nan_to_num(found)
+    cost = _NO_COSTS.get(outcome, math.nan)
+    if outcome is solvers.SolutionResult.kSolutionFound:
         costs = [*prog.quadratic_costs(), *prog.linear_costs()]
         cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
     known: Any = solvers.MathematicalProgram()
@@ -294,5 +289,5 @@ def _fill(result: Any, prog: Any, solution: DaqpSolution) -> None:
     known.AddQuadraticCost(np.diag(0.0 * x), 0.0 * x, cost, variables, True)
     solver = solvers.MakeSolver(solvers.ChooseBestSolver(known))
     solver.Solve(known, None, None, result)
-    result.set_x_val(solution.x)
-    result.set_solution_result(solution.result)
+    result.set_x_val(found)
+    result.set_solution_result(outcome)

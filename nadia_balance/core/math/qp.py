@@ -98,7 +98,7 @@ class DenseQp:
         # H.T equals H, in the memory order for which Drake makes no copy.
         self._cost.UpdateCoefficients(H.T, g, 0.0, True)
         self._limits.UpdateCoefficients(A, lower, upper)
-        x, result, _ = self._daqp.solve(self._program)
+        x, result = self._daqp.solve(self._program)
         if result is solvers.SolutionResult.kSolutionFound:
             return QpResult(x, True, violation=problem.violation(x))
         if result is solvers.SolutionResult.kInfeasibleConstraints:

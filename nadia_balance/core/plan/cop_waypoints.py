@@ -6,14 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.polygon import (
-    centroid,
-    convex_hull,
-    project,
-    shrink,
-)
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 
@@ -94,8 +89,8 @@ class Sole:
 
         Raises ValueError: the margin leaves no area of the sole.
         """
-        inner = shrink(corners, margin, "margin")
-        return cls(corners, inner, centroid(corners))
+        inner = polygon.shrink(corners, margin, "margin")
+        return cls(corners, inner, polygon.centroid(corners))
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Returns the distance [m] from toe to toe by which `other` leads."""
@@ -112,7 +107,7 @@ class Sole:
         x = params.step_length_factor * step_length
         x = min(max(x, params.min_x), params.max_x)
         offset = np.array([x, -side.sign * params.offset_inside])
-        return project(self.centroid + offset, self.inner)
+        return polygon.project(self.centroid + offset, self.inner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +235,7 @@ class _Stance(NamedTuple):
     def _support(self, feet: FootPoses, *sides: Side) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
         soles = [feet[side].to_world(self.sole.inner) for side in sides]
-        return convex_hull(np.concatenate(soles))
+        return polygon.convex_hull(np.concatenate(soles))
 
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str

@@ -251,6 +251,17 @@ def number_of_ticks(duration: float, period: float) -> int:
     return max(round(duration / period), 1)
 
 
+def whole_ticks(name: str, time: float, period: float) -> int:
+    """Returns `time` [s] in ticks of `period` [s].
+
+    Raises ValueError: it is no multiple; the message has the `name`.
+    """
+    ticks = round(time / period)
+    if abs(ticks * period - time) > 1e-9:
+        raise ValueError(f"{name} = {time}: must be a multiple of {period} s")
+    return ticks
+
+
 def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
     """Returns the hull (n, 2) [m] in W of the soles in contact.
 

@@ -128,7 +128,7 @@ def test_fills_a_result_or_returns_one():
         double = result.GetSolution(2.0 * x[0]).Evaluate()
         assert double == pytest.approx(2.0, abs=1e-12)
         assert result.get_optimal_cost() == pytest.approx(4.0, abs=1e-12)
-        assert result.get_x_val().tolist() == solver.solve(program).x.tolist()
+        assert result.get_x_val().tolist() == solver.solve(program)[0].tolist()
     assert solver.solver_id().name() == "DAQP"
     assert solver.available() and solver.enabled()
 
@@ -195,9 +195,9 @@ def test_a_program_may_change_between_two_solves():
     program, x, cost, bound = box([2.0, 0.5, -3.0], 1.0)
 
     def found():
-        solution = solver.solve(program)
-        assert solution.result == FOUND
-        return solution.x.tolist()
+        x, result = solver.solve(program)
+        assert result == FOUND
+        return x.tolist()
 
     assert found() == pytest.approx([1.0, 0.5, -3.0], abs=1e-12)
     bound.evaluator().UpdateUpperBound([9.0, 0.0, 9.0])
