@@ -25,25 +25,15 @@ _V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
 class WholeBodyKinematics:
     """Computes the terms of the whole-body QP from a plant's context.
 
-    The plant must contain one robot: the pelvis as floating base, then joints
-    of one degree of freedom, each with one actuator.
+    The plant contains one robot: the pelvis as floating base, then joints of
+    one degree of freedom, each with one actuator (see robot.checks).
     """
 
     def __init__(self, robot: RobotModel, plant: MultibodyPlant):
-        """Raises ValueError if `plant` has another structure."""
+        """Computes in a context of `plant`, of the `robot` alone."""
         self.plant = plant
         num_joints = plant.num_velocities() - 6
         pelvis = plant.GetBodyByName(robot.pelvis_body)
-        if not (
-            pelvis.is_floating_base_body()
-            and pelvis.floating_positions_start() == 0
-            and plant.num_positions() == 7 + num_joints
-            and plant.num_actuators() == num_joints
-        ):
-            raise ValueError(
-                f"{robot.name}: needs a floating {robot.pelvis_body}, joints "
-                "of one degree of freedom, and one actuator for each"
-            )
         self._damping = np.zeros(plant.num_velocities())
         for joint in joints(plant):
             if joint.num_velocities() == 1:  # neither welded nor floating

@@ -108,21 +108,21 @@ class PushSource(framework.LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def set_push(
-        self, context: Context, delta_v: float, direction_deg: float, i: int = 0
+        self, context: Context, delta_v: float, direction_deg: float
     ) -> None:
-        """Sets `delta_v` [m/s] and direction [deg] of push `i`.
+        """Sets `delta_v` [m/s] and direction [deg] of the first push.
 
         It takes effect if the push has not begun; `context` is this system's.
         """
-        newtons = self._mass * delta_v / self._effective[i]
-        parameter = context.get_mutable_numeric_parameter(i)
+        newtons = self._mass * delta_v / self._effective[0]
+        parameter = context.get_mutable_numeric_parameter(0)
         parameter.SetFromVector([newtons, direction_deg])
 
-    def begins(self, context: Context, i: int = 0) -> bool:
-        """True if push `i` begins in an update of this `context`."""
-        row = self._rows(context)[i].copy()
+    def begins(self, context: Context) -> bool:
+        """True if the first push begins in an update of this `context`."""
+        row = self._rows(context)[0].copy()
         if row[0] < 0.0:
-            self._await(context, i, row)
+            self._await(context, 0, row)
         return row[0] > 0.0
 
     def _rows(self, context: Context) -> np.ndarray:

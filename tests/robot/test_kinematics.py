@@ -157,15 +157,3 @@ def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
         model(TAIL=0.1)
-
-
-def test_refuses_a_plant_that_is_not_just_the_robot():
-    """Oracle: a pelvis welded to the ground does not float."""
-    plant = MultibodyPlant(0.001)
-    nadia().add_to(plant)
-    plant.WeldFrames(
-        plant.world_frame(), plant.GetFrameByName(nadia().pelvis_body)
-    )
-    plant.Finalize()
-    with pytest.raises(ValueError, match="needs a floating PELVIS_LINK"):
-        WholeBodyKinematics(nadia(), plant)
