@@ -42,7 +42,7 @@ def test_measures_the_step_from_toe_to_toe(x0, y0, yaw0, x1, y1, yaw1):
 
 def test_refuses_a_margin_that_leaves_nothing():
     """Oracle: half the width of the sole."""
-    with pytest.raises(ValueError, match=r"^cop\.margin = 0\.06: must"):
+    with pytest.raises(ValueError, match=r"^margin = 0\.06: must"):
         Sole.with_margin(SOLE, 0.06)
 
 
