@@ -43,13 +43,14 @@ class LiveSession:
         diagram: simulation.ClosedLoop,
         meshcat: Meshcat,
         tell: Callable[[str], None],
+        speed: float = 1.0,
     ):
-        """Sends each event's line to `tell`."""
+        """Sends each event's line to `tell`; `speed` is 1 in real time."""
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
-        meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, 1.0)
+        meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
         self.paused = self.stopped = False
         self._begin(None)
 
