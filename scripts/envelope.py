@@ -44,11 +44,8 @@ from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
-# Used with the last mechanisms of the protocol.
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
-_ABOUT = """\
---scenario_name, --at, --directions and --mechanisms may name several, with
-commas (default: those of the protocol)."""
+_ABOUT = "Several may be named with commas; by default, the protocol's are."
 _SWEEP: Flags = {
     "protocol": {
         "choices": limits.PROTOCOLS,
@@ -138,8 +135,7 @@ def parser_of() -> command_line.CommandLine:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
-        "undecided (the runs are too short for some limits, or nobody was "
-        "pushed), 4 the results cannot be written, 130 Ctrl-C.",
+        "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
     )
     add_flags(parser, "sweep", _SWEEP, _ABOUT)
     command_line.scenario_flags(parser, name="the protocol's")
@@ -167,9 +163,8 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
         except RuntimeError as error:
             command_line.complain("envelope.py", error)
             code = command_line.FAILED
-        if rows.all:
-            undecided = _report(rows, sweep.scenarios)
-            code = code or undecided
+        undecided = _report(rows, sweep.scenarios)
+        code = code or undecided
         if code in (command_line.FAILED, INTERRUPTED):
             say(f"the same flags and --out {rows.folder} go on from here")
     return code
@@ -178,9 +173,15 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
     """Writes the report, prints the limits and the names of all files.
 
-    Returns the exit code: UNDECIDED if a cell has no limit.  Raises OSError: a
-    file cannot be written.
+    Returns the exit code: UNDECIDED if a cell has no limit.
     """
+    if {row["outcome"] for row in rows.all} <= {"undecided"}:
+        why = "; ".join({row["reason"] for row in rows.all})
+        none = ValueError(
+            f"no limit: of {len(rows.all)} trials none was decided: {why}"
+        )
+        command_line.complain("envelope.py", none)
+        return command_line.UNDECIDED
     found = limits.limit_table(rows, scenarios)
     names = ", ".join([*report.write_report(found, rows), TRIALS])
     for situation in found.situations:

@@ -22,7 +22,6 @@ from nadia_balance.scripts.envelope_sweep.trial import FROM_SUMMARY
 
 TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
-# The last two are failures of the program, not of the robot.
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
 
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows

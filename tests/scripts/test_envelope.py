@@ -188,7 +188,8 @@ def test_who_is_never_pushed_has_no_limit(tmp_path, capsys, here):
     assert outcome.code == 3
     assert not any("0.00" in line for line in outcome.out)
     assert {row["outcome"] for row in rows_in(tmp_path)} == {"undecided"}
-    assert set(known_limits(tmp_path).values()) == {0.0}
+    assert outcome.err[-1].startswith("envelope.py: no limit: of ")
+    assert run_script(envelope, ["--plot-only", tmp_path], capsys).code == 3
 
 
 def test_a_finished_sweep_needs_no_trial_and_plots_nothing_else(
