@@ -22,6 +22,10 @@ def _end(*_: object) -> None:
     os._exit(INTERRUPTED)
 
 
+def _interrupt(*_: object) -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
     """Makes Ctrl-C raise KeyboardInterrupt, as usual, in this block."""
@@ -44,3 +48,4 @@ def _is_program() -> bool:
 
 if _is_program():
     signal.signal(signal.SIGINT, _end)
+    signal.signal(signal.SIGTERM, _interrupt)  # as Ctrl-C

@@ -32,13 +32,13 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
-DONE, FAILED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
+DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
 # Exit codes of main_job, for --help.
 EXIT_CODES = (
     "1 did not (summary.json says why), 2 bad input, 3 undecided (the run was "
-    "too short, or nobody was pushed), 130 Ctrl-C."
+    "too short, or nobody was pushed), 4 cannot write, 130 Ctrl-C."
 )
 
 # Help of --mechanisms for a sweep, and for a single run.
@@ -61,7 +61,7 @@ def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
     Ctrl-C gives the exit code 130.  An OSError, such as a failed write, is
-    reported in one line, with exit code 1.  A closed pipe of the output is
+    reported in one line, with exit code 4.  A closed pipe of the output is
     ignored.
     """
 
@@ -74,7 +74,7 @@ def program(main: Main) -> Main:
             return INTERRUPTED
         except OSError as error:
             complain(Path(main.__code__.co_filename).name, error)
-            return FAILED
+            return UNWRITTEN
         finally:
             say()
 

@@ -2,18 +2,11 @@
 
 The limit of each gait, moment, direction and set of mechanisms is searched, as
 in the Nadia paper's Fig. 10, or the Atlas paper's Fig. 6.  Finished trials are
-kept: after Ctrl-C or a power cut, the same flags and --out with the folder
-continue the sweep.  Directions, mechanisms and moments can be added to a
-folder in the same way.
+kept: the same flags, and --out with the folder, go on after Ctrl-C or a power
+cut.  Directions, mechanisms and moments can be added in the same way.
 
-Examples:
-    python scripts/envelope.py --quick
-    python scripts/envelope.py --quick --plant lipm --directions 24
-    python scripts/envelope.py --protocol atlas_fig6
+Example:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
-    python scripts/envelope.py --robot path/robot.yaml --out envelopes/mine
-    python scripts/envelope.py --plot-only envelopes/mine
-    python scripts/envelope.py --limit --robot path/robot.yaml
 """
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
@@ -21,6 +14,7 @@ import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 # isort: split
 import argparse
 import contextlib
+import math
 import shlex
 import sys
 from concurrent.futures import Executor
@@ -30,203 +24,231 @@ from pathlib import Path
 from dask.system import CPU_COUNT
 from pydrake.common.yaml import yaml_dump_typed
 
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.envelope_sweep import report, run, table
-from nadia_balance.scripts.envelope_sweep.flags import sweep_flags, sweep_from
-from nadia_balance.scripts.envelope_sweep.rows import (
-    DATABASE,
-    EXPORTS,
-    Rows,
-    opened,
+from nadia_balance.scripts.command_line import (
+    Flags,
+    add_flags,
+    finite,
+    place,
+    say,
 )
-from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Sweep
+from nadia_balance.scripts.envelope_sweep import limits, report, run
+from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
+from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from nadia_balance.scripts.envelope_sweep.sweep import AT, HEADROOM, Sweep
 from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
+MOST_DIRECTIONS = 72  # largest count of directions
+QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
+_ABOUT = "Several may be named with commas; by default, the protocol's are."
+_SWEEP: Flags = {
+    "protocol": {
+        "choices": limits.PROTOCOLS,
+        "default": "nadia_fig10",
+        "help": "the paper's figure (default: %(default)s)",
+    },
+    "quick": {
+        "action": "store_true",
+        "help": f"unless given: {QUICK}, and the most mechanisms alone",
+    },
+    "directions": {
+        "help": 'degrees from the stance heading, such as "0,30,90" (0 '
+        'forward, 90 left; "90," for one), or how many all around'
+    },
+    "at": {"help": f"when the push begins, such as {AT.replace('%', '%%')}"},
+    "resolution": {"type": finite, "help": "of the limit [m/s]"},
+    "stride": {"type": int, "help": "of the march upward, in resolutions"},
+    "replicas": {
+        "type": int,
+        "help": "of a push at the limit; four in five must be recovered from",
+    },
+}
+_RUNNING: Flags = {
+    "from": {
+        "dest": "known",
+        "type": place,
+        "metavar": "FOLDER",
+        "help": f"march up from {HEADROOM:g} m/s below the limits in "
+        f"FOLDER/{limits.LIMITS}, which an earlier sweep found, not from zero",
+    },
+    "workers": {
+        "type": int,
+        "default": CPU_COUNT,
+        "help": "trials at a time on this machine (default: %(default)s)",
+    },
+    "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
+    "out": {
+        "type": place,
+        "help": f"folder for the results; one with a {TRIALS} goes on "
+        "(default: envelopes/<date>_<protocol>)",
+    },
+    "plot-only": {
+        "type": place,
+        "metavar": "FOLDER",
+        "help": f"only write what follows from FOLDER/{TRIALS}",
+    },
+}
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     argv = sys.argv[1:] if argv is None else argv
-    parser = _parser()
+    parser = parser_of()
     args = parser.parse_args(argv)
-    args.command = shlex.join(["envelope.py", *argv])
+    if args.plot_only is not None:
+        with parser.refusing():
+            rows = read(args.plot_only)
+            file = rows.folder / SCENARIO
+            names = rows.identity["scenario"].split(",")
+            scenarios = {name: load_scenario(name, file) for name in names}
+        return _report(rows, scenarios)
+    with parser.refusing():
+        sweep = sweep_from(args)
+        if args.known is not None:
+            sweep.known_limits = limits.known_limits(args.known)
+        # Building a diagram checks the robot and the blocks, too.
+        for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
+            DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
+        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+        out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     with contextlib.ExitStack() as stack:
         with parser.refusing():
-            if args.plot_only is not None:
-                rows = stack.enter_context(opened(args.plot_only))
-                prepare_folder(args.plot_only)
-                return _report(rows, [])
-            if args.limit:
-                return _limit(sweep_from(args))
-            job = _prepare(args, stack)
-        return _run(*job)
+            workers = run.open_workers(args.workers, args.scheduler)
+            job = stack.enter_context(workers)
+            folder = prepare_folder(out)
+            rows = stack.enter_context(opened(folder, sweep.identity()))
+        with open(folder / COMMAND, "a", encoding="utf-8") as file:
+            file.write(f"{shlex.join(['envelope.py', *argv])}\n")
+        return _run(sweep, rows, *job)
 
 
-_FLAGS: dict[str, command_line.Flags] = {
-    "running": {
-        "from": {
-            "dest": "known",
-            "type": command_line.place,
-            "metavar": "FOLDER",
-            "help": f"march up from {HEADROOM:g} m/s below the limits that an "
-            "earlier sweep found in FOLDER, not from zero",
-        },
-        "workers": {
-            "type": int,
-            "default": CPU_COUNT,
-            "help": "trials at a time on this machine (default: %(default)s, "
-            "its cores)",
-        },
-        "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
-        "timeout": {
-            "type": command_line.finite,
-            "default": Sweep.timeout,
-            "help": "wall time after which a trial counts as hung (default: "
-            "%(default)g) [s]",
-        },
-    },
-    "output": {
-        "out": {
-            "type": command_line.place,
-            "help": "folder for the results (default: envelopes/<date>_"
-            f"<protocol>); one with a {DATABASE} goes on",
-        },
-        "plot-only": {
-            "type": command_line.place,
-            "metavar": "FOLDER",
-            "help": f"only write what follows from FOLDER/{DATABASE}",
-        },
-        "limit": {
-            "action": "store_true",
-            "help": "simulate no push: print what no controller can recover "
-            "from",
-        },
-    },
-}
-
-
-def _parser() -> command_line.CommandLine:
+def parser_of() -> command_line.CommandLine:
+    """Returns the parser of the command line."""
     parser = command_line.CommandLine(
         prog="envelope.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 done, 1 the workers or the disk failed, "
-        "2 bad input, 3 undecided (the runs are too short for some limits, or "
-        "nobody was pushed), 130 Ctrl-C.",
+        epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
+        "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
     )
-    sweep_flags(parser)
-    for group, flags in _FLAGS.items():
-        command_line.add_flags(parser, group, flags)
+    add_flags(parser, "sweep", _SWEEP, _ABOUT)
+    command_line.scenario_flags(parser, name="the protocol's")
+    add_flags(parser, "running", _RUNNING)
     return parser
-
-
-def _prepare(
-    args: argparse.Namespace, stack: contextlib.ExitStack
-) -> tuple[Sweep, Rows, Executor, int]:
-    """Checks the flags, then opens the workers and the files of a run.
-
-    Raises:
-        ValueError: a flag is invalid, or the rows are of another sweep.
-        OSError: a file is missing, or cannot be written.
-    """
-    sweep = sweep_from(args)
-    if args.known is not None:
-        with opened(args.known) as rows:
-            found = table.found_limits(rows.identity, rows.all())
-        known = {c: limit.recovered for c, limit in found.items() if limit}
-        sweep.known_limits = known
-    # Building a diagram checks the robot and the blocks, too.
-    for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
-        DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
-    out = args.out
-    if out is None:
-        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        out = Path("envelopes") / f"{now}_{args.protocol}"
-    workers = run.open_workers(args.workers, args.scheduler)
-    executor, slots = stack.enter_context(workers)
-    folder = prepare_folder(out)
-    rows = stack.enter_context(opened(folder, sweep.identity()))
-    texts = (
-        yaml_dump_typed(scenario, child_name=name)
-        for name, scenario in sweep.scenarios.items()
-    )
-    (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
-    with open(folder / COMMAND, "a", encoding="utf-8") as file:
-        file.write(f"{args.command}\n")
-    return sweep, rows, executor, slots
 
 
 def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
-    folder, code = rows.path.parent, command_line.DONE
-    start = run.progress_of(run.searches_of(sweep, rows.all()))
-    limits = "limit" if start.cells == 1 else "limits"
-    numbers = f"gaits {len(sweep.scenarios)} x mechanisms "
-    numbers += f"{len(sweep.mechanisms)} x moments {len(sweep.at)} x "
-    numbers += f"directions {len(sweep.directions)}"
-    command_line.say(
-        f"{start.cells} {limits} to find ({numbers})",
-        f"about {start.total - start.done} trials to run, {slots} at a "
-        f"time; {start.done} are there already",
-        f"into {folder}",
+    texts = (
+        yaml_dump_typed(scenario, child_name=name)
+        for name, scenario in sweep.scenarios.items()
     )
+    (rows.folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
+    say(
+        f"{len(sweep.cells())} limits to find, {slots} trials at a time; "
+        f"{len(rows.all)} trials are there already",
+        f"into {rows.folder}",
+    )
+    code = command_line.DONE
     with until_ctrl_c() as stopped:
         try:
-            with run.progress_bar(start) as show:
-                if not run.run_sweep(
-                    sweep, rows, executor, slots, show, stopped
-                ):
-                    code = INTERRUPTED
+            if not run.run_sweep(sweep, rows, executor, slots, stopped):
+                code = INTERRUPTED
         except RuntimeError as error:
             command_line.complain("envelope.py", error)
             code = command_line.FAILED
-        if rows.all():
-            try:
-                undecided = _report(rows, [SCENARIO, COMMAND])
-                code = code or undecided
-            except ValueError as error:  # no trial was decided
-                command_line.complain("envelope.py", error)
-                code = code or command_line.UNDECIDED
+        undecided = _report(rows, sweep.scenarios)
+        code = code or undecided
         if code in (command_line.FAILED, INTERRUPTED):
-            command_line.say(
-                f"the same flags and --out {folder} go on from here"
-            )
+            say(f"the same flags and --out {rows.folder} go on from here")
     return code
 
 
-def _limit(sweep: Sweep) -> int:
-    """Prints the limits of a point mass with the robot's parameters."""
-    most, directions = sweep.mechanisms[-1], sweep.directions
-    for cell in sweep.cells():
-        if (cell.mechanisms, cell.direction_deg) == (most, directions[0]):
-            walk, at = sweep.walk(cell, replica=0), cell.situation
-            lines = table.limit_lines(walk, at, sweep.plant, directions)
-            command_line.say(*lines)
-    return command_line.DONE
-
-
-def _report(rows: Rows, written: list[str]) -> int:
-    """Writes the report, prints the table and the names of all files.
+def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
+    """Writes the report, prints the limits and the names of all files.
 
     Returns the exit code: UNDECIDED if a cell has no limit.
-
-    Raises:
-        ValueError: no trial was decided.
-        OSError: a file cannot be written.
     """
-    folder = rows.path.parent
-    rows.export(folder)
-    limits = table.limit_table(rows.identity, rows.all(), folder / SCENARIO)
-    names = report.write_report(folder, limits)
-    names += [DATABASE, *EXPORTS, *written]
-    lines = report.said_lines(limits)
-    command_line.say(*lines, f"wrote {folder}/{{{', '.join(names)}}}")
-    undecided = any(r.trials and r.recovered is None for r in limits.records)
-    return command_line.UNDECIDED if undecided else command_line.DONE
+    if {row["outcome"] for row in rows.all} <= {"undecided"}:
+        why = "; ".join({row["reason"] for row in rows.all})
+        none = ValueError(
+            f"no limit: of {len(rows.all)} trials none was decided: {why}"
+        )
+        command_line.complain("envelope.py", none)
+        return command_line.UNDECIDED
+    found = limits.limit_table(rows, scenarios)
+    names = ", ".join([*report.write_report(found, rows), TRIALS])
+    for situation in found.situations:
+        table = report.table_of(found, situation, report.RECOVERED)
+        say("", ", ".join(situation), *table)
+    trials = f"trials {report.outcomes(rows)}"
+    say(trials, f"wrote {rows.folder}/{{{names}}}")
+    tried = [r["recovered"] for r in found.records if r["trials"]]
+    return command_line.UNDECIDED if None in tried else command_line.DONE
+
+
+def sweep_from(args: argparse.Namespace) -> Sweep:
+    """Returns the checked sweep of the flags.
+
+    Raises ValueError: a flag is invalid; names it and what is allowed.
+    """
+    asked = dict(vars(limits.PROTOCOLS[args.protocol]))
+    if args.quick:
+        asked |= QUICK | {"mechanisms": asked["mechanisms"].split(",")[-1]}
+    asked |= {name: x for name, x in vars(args).items() if x is not None}
+    search = set(vars(SearchParams())) & set(asked)
+    names = _words("scenario_name", asked)
+    sweep = Sweep(
+        scenarios={name: _scenario(args, name) for name in names},
+        plant=args.plant,
+        directions=_directions(asked),
+        at=tuple(str(Moment.parse(text)) for text in _words("at", asked)),
+        mechanisms=_words("mechanisms", asked),
+        search=SearchParams(**{name: asked[name] for name in search}),
+    )
+    sweep.validate()
+    return sweep
+
+
+def _scenario(args: argparse.Namespace, name: str) -> Scenario:
+    """Returns the scenario `name`, with its own mechanisms."""
+    one = vars(args) | {"scenario_name": name, "mechanisms": None}
+    scenario = command_line.scenario_from(argparse.Namespace(**one))
+    if scenario.robot.endswith((".yaml", ".yml")):
+        # Trials may run in another folder.
+        scenario.robot = str(Path(scenario.robot).resolve())
+    return scenario
+
+
+def _directions(asked: dict[str, str]) -> tuple[float, ...]:
+    """Returns the `directions` [deg] that are asked for, listed or counted."""
+    text = asked["directions"].strip()
+    with contextlib.suppress(ValueError):
+        if not text.isdecimal():
+            angles = [float(word) for word in _words("directions", asked)]
+            if all(map(math.isfinite, angles)):
+                found = (round(angle, 6) % 360.0 for angle in angles)
+                return tuple(dict.fromkeys(found))
+        elif 1 <= (count := int(text)) <= MOST_DIRECTIONS:
+            return tuple(round(i * 360.0 / count, 6) for i in range(count))
+    raise ValueError(
+        f'directions = {text!r}: must be degrees, such as "0,30,90" or "90,", '
+        f"or how many, from 1 to {MOST_DIRECTIONS}"
+    )
+
+
+def _words(name: str, asked: dict[str, str]) -> tuple[str, ...]:
+    """The words that are asked for, each once."""
+    words = [word.strip() for word in asked[name].split(",")]
+    if found := tuple(filter(None, dict.fromkeys(words))):
+        return found
+    raise ValueError(f"{name} = {asked[name]!r}: must name at least one")
 
 
 if __name__ == "__main__":

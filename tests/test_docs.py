@@ -24,7 +24,7 @@ import nadia_balance as nb
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
-from nadia_balance.scripts.envelope_sweep.flags import sweep_from
+from nadia_balance.scripts.envelope import sweep_from
 from tests import run_cache
 from tests.run_cache import data
 from tests.source_files import ROOT, imports

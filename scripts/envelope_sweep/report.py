@@ -1,305 +1,274 @@
-"""Report of a sweep: the table of its limits as text, picture and CSV."""
+"""Report of a sweep: its limits as text, CSV, and a picture from above.
+
+The picture follows Fig. 10 of the Nadia paper and Fig. 6 of the Atlas paper:
+the radius is the change of velocity by the push; forward is up, left is left.
+"""
 
 import csv
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from statistics import fmean
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.projections.polar import PolarAxes
 
-from nadia_balance.analysis.lipm_limit import LOST
+from nadia_balance import palette
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.plots.style import RC
-from nadia_balance.scripts.envelope_sweep import plots
-from nadia_balance.scripts.envelope_sweep.rows import (
-    NO_ANSWER,
-    OUTCOMES,
-    UNDECIDED,
-    recovered,
-    search_of,
-)
-from nadia_balance.scripts.envelope_sweep.search import Situation
-from nadia_balance.scripts.envelope_sweep.table import (
-    AT_LEAST,
-    UNSURE,
+from nadia_balance.results.plots.style import FAINT, RC, TEXT
+from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts.envelope_sweep.limits import (
+    LIMITS,
     LimitTable,
     Record,
-    mark,
+    protocol_of,
 )
+from nadia_balance.scripts.envelope_sweep.rows import OUTCOMES, Rows
+from nadia_balance.scripts.envelope_sweep.sweep import Situation
 
-PICTURE, TABLES, LIMITS = "envelope.png", "tables.md", "limits.csv"
-NOTHING = "–"  # a missing value
+PICTURE, TABLES = "envelope.png", "tables.md"
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
-0 is forward, 90 left, of the stance foot's heading. *recovered* is the largest
-push from which, as from every smaller one that was tried, the robot recovered
-(`{UNSURE}` the search is not complete, `{AT_LEAST}` nothing larger was
-decided), *fails at* the smallest from which it did not; z is the height of the
-centre of mass. [`{LIMITS}`]({LIMITS}) has all digits."""
-# Columns beside the limits, and their formats.
-_COLUMNS = {
-    **{
-        name: "{:.2f}"
-        for other in ("paper", "limit", "with hips")
-        for name in (f"{other} [m/s]", f"/ {other}")
-    },
-    **{"[N s]": "{:.0f}", "/ sqrt(g z)": "{:.3f}", "torso [deg]": "{:.0f}"},
-    **{"pelvis [deg]": "{:.0f}", "CoM sag [m]": "{:.2f}"},
-    "power [W]": "{:.0f}",
-}
+0 is forward, 90 left, of the stance foot's heading. It recovered from the
+largest push, and from every smaller one that was tried (`~`: the search has not
+ended, or nothing larger was decided). The limit is the largest push that any
+controller could recover from, computed for {{}}. With hips, the eCMP may leave
+the soles by as much as the controller's may. [`{LIMITS}`]({LIMITS}) has all
+digits."""
+# What each table has: column of a record, its title, digits, and the column by
+# which it is divided.
+Kind = tuple[str, str, int, str]
+RECOVERED: Kind = ("recovered", "largest recovered push [m/s]", 2, "")
+_TABLES = (
+    RECOVERED,
+    ("recovered", "times the paper's", 2, "paper"),
+    ("recovered", "share of the limit", 2, "limit"),
+    ("recovered", "share of the limit with hips", 2, "with_hips"),
+    ("limit", "limit [m/s]", 2, ""),
+    (
+        "max_torso_tilt_deg",
+        "tilt of the torso at the largest push [deg]",
+        0,
+        "",
+    ),
+    ("com_sag_m", "sag of the CoM [m]", 2, ""),
+    ("positive_power_w", "power of the drives [W]", 0, ""),
+)
+
+# Names of directions [deg], relative to the heading of the stance foot.
+WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+# One hue, darker for more mechanisms: readable without colours, too.
+_TINTS = ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78")
+COLORS = dict(zip(NAMED, (*_TINTS, *_TINTS[:3], _TINTS[-1]), strict=True))
+PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
+LIMIT = "#8a93a3"
+LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
+HIPS_LABEL = "and with the momentum\nof the upper body"
+BEYOND = "#eceef2"
+HIPS_LINE = {"color": LIMIT, "ls": ":", "lw": 1.4}
+LINE = {"lw": 1.8, "marker": "o", "ms": 5.0}
+NUMBER = {"ha": "center", "va": "center", "fontsize": 9, "zorder": 4.0}
+_MOST_NUMBERS = 16  # with more directions, limits are not written [-]
+_PANEL, _KEY, _COLUMNS = 6.0, 2.5, 2  # sizes [in]; columns of panels
 
 
-def write_report(folder: Path, limits: LimitTable) -> list[str]:
-    """Writes picture, tables and CSV into `folder`, and returns their names.
+def write_report(limits: LimitTable, rows: Rows) -> list[str]:
+    """Writes picture, tables and CSV beside the `rows`; returns their names.
 
-    Raises:
-        OSError: the folder cannot be written to.
+    Raises OSError: they cannot be written; then none is.
     """
-    with mpl.rc_context(RC), appearing(folder) as drafts:
-        plots.draw_envelope(limits).savefig(drafts / PICTURE)
-        (drafts / TABLES).write_text(report_text(limits), encoding="utf-8")
+    with mpl.rc_context(RC), appearing(rows.folder) as drafts:
+        draw_envelope(limits).savefig(drafts / PICTURE)
+        text = report_text(limits, rows)
+        (drafts / TABLES).write_text(text, encoding="utf-8")
         with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
-            records = list(map(asdict, limits.records))
-            lines = csv.DictWriter(file, records[0], lineterminator="\n")
+            head = limits.records[0]
+            lines = csv.DictWriter(file, head, lineterminator="\n")
             lines.writeheader()
-            lines.writerows(records)
+            lines.writerows(limits.records)
     return [PICTURE, TABLES, LIMITS]
 
 
-def report_text(limits: LimitTable) -> str:
+def report_text(limits: LimitTable, rows: Rows) -> str:
     """Returns the text of tables.md."""
-    plant = plots.PLANTS.get(limits.identity["plant"], "")
+    notes = _NOTES.format("; or ".join(limits.assumptions)).replace("\n", " ")
+    robot = limits.identity["robot"]
+    model = load_robot(robot).point_mass
+    speed = model.omega * model.com_height  # sqrt(g z)
+    hours = sum(row["cpu_s"] or 0.0 for row in rows.all) / 3600.0
+    complete = sum(record["complete"] for record in limits.records)
+    done = {
+        "1 m/s": f"{model.mass:.1f} N s, {1.0 / speed:.3f} sqrt(g z)",
+        "limits": f"{complete} of {len(limits.records)} complete",
+        "trials": outcomes(rows),
+        "core-hours": f"{hours:.2f}",
+        **{name: str(value) for name, value in limits.identity.items()},
+    }
     parts = [
-        f"# Push-recovery envelope: {limits.identity['robot']}, {plant}",
+        f"# Push-recovery envelope: {robot}",
         f"![envelope]({PICTURE})",
-        _NOTES,
-        *_notes_on_references(limits),
-        what_was_done(limits),
+        textwrap.fill(notes, 80, break_on_hyphens=False),
+        _table(["sweep", ""], done.items()),
     ]
     for situation in limits.situations:
-        parts += [f"## Largest recovered pushes [m/s], {situation}"]
-        parts += [overview(limits, situation)]
-        for name in limits.mechanisms:
-            parts += [f"`{name}`: {plots.NAMES[name]}"]
-            parts += [details(limits, limits.of(name, situation))]
-    parts += ["## How the trials ended", outcomes_table(limits)]
-    parts += ["## Predictions of the point-mass limit"]
-    parts += [predictions_table(limits)]
-    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
+        parts.append(f"## {', '.join(situation)}")
+        for kind in _TABLES:
+            parts += table_of(limits, situation, kind)
+    return "\n\n".join(parts) + "\n"
 
 
-def said_lines(limits: LimitTable) -> list[str]:
-    """Returns the limits for the terminal, and notes on the trials."""
-    lines = []
-    for situation in limits.situations:
-        lines += ["", f"largest recovered push [m/s], {situation}"]
-        lines += overview(limits, situation).splitlines()
-    marks = {mark([r]) for r in limits.records if r.recovered is not None}
-    counts = Counter(row["outcome"] for row in limits.rows)
-    odd = sum(counts[outcome] for outcome in NO_ANSWER)
-    whole = len(limits.rows)
-    for applies, text in (
-        (UNSURE in marks, f"{UNSURE} the search is not complete"),
-        (AT_LEAST in marks, f"{AT_LEAST} nothing larger was decided"),
-        (
-            odd,
-            f"{odd} of {whole} trials did not run to their end "
-            f"({', '.join(NO_ANSWER)}): see `reason` in trials.csv",
-        ),
-        (
-            counts[UNDECIDED],
-            f"{counts[UNDECIDED]} of {whole} trials are undecided: see "
-            "`reason` in trials.csv; a longer --duration helps",
-        ),
-    ):
-        lines += [text] if applies else []
-    return [*lines, ""]
+def outcomes(rows: Rows) -> str:
+    """How many trials ended how, in words."""
+    counts = Counter(row["outcome"] for row in rows.all)
+    told = ", ".join(f"{counts[n]} {n}" for n in OUTCOMES if counts[n])
+    return f"{len(rows.all)}: {told}"
 
 
-def _notes_on_references(limits: LimitTable) -> list[str]:
-    notes = []
-    if protocol := limits.protocol:
-        text = f"*paper* is {protocol.paper}"
-        if protocol.unit_speed != 1.0:
-            text += f": forces over the robot's {protocol.unit}, for 0.1 s; "
-            text += f"1 is {protocol.unit_speed:g} m/s"
-        notes.append(f"{text}.")
-    if limits.assumptions:
-        notes.append(
-            "*limit* is the largest push that any controller could recover "
-            f"from, computed for {'; or '.join(limits.assumptions)}. *with "
-            "hips*: the eCMP may leave the soles by as much as the "
-            "controller's may."
-        )
-    return [
-        "\n".join(textwrap.wrap(note, 80, break_on_hyphens=False))
-        for note in notes
-    ]
+def table_of(
+    limits: LimitTable, situation: Situation, kind: Kind
+) -> tuple[str, str]:
+    """Returns the title, and a table of directions by mechanisms."""
+    name, title, digits, other = kind
 
-
-def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Returns a table; the first column is aligned left, the others right."""
-    lines = [
-        [cell.replace("|", "\\|") for cell in line] for line in (head, *lines)
-    ]
-    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
-    text = []
-    for first, *others in lines:
-        cells = [first.ljust(widths[0])]
-        cells += map(str.rjust, others, widths[1:])
-        text.append(f"| {' | '.join(cells)} |")
-    rules = [f":{'-' * (widths[0] + 1)}"]
-    rules += [f"{'-' * (width + 1)}:" for width in widths[1:]]
-    return "\n".join([text[0], f"|{'|'.join(rules)}|", *text[1:]]) + "\n"
-
-
-def what_was_done(limits: LimitTable) -> str:
-    """Table of the search parameters, its progress and the versions."""
-    identity, records = limits.identity, limits.records
-    search = search_of(identity)
-    found = {
-        "scenario": ", ".join({s.scenario: 0 for s in limits.situations}),
-        "limits": f"{sum(r.complete for r in records)} of {len(records)} "
-        "complete",
-        "trials": len(limits.rows),
-        "resolution [m/s]": f"{search.resolution:g}",
-        "largest [m/s]": f"{search.largest:g}",
-        "replicas": f"{search.required} of {search.replicas} recover",
-    }
-    names = "code", "parameters", "nadia_balance", "drake", "daqp"
-    found |= {name: identity[name] for name in (*names, "numpy", "python")}
-    return table(["sweep", ""], [[name, str(x)] for name, x in found.items()])
-
-
-def overview(limits: LimitTable, situation: Situation) -> str:
-    """Table of the limits: directions by mechanisms, and the mean."""
-    columns = [limits.of(name, situation) for name in limits.mechanisms]
-    lines = [
-        [f"{group[0].direction_deg:g}", *(_limit(limits, [r]) for r in group)]
-        for group in zip(*columns, strict=True)
-    ]
-    lines.append(["mean", *(_limit(limits, column) for column in columns)])
-    return table(["direction", *limits.mechanisms], lines)
-
-
-def details(limits: LimitTable, records: Sequence[Record]) -> str:
-    """Table of all that is known of the limits of one set of mechanisms."""
-    values = [_values(limits, record) for record in records]
-    columns = [c for c in _COLUMNS if any(v[c] is not None for v in values)]
-    lines = [
-        [
-            direction_words(record.direction_deg),
-            _limit(limits, [record]),
-            NOTHING if record.failed is None else limits.words(record.failed),
-            *(_text(_COLUMNS[name], [value[name]]) for name in columns),
+    def text(records: Sequence[Record]) -> str:
+        """The mean of the known values."""
+        known = [
+            record[name] / (record[other] if other else 1.0)
+            for record in records
+            if record[name] is not None and (not other or record[other])
         ]
-        for record, value in zip(records, values, strict=True)
-    ]
-    means = [_text(_COLUMNS[n], [v[n] for v in values]) for n in columns]
-    lines.append(["mean", _limit(limits, records), NOTHING, *means])
-    return table(["direction", "recovered [m/s]", "fails at", *columns], lines)
+        unsure = mark(records) if name == "recovered" else ""
+        return f"{unsure}{fmean(known):.{digits}f}" if known else "–"
 
-
-def direction_words(direction: float) -> str:
-    """A direction in words, such as `90° left`."""
-    return " ".join(
-        filter(None, (f"{direction:g}°", plots.WORDS.get(direction)))
-    )
-
-
-def _values(limits: LimitTable, record: Record) -> dict[str, float | None]:
-    """The values of _COLUMNS; None if unknown."""
-    if (pushed := record.recovered) is None:
-        return dict.fromkeys(_COLUMNS)
-    values: list[float | None] = []
-    for other in (record.paper, record.limit, record.with_hips):
-        values += [other, pushed / other if other else None]
-    if scale := limits.scale:
-        values += [pushed * scale.mass, pushed / scale.speed]
-    else:
-        values += [None, None]
-    values += [record.torso_deg, record.pelvis_deg]
-    values += [record.com_sag_m, record.power_w]
-    return dict(zip(_COLUMNS, values, strict=True))
-
-
-def _text(write: str, values: Iterable[float | None]) -> str:
-    """The mean of the known values."""
-    known = [value for value in values if value is not None]
-    return write.format(math.fsum(known) / len(known)) if known else NOTHING
-
-
-def _limit(limits: LimitTable, records: Iterable[Record]) -> str:
-    """The mean of the known limits, with its mark."""
-    known = [record for record in records if record.recovered is not None]
-    if not known:
-        return NOTHING
-    mean = math.fsum(record.recovered for record in known) / len(known)
-    return f"{mark(known)}{limits.words(mean)}"
-
-
-def outcomes_table(limits: LimitTable) -> str:
-    """Numbers of trials by outcome and mechanisms."""
-    lines = []
-    counts = Counter((r["outcome"], r["mechanisms"]) for r in limits.rows)
-    for outcome in OUTCOMES:
-        cells = [counts[outcome, name] for name in limits.mechanisms]
-        if any(cells):
-            lines.append([outcome, *map(str, [*cells, sum(cells)])])
-    head = ["outcome", *(f"`{name}`" for name in limits.mechanisms), "all"]
-    return table(head, lines)
-
-
-def predictions_table(limits: LimitTable) -> str:
-    """Table of the false predictions of the point-mass limit."""
-    groups = {
-        f"`{name}`": [row for row in limits.rows if row["mechanisms"] == name]
-        for name in limits.mechanisms
-    }
+    columns = [limits.of(one, situation) for one in limits.mechanisms]
     lines = [
-        [name, when, *_shares(predictions)]
-        for name, rows in {**groups, "all": limits.rows}.items()
-        for when, predictions in foretold(rows).items()
+        [f"{records[0]['direction_deg']:g}", *(text([r]) for r in records)]
+        for records in zip(*columns, strict=True)
     ]
-    head = ["mechanisms", "when"]
-    head += ["predicted capturable", "of them did not recover"]
-    return table([*head, "predicted lost", "of them recovered"], lines)
+    lines.append(["mean", *map(text, columns)])
+    return title, _table(["direction", *limits.mechanisms], lines)
 
 
-def foretold(rows: Iterable[Mapping]) -> dict[str, list[tuple[bool, bool]]]:
-    """Returns pairs by instant: predicted capturable, and recovered.
+def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Returns a table; its columns are aligned right."""
+    whole = [head, *lines]
+    widths = [max(3, *map(len, column)) for column in zip(*whole, strict=True)]
+    first, *others = [
+        f"| {' | '.join(map(str.rjust, line, widths))} |" for line in whole
+    ]
+    rule = "|".join("-" * (width + 1) + ":" for width in widths)
+    return "\n".join([first, f"|{rule}|", *others])
 
-    Undecided trials and those without a result are left out.  The touchdowns of
-    one trial are not independent, and recovered trials have more of them.
+
+def mark(records: Iterable[Record]) -> str:
+    """Returns `~` for a number made of unsure limits, such as their mean.
+
+    The search of one has not ended, or no failed push of one is known.
     """
-    told: dict[str, list[tuple[bool, bool]]] = {
-        "end of the push": [],
-        "first touchdown": [],
-        "every touchdown": [],
-    }
-    for row in rows:
-        if row["outcome"] in (UNDECIDED, *NO_ANSWER):
-            continue
-        success, push = recovered(row), row["predicted_at_push"]
-        landings = [
-            int(n) for n in row["predicted_at_touchdowns"].split(";") if n
-        ]
-        steps = ([] if push is None else [push], landings[:1], landings)
-        for found, predicted in zip(told.values(), steps, strict=True):
-            found += [(n != LOST, success) for n in predicted]
-    return told
+    sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if sure else "~"
 
 
-def _shares(predictions: Sequence[tuple[bool, bool]]) -> list[str]:
-    """Numbers of both predictions, each with how many were false."""
-    cells = []
-    for capturable in (True, False):
-        whole = [ok for predicted, ok in predictions if predicted is capturable]
-        false = whole.count(not capturable)
-        share = f"{false} ({100.0 * false / len(whole):.1f} %)" if whole else ""
-        cells += [str(len(whole)), share or NOTHING]
-    return cells
+def draw_envelope(limits: LimitTable) -> Figure:
+    """Draws a panel for each situation, with its references."""
+    count = len(limits.situations)
+    columns = min(count, _COLUMNS)
+    rows = math.ceil(count / columns)
+    size = columns * _PANEL + _KEY, rows * _PANEL + 0.4
+    fig = Figure(figsize=size, layout="constrained")
+    for number, situation in enumerate(limits.situations, start=1):
+        ax = fig.add_subplot(rows, columns, number, projection="polar")
+        _draw_directions(ax, limits)
+        ax.set_title(", ".join(situation), fontsize=10.5)
+        _draw_curves(ax, limits, situation)
+    _draw_key(fig, limits)
+    robot, plant = limits.identity["robot"], limits.identity["plant"]
+    what = f"Largest recovered push, by direction   ·   {robot}, {plant}"
+    fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
+    return fig
+
+
+def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
+    """Draws spokes and rings."""
+    eighths = all(r["direction_deg"] % 45.0 == 0.0 for r in limits.records)
+    angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
+    ax.set_theta_zero_location("N")
+    words = [WORDS.get(angle, f"{angle:g}°") for angle in angles]
+    ax.set_thetagrids(angles, words, color=TEXT)
+    ax.yaxis.set_major_formatter(lambda ring, _: f"{ring:g} m/s")
+    ax.tick_params(axis="y", labelcolor=FAINT, labelsize=8.5)
+    ax.set_rlabel_position(105.0)
+    ax.grid(color=FAINT, lw=0.5, alpha=0.5)
+    ax.spines[:].set_visible(False)
+
+
+def _draw_curves(
+    ax: PolarAxes, limits: LimitTable, situation: Situation
+) -> None:
+    """Draws the limits over those of the paper and of any controller."""
+    most = limits.mechanisms[-1]
+    records = limits.of(most, situation)
+    ax.plot(*closed(_curve(records, "with_hips")), zorder=0.6, **HIPS_LINE)
+    area = closed(_curve(records, "limit"))
+    if area.shape[1] > 3:
+        ax.set_facecolor(BEYOND)
+        ax.fill(*area, fc="white", ec=LIMIT, zorder=0.5)
+    for mechanisms in reversed(limits.mechanisms):
+        line = closed(_curve(limits.of(mechanisms, situation), "recovered"))
+        color = COLORS[mechanisms]
+        if line.shape[1] > 3:
+            pale = [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
+            ax.fill(*line, color=pale, lw=0, zorder=2.0)
+        ax.plot(*line, zorder=2.5, color=color, label=mechanisms, **LINE)
+    for record in records if len(records) <= _MOST_NUMBERS else ():
+        if record["recovered"] is not None:
+            _write(ax, record)
+    if protocol := protocol_of(limits.identity["robot"], situation):
+        curve = protocol.curves(situation[0]).get(most, {})
+        ax.plot(*closed(curve), zorder=3.0, **PAPER_LINE)
+    ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
+
+
+def _curve(records: Iterable[Record], name: str) -> dict[float, float]:
+    """The known values of a column, by direction [deg]."""
+    found = {r["direction_deg"]: r[name] for r in records}
+    return {angle: v for angle, v in found.items() if v is not None}
+
+
+def closed(curve: dict[float, float]) -> Array:
+    """The angles [rad] and radii (2, n) of a closed line."""
+    angles = [*sorted(curve), *sorted(curve)[:1]]
+    return np.array([np.radians(angles), [curve[angle] for angle in angles]])
+
+
+def _write(ax: PolarAxes, record: Record) -> None:
+    """Writes a number beside its dot, outward."""
+    angle = math.radians(record["direction_deg"])
+    words = f"{mark([record])}{record['recovered']:.2f}"
+    outward = -15.0 * math.sin(angle), 12.0 * math.cos(angle)
+    place = (angle, record["recovered"]), outward, "data", "offset points"
+    ax.annotate(words, *place, color=COLORS[record["mechanisms"]], **NUMBER)
+
+
+def _draw_key(fig: Figure, limits: LimitTable) -> None:
+    """One legend for the whole figure, to its right."""
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=COLORS[name], label=name, **LINE)
+        for name in limits.mechanisms
+    ]
+    robot = limits.identity["robot"]
+    if protocol := protocol_of(robot, limits.situations[0]):
+        handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
+    handles += [
+        Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),
+        Line2D([], [], label=HIPS_LABEL, **HIPS_LINE),
+    ]
+    fig.legend(handles=handles, loc="outside right center", fontsize=9.5)

@@ -1,56 +1,35 @@
-"""The rows of a sweep: one per finished trial, in an SQLite database.
+"""The rows of a sweep: a line of trials.csv for each finished trial.
 
-A row is on the disk when `add` returns.  One process at a time has a folder.
+The first line has what all rows share, as JSON.  A row is on the disk when
+`add` returns; the last line may be torn after a power cut, and is left out.
 """
 
 import contextlib
 import csv
+import fcntl
+import io
 import json
-import sqlite3
+import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
-from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.scripts.envelope_sweep.search import Cell, SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import PROTOCOL
+from nadia_balance.results.folder import appearing
+from nadia_balance.scripts.envelope_sweep.search import Attempt
+from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.trial import FROM_SUMMARY
 
-DATABASE = "trials.sqlite"
-EXPORTS = ("trials.csv", "costs.csv")
+TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
-# Outcomes without a result: a failure of the program, not of the robot.
-NO_ANSWER = ("error", "crashed", "hung")
-OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, *NO_ANSWER)
+OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
 
-_OWN = ("mechanisms", "at", "direction_deg", "delta_v", "replica")
-KEY = ("scenario", *_OWN)  # unique in a sweep, and the order of the rows
-RESULTS = (
-    *("seed", "outcome", "reason", "steps_after_push", "max_icp_error_m"),
-    *("max_torque_ratio", "max_joint_speed", "max_torso_tilt_deg"),
-    *("max_pelvis_tilt_deg", "com_sag_m", "positive_power_w", "qp_failures"),
-    *("predicted_at_push", "predicted_at_touchdowns"),
+KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
+COLUMNS = (
+    *(*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push"),
+    "cpu_s",  # differs between runs of the same trial
 )
-COSTS = ("cpu_s", "wall_s")  # differ between runs of the same trial
-_COLUMNS = (*KEY, *RESULTS, *COSTS)
-_SHARED = (  # of the identity, in every line of trials.csv
-    *("plant", "parameters", "code"),
-    *("nadia_balance", "drake", "daqp", "numpy", "python"),
-)
-_SCHEMA = (
-    "CREATE TABLE sweep (identity TEXT NOT NULL)",  # one row, JSON
-    f"CREATE TABLE trials ({', '.join(_COLUMNS)}, "
-    f"PRIMARY KEY ({', '.join(KEY)}))",
-)
-# Sets of fewer mechanisms come first.
-_ALL = (
-    "SELECT * FROM trials ORDER BY scenario, "
-    f"instr(',{','.join(NAMED)},', ',' || mechanisms || ','), "
-    f"{', '.join(KEY[2:])}"
-)
-_HINTS = {
-    "protocol": " (limits are searched and judged in another way now)",
-    "parameters": " (the scenario, its duration or its robot differs)",
-    "code": " (the program has changed since)",
-}
+_TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 
 def cell_of(row: dict) -> Cell:
@@ -63,122 +42,110 @@ def recovered(row: dict) -> bool | None:
     return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
 
 
-def search_of(identity: dict) -> SearchParams:
-    """The parameters of the search of a sweep."""
-    return SearchParams(
-        **{name: identity[name] for name in vars(SearchParams())}
-    )
+def by_cell(rows: list[dict]) -> dict[Cell, list[dict]]:
+    """The rows of each cell."""
+    cells: dict[Cell, list[dict]] = {}
+    for row in rows:
+        cells.setdefault(cell_of(row), []).append(row)
+    return cells
 
 
+def results_of(rows: list[dict]) -> dict[Attempt, bool | None]:
+    """The results of the search of one cell, by its rows."""
+    return {(row["delta_v"], row["replica"]): recovered(row) for row in rows}
+
+
+@dataclass
 class Rows:
-    """The rows in a folder, which is this process's until the end of `opened`.
+    """The rows in a folder, in the order in which the trials ended."""
 
-    `identity` is what all trials share, see Sweep.identity.
-    """
-
-    def __init__(self, path: Path, database: sqlite3.Connection):
-        self.path, self._database = path, database
-        (text,) = database.execute("SELECT identity FROM sweep").fetchone()
-        self.identity: dict = json.loads(text)
-
-    def all(self) -> list[dict]:
-        """All rows, sorted by KEY; fewer mechanisms come first."""
-        found = self._database.execute(_ALL)
-        names = [column[0] for column in found.description]
-        return [dict(zip(names, row, strict=True)) for row in found]
+    folder: Path
+    identity: dict  # what all trials share, see Sweep.identity
+    all: list[dict]  # missing numbers are None
+    file: TextIO | None = None  # for `add`
 
     def add(self, row: dict) -> None:
-        """Adds a trial; missing values are None, lists become "1;2;3".
+        """Adds a trial; raises OSError if it cannot be written."""
+        row = {k: row.get(k) for k in COLUMNS}
+        row["reason"] = " ".join((row["reason"] or "").split())
+        csv.DictWriter(self.file, COLUMNS, lineterminator="\n").writerow(row)
+        self.file.flush()
+        os.fsync(self.file.fileno())
+        self.all.append(row)
 
-        Raises:
-            OSError: it cannot be written, or is there already.
-        """
-        values = [_plain(row.get(name)) for name in _COLUMNS]
-        marks = ", ".join("?" * len(values))
-        try:
-            self._database.execute(
-                f"INSERT INTO trials VALUES ({marks})", values
-            )
-        except sqlite3.Error as error:
-            raise OSError(f"{self.path}: {error}") from error
 
-    def export(self, folder: Path) -> None:
-        """Writes trials.csv, with the identity in its first line, and costs.
+def read(folder: Path) -> Rows:
+    """Returns the rows in a folder.
 
-        Raises:
-            OSError: a file cannot be written.
-        """
-        shared = {name: self.identity.get(name) for name in _SHARED}
-        common = shared | {"robot": self.identity["robot"]}
-        columns = (*_OWN, *RESULTS, "robot", "scenario", *_SHARED)
-        head = f"# {json.dumps(self.identity)}\n"
-        for name, first, names in (
-            (EXPORTS[0], head, columns),
-            (EXPORTS[1], "", (*KEY, *COSTS)),
-        ):
-            with open(folder / name, "w", encoding="utf-8", newline="") as file:
-                file.write(first)
-                lines = csv.DictWriter(
-                    file, names, extrasaction="ignore", lineterminator="\n"
-                )
-                lines.writeheader()
-                lines.writerows(common | row for row in self.all())
+    Raises ValueError: there are none, or they are not of this program.
+    """
+    path = folder / TRIALS
+    try:
+        text = path.read_text(encoding="utf-8")
+        first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
+        identity = json.loads(first.removeprefix("# "))
+        if "resolution" not in identity:
+            raise ValueError("its first line is of no sweep")
+        found = list(csv.DictReader(io.StringIO(lines)))
+        return Rows(folder, identity, list(map(_parsed, found)))
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(
+            f"trials = {path}: must be rows of this program ({error})"
+        ) from None
+
+
+def _parsed(line: dict[str, str]) -> dict:
+    if line["outcome"] not in OUTCOMES or tuple(line) != COLUMNS:
+        raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
+    return {
+        name: text if name in _TEXTS else json.loads(text or "null")
+        for name, text in line.items()
+    }
 
 
 @contextlib.contextmanager
-def opened(folder: Path, identity: dict | None = None) -> Iterator[Rows]:
-    """Yields the rows in `folder`; with an `identity`, creates them if need be.
+def opened(folder: Path, identity: dict) -> Iterator[Rows]:
+    """Yields the rows in `folder`, to be added to; creates them if need be.
 
-    Raises:
-        ValueError: there are none, they are of another identity or protocol, or
-            another process has them.
-        OSError: they cannot be written.
+    At the end they are sorted: the file does not depend on the order of trials.
+
+    Raises ValueError: the rows are of another identity, or another process has
+    the folder.  Raises OSError: they cannot be written.
     """
-    path = folder / DATABASE
-    if identity is None and not path.is_file():
-        raise ValueError(
-            f"folder = {str(folder)!r}: must have a {DATABASE} of a sweep"
-        )
-    # Each statement is a transaction; the first one takes the lock.
-    database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
-    with contextlib.closing(database):
+    with contextlib.ExitStack() as stack:
+        place = os.open(folder, os.O_RDONLY)
+        stack.callback(os.close, place)
         try:
-            database.execute("PRAGMA locking_mode = EXCLUSIVE")
-            database.execute("BEGIN EXCLUSIVE")
-            if identity is not None:
-                _create(database, identity)
-            database.execute("COMMIT")
-            rows = Rows(path, database)
-        except (sqlite3.Error, TypeError, json.JSONDecodeError) as error:
-            named, rule = f"trials = {path}", f"a {DATABASE} of this program"
-            if "locked" in str(error):
-                named = f"folder = {str(folder)!r}"
-                rule = "in use by no other sweep"
-            raise ValueError(f"{named}: must be {rule} ({error})") from None
-        ours = rows.identity | {"protocol": PROTOCOL}
-        _compare(path, rows.identity, ours if identity is None else identity)
-        yield rows
-
-
-def _create(database: sqlite3.Connection, identity: dict) -> None:
-    if not database.execute("SELECT * FROM sqlite_master").fetchone():
-        for table in _SCHEMA:
-            database.execute(table)
-        text = json.dumps(identity)
-        database.execute("INSERT INTO sweep VALUES (?)", [text])
-
-
-def _compare(path: Path, found: dict, asked: dict) -> None:
-    """Raises ValueError that names the first field that differs."""
-    for name in asked | found:
-        if found.get(name) != asked.get(name):
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
             raise ValueError(
-                f"{name} = {asked.get(name)}: must be {found.get(name)} as in "
-                f"{path}{_HINTS.get(name, '')}"
-            )
+                f"out = {str(folder)!r}: must be in use by no other sweep"
+            ) from None
+        rows = Rows(folder, identity, [])
+        if (folder / TRIALS).exists():
+            rows = read(folder)
+        for name in identity | rows.identity:
+            asked, found = identity.get(name), rows.identity.get(name)
+            if asked != found:
+                raise ValueError(
+                    f"{name} = {asked}: must be {found} as in "
+                    f"{folder / TRIALS}, or --out another folder"
+                )
+        _write(rows)  # without a torn line
+        with open(folder / TRIALS, "a", encoding="utf-8", newline="") as file:
+            rows.file = file
+            yield rows
+        _write(rows)
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, (list, tuple)):
-        return ";".join(map(str, value))
-    return " ".join(value.split()) if isinstance(value, str) else value
+def _write(rows: Rows) -> None:
+    """Writes the whole file, or nothing."""
+    rows.all.sort(key=lambda row: [row[name] for name in KEY])
+    with (
+        appearing(rows.folder) as drafts,
+        open(drafts / TRIALS, "w", encoding="utf-8", newline="") as file,
+    ):
+        file.write(f"# {json.dumps(rows.identity)}\n")
+        lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        lines.writeheader()
+        lines.writerows(rows.all)

@@ -1,19 +1,47 @@
-"""A sweep: the cells of the envelope, and the scenario of each trial."""
+"""A sweep: its cells, the scenario of each trial, and what both depend on."""
 
+import ast
 import copy
+import functools
+import hashlib
+import itertools
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import NamedTuple
 
+from pydrake.common.yaml import yaml_dump_typed
+
+import nadia_balance
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
-from nadia_balance.scripts.envelope_sweep import fingerprint
-from nadia_balance.scripts.envelope_sweep.search import Cell, SearchParams
+from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts.envelope_sweep.search import SearchParams
 
-PROTOCOL = 5  # version of search, judgement of trials and names of cells
-LONGEST = 1e6  # longest timeout; more overflows [s]
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
+
+PACKAGE = Path(nadia_balance.__file__).parent
+# Files on which a row depends; not reports and plots.
+FOLDERS = (
+    *("", "analysis", "core/**", "diagrams", "engines", "models/*"),
+    *("results", "robot", "systems", "view"),
+)
+TRIAL_FILES = ("search.py", "sweep.py", "trial.py")
+
+# Name of the gait's scenario, and when the push begins, as Moment writes it.
+Situation = tuple[str, str]
+
+
+class Cell(NamedTuple):
+    """Conditions of one limit to find, named as the columns of a row."""
+
+    scenario: str  # its name
+    at: str  # when the push begins, as Moment writes it
+    mechanisms: str  # a name of NAMED
+    direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
 
 
 @dataclass(kw_only=True)
@@ -26,60 +54,33 @@ class Sweep:
     at: tuple[str, ...] = (AT,)  # as Moment writes it
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
     search: SearchParams = field(default_factory=SearchParams)
-    timeout: float = 600.0  # wall time after which a trial counts as hung [s]
     # Known limits [m/s]; the search begins slightly below them.
     known_limits: dict[Cell, float] = field(default_factory=dict)
 
     def validate(self) -> None:
         """Raises ValueError that names field, value and what is allowed."""
         check(self.search)
-        refused = []
         for name, scenario in self.scenarios.items():
-            check(scenario)
-            if (number := len(scenario.pushes)) != 1:
-                rule = f"have exactly one push, has {number}"
-                refused.append(("scenario_name", repr(name), rule))
-        for name in ("robot", "seed", "engine"):
-            given = {getattr(s, name) for s in self.scenarios.values()}
-            if len(given) > 1:
-                values = ", ".join(map(str, sorted(given)))
-                refused.append((name, values, "be the same in all scenarios"))
-        if not 0.0 < self.timeout <= LONGEST:
-            rule = f"be in (0, {LONGEST:g}] s"
-            refused.append(("timeout", str(self.timeout), rule))
-        for word in self.mechanisms:
-            if word not in NAMED:
-                rule = f"be one of {', '.join(NAMED)}"
-                refused.append(("mechanisms", repr(word), rule))
-        for name, several in (
-            ("scenario_name", tuple(self.scenarios)),
-            ("directions", self.directions),
-            ("at", self.at),
-            ("mechanisms", self.mechanisms),
-        ):
-            if not several or len(set(several)) < len(several):
-                values = repr(", ".join(map(str, several)))
-                rule = "name at least one, and each only once"
-                refused.append((name, values, rule))
-        for name, value, rule in refused:
-            raise ValueError(f"{name} = {value}: must {rule}")
+            given = scenario.robot, scenario.seed, scenario.engine
+            shared = self.one.robot, self.one.seed, self.one.engine
+            if len(scenario.pushes) != 1 or given != shared:
+                raise ValueError(
+                    f"scenario_name = {name!r}: must have one push, and the "
+                    "robot, seed and engine of the other scenarios"
+                )
         for cell in self.cells():
             if cell.direction_deg == self.directions[0]:
                 check(self.walk(cell, replica=0))
 
+    @property
+    def one(self) -> Scenario:
+        """A scenario with the robot, engine and seed of all scenarios."""
+        return next(iter(self.scenarios.values()))
+
     def cells(self) -> list[Cell]:
         """Returns all cells, by situation, mechanisms and direction."""
-        return [
-            Cell(scenario, at, mechanisms, direction)
-            for scenario in self.scenarios
-            for at in self.at
-            for mechanisms in self.mechanisms
-            for direction in self.directions
-        ]
-
-    def first(self, cell: Cell) -> float:
-        """Where the search of `cell` begins [m/s]; 0 if nothing is known."""
-        return max(self.known_limits.get(cell, 0.0) - HEADROOM, 0.0)
+        several = self.scenarios, self.at, self.mechanisms, self.directions
+        return [Cell(*one) for one in itertools.product(*several)]
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a trial, with a zero push.
@@ -99,25 +100,85 @@ class Sweep:
         push.delay += (replica % 2) * period
         return scenario
 
-    @property
-    def common(self) -> Scenario:
-        """A scenario with the robot, engine and seed of all scenarios."""
-        return next(iter(self.scenarios.values()))
-
     def identity(self) -> dict:
-        """Returns the JSON data that all sweeps of one folder share.
+        """Returns the JSON data that all trials of one folder share.
 
         Cells are left out, so that more of them can be added to a folder.
         """
+        # The walks, without what differs between the cells.
+        walks = (self.walk(Cell(n, "", "", 0.0), 0) for n in self.scenarios)
+        common = [yaml_dump_typed(walk).encode() for walk in walks]
         return {
-            "protocol": PROTOCOL,
-            "robot": self.common.robot,
+            "robot": self.one.robot,
             "scenario": ",".join(self.scenarios),
             "plant": self.plant,
             **asdict(self.search),
-            "seed": self.common.seed,
-            "parameters": fingerprint.parameters_hash(*self.scenarios.values()),
-            **fingerprint.this_code(),
-            **versions(self.common.engine),
-            "robot_files": fingerprint.robot_hash(self.common.robot),
+            "seed": self.one.seed,
+            "parameters": digest(common),
+            **of_process(self.one),
         }
+
+
+def of_process(scenario: Scenario) -> dict[str, str]:
+    """Returns versions and hashes: the code of this process, and the robot."""
+    return {
+        **versions(scenario.engine),
+        "code": _first_hash(),
+        "robot_files": robot_hash(scenario.robot),
+    }
+
+
+@functools.cache  # the files may change later
+def _first_hash() -> str:
+    return code_hash(PACKAGE)
+
+
+def code_hash(package: Path = PACKAGE) -> str:
+    """Returns a hash (16 hex digits) of the code that trials use.
+
+    Comments and docstrings do not count; the hash depends on Python's version.
+    """
+    parts = []
+    for path in code_files(package):
+        parts.append(path.relative_to(package).as_posix().encode())
+        text = path.read_bytes()
+        parts.append(without_words(text) if path.suffix == ".py" else text)
+    return digest(parts)
+
+
+def code_files(package: Path) -> list[Path]:
+    """Returns the files in `package` that trials use, in order."""
+    paths = {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
+    for folder in FOLDERS:
+        for ending in ("py", "yaml", "urdf"):
+            paths.update(package.glob(f"{folder}/*.{ending}".lstrip("/")))
+    return sorted(paths)
+
+
+@functools.cache
+def without_words(text: bytes) -> bytes:
+    """Returns Python code without docstrings and comments."""
+    tree = ast.parse(text)
+    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
+    for node in ast.walk(tree):
+        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return ast.dump(tree).encode()
+
+
+def robot_hash(name: str) -> str:
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths.
+
+    Raises ValueError or FileNotFoundError: a file is invalid or missing.
+    """
+    robot = load_robot(name)
+    params = yaml_dump_typed(robot.params).encode()
+    return digest([params, robot.urdf.read_bytes()])
+
+
+def digest(parts: Iterable[bytes]) -> str:
+    """Returns a hash (16 hex digits) of the parts and their order."""
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(hashlib.sha256(part).digest())
+    return whole.hexdigest()[:16]

@@ -141,7 +141,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(
         ["--scenario_name", "stand", *QUICK, "--out", tmp_path],
         capsys,
     )
-    assert outcome.code == 1
+    assert outcome.code == 4
     assert outcome.err == ["simulate.py: [Errno 28] No space left on device"]
     assert "STOOD" in outcome.out[0]
     assert list(tmp_path.iterdir()) == []

@@ -6,36 +6,31 @@ import random
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
+from nadia_balance.analysis.lipm_limit import Capture
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.scripts.envelope_sweep import table
-from nadia_balance.scripts.envelope_sweep.protocols import protocol_of
-from nadia_balance.scripts.envelope_sweep.search import (
-    Cell,
-    SearchParams,
-    Situation,
-    next_batch,
-)
-from nadia_balance.scripts.envelope_sweep.sweep import PROTOCOL, Sweep
+from nadia_balance.scripts.envelope_sweep import limits
+from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
+from nadia_balance.scripts.envelope_sweep.rows import Rows
+from nadia_balance.scripts.envelope_sweep.search import SearchParams, next_batch
+from nadia_balance.scripts.envelope_sweep.sweep import Cell, Situation, Sweep
 from nadia_balance.typed_yaml import load_typed
 
 SEARCH = SearchParams()
-AT = Situation("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
+AT: Situation = ("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
 PATIENCE = 60.0  # with a machine that is busy [s]
-NOTHING = table.References({}, {}, "")
-ENDLESS = 999.0  # a run that no test waits for the end of [s]
 
 
 def paper_times(
     factor: float, at: Situation = AT, robot: str = "nadia"
 ) -> dict[Cell, float]:
     """The limits of the paper's robot, scaled."""
-    reference = AT if robot == "nadia" else at
-    paper = protocol_of(robot, reference).curves(reference.scenario)
+    paper = protocol_of(robot, at).curves(at[0])
     return {
         Cell(*at, mechanisms, direction): factor * value
         for mechanisms, curve in paper.items()
@@ -45,67 +40,56 @@ def paper_times(
 
 def identity_of(search: SearchParams = SEARCH, robot: str = "nadia") -> dict:
     """What all trials of a made-up sweep share."""
-    names = "nadia_balance", "drake", "daqp", "numpy", "python"
     return {
-        "protocol": PROTOCOL,
         "robot": robot,
         "scenario": "push",
         "plant": "humanoid",
         **asdict(search),
         "seed": 0,
-        "parameters": "0123456789abcdef",
         "code": "fedcba9876543210",
-        **dict.fromkeys(names, "1.2.3"),
     }
 
 
 def made_up_rows(
-    limits: Mapping[Cell, float],
-    search: SearchParams = SEARCH,
-    is_unfinished: Callable[[Cell], bool] = lambda _: False,
+    largest: Mapping[Cell, float], search: SearchParams = SEARCH
 ) -> list[dict]:
-    """The rows of all trials that the search asks for, cell by cell.
-
-    In a cell that `is_unfinished` the pushes passed are not confirmed.
-    """
+    """The rows of all trials that the search asks for, cell by cell."""
     rows = []
-    for cell, largest in limits.items():
+    for cell, most in largest.items():
         results: dict[tuple[float, int], bool] = {}
         while batch := next_batch(results, search):
-            if is_unfinished(cell) and len(batch) > 1:
-                break
             for delta_v, replica in batch:
-                recovered = delta_v <= largest + 1e-9
+                recovered = delta_v <= most + 1e-9
                 results[delta_v, replica] = recovered
                 rows.append(_row(cell, delta_v, replica, recovered))
     return rows
 
 
-def made_up_table(
-    limits: Mapping[Cell, float],
-    search: SearchParams = SEARCH,
-    robot: str = "nadia",
-    physical: table.References = NOTHING,
-    **options,
-) -> table.LimitTable:
-    """The table of the rows that made_up_rows gives.
+@dataclass(frozen=True)
+class MadeUpLimit:
+    """That of any controller, the same all around."""
 
-    The limits of any controller are `physical` in the paper's situation.
-    """
-    rows = made_up_rows(limits, search, **options)
-    return table_of(rows, identity_of(search, robot), physical)
+    largest: float  # [m/s]
+    on: object = None
+    assumptions: str = "a point mass 2 m high"
+
+    def largest_push(self, direction_deg: float) -> Capture:
+        """Knows no direction."""
+        return Capture(self.largest, (), np.zeros((0, 2)), np.zeros(2))
 
 
-def table_of(rows, identity, physical=NOTHING):
-    """The table of these rows, without the search for physical limits."""
-    computed = table.physical_limits
-    table.physical_limits = lambda robot, plant, situation, *_: (
-        physical if situation == AT else NOTHING
-    )
+def table_of(
+    rows: list[dict], search: SearchParams = SEARCH, robot: str = "nadia"
+) -> LimitTable:
+    """The limits that follow from these rows, beside a MadeUpLimit."""
+    folder = Rows(Path("nowhere"), identity_of(search, robot), rows)
+    scenarios = dict.fromkeys(row["scenario"] for row in rows)
+    computed = limits.limits_of
+    limits.limits_of = lambda *_: (MadeUpLimit(1.86), MadeUpLimit(2.6))
     try:
-        return table.limit_table(identity, rows, Path("nowhere"))
+        return limits.limit_table(folder, scenarios)
     finally:
-        table.physical_limits = computed
+        limits.limits_of = computed
 
 
 def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
@@ -126,9 +110,7 @@ def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
         "positive_power_w": 2000.0,
         "qp_failures": 0,
         "predicted_at_push": 2 if recovered else -1,
-        "predicted_at_touchdowns": "2;1;0;0" if recovered else "-1;-1",
         "cpu_s": 1.5,
-        "wall_s": 2.0,
     }
 
 
@@ -181,7 +163,7 @@ class MadeUpRobot:
         self.tried: list[tuple[str, float, float, int]] = []
 
     def submit(
-        self, function, identity, walk, plant, delta_v, direction, timeout
+        self, function, identity, walk, plant, delta_v, direction
     ) -> Future:
         """Looks at the scenario instead of simulating it."""
         scenario = scenario_of(walk)
@@ -200,7 +182,6 @@ class MadeUpRobot:
             "reason": "" if delta_v <= limit else 'said "ouch", and\nfell',
             "max_icp_error_m": delta_v / 7.0,
             "predicted_at_push": -1,
-            "predicted_at_touchdowns": [2, 1, 0],
             "cpu_s": pause,
         }
 
@@ -225,7 +206,7 @@ def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
 def walk_of(
     sweep: Sweep | None = None,
     mechanisms: str = "step",
-    at: str = AT.at,
+    at: str = AT[1],
     replica: int = 0,
 ) -> str:
     """The walk of a trial, as it travels."""
@@ -236,4 +217,4 @@ def walk_of(
 
 def facts(row: dict) -> dict:
     """What does not depend on how busy the machine is."""
-    return {k: v for k, v in row.items() if k not in ("cpu_s", "wall_s")}
+    return {k: v for k, v in row.items() if k != "cpu_s"}

@@ -1,20 +1,15 @@
-"""What is in the database stays there, and nothing else gets in."""
+"""What is in the file stays there, and nothing else gets in."""
 
 import platform
 import random
+import resource
 import signal
-import sqlite3
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.fingerprint import code_hash
-from nadia_balance.scripts.envelope_sweep.rows import (
-    DATABASE,
-    KEY,
-    Rows,
-    opened,
-)
+from nadia_balance.scripts.envelope_sweep.rows import KEY, TRIALS, opened, read
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from nadia_balance.scripts.envelope_sweep.sweep import code_hash
 from tests.scripts.envelope_sweep.made_up import (
     identity_of,
     made_up_rows,
@@ -29,52 +24,77 @@ PUBLISHED = ROOT / "docs" / "results" / "fig10"
 ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
 
 
-def assert_refused(message, folder, identity=None):
-    with pytest.raises(ValueError, match=message):
-        with opened(folder, identity):
-            raise AssertionError("accepted")
-
-
 def test_has_every_row_that_was_added(tmp_path):
     """Oracle: the rows themselves; their order is forgotten."""
     with opened(tmp_path, IDENTITY) as rows:
         for row in random.Random(1).sample(ROWS, len(ROWS)):
             rows.add(row)
-        with pytest.raises(OSError, match="UNIQUE"):
-            rows.add(ROWS[7])
-    with opened(tmp_path) as rows:
-        assert rows.identity == IDENTITY
-        assert rows.all() == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
+    rows = read(tmp_path)
+    assert rows.identity == IDENTITY
+    assert rows.all == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("protocol", 6), ("resolution", 0.2), ("plant", "lipm"), ("code", "0")],
+    ("name", "value"), [("resolution", 0.2), ("plant", "lipm"), ("code", "0")]
 )
 def test_refuses_the_rows_of_another_sweep(tmp_path, name, value):
     with opened(tmp_path, IDENTITY):
         pass
-    before = (tmp_path / DATABASE).read_bytes()
-    message = f"^{name} = {value}: must be "
-    assert_refused(message, tmp_path, {**IDENTITY, name: value})
-    assert (tmp_path / DATABASE).read_bytes() == before
+    before = (tmp_path / TRIALS).read_bytes()
+    with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
+        with opened(tmp_path, {**IDENTITY, name: value}):
+            raise AssertionError("accepted")
+    assert (tmp_path / TRIALS).read_bytes() == before
 
 
-@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\x89PNG\r\n\xff"])
-def test_another_kind_of_file_is_refused_and_kept(tmp_path, content):
-    (tmp_path / DATABASE).write_bytes(content)
-    assert_refused(f"trials = .*{DATABASE}", tmp_path)
-    assert (tmp_path / DATABASE).read_bytes() == content
+@pytest.mark.parametrize(
+    "change", ["outcome", "number", "column", "all", "PNG"]
+)
+def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
+    with opened(tmp_path, IDENTITY) as rows:
+        rows.add(ROWS[0])
+    text = (tmp_path / TRIALS).read_text()
+    spoilt = {
+        "outcome": text.replace("recovered", "bogus"),
+        "number": text.replace("0.125", "9;9"),
+        "column": text.replace("seed,", ""),
+        "all": "a,b\n1,2\n",
+        "PNG": "\x89PNG\r\n\xff",
+    }[change].encode("latin-1")
+    (tmp_path / TRIALS).write_bytes(spoilt)
+    with pytest.raises(ValueError, match=f"^trials = .*{TRIALS}: must be rows"):
+        read(tmp_path)
+    assert (tmp_path / TRIALS).read_bytes() == spoilt
+
+
+def test_a_torn_line_is_left_out(tmp_path):
+    """Oracle: the rows before it; the sweep goes on with them."""
+    with opened(tmp_path, IDENTITY) as rows:
+        rows.add(ROWS[0])
+        rows.add(ROWS[1])
+    whole = (tmp_path / TRIALS).read_bytes()
+    for size in range(len(whole) - 90, len(whole), 10):
+        (tmp_path / TRIALS).write_bytes(whole[:size])
+        with opened(tmp_path, IDENTITY) as rows:
+            assert rows.all == ROWS[:1]
+            rows.add(ROWS[1])
+        assert (tmp_path / TRIALS).read_bytes() == whole
 
 
 def test_a_full_disk_is_told_and_nothing_is_lost(tmp_path):
-    """Oracle: SQLite's own limit of a file's size."""
-    with opened(tmp_path, IDENTITY) as rows:
-        rows.add(ROWS[0])
-        rows._database.execute("PRAGMA max_page_count = 1")
-        with pytest.raises(OSError, match="full"):
-            rows.add({**ROWS[1], "reason": "x" * 100_000})
-        assert rows.all() == ROWS[:1]
+    """Oracle: the operating system's own limit of a file's size."""
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        with pytest.raises(OSError, match="too large"):
+            with opened(tmp_path, IDENTITY) as rows:
+                rows.add(ROWS[0])
+                resource.setrlimit(resource.RLIMIT_FSIZE, (5000, usual[1]))
+                rows.add({**ROWS[1], "reason": "x" * 100_000})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+        signal.signal(signal.SIGXFSZ, before)
+    assert read(tmp_path).all == ROWS[:1]
 
 
 WRITER = """
@@ -94,26 +114,24 @@ def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
     child = python("-c", WRITER, tmp_path, stderr=None)
     for _ in range(5):
         child.stdout.readline()
-    assert_refused("^folder = .*in use by no other", tmp_path, IDENTITY)
+    with pytest.raises(ValueError, match="^out = .*in use by no other"):
+        with opened(tmp_path, IDENTITY):
+            raise AssertionError("accepted")
     child.send_signal(signal.SIGKILL)
     said = 5 + len(child.stdout.readlines())
     child.wait()
     child.stdout.close()
-    with opened(tmp_path, IDENTITY) as rows:
-        replicas = [row["replica"] for row in rows.all()]
+    replicas = [row["replica"] for row in read(tmp_path).all]
     assert replicas == list(range(len(replicas)))
     assert said <= len(replicas) <= said + 1
 
 
 def test_the_page_says_of_which_code_its_rows_are():
     """Oracle: the rows, and the fingerprint of this code."""
-    path = f"file:{PUBLISHED / DATABASE}?immutable=1"  # asks for no lock
-    source = sqlite3.connect(path, uri=True)
-    rows = Rows(PUBLISHED / DATABASE, source)
+    rows = read(PUBLISHED)
     page = (PUBLISHED.parent / "README.md").read_text(encoding="utf-8")
     assert f"code `{rows.identity['code']}`" in page
-    assert f"{len(rows.all())} trials" in page
+    assert f"{len(rows.all)} trials" in page
     same_python = rows.identity["python"] == platform.python_version()
     if same_python and rows.identity["code"] != code_hash():
         assert "Newer code" in page
-    source.close()

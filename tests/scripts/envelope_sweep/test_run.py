@@ -1,12 +1,17 @@
 """A sweep makes each of its trials once, whatever happens meanwhile."""
 
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError
 
 import pytest
 from distributed import KilledWorker
 
-from nadia_balance.scripts.envelope_sweep import run as module
-from nadia_balance.scripts.envelope_sweep.rows import cell_of, opened
+from nadia_balance.scripts.envelope_sweep.rows import (
+    by_cell,
+    opened,
+    read,
+    results_of,
+)
+from nadia_balance.scripts.envelope_sweep.run import run_sweep
 from nadia_balance.scripts.envelope_sweep.search import limit
 from tests.scripts.envelope_sweep import made_up
 
@@ -15,8 +20,8 @@ def run(sweep, folder, robot=None, **more):
     """Runs the sweep on a made-up robot; returns its rows, and if all."""
     robot = robot or made_up.MadeUpRobot()
     with opened(folder, made_up.identity_of()) as rows:
-        done = module.run_sweep(sweep, rows, robot, robot.slots, **more)
-        return list(map(made_up.facts, rows.all())), done
+        done = run_sweep(sweep, rows, robot, robot.slots, **more)
+    return list(map(made_up.facts, read(folder).all)), done
 
 
 @pytest.fixture(scope="module")
@@ -31,14 +36,7 @@ def test_finds_the_limits_that_were_made_up(whole):
     """Oracle: the limits; all replicas must recover, also the weaker."""
     sweep = made_up.made_up_sweep()
     for cell in sweep.cells():
-        found = limit(
-            {
-                (row["delta_v"], row["replica"]): row["outcome"] == "recovered"
-                for row in whole
-                if cell_of(row) == cell
-            },
-            sweep.search,
-        )
+        found = limit(results_of(by_cell(whole)[cell]), sweep.search)
         weakest = (
             made_up.largest(cell.mechanisms, cell.direction_deg)
             - made_up.WEAKER
@@ -87,8 +85,7 @@ def test_one_moment_comes_after_the_other_and_first_replicas_first(tmp_path):
     robot.submit = spy
     run(sweep, tmp_path, robot)
     turns = [moments.index(at) for at, _ in seen]
-    # One trial more than can run is submitted, so neighbours may swap.
-    assert sum(a > b for a, b in zip(turns, turns[1:], strict=False)) <= 1
+    assert turns == sorted(turns)
     first = [late for at, late in seen if at == moments[0]]
     assert not any(first[: len(sweep.cells()) // 2])
 
@@ -96,7 +93,7 @@ def test_one_moment_comes_after_the_other_and_first_replicas_first(tmp_path):
 @pytest.mark.parametrize(
     ("error", "told"),
     [
-        (CancelledError(), "the workers are gone"),
+        (CancelledError(), "a worker failed: CancelledError"),
         (OSError("full"), "a worker failed: OSError: full"),
     ],
 )
@@ -110,23 +107,8 @@ def test_ends_when_the_workers_are_gone_or_fail(tmp_path, error, told):
     sweep = made_up.made_up_sweep()
     with pytest.raises(RuntimeError, match=told):
         run(sweep, tmp_path, made_up.MadeUpRobot(spoil=spoil))
-    with opened(tmp_path) as rows:
-        assert {row["mechanisms"] for row in rows.all()} <= {"icp_only"}
+    assert {r["mechanisms"] for r in read(tmp_path).all} <= {"icp_only"}
     assert run(sweep, tmp_path)[1]
-
-
-def test_ends_when_no_trial_ends(tmp_path, monkeypatch):
-    """Oracle: an executor that does nothing, as a cluster without workers."""
-
-    class Nobody:
-        slots = 1
-
-        def submit(self, *_):
-            return Future()
-
-    monkeypatch.setattr(module, "NO_TRIAL", 0.0)
-    with pytest.raises(RuntimeError, match="the workers are gone"):
-        run(made_up.made_up_sweep(timeout=0.01), tmp_path, Nobody())
 
 
 def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
@@ -144,13 +126,3 @@ def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
     assert {row["mechanisms"] for row in crashed} == {"step"}
     others = [row for row in rows if row["mechanisms"] == "icp_only"]
     assert others == [r for r in whole if r["mechanisms"] == "icp_only"]
-
-
-def test_tells_its_progress_after_every_trial(tmp_path):
-    told = []
-    rows, _ = run(made_up.made_up_sweep(), tmp_path, show=told.append)
-    assert [now.done for now in told] == list(range(len(rows) + 1))
-    for now in told:
-        assert now.total >= now.done + (now.complete < now.cells)
-    assert told[-1].total == told[-1].done
-    assert told[-1].complete == told[-1].cells == 6

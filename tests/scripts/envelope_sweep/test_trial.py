@@ -1,7 +1,5 @@
 """What is simulated, and what becomes of it: one whole run is the oracle."""
 
-import threading
-
 import numpy as np
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
@@ -12,12 +10,7 @@ from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from nadia_balance.typed_yaml import load_typed
 from tests.diagrams import simulated
-from tests.scripts.envelope_sweep.made_up import (
-    ENDLESS,
-    PATIENCE,
-    stepping_sweep,
-    walk_of,
-)
+from tests.scripts.envelope_sweep.made_up import stepping_sweep, walk_of
 
 ALL = "all_with_cross_over"
 # Its eight steps are taken before the end of the run.
@@ -26,12 +19,12 @@ WHOLE = Sweep(scenarios={"push": load_scenario("push")}, plant="lipm")
 
 @pytest.fixture(autouse=True)
 def no_walk_of_another_test():
-    module._kept.walk.cache_clear()
+    module._walked.cache_clear()
 
 
 def tried(walk, delta_v, direction=120.0, plant="lipm"):
     """The row of one trial."""
-    return run_trial({}, walk, plant, delta_v, direction, PATIENCE)
+    return run_trial({}, walk, plant, delta_v, direction)
 
 
 def judged(walk, delta_v, direction=120.0, plant="lipm"):
@@ -64,9 +57,8 @@ def test_the_robot_itself_gives_the_bits_of_one_run():
     """Oracle: as above, of the whole robot, which is pushed at a time."""
     text = "{duration: 0.8, pushes: [{delta_v: 0, at: 0.3 s}]}"
     scenario = load_scenario("push_standing", text=text)
-    walked = module.Walk(yaml_dump_typed(scenario), "humanoid")
     _, summary = judged(yaml_dump_typed(scenario), 0.2, 30.0, "humanoid")
-    row = walked.push(0.2, 30.0, np.inf)
+    row = tried(yaml_dump_typed(scenario), 0.2, 30.0, "humanoid")
     assert row["max_icp_error_m"] == summary["max_icp_error_m"] > 0.01
     assert row["max_torque_ratio"] == summary["max_torque_ratio"]
 
@@ -80,45 +72,15 @@ def test_ends_as_soon_as_the_verdict_is_certain():
     row, (_, summary) = tried(walk, 0.2), judged(walk, 0.2)
     assert row["outcome"] == "recovered" == summary["outcome"]
     assert row["steps_after_push"] == 3 < summary["steps_after_push"]
-    assert len(row["predicted_at_touchdowns"]) == 3
     assert row["max_icp_error_m"] == summary["max_icp_error_m"]
 
 
-def test_an_error_is_a_row_like_any_other():
-    """Oracle: the columns of a row without an error."""
-    row = tried(walk_of(), 0.3, plant="lipn")
-    assert (row["outcome"], row["reason"]) == ("error", "KeyError: 'lipn'")
-    assert list(row) == list(tried(walk_of(stepping_sweep(0.1)), 0.1))
-
-
-def test_a_trial_that_takes_too_long_has_hung():
-    """Oracle: the clock on the wall; in the walk, and after the push."""
-    still = walk_of(stepping_sweep(ENDLESS, ", calm_steps: 0"))
-    for walk, timeout in ((walk_of(WHOLE, ALL), 1e-3), (still, 2.0)):
-        row = run_trial({}, walk, "lipm", 0.01, 0.0, timeout)
-        assert row["outcome"] == "hung"
-        assert row["reason"] == f"no result after {timeout:g} s"
-
-
-def test_a_process_that_forgets_the_clock_is_ended(monkeypatch):
-    """Oracle: the call that ends it; the trial does not look at the time."""
-    ended = threading.Event()
-    monkeypatch.setattr(module, "GRACE", 0.05)
-    monkeypatch.setattr(module.os, "_exit", lambda code: ended.set())
-    monkeypatch.setattr(module._kept, "walk", lambda *_: ended.wait(PATIENCE))
-    run_trial({}, "robot: nadia", "lipm", 0.1, 0.0, 0.05)
-    assert ended.is_set()
-
-
-def test_ctrl_c_gives_no_row(monkeypatch):
-    """Oracle: an interrupted run, made by the fall that is looked for."""
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module.DIAGRAMS["lipm"], "fall_reason", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        tried(walk_of(), 0.3)
+def test_an_error_is_a_row_like_any_other(monkeypatch):
+    """Oracle: Python's own words."""
+    monkeypatch.setattr(module.simulation, "RecoveryWatch", {}.__getitem__)
+    row = tried(walk_of(stepping_sweep(0.1)), 0.3)
+    assert row["outcome"] == "error"
+    assert row["reason"].startswith("KeyError: <")
 
 
 # What the capture regions foretell, beside what becomes of it.
@@ -143,8 +105,6 @@ def test_what_becomes_of_a_push_is_foretold(
     row = tried(walk, delta_v, direction)
     assert row["outcome"] == outcome
     assert row["predicted_at_push"] in foretold
-    if direction == 0.0:
-        assert set(row["predicted_at_touchdowns"]) <= foretold
 
 
 def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
@@ -157,4 +117,3 @@ def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
         assert (np.max(run.logs["icp"][:, 0]) < 0.105) == (expected == 0)
         row = tried(walk, delta_v, 0.0)
         assert row["predicted_at_push"] == expected
-        assert row["predicted_at_touchdowns"] == []

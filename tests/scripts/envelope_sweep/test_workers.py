@@ -5,7 +5,6 @@ The cluster is a real one, of two processes on this machine.
 
 import os
 import signal
-import socket
 
 import pytest
 
@@ -15,7 +14,7 @@ from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts, walk_of
 
 TRIALS = [
-    ({}, walk_of(replica=replica), "lipm", delta_v, 120.0, PATIENCE)
+    ({}, walk_of(replica=replica), "lipm", delta_v, 120.0)
     for replica, delta_v in ((1, 0.4), (0, 2.5))
 ]
 
@@ -54,11 +53,9 @@ def test_a_worker_with_another_robot_or_code_makes_no_row():
 
 
 def test_refuses_what_is_no_scheduler(monkeypatch):
-    """Oracle: Dask's own errors, and a port at which nobody speaks."""
+    """Oracle: Dask's own errors."""
     monkeypatch.setattr(module, "CONNECT_TIMEOUT", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        silent_one = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        for address in "", "host:port", "http://host:1", silent_one:
-            with pytest.raises(ValueError, match=f"^scheduler = '{address}':"):
-                with open_workers(1, address):
-                    raise AssertionError("accepted")
+    for address in "", "host:port", "http://host:1", "tcp://127.0.0.1:9":
+        with pytest.raises(ValueError, match=f"^scheduler = '{address}':"):
+            with open_workers(1, address):
+                raise AssertionError("accepted")

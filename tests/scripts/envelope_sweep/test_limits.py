@@ -1,17 +1,13 @@
 """Oracle: lipm_limit_nadia.csv of the founders, through all that is above."""
 
-from dataclasses import replace
-
 import pytest
 
-from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.envelope_sweep.table import (
-    limits_of,
-    physical_limits,
-)
+from nadia_balance.scripts.envelope_sweep.limits import known_limits, limits_of
+from nadia_balance.scripts.envelope_sweep.sweep import Cell
 from tests.scripts.envelope_sweep.made_up import AT
+from tests.source_files import ROOT
 
 
 def test_the_walk_has_the_limit_of_an_enumeration():
@@ -43,14 +39,11 @@ def test_every_robot_has_its_own():
         assert f"up to {model.detour.max_speed:g} m/s" in limit.assumptions
 
 
-def test_curves_are_of_what_was_tried_and_around(tmp_path):
-    """Oracle: `limits_of`, of one direction."""
-    tried = ["icp_only", "step"], [40.0], tmp_path / "none"
-    found = physical_limits("nadia", "humanoid", AT, *tried)
-    assert set(found.limit["icp_only"]) == {40.0}
-    around = {40.0, *(15.0 * i for i in range(24))}
-    assert set(found.limit["step"]) == set(found.with_hips["step"]) == around
-    limit, _ = limits_of(load_scenario("push"), AT, "humanoid")
-    one = replace(limit, on=NAMED["step"])
-    largest = one.largest_push(40.0).delta_v
-    assert found.limit["step"][40.0] == pytest.approx(largest)
+def test_knows_the_limits_of_a_folder(tmp_path):
+    """Oracle: the published picture's largest push forward."""
+    known = known_limits(ROOT / "docs" / "results" / "fig10")
+    assert len(known) == 60
+    assert known[Cell(*AT, "all_with_cross_over", 0.0)] == 1.76
+    (tmp_path / "limits.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ValueError, match="^from = .*: must have a limits.csv"):
+        known_limits(tmp_path)

@@ -1,0 +1,230 @@
+"""The limits that follow from the rows of a sweep, a record for each cell.
+
+Beside each limit stand those of the papers' figures, and of any controller.
+"""
+
+import copy
+import csv
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from nadia_balance.analysis.lipm_limit import LipmLimit
+from nadia_balance.core.walking.mechanisms import (
+    ATLAS_MECHANISMS,
+    MECHANISMS,
+    NAMED,
+)
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import walk_to_push
+from nadia_balance.robot.model import MODELS, load_robot
+from nadia_balance.scripts.envelope_sweep.rows import (
+    Rows,
+    by_cell,
+    cell_of,
+    recovered,
+    results_of,
+)
+from nadia_balance.scripts.envelope_sweep.search import SearchParams, limit
+from nadia_balance.scripts.envelope_sweep.sweep import AT, Cell, Situation
+from nadia_balance.scripts.envelope_sweep.trial import limit_from
+
+LIMITS = "limits.csv"  # its lines are the records
+# The paper's; those of any controller, without and with angular momentum.
+OTHERS = ("paper", "limit", "with_hips")
+# Columns of a row; a record has the worst at the largest recovered push.
+WORST = (
+    *("max_torso_tilt_deg", "max_pelvis_tilt_deg", "com_sag_m"),
+    "positive_power_w",
+)
+
+# The limit of a cell: its Cell, the number of `trials`, its Limit, OTHERS
+# [m/s], and WORST; None where nothing is known.
+Record = dict[str, Any]
+
+# By the name of the mechanisms: direction [deg] in [0, 360) -> velocity [m/s].
+Curves = dict[str, dict[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protocol:
+    """A figure of a paper, with the conditions as flags of a sweep."""
+
+    robot: str
+    scenario_name: str  # of every gait
+    at: str
+    directions: str
+    mechanisms: str
+    paper: str  # name of its curves
+    figures: str  # CSV in the robot's folder
+    unit_speed: float = 1.0  # velocity change of the CoM per unit there [m/s]
+
+    def curves(self, scenario: str) -> Curves:
+        """The curves [m/s] of a gait."""
+        path = MODELS / self.robot / self.figures
+        text = path.read_text(encoding="utf-8")
+        lines = (line for line in text.splitlines() if not line.startswith("#"))
+        curves: Curves = {}
+        for row in csv.DictReader(lines):
+            if row.pop("scenario", scenario) != scenario:
+                continue
+            direction = float(row.pop("direction"))
+            for mechanisms, value in row.items():
+                curve = curves.setdefault(mechanisms, {})
+                curve[direction] = float(value) * self.unit_speed
+        return curves
+
+
+PROTOCOLS = {
+    "nadia_fig10": Protocol(
+        robot="nadia",
+        scenario_name="push",
+        at=AT,
+        directions="12",
+        mechanisms=",".join(MECHANISMS),
+        paper="the Nadia paper's, Fig. 10",
+        figures="nadia_fig10.csv",
+    ),
+    "atlas_fig6": Protocol(
+        robot="atlas",
+        scenario_name="atlas_forward_fast,atlas_forward_slow,"
+        "atlas_in_place_fast,atlas_in_place_slow",
+        at="right swing 50 %",
+        directions="0,30,45,90,135,150,180,210,225,240,270,300,315,330",
+        mechanisms=",".join(ATLAS_MECHANISMS),
+        paper="the Atlas paper's, Fig. 6",
+        figures="atlas_fig6.csv",
+        unit_speed=0.981,  # forces over the weight, for 0.1 s
+    ),
+}
+
+
+def protocol_of(robot: str, situation: Situation) -> Protocol | None:
+    """Returns the figure with this `robot` and `situation`, if any."""
+    scenario, at = situation
+    for one in PROTOCOLS.values():
+        if (robot, at) == (one.robot, one.at):
+            return one if scenario in one.scenario_name.split(",") else None
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitTable:
+    """The limits of one robot, and what they are compared with."""
+
+    identity: dict  # of the sweep
+    situations: list[Situation]  # those of the paper come first
+    mechanisms: list[str]  # fewer before more
+    records: list[Record]  # every cell of these and the directions
+    assumptions: list[str]  # of the limits of any controller
+
+    def of(self, mechanisms: str, situation: Situation) -> list[Record]:
+        """The records of all directions."""
+        wanted = *situation, mechanisms
+        return [r for r in self.records if cell_of(r)[:3] == wanted]
+
+
+def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
+    """Returns the limits that follow from the rows of these scenarios.
+
+    Raises ValueError: a push is not within its walk.
+    """
+    groups = by_cell(rows.all)
+    robot, plant = rows.identity["robot"], rows.identity["plant"]
+    situations = sorted(
+        {cell[:2] for cell in groups},
+        key=lambda one: (protocol_of(robot, one) is None, one),
+    )
+    tried = {cell.mechanisms for cell in groups}
+    mechanisms = [name for name in NAMED if name in tried]
+    records, assumptions = [], set()
+    for one in situations:
+        limits = limits_of(scenarios[one[0]], one, plant)
+        assumptions.add(limits[0].assumptions)
+        for name in mechanisms:
+            on = [replace(limit, on=NAMED[name]) for limit in limits]
+            for direction in sorted({cell.direction_deg for cell in groups}):
+                cell = Cell(*one, name, direction)
+                trials = groups.get(cell, [])
+                records.append(_record(cell, rows.identity, trials, on))
+    return LimitTable(
+        identity=rows.identity,
+        situations=situations,
+        mechanisms=mechanisms,
+        records=records,
+        assumptions=sorted(assumptions),
+    )
+
+
+def _record(
+    cell: Cell, identity: dict, rows: list[dict], limits: list[LipmLimit]
+) -> Record:
+    names = vars(SearchParams())
+    search = SearchParams(**{name: identity[name] for name in names})
+    found = limit(results_of(rows), search)
+    best = [row for row in rows if row["delta_v"] == found.recovered]
+
+    def worst(name: str) -> float | None:
+        values = [row[name] for row in best if recovered(row)]
+        return max((v for v in values if v is not None), default=None)
+
+    protocol = protocol_of(identity["robot"], cell[:2])
+    paper = protocol.curves(cell.scenario) if protocol else {}
+    largest = [limit.largest_push(cell.direction_deg) for limit in limits]
+    others = (
+        paper.get(cell.mechanisms, {}).get(cell.direction_deg),
+        *(capture.delta_v for capture in largest),
+    )
+    return {
+        **cell._asdict(),
+        "trials": len(rows),
+        **found._asdict(),
+        **dict(zip(OTHERS, others, strict=True)),
+        **{name: worst(name) for name in WORST},
+    }
+
+
+def limits_of(
+    scenario: Scenario, situation: Situation, plant: str
+) -> tuple[LipmLimit, LipmLimit]:
+    """Returns the limits without and with the hips, before the push.
+
+    The state is that of the point mass at the start of the push, the model that
+    of `plant`: of the robot in the scenario's fidelity, or the simulated point
+    mass.
+
+    Raises ValueError: the push is not within the walk.
+    """
+    scenario = copy.deepcopy(scenario)
+    push = scenario.pushes[0]
+    push.at, push.delta_v, push.force = situation[1], 0.0, None
+    diagram = LipmDiagram(scenario)
+    context, run = walk_to_push(diagram, scenario.duration, lambda _: False)
+    if not run.until:
+        raise ValueError(f"at = {push.at!r}: must be in the walk")
+    robot = diagram.robot
+    if plant == "humanoid":
+        robot = load_robot(scenario.robot, scenario.fidelity)
+    limit = limit_from(
+        diagram, context, model=robot.point_mass, push_duration=push.duration
+    )
+    kappa = scenario.controller.balance.max_kappa
+    return limit, replace(limit, kappa=kappa)
+
+
+def known_limits(folder: Path) -> dict[Cell, float]:
+    """Returns the limits [m/s] in the limits.csv of a sweep.
+
+    Raises ValueError or OSError: there is none.
+    """
+    with open(folder / LIMITS, encoding="utf-8", newline="") as file:
+        lines = list(csv.DictReader(file))
+    if not all({*Cell._fields, "recovered"} <= {*line} for line in lines):
+        raise ValueError(f"from = {str(folder)!r}: must have a {LIMITS}")
+    cells = [
+        cell_of(line | {"direction_deg": float(line["direction_deg"])})
+        for line in lines
+    ]
+    limits = (float(line["recovered"] or 0.0) for line in lines)
+    return dict(zip(cells, limits, strict=True))
