@@ -119,7 +119,7 @@ def replay_status(log: Log, summary: dict) -> str:
 
 
 class LivePage:
-    """Serves Meshcat's page, with lines of text added, on localhost.
+    """Serves Meshcat's page, with lines of text and a legend, on localhost.
 
     Its panel is open.  As a context manager it serves within its block.
     """
@@ -132,7 +132,8 @@ class LivePage:
         page = self._fetched("/").decode()
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
-        self._page = _extended(page, _STATUS, _LIVE % _POLLED).encode()
+        live = _LIVE % _POLLED
+        self._page = _extended(page, _legend(), _STATUS, live).encode()
         self._server = ThreadingHTTPServer(("localhost", 0), self._handler())
         self._server.daemon_threads = True
 
