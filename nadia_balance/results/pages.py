@@ -19,7 +19,7 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results.log import Log, phase_spans
+from nadia_balance.results.log import Log, phase_spans, pushes, steps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
@@ -95,8 +95,10 @@ def replay_status(log: Log, summary: dict) -> str:
     """Returns the HTML of the status text of a replay.
 
     Each line of the story appears at its time; the last one, the result of the
-    run, is shortened to its first part.
+    run, is shortened to its first part.  Buttons below jump to the begin of
+    each push and of each step.
     """
+    color = palette.foot_color
     told = telling(log, summary)
     ends = _GOOD if summary["recovered"] else _BAD
     story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
@@ -114,6 +116,14 @@ def replay_status(log: Log, summary: dict) -> str:
             for span in phase_spans(log)
         ],
         "story": story,
+        "jumps": [
+            *([p.start, "push", palette.PUSH] for p in pushes(log)),
+            *(
+                [step.swing.start, f"step {step.number}", color(step.side)]
+                for step in steps(log)
+            ),
+        ],
+        "end": float(log["t"][-1]),
     }
     return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
 
