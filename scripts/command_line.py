@@ -116,7 +116,8 @@ def _print(stream: TextIO | None, lines: Sequence[str]) -> None:
 def finite(text: str) -> float:
     """Parses a finite number, for argparse."""
     with contextlib.suppress(ValueError):
-        if math.isfinite(value := float(text)):
+        value = float(text)
+        if math.isfinite(value) and text.isascii() and "_" not in text:
             return value
     raise argparse.ArgumentTypeError(f"{text!r}: must be a finite number")
 

@@ -75,7 +75,7 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"x")
             file.flush()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # too deep
         why = getattr(error, "strerror", None) or str(error)
         raise ValueError(
             f"out = {str(folder)!r}: must be a folder to write to ({why})"

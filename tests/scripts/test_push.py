@@ -101,6 +101,12 @@ REFUSED = [
     (["--random", "0"], "random = 0: must be in [1, 100]"),
     (["--random", "3", "--at", "2 s"], "at = '2 s': must not come with --ran"),
     (["--out", ""], "argument --out: '': must be a path"),
+    (["--out", "x/" * 2000], "out = 'x/x/x/x/"),
+    (["--duration", "1_000"], "argument --duration: '1_000': must be a finite"),
+    (
+        ["--scenario_text", "pushes: [{delta_v: 1, at: 1 s, body: world}]"],
+        "body = 'world': must be a body of the robot",
+    ),
     (["--direction", "up"], "direction = 'up': must be degrees, or one of for"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
