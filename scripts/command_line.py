@@ -64,26 +64,19 @@ def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
     Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
-    write, is reported in one line, with exit code 4; a present folder that is
-    gone, in which Drake finds no file, with 2.  A closed pipe of the output is
-    ignored.
+    write, is reported in one line, with exit code 4.  A closed pipe of the
+    output is ignored.
     """
-    name = Path(main.__code__.co_filename).name
 
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
-        try:
-            os.getcwd()
-        except OSError as error:
-            complain(name, OSError(f"present folder: {error.strerror}"))
-            return BAD_INPUT
         try:
             with interruptible():
                 return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
         except OSError as error:
-            complain(name, error)
+            complain(Path(main.__code__.co_filename).name, error)
             return NOT_WRITTEN
         finally:
             say()
@@ -133,8 +126,15 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Also refuses --flag=--, which argparse parses as an empty list."""
+        """Also refuses --flag=--, which argparse parses as an empty list.
+
+        So that it does with a present folder that is gone: Drake needs one.
+        """
         found = super().parse_args(args, namespace)
+        try:
+            os.getcwd()
+        except OSError:
+            self.error("present folder: must exist")
         for name, value in vars(found).items():
             if value == []:
                 self.error(f"argument --{name}: must have a value")

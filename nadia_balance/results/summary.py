@@ -95,7 +95,6 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
         else None,
         "required_calm_steps": info.calm_steps,
         "missed_pushes": run.missed_pushes,
-        "non_foot_contact": bool(run.improper_contacts),
         "improper_contacts": list(run.improper_contacts),
         "self_contacts": self_contacts(run),
         "real_time_factor": measurements["duration_s"] / cpu_time,

@@ -165,7 +165,7 @@ def test_a_present_folder_that_is_gone_is_one_line(
     monkeypatch.chdir(tmp_path)
     tmp_path.rmdir()
     outcome = run_script(simulate, ["--scenario_name", "stand"], capsys)
-    assert_refused(outcome, "present folder: No such file or directory")
+    assert_refused(outcome, "present folder: must exist")
 
 
 @pytest.mark.parametrize("script", ["push", "envelope"])
