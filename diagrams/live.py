@@ -1,11 +1,13 @@
 """Live session: the robot walks until it is stopped; the user pushes it."""
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
 from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
@@ -34,8 +36,8 @@ class LiveSession:
     """Runs a diagram with LiveControls and buttons of its own.
 
     The buttons are Pause, Reset and Stop; a slider sets the largest speed over
-    real time.  After a fall, or its last step, the robot starts again, from a
-    new Context, with the same mechanisms on.  Logs are cleared.
+    real time.  The robot begins with its first swing; after a fall, or its last
+    step, again, with the same mechanisms on.  Logs are cleared.
     """
 
     def __init__(
@@ -76,7 +78,8 @@ class LiveSession:
         lines.append(f"ICP error {self._error:.3f} m")
         if self._story.last_push:
             lines.append(f"last {self._story.last_push}")
-        lines.append(self._story.result or "walks")
+        walks = self._phase != "standing"
+        lines.append(self._story.result or ("walks" if walks else "stands"))
         if self.paused:
             return [*lines, "PAUSED"]
         return [*lines, f"real-time factor {self._real_time_factor():.2f}"]
@@ -102,16 +105,38 @@ class LiveSession:
 
     def _begin(self, old: Context | None) -> None:
         """Starts the simulation; keeps the mechanisms of Context `old`."""
-        self._simulator = simulation.start(self._diagram)
+        if old is None:
+            self._first = self._first_swing()
+        self._simulator = Simulator(self._diagram, self._first.Clone())
         if old is not None:
             self._diagram.GetSubsystemByName(CONTROLS).keep_mechanisms(
                 old, self._simulator.get_mutable_context()
             )
         self._simulator.Initialize()
         self._story = LiveStory(self._diagram.scenario.calm_steps)
-        self._looks, self._steps, self._fell = 0, 0, None
+        self._looks = round(self.context.get_time() / LOOK)
+        self._steps, self._fell = 0, None
         self._walls: deque[float] = deque(maxlen=50)
         self._look()
+
+    def _first_swing(self) -> Context:
+        """The Context in which the first swing begins, or of the start.
+
+        Before that swing, a push moves no foothold.
+        """
+        simulator = simulation.start(self._diagram)
+        context, gait = simulator.get_context(), self._diagram.scenario.gait
+        start, looks = context.Clone(), 0
+        latest = gait.standing_duration + gait.initial_transfer_duration + 1.0
+        # An error comes again as the session begins, and is told there.
+        with contextlib.suppress(RuntimeError, ValueError):
+            while looks * LOOK < latest:
+                port = self._diagram.GetOutputPort("walking_state")
+                if port.Eval(context).schedule.phase is Phase.SWING:
+                    return context
+                looks += 1
+                simulator.AdvanceTo(looks * LOOK)
+        return start
 
     def _advance(self) -> None:
         self._looks += 1

@@ -13,14 +13,21 @@ from nadia_balance.core.math.size import scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
-from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import WalkingState, whole_ticks
+from nadia_balance.core.walking.push import Moment, Push
+from nadia_balance.core.walking.vocabulary import (
+    Side,
+    WalkingState,
+    whole_ticks,
+)
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 UNITS = ("si", "froude")
+STANDING = "standing"  # of set_push: at 1 s, with no steps at all
+# Directions [deg] relative to a left stance foot (a right swing).
+DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 ENGINES = ("drake", "mujoco")
 
 
@@ -183,6 +190,8 @@ def load_scenario(
         given = _merged(given, tree)
     changes = {k: v for k, v in changes.items() if v is not None}
     for field_name, value in changes.items():
+        if field_name not in Scenario.__dataclass_fields__:
+            raise ValueError(f"{field_name}: must be a field of a Scenario")
         setattr(scenario, field_name, value)
     check(scenario)
     size = load_robot_params(scenario.robot)[0].size
@@ -190,6 +199,44 @@ def load_scenario(
     scenario = scaled(scenario, size, given | changes)
     check(scenario)
     return scenario
+
+
+def set_push(
+    scenario: Scenario,
+    direction: str | float | None = None,
+    delta_v: float | None = None,
+    at: str | None = None,
+) -> None:
+    """Changes what is not None in the first push of the `scenario`; checks it.
+
+    `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
+    `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
+
+    Raises:
+        ValueError: the scenario has no push, or a value is invalid.
+    """
+    if not scenario.pushes:
+        raise ValueError("pushes = []: must have a push")
+    push = scenario.pushes[0]
+    if delta_v is not None:
+        push.delta_v, push.force = delta_v, None
+    if at == STANDING:
+        push.at, gait = "1 s", scenario.gait
+        gait.num_steps, gait.steps, gait.footholds = 0, [], []
+    elif at is not None:
+        push.at = str(Moment.parse(at))
+    if direction in DIRECTIONS:
+        mirrored = push.moment.swing is Side.LEFT
+        push.direction_deg = DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
+    elif direction is not None:
+        try:
+            push.direction_deg = float(direction)
+        except ValueError:
+            raise ValueError(
+                f"direction = {direction!r}: must be degrees, or one of "
+                f"{', '.join(DIRECTIONS)}"
+            ) from None
+    check(scenario)
 
 
 def _merged(tree: object, over: object) -> Any:

@@ -7,6 +7,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -21,7 +23,7 @@ from pydrake.systems.framework import (
 )
 
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
 from nadia_balance.diagrams.signal_log import SignalLog
 from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
@@ -143,10 +145,40 @@ def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
 
 
 def simulate(
-    diagram: ClosedLoop, duration: float, *, stop_at_failure: bool = False
+    diagram: ClosedLoop | str,
+    duration: float | None = None,
+    *,
+    stop_at_failure: bool = False,
+    **changes: object,
 ) -> Run:
-    """Simulates `diagram` from its start for `duration` [s]; see advance."""
-    return advance(start(diagram), duration, stop_at_failure=stop_at_failure)
+    """Simulates `diagram` from its start for `duration` [s]; see advance.
+
+    By default until it has recovered, at most for its scenario's duration.
+    Instead of a diagram, it may be the name of a scenario of the robot, with
+    `changes` of its first push (see set_push) and of its fields:
+    `simulate("push", direction="inward", robot="g1").summary`.
+
+    Raises:
+        ValueError: the scenario is unknown, or a change is invalid.
+    """
+    info = None
+    if isinstance(diagram, str):
+        # Here, as it imports this module.
+        from nadia_balance.diagrams.humanoid import HumanoidDiagram
+
+        name, push = diagram, {*changes} & {"direction", "delta_v", "at"}
+        of_push = {key: changes.pop(key) for key in push}
+        scenario = load_scenario(name, **changes)
+        set_push(scenario, **of_push)
+        diagram, info = HumanoidDiagram(scenario), partial(run_info, name=name)
+    until = RecoveryWatch(diagram) if duration is None else lambda _: False
+    run = advance(
+        start(diagram),
+        duration or diagram.scenario.duration,
+        stop_at_failure=stop_at_failure,
+        until=until,
+    )
+    return replace(run, info=info and info(diagram.scenario, run))
 
 
 class RecoveryWatch:
@@ -275,9 +307,9 @@ def advance(
 
 @contextlib.contextmanager
 def until_ctrl_c() -> Iterator[Callable[[], bool]]:
-    """Yields a function that returns True after Ctrl-C was pressed.
+    """Yields a function that returns True after Ctrl-C, or SIGTERM.
 
-    A second Ctrl-C raises KeyboardInterrupt.  Outside of the main thread the
+    A second one raises KeyboardInterrupt.  Outside of the main thread the
     function always returns False.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -285,15 +317,17 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
         return
     pressed: list[bool] = []
 
-    def press(*_: object) -> None:
+    def press(number: int, _: object) -> None:
         pressed.append(True)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(number, signal.default_int_handler)
 
-    before = signal.signal(signal.SIGINT, press)
+    ends = signal.SIGINT, signal.SIGTERM
+    before = {number: signal.signal(number, press) for number in ends}
     try:
         yield lambda: bool(pressed)
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
@@ -348,8 +382,10 @@ def run_info(
     upright = {}
     if scenario.fidelity == "realistic":
         upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
+    gait = scenario.gait
     return RunInfo(
         **{field: getattr(scenario, field) for field in same},
+        commanded_steps=gait.num_steps or len(gait.steps or gait.footholds),
         mechanisms=policy or scenario.mechanisms,
         scenario=name,
         plant=plant,

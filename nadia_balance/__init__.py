@@ -18,6 +18,10 @@ _PUBLIC = {
     "core.walking.imperfections": ("Imperfections",),
     "core.walking.mechanisms": ("MECHANISMS", "Mechanisms"),
     "core.walking.push": ("Push",),
+    "core.walking.vocabulary": (
+        *("Adjustment", "FootPose", "FootPoses", "Footstep", "Phase", "Side"),
+        "WalkingState",
+    ),
     "core.whole_body.tasks": ("Motion", "Task"),
     "diagrams.humanoid": ("HumanoidDiagram",),
     "diagrams.scenario": ("Scenario", "load_scenario"),
@@ -36,6 +40,7 @@ _PUBLIC = {
     "systems.icp_step_controller": ("IcpStepController",),
     "systems.joint_drives": ("JointDrives",),
     "systems.momentum_qp": ("MomentumQp",),
+    "systems.ports": ("NOTHING",),
     "systems.push_source": ("PushSource",),
     "systems.state_predictor": ("StatePredictor",),
     "systems.state_sensor": ("StateSensor",),
@@ -52,6 +57,9 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        summary = importlib.import_module(f"{__name__}.results.summary")
+        return summary.versions()[__name__]
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = importlib.import_module(f"{__name__}.{_HOME[name]}")

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-INTERRUPTED = 130  # exit code after Ctrl-C
+INTERRUPTED = 130  # exit code after Ctrl-C, or SIGTERM
 _PROGRAMS = (
     *("benchmark", "envelope", "new_robot", "push", "simulate"),
     "_m",  # of `python -m`
@@ -28,15 +28,16 @@ def _interrupt(*_: object) -> None:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Makes Ctrl-C raise KeyboardInterrupt, as usual, in this block."""
+    """Makes Ctrl-C and SIGTERM raise KeyboardInterrupt in this block."""
     is_program = signal.getsignal(signal.SIGINT) is _end
-    if is_program:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    ends = (signal.SIGINT, signal.SIGTERM) if is_program else ()
+    usual = signal.default_int_handler
+    before = {number: signal.signal(number, usual) for number in ends}
     try:
         yield
     finally:
-        if is_program:
-            signal.signal(signal.SIGINT, _end)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _is_program() -> bool:

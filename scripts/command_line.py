@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import functools
+import io
 import math
 import os
 import sys
@@ -13,6 +14,7 @@ from typing import Any, NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
@@ -38,7 +40,7 @@ CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
 # Exit codes of main_job, for --help.
 EXIT_CODES = (
     "1 did not (summary.json says why), 2 bad input, 3 undecided (the run was "
-    "too short, or nobody was pushed), 4 cannot write, 130 Ctrl-C."
+    "too short, or nobody was pushed), 4 cannot write, 130 Ctrl-C or SIGTERM."
 )
 
 # Help of --mechanisms for a sweep, and for a single run.
@@ -60,9 +62,9 @@ Main = Callable[..., int]
 def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
-    Ctrl-C gives the exit code 130.  An OSError, such as a failed write, is
-    reported in one line, with exit code 4.  A closed pipe of the output is
-    ignored.
+    Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
+    write, is reported in one line, with exit code 4.  A closed pipe of the
+    output is ignored.
     """
 
     @functools.wraps(main)
@@ -106,7 +108,8 @@ def _print(stream: TextIO | None, lines: Sequence[str]) -> None:
 def finite(text: str) -> float:
     """Parses a finite number, for argparse."""
     with contextlib.suppress(ValueError):
-        if math.isfinite(value := float(text)):
+        value = float(text)
+        if math.isfinite(value) and text.isascii() and "_" not in text:
             return value
     raise argparse.ArgumentTypeError(f"{text!r}: must be a finite number")
 
@@ -122,8 +125,15 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Also refuses --flag=--, which argparse parses as an empty list."""
+        """Also refuses --flag=--, which argparse parses as an empty list.
+
+        So that it does with a present folder that is gone: Drake needs one.
+        """
         found = super().parse_args(args, namespace)
+        try:
+            os.getcwd()
+        except OSError:
+            self.error("present folder: must exist")
         for name, value in vars(found).items():
             if value == []:
                 self.error(f"argument --{name}: must have a value")
@@ -246,21 +256,34 @@ def main_job(
     add_flags(parser, "policy", _POLICY_FLAGS, about)
     add_flags(parser, "output", _OUTPUT_FLAGS)
     args = parser.parse_args(argv)
-    with parser.refusing():
-        shown = _shows_meshcat(args)
-        scenario = make_scenario(args)
+    with contextlib.ExitStack() as held:
+        with parser.refusing():
+            shown = _shows_meshcat(args)
+            scenario = make_scenario(args)
+            if args.live:
+                scenario = endless(scenario)
+            meshcat = _meshcat(args.port) if shown else None
+            make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
+            diagram = make(scenario, meshcat, *_policy(args, scenario))
+            if not args.live:
+                simulator = simulation.start(diagram)
+                folder = new_folder(args.out, args.scenario_name)
+                folder = held.enter_context(folder)
+        say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
         if args.live:
-            scenario = endless(scenario)
-        meshcat = _meshcat(args.port) if shown else None
-        make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
-        policy = _policy(args, scenario)
-        diagram = make(scenario, meshcat, *policy)
-        if not args.live:
-            simulator = simulation.start(diagram)
-            folder = new_folder(args.out, args.scenario_name)
-    say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
-    if args.live:
-        return _live(diagram, meshcat, args)
+            return _live(diagram, meshcat, args)
+        return _run(simulator, meshcat, folder, args)
+
+
+def _run(
+    simulator: Simulator,
+    meshcat: Meshcat | None,
+    folder: Path,
+    args: argparse.Namespace,
+) -> int:
+    """Simulates, prints and writes; returns the exit code."""
+    diagram = simulator.get_system()
+    scenario = diagram.scenario
     if meshcat is not None:
         if args.open:
             webbrowser.open(meshcat.web_url())
@@ -274,7 +297,7 @@ def main_job(
             run,
             args.plant,
             args.scenario_name,
-            args.controller.name if policy else "",
+            args.controller.name if args.controller else "",
         ),
     )
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
@@ -334,10 +357,11 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
         return True
     reason = "--plant lipm" if args.plant == "lipm" else ""
     reason = "--no-meshcat" if args.no_meshcat else reason
-    for name in ("open", "hold"):
-        if reason and getattr(args, name):
+    for name in ("open", "hold", "port"):
+        value = getattr(args, name)
+        if reason and value not in (None, False):
             raise ValueError(
-                f"{name} = True: must not come with {reason}: no Meshcat"
+                f"{name} = {value}: must not come with {reason}: no Meshcat"
             )
     return not reason
 
@@ -365,4 +389,4 @@ def _hold(meshcat: Meshcat) -> None:
     """Keeps Meshcat alive until Enter, Ctrl-C or the end of the input."""
     say(f"Meshcat: {meshcat.web_url()}  (Enter ends)")
     with contextlib.suppress(KeyboardInterrupt):
-        sys.stdin.readline()
+        (sys.stdin or io.StringIO()).readline()  # it may be closed

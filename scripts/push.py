@@ -16,15 +16,11 @@ import argparse
 import sys
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.push import SHAPES, Moment, random_pushes
-from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.diagrams.scenario import Scenario, scenario_names
+from nadia_balance.core.walking.push import SHAPES, random_pushes
+from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
-STANDING = "standing"
-# Directions [deg] relative to a left stance foot (a right swing).
-WORDS = {"forward": 0.0, "inward": 90.0, "backward": 180.0, "outward": 270.0}
 _FLAGS: command_line.Flags = {
     "direction": {
         "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
@@ -79,25 +75,12 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
-    if not scenario.pushes:
-        raise ValueError(
-            f"scenario_name = {args.scenario_name!r}: must have a push"
-        )
-    push = scenario.pushes[0]
-    if args.shape is not None:
-        push.shape = args.shape
-    if args.delta_v is not None:
-        push.delta_v, push.force = args.delta_v, None
-    if args.at == STANDING:
-        push.at, gait = "1 s", scenario.gait
-        gait.num_steps, gait.steps, gait.footholds = 0, [], []
-    elif args.at is not None:
-        push.at = str(Moment.parse(args.at))
-    if args.direction is not None:
-        push.direction_deg = _degrees(args.direction, push.moment)
+    if args.shape is not None and scenario.pushes:
+        scenario.pushes[0].shape = args.shape
+    set_push(scenario, args.direction, args.delta_v, args.at)
     if args.random is not None:
         _push_at_random(args, scenario)
-    check(scenario)
+        check(scenario)
     return scenario
 
 
@@ -114,7 +97,6 @@ def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
         raise ValueError(
             f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
         )
-    check(scenario)
     largest = scenario.pushes[0].delta_v
     if largest is None:
         raise ValueError("delta_v: must be given with --random")
@@ -127,19 +109,6 @@ def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
     if gait.num_steps:
         step = gait.swing_duration + gait.transfer_duration
         gait.num_steps = max(gait.num_steps, int(scenario.duration / step) + 1)
-
-
-def _degrees(direction: str, moment: Moment) -> float:
-    if direction in WORDS:
-        mirrored = moment.swing is Side.LEFT
-        return WORDS[direction] * (-1.0 if mirrored else 1.0)
-    try:
-        return command_line.finite(direction)
-    except (ValueError, argparse.ArgumentTypeError):
-        raise ValueError(
-            f"direction = {direction!r}: must be degrees, or one of "
-            f"{', '.join(WORDS)}"
-        ) from None
 
 
 if __name__ == "__main__":

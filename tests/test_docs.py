@@ -21,11 +21,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
+import reference
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push
 from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope import sweep_from
 from tests import run_cache
+from tests.results import made_up_run
 from tests.run_cache import data
 from tests.source_files import ROOT, imports
 
@@ -290,6 +292,19 @@ def test_the_table_has_every_field_of_robot_yaml_and_its_default():
         else:
             text = f"{value:g}" if isinstance(value, float) else str(value)
             assert table[name] == text, name
+
+
+def test_the_reference_is_that_of_this_code():
+    """Oracles: what docs/figures/reference.py writes; a run's own names."""
+    page = (ROOT / "docs" / "reference.md").read_text("utf-8")
+    assert page == reference.page(), "python docs/figures/reference.py"
+    run = nb.simulate("push", 0.012)
+    assert {*reference.SUMMARY} == {*run.summary}
+    log = made_up_run.make_log(made_up_run.Recipe())
+    (push,) = made_up_run.summary_of(log)["pushes"]
+    assert {*reference.PUSHES} == {*push}
+    for name in run.logs:
+        assert f"| `{name}` |" in page, name
 
 
 def test_the_citation_has_the_version_licence_and_papers_of_the_package():

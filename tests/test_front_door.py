@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 import subprocess
 import sys
+import tomllib
 
 import pytest
 from pydrake.systems.framework import LeafSystem
@@ -25,6 +26,21 @@ def test_every_public_name_is_there():
     assert dir(nadia_balance) == nadia_balance.__all__
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         nadia_balance.walk  # noqa: B018
+
+
+def test_a_scenario_is_simulated_by_its_name():
+    """Oracles: pyproject.toml; outward is to the right of a left stance."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    assert nadia_balance.__version__ == version
+    assert (ROOT / "nadia_balance" / "py.typed").exists()
+    run = nadia_balance.simulate("push", 0.012, direction="outward", seed=3)
+    assert (run.info.direction_deg, run.info.seed) == (270.0, 3)
+    assert run.summary["outcome"] == "undecided"
+    assert "array" not in repr(run)
+    for change in {"direction": "up"}, {"sed": 3}:
+        with pytest.raises(ValueError, match=f"^{next(iter(change))}"):
+            nadia_balance.simulate("push", **change)
 
 
 def test_all_leaf_systems_are_public():

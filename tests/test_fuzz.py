@@ -122,7 +122,7 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("seed", range(max(NUMBER // 20, 1)))
 def test_a_signal_at_any_time_is_no_traceback(seed, tmp_path):
-    """Oracles: the shell's 130; what the signal itself does to a program."""
+    """Oracles: the shell's 130; what SIGTERM does before `main` begins."""
     rng = random.Random(seed)
     sent = rng.choice([signal.SIGINT, signal.SIGINT, signal.SIGTERM])
     program = subprocess.Popen(
@@ -138,6 +138,7 @@ def test_a_signal_at_any_time_is_no_traceback(seed, tmp_path):
     time.sleep(rng.uniform(0.5, 4.0))
     program.send_signal(sent)
     assert program.communicate(timeout=60.0)[1] == ""
-    assert program.returncode == (130 if sent == signal.SIGINT else -sent)
+    early = {-sent} if sent == signal.SIGTERM else set()
+    assert program.returncode in {130} | early
     for file in tmp_path.rglob("summary.json"):
         json.loads(file.read_text())

@@ -15,6 +15,23 @@ from nadia_balance.robot.model import load_robot
 from tests.scripts.running import environment
 
 PATIENCE = 60.0  # with a machine that is busy [s]
+BEGIN = "t = 0.80 s"  # the first swing, of this gait
+# The number of frames in the time of a frame that takes 0.3 s.
+SLOW_FRAME = """() => {
+  const render = viewer.render;
+  let frames = 0;
+  viewer.render = () => {
+    frames += 1;
+    const end = performance.now() + 300;
+    while (performance.now() < end);
+  };
+  viewer.set_dirty();
+  while (!frames) viewer.animate();
+  viewer.set_dirty();
+  viewer.animate();
+  viewer.render = render;
+  return frames;
+}"""
 GAIT = "num_steps: 30, initial_transfer_duration: 0.3, step: {length: 0.4}"
 
 
@@ -65,13 +82,19 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
     assert second.endswith(f"  F = {mass * 2.0:.0f} N")
 
 
+def heights(page: Page, *labels: str) -> list[float]:
+    """Where these controls are, from the top [pixels]."""
+    boxes = (page.get_by_text(label, exact=True) for label in labels)
+    return [box.bounding_box()["y"] for box in boxes]
+
+
 def use(browser: Browser, program: subprocess.Popen) -> None:
     """Does what the test is called after, and looks at the page."""
     url = next(
         line.split()[1] for line in program.stdout if line.startswith("Live:")
     )
     # Small, as all pixels are computed without a GPU.
-    page = browser.new_page(viewport={"width": 450, "height": 450})
+    page = browser.new_page(viewport={"width": 700, "height": 450})
     page.set_default_timeout(1000.0 * PATIENCE)
     page.goto(url)
     text = page.locator("#status")
@@ -79,16 +102,16 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
     def has_come(*words: str) -> Callable[[], bool]:
         return lambda: all(word in text.inner_text() for word in words)
 
-    wait_until(page, has_come("t = ", "ICP error", "walks", "factor"))
+    wait_until(page, has_come("t = ", "ICP error", "walks", "factor", "Space"))
+    assert page.locator("#legend").is_visible()
+    # After a frame of 0.3 s, the next one leaves as much for the messages.
+    assert page.evaluate(SLOW_FRAME) == 1
     # A page that is slower than what it is sent falls ever farther behind, as
     # on a busy machine without a GPU.
     page.evaluate("viewer.renderer.setPixelRatio(0.1)")
     set_slider(page, SPEED, "0.3")
-    heights = [
-        page.get_by_text(label, exact=True).bounding_box()["y"]
-        for label in ("Push", "Pause", "cross-over: on", "Scene")
-    ]
-    assert heights == sorted(heights) and heights[0] < 30.0
+    places = heights(page, "Push", "Pause", "cross-over: on", "Scene")
+    assert places == sorted(places) and places[0] < 30.0
     click(page, "Push")
     wait_until(page, has_come("last push 0.30 m/s "))
     x = "viewer.controls.target.x"
@@ -106,12 +129,18 @@ def use(browser: Browser, program: subprocess.Popen) -> None:
     page.wait_for_timeout(200)
     assert text.inner_text() == before
     click(page, "Reset")
-    wait_until(page, has_come("t = 0.00 s", "walks", "PAUSED"))
+    wait_until(page, has_come(BEGIN, "walks", "PAUSED"))
     page.get_by_text("cross-over: off", exact=True).wait_for()
+    places = heights(page, "Push", "Pause", "cross-over: off", "Scene")
+    assert places == sorted(places) and places[0] < 30.0
+    page.set_viewport_size({"width": 360, "height": 740})  # a phone
+    page.wait_for_function("innerWidth == 360")
+    (below,) = heights(page, "Scene")
+    assert text.bounding_box()["y"] > below
     click(page, "cross-over: off")
     click(page, "Pause")
     page.get_by_text("cross-over: on", exact=True).wait_for()
-    wait_until(page, lambda: not has_come("t = 0.00 s")())
+    wait_until(page, lambda: not has_come(BEGIN)())
     click(page, "Stop")
     wait_until(page, has_come("has ended"))
     page.close()

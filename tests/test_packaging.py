@@ -99,19 +99,6 @@ def test_the_wheel_carries_every_file_in_one_package(wheel):
     assert packed == packed_as
 
 
-def test_it_lives_beside_the_diagrams_of_the_registry(bin_folder, tmp_path):
-    """Oracle: the class of theirs, the file of ours."""
-    code = (
-        "import diagrams, nadia_balance.diagrams as ours;"
-        "from diagrams import Cluster, Diagram;"
-        "print(diagrams.__file__, ours.__path__[0], sep='\\n')"
-    )
-    told = run(bin_folder / "python", "-c", code, cwd=tmp_path)
-    theirs, ours = told.splitlines()
-    assert Path(ours).is_relative_to(bin_folder.parent)
-    assert Path(theirs).is_relative_to(sysconfig.get_path("purelib"))
-
-
 def test_commands_run_from_another_directory(bin_folder, tmp_path):
     """And with packages on the path whose names are those of our folders."""
     for name in ("diagrams", "models", "scripts", "results"):

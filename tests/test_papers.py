@@ -9,10 +9,10 @@ import pytest
 from tests.source_files import ROOT, python_files, syntax_tree
 
 NADIA, ATLAS = (
-    [
+    [  # the first words of a row, such as `Eq. 1` or `Sec. V, the three rules`
         [cell.strip() for cell in line.strip("|").split("|")]
         for line in part.splitlines()
-        if re.match(r"\| (Eq|Fig|Alg)", line)
+        if re.match(r"\| (Eq|Fig|Alg|Sec)", line)
     ]
     for part in (ROOT / "docs" / "papers.md")
     .read_text("utf-8")
@@ -31,7 +31,8 @@ def test_every_number_of_a_paper_has_its_row(
     """Oracle: the last numbers in print; each row has four cells."""
     numbers = [("Eq.", equations), ("Algorithm", algorithms), ("Fig.", figures)]
     printed = [f"{kind} {n + 1}" for kind, most in numbers for n in range(most)]
-    assert [row[0] for row in rows] == printed
+    found = [row[0] for row in rows if not row[0].startswith("Sec.")]
+    assert found == printed
     assert {len(row) for row in rows} == {4}
 
 

@@ -1,6 +1,7 @@
 """What the papers' figures share: the swing, views from above, the command."""
 
 import argparse
+import contextlib
 import itertools
 from collections.abc import Callable, Iterable
 
@@ -53,11 +54,12 @@ def draw(
     )
     args = parser.parse_args(argv)
     names = [f"{paper}_figure_{number}.png" for number in args.figure]
-    with parser.refusing():
-        folder = new_folder(args.out, paper, names)
-    with mpl.rc_context(RC), appearing(folder) as drafts:
-        for number, name in zip(args.figure, names, strict=True):
-            figures[number]().savefig(drafts / name)
+    with contextlib.ExitStack() as held, mpl.rc_context(RC):
+        with parser.refusing():
+            folder = held.enter_context(new_folder(args.out, paper, names))
+        with appearing(folder) as drafts:
+            for number, name in zip(args.figure, names, strict=True):
+                figures[number]().savefig(drafts / name)
     say(*(f"wrote {folder / name}" for name in names))
     return DONE
 

@@ -61,7 +61,7 @@ _LOOK = """
 """
 # What a picture shows of the replay's page, beside the scene.
 _CAPTION = """
-  #legend, #status, .dg { display: none; }
+  #legend, #status, #jumps, .dg { display: none; }
   body::after { content: attr(data-caption); position: fixed; left: 16px;
                 top: 12px; color: #2f3440;
                 font: 21px/1.3 "DejaVu Sans", sans-serif; }

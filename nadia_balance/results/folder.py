@@ -1,6 +1,8 @@
 """The folder of a run: its log, summary, scenario, replay and plots."""
 
 import contextlib
+import fcntl
+import itertools
 import json
 import os
 import tempfile
@@ -28,20 +30,31 @@ PLOTS = {
 FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
 
 
+@contextlib.contextmanager
 def new_folder(
     out: str | os.PathLike | None, name: str = "run", files: Sequence = FILES
-) -> Path:
-    """Creates the folder `out` (see prepare_folder) for new `files`.
+) -> Iterator[Path]:
+    """Yields the folder `out` (see prepare_folder), locked, for new `files`.
 
     Raises:
-        ValueError: one of the files exists, or as prepare_folder.
+        ValueError: one of the files exists, another run has the lock, or as
+            prepare_folder.
     """
-    for file in files if out is not None else ():
-        if (Path(out) / file).exists():
+    folder = prepare_folder(out, name)
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        there = [file for file in files if (folder / file).exists()]
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            there = ["another run that goes on"]
+        if there:
             raise ValueError(
-                f"out = {str(out)!r}: must be a folder without {file}"
+                f"out = {str(out)!r}: must be a folder without {there[0]}"
             )
-    return prepare_folder(out, name)
+        yield folder
+    finally:
+        os.close(lock)
 
 
 def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
@@ -50,17 +63,19 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     Raises:
         ValueError: it cannot be created, or is not writable.
     """
-    if out is None:
-        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        out = Path("runs") / f"{now}_{name}"
-    folder = Path(out)
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    folder = Path(f"runs/{now}_{name}" if out is None else out)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for number in itertools.count(2):
+            if out is not None or not folder.exists():
+                break
+            folder = Path(f"runs/{now}_{name}_{number}")  # in the same second
+        folder.mkdir(parents=True, exist_ok=out is not None)
         # A test write also detects a full disk, unlike permissions.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"x")
             file.flush()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # too deep
         why = getattr(error, "strerror", None) or str(error)
         raise ValueError(
             f"out = {str(folder)!r}: must be a folder to write to ({why})"
@@ -114,7 +129,9 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
     written = []
     if len(log["t"]) < 2:
         return written
-    with mpl.rc_context(RC):
+    with mpl.rc_context():
+        mpl.rcdefaults()  # not the user's, such as text.usetex
+        mpl.rcParams.update(RC)
         for name, draw in PLOTS.items():
             figure = draw(log, summary)
             if figure is not None:

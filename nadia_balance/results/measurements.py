@@ -79,11 +79,6 @@ def largest(values: Array) -> float | None:
     return float(np.max(values)) if values.size else None
 
 
-def _rms_icp_error(log: Log) -> float | None:
-    error = icp_error(log)
-    return math.sqrt(np.mean(error**2)) if error.size else None
-
-
 def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
@@ -192,15 +187,16 @@ def _powers(log: Log) -> Array:
     return log["torques"] * log["state"][:, log["joint_speed_columns"]]
 
 
-def _swing_speeds(log: Log) -> list[Array]:
-    """Speeds [m/s] of the sole's centre, tick by tick, in each swing."""
+def _swing_speeds(log: Log) -> Array:
+    """Mean speed (k,) [m/s] of the sole's centre in each swing."""
     speeds = []
     for step in steps(log):
         rows = slice(step.swing.first, step.swing.last + 2)
         feet = signal(log, "foot_poses", rows)
         ways = np.diff(getattr(feet, step.side.value))
-        speeds.append(np.linalg.norm(ways, axis=0) / np.diff(log["t"][rows]))
-    return speeds
+        speed = np.linalg.norm(ways, axis=0) / np.diff(log["t"][rows])
+        speeds.append(np.mean(speed))
+    return np.array(speeds)
 
 
 def _sole_distance(log: Log) -> float:
@@ -260,7 +256,6 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         lambda log: com_height(log)[:1] - com_height(log),
     ),
     "max_icp_error_m": ("icp", icp_error),
-    "rms_icp_error_m": ("icp", _rms_icp_error),
     "footstep_error_m": (
         "t",
         lambda log: np.array([s.error for s in steps(log)]),
@@ -284,14 +279,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         "torques",
         lambda log: np.maximum(_powers(log), 0.0).sum(axis=1),
     ),
-    "max_swing_foot_speed": (
-        "foot_poses",
-        lambda log: np.concatenate([np.zeros(0), *_swing_speeds(log)]),
-    ),
-    "mean_swing_foot_speed": (
-        "foot_poses",
-        lambda log: np.array([np.mean(speed) for speed in _swing_speeds(log)]),
-    ),
+    "mean_swing_foot_speed": ("foot_poses", _swing_speeds),
     # Each force is the mean of a tick.
     "max_impact_body_weights": (
         "weight",
@@ -299,7 +287,6 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     ),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
-    "qp_solves": ("t", lambda log: sum(len(q.solved) for q in _qps(log))),
     "qp_failures": ("t", _qp_failures),
     "qp_fallbacks": (
         "t",

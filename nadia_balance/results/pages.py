@@ -19,7 +19,7 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results.log import Log, phase_spans
+from nadia_balance.results.log import Log, phase_spans, pushes, steps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
@@ -95,8 +95,10 @@ def replay_status(log: Log, summary: dict) -> str:
     """Returns the HTML of the status text of a replay.
 
     Each line of the story appears at its time; the last one, the result of the
-    run, is shortened to its first part.
+    run, is shortened to its first part.  Buttons below jump to the begin of
+    each push and of each step.
     """
+    color = palette.foot_color
     told = telling(log, summary)
     ends = _GOOD if summary["recovered"] else _BAD
     story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
@@ -114,12 +116,20 @@ def replay_status(log: Log, summary: dict) -> str:
             for span in phase_spans(log)
         ],
         "story": story,
+        "jumps": [
+            *([p.start, "push", palette.PUSH] for p in pushes(log)),
+            *(
+                [step.swing.start, f"step {step.number}", color(step.side)]
+                for step in steps(log)
+            ),
+        ],
+        "end": float(log["t"][-1]),
     }
     return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
 
 
 class LivePage:
-    """Serves Meshcat's page, with lines of text added, on localhost.
+    """Serves Meshcat's page, with lines of text and a legend, on localhost.
 
     Its panel is open.  As a context manager it serves within its block.
     """
@@ -132,7 +142,8 @@ class LivePage:
         page = self._fetched("/").decode()
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
-        self._page = _extended(page, _STATUS, _LIVE % _POLLED).encode()
+        live = _LIVE % _POLLED
+        self._page = _extended(page, _legend(), _STATUS, live).encode()
         self._server = ThreadingHTTPServer(("localhost", 0), self._handler())
         self._server.daemon_threads = True
 

@@ -2,7 +2,7 @@
 
 import math
 import platform
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -28,7 +28,7 @@ STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 class Run:
     """Results of a simulation."""
 
-    logs: Log
+    logs: Log = field(repr=False)
     fell_at: float | None = None  # [s]
     fall_reason: str = ""
     simulated_time: float = 0.0  # [s]
@@ -38,6 +38,12 @@ class Run:
     improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
     error: str = ""  # error that ended the run early, such as NaN at an input
     until: bool = False  # `until` ended the run (see diagrams.simulation)
+    info: "RunInfo | None" = field(default=None, repr=False)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The results of `summarize`; without `info`, nothing is required."""
+        return summarize(self, self.info or RunInfo(robot="", mechanisms=""))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +62,7 @@ class RunInfo:
     seed: int = 0
     direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
     delta_v: float | None = None  # of the push [m/s]
+    commanded_steps: int = 0  # by the gait, without the one that closes it
     calm_steps: int = 0  # complete steps with small ICP error to recover
     is_long_enough: bool = True  # the run has time for a recovery
     max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
@@ -88,7 +95,6 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
         else None,
         "required_calm_steps": info.calm_steps,
         "missed_pushes": run.missed_pushes,
-        "non_foot_contact": bool(run.improper_contacts),
         "improper_contacts": list(run.improper_contacts),
         "self_contacts": self_contacts(run),
         "real_time_factor": measurements["duration_s"] / cpu_time,

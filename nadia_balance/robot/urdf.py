@@ -19,6 +19,7 @@ from pydrake.systems.framework import Context
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints_above
 
+_MESHES = (".obj", ".gltf", ".vtk", ".stl", ".dae")
 _JOINTS = ("revolute", "continuous", "fixed")
 _LEVEL = 1e-3  # points of a foot so near to its lowest one are of the sole [m]
 _DIGITS = 3  # lengths are rounded to millimetres
@@ -60,6 +61,13 @@ def check_urdf(urdf: Path) -> None:
     for link in root.iter("link"):
         for mass in link.iter("mass"):
             _positive(f"mass of {link.get('name')}", mass.get("value"), "kg")
+        for mesh in link.iter("mesh"):
+            name = mesh.get("filename", "")
+            require(
+                name.lower().endswith(_MESHES),
+                f"mesh of {link.get('name')} = {name!r}: must end in "
+                f"{', '.join(_MESHES)}",
+            )
     for joint in root.findall("joint"):
         name, kind = joint.get("name"), joint.get("type", "")
         require(

@@ -241,6 +241,6 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
 
     Raises ValueError: the plant has no such body.
     """
-    if not plant.HasBodyNamed(name):
+    if name == "world" or not plant.HasBodyNamed(name):
         raise ValueError(f"body = {name!r}: must be a body of the robot")
     return plant.GetBodyByName(name)

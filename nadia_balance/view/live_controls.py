@@ -53,6 +53,7 @@ class LiveControls(LeafSystem):
         self._show_mechanisms(on)
         self._push = self.DeclareDiscreteState([0.0, *self._sliders()])
         self._on = self.DeclareDiscreteState(on)
+        self._before = self.DeclareDiscreteState(1)  # clicks before this run
         self.DeclareStateOutputPort("live_push", self._push)
         self.DeclareStateOutputPort("mechanisms", self._on)
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
@@ -77,14 +78,16 @@ class LiveControls(LeafSystem):
             self._meshcat.AddButton(_label(name, is_on))
 
     def _begin(self, context, state):
-        """Resets the buttons, and the clicks on Push, for a new run."""
-        self._meshcat.AddButton(PUSH, PUSH_KEY)  # again: resets its clicks
+        """Shows what is on, and forgets the clicks on Push, for a new run."""
+        # A button that is added again comes last, and hears its key twice.
+        state.set_value(self._before, [self._meshcat.GetButtonClicks(PUSH)])
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()
 
     def _poll(self, context, state):
-        pushes = self._meshcat.GetButtonClicks(PUSH)
+        (before,) = context.get_discrete_state(self._before).value()
+        pushes = self._meshcat.GetButtonClicks(PUSH) - before
         state.set_value(self._push, [pushes, *self._sliders()])
         on = context.get_discrete_state(self._on).value()
         clicks = [

@@ -12,6 +12,8 @@ from nadia_balance.view.live_controls import PUSH, SIZE
 from nadia_balance.view.scene import start_meshcat
 from tests.clicks import click
 
+BEGIN = 0.5 + 0.8  # of the first swing: it stands, and shifts its weight [s]
+
 
 class Session(LiveSession):
     """As fast as can be, with what it has told."""
@@ -43,9 +45,10 @@ def session(monkeypatch) -> Session:
 def test_walks_without_the_scripted_push_and_without_a_log(session):
     """Oracle: the steps of the gait: 0.5 s and 0.8 s, then 1 s each.
 
-    Nothing that was logged is kept.
+    It begins with the first swing.  Nothing that was logged is kept.
     """
-    session.ticks(265)
+    assert session.context.get_time() == pytest.approx(BEGIN)
+    session.ticks(200)
     assert session.context.get_time() == pytest.approx(5.3)
     state = session._diagram.GetOutputPort("walking_state").Eval(
         session.context
@@ -65,10 +68,10 @@ def test_a_reset_begins_the_very_same_walk_with_what_is_on(session):
     session.ticks(50)
     click(session.meshcat, RESET)
     session.ticks(150)
-    assert session.context.get_time() == pytest.approx(3.0)
+    assert session.context.get_time() == pytest.approx(BEGIN + 3.0)
     assert (session.state() == first).all()
     assert "cross-over: off" in session.meshcat.GetButtonNames()
-    assert session.told[-1] == "t=4.00 s  reset"
+    assert session.told[-1] == "t=5.30 s  reset"
     assert session.status()[2] == "walks"
 
 
@@ -78,7 +81,7 @@ def test_tells_a_push_and_the_recovery(session):
     Two whole steps of 1 s each, after the first one, which lands sooner.
     """
     session.meshcat.SetSliderValue(SIZE, 0.6)
-    session.ticks(150)
+    session.ticks(85)
     click(session.meshcat, PUSH)
     session.ticks(250)
     pushed, stepped, recovered = session.told
@@ -100,13 +103,21 @@ def test_a_fall_begins_anew(session):
         session.tick()
     assert session.told[-1].endswith("FELL: CoM out of reach of both feet")
     session.ticks(2)
-    assert session.context.get_time() < 0.1
+    assert session.context.get_time() < BEGIN + 0.1
 
 
 def test_ctrl_c_ends_it_too(session):
     """Oracle: the signal, sent while the status is shown."""
     assert session.run(lambda _: signal.raise_signal(signal.SIGINT)) is True
-    assert session.context.get_time() == pytest.approx(0.02)
+    assert session.context.get_time() == pytest.approx(BEGIN + 0.02)
+
+
+def test_says_that_it_stands_where_there_are_no_steps():
+    """Oracle: the scenario."""
+    session = Session("{gait: {num_steps: 0}, pushes: []}")
+    session.ticks(1)
+    assert session.status()[0] == "t = 0.02 s, standing"
+    assert session.status()[2] == "stands"
 
 
 def test_is_no_faster_than_its_slider_says(session):

@@ -1,5 +1,8 @@
 """A run folder holds everything, and says so before it is too late."""
 
+import contextlib
+
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -41,9 +44,25 @@ def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
     assert log_again.keys() == log.keys()
     for name, array in log.items():
         np.testing.assert_array_equal(log_again[name], array, err_msg=name)
-    assert folder.write_plots(again, log_again, summary_again) == PLOTS
+    with mpl.rc_context({"text.usetex": True, "font.size": 30.0}):  # a user's
+        assert folder.write_plots(again, log_again, summary_again) == PLOTS
     for name in PLOTS:
         assert (again / name).read_bytes() == (first / name).read_bytes()
+
+
+def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
+    """Oracle: the folders; what is named is refused to the second one."""
+    monkeypatch.chdir(tmp_path)
+    with contextlib.ExitStack() as held:
+        folders = [held.enter_context(folder.new_folder(None)) for _ in "ab"]
+        assert len({*folders}) == 2
+        with (
+            pytest.raises(ValueError, match="without another run that goes on"),
+            folder.new_folder(folders[0]),
+        ):
+            pass
+    with folder.new_folder(folders[0]) as again:
+        assert again == folders[0]
 
 
 @pytest.mark.parametrize(

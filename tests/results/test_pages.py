@@ -6,6 +6,7 @@ import re
 from pydrake.math import RigidTransform
 
 from nadia_balance.results import pages
+from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import start_meshcat
@@ -63,6 +64,11 @@ def test_the_page_tells_the_story_with_its_times():
     assert {"right swing", "left swing"} <= {name for _, name in said["phases"]}
 
 
+def second(log):
+    """When the second swing begins [s]."""
+    return steps(log)[1].swing.start
+
+
 def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
     """Oracle: the story of the made-up run, and the viewer's own clock."""
     meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
@@ -85,6 +91,11 @@ def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
             "(t) => document.body.innerText.includes(t)", arg=clock
         )
         assert ("RECOVERED" in page.inner_text("#status")) == seen
+    # A jump to the push, and to a step: the robot is where it was then.
+    for title, time in ("push", pushes(log)[0].start), ("step 2", second(log)):
+        page.click(f"#jumps button[title^='{title}, t = {time:.2f}']")
+        x = f"viewer.scene_tree.find({MIDDLE[1:].split('/')}).object.position.x"
+        page.wait_for_function(f"Math.abs({x} - {time}) < 0.3")
     page.evaluate("viewer.animator.play()")
     page.wait_for_function(
         "(t) => viewer.animator.playing && viewer.animator.time < t", arg=end

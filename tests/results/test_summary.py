@@ -9,6 +9,7 @@ from shapely import Polygon
 from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal
+from nadia_balance.results.plots import effort
 from tests.results.made_up_run import (
     MASS,
     OMEGA,
@@ -56,9 +57,6 @@ def test_icp_error_figures(log):
     largest = 0.6 / (0.1 * OMEGA * decay) * (1.0 - math.exp(-0.1 * decay))
     summary = summary_of(log)
     assert summary["max_icp_error_m"] == pytest.approx(largest, rel=0.01)
-    squares = (log["icp"] - log["icp_reference"][:, :2]) ** 2
-    rms = math.sqrt(squares.sum() / len(squares))
-    assert summary["rms_icp_error_m"] == pytest.approx(rms)
 
 
 def test_effort_is_relative_to_the_limits(log):
@@ -131,11 +129,7 @@ def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
 
 
 def test_speed_of_the_swing_foot(log):
-    """Oracle: an arc whose length and largest speed are known.
-
-    The right foot goes round a half circle of 0.2 m in its first 0.7 s, from
-    rest to rest, at pi/2 times the mean speed at the most.
-    """
+    """Oracle: a half circle of 0.2 m, in the first swing of 0.7 s."""
     feet = signal(log, "foot_poses")
     feet[:] = 0.0
     first = int(np.flatnonzero(log["t"] > 0.8 - 1e-9)[0])
@@ -144,10 +138,8 @@ def test_speed_of_the_swing_foot(log):
     feet.right_x[first : first + 351] = 0.2 * (1.0 - np.cos(angle))
     feet.right_z[first : first + 351] = 0.2 * np.sin(angle)
     feet.right_x[first + 351 :] = 0.4
-    mean = np.pi * 0.2 / 0.7
-    summary = summary_of(log)
-    found = [summary[f"{kind}_swing_foot_speed"] for kind in ("mean", "max")]
-    assert found == pytest.approx([mean, 0.5 * np.pi * mean], rel=1e-4)
+    found = summary_of(log)["mean_swing_foot_speed"]
+    assert found == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -203,10 +195,12 @@ def test_sums_up_both_qps(log):
     momentum.fallback[[1, 2, 3]] = 1.0
     momentum.violation[5] = 4e-5
     summary = summary_of(log)
-    assert summary["qp_solves"] == 2 * len(log["t"])
     assert summary["qp_failures"] == 2
     assert summary["qp_fallbacks"] == 3
     assert summary["max_qp_violation"] == 4e-5
+    legend = effort.draw(log, summary).axes[-1].get_legend()
+    told = {text.get_text() for text in legend.get_texts()}
+    assert told >= {"by Clarabel (3)", "torques held (2)"}
 
 
 @pytest.mark.parametrize(
@@ -304,7 +298,6 @@ def test_a_point_mass_has_no_joints_but_all_other_figures(log):
     of_joints = "max_torque_ratio max_torque_step max_joint_speed "
     of_joints += "max_joint_speed_ratio max_power_w positive_power_w "
     of_joints += "max_torso_tilt_deg max_pelvis_tilt_deg"
-    of_feet = "max_swing_foot_speed mean_swing_foot_speed stance_slip_m "
+    of_feet = "mean_swing_foot_speed stance_slip_m "
     of_feet += "min_sole_distance_m max_impact_body_weights"
     assert missing >= {*of_joints.split(), *of_feet.split()}
-    assert summary["qp_solves"] == len(log["t"])

@@ -311,6 +311,11 @@ def of_urdf(old, new, named):
         ),
         # Only a plant with shapes, such as the simulated one, reads these.
         of_urdf('radius="0.005"/>', 'radius="-1"/>', "radius = -1"),
+        of_urdf(
+            '<drake:ellipsoid a="0.11" b="0.13" c="0.075"/>',
+            '<mesh filename="robot.yaml"/>',
+            "mesh of PELVIS_LINK",
+        ),
         of_urdf('child link="TORSO_LINK"', 'child link="PELVIS_LINK"', "loops"),
     ],
 )

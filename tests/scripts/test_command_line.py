@@ -108,7 +108,7 @@ def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
 
     lines = io.StringIO("\nnot read\n")
     meshcat, _ = command_line.start_meshcat()
-    for user in (lines, Interrupted()):
+    for user in (lines, Interrupted(), None):  # None: it is closed
         monkeypatch.setattr("sys.stdin", user)
         command_line._hold(meshcat)
         assert meshcat.web_url() in capsys.readouterr().out
@@ -156,6 +156,16 @@ def test_the_results_of_another_run_are_not_overwritten(tmp_path, capsys):
         outcome, f"out = '{tmp_path}': must be a folder without summary.json"
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_present_folder_that_is_gone_is_one_line(
+    tmp_path, monkeypatch, capsys
+):
+    """Oracle: the system's error; Drake's would be a traceback."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    outcome = run_script(simulate, ["--scenario_name", "stand"], capsys)
+    assert_refused(outcome, "present folder: must exist")
 
 
 @pytest.mark.parametrize("script", ["push", "envelope"])

@@ -90,12 +90,23 @@ def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
 # is tested with them.
 REFUSED = [
     (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
-    (["--scenario_name", "stand"], "scenario_name = 'stand': must have a push"),
+    (["--scenario_name", "stand"], "pushes = []: must have a push"),
+    (["--port", "7001"], "port = 7001: must not come with --no-meshcat"),
+    (
+        ["--scenario_text", "gait: {step: {yaw_deg: 1000}}"],
+        "gait.step.yaw_deg = 1000.0: must be in [-90, 90]",
+    ),
     (["--duration", "nan"], "argument --duration: 'nan': must be a finite"),
     (["--delta-v", "-1"], "pushes[0].delta_v = -1.0: must be in [0, 100]"),
     (["--random", "0"], "random = 0: must be in [1, 100]"),
     (["--random", "3", "--at", "2 s"], "at = '2 s': must not come with --ran"),
     (["--out", ""], "argument --out: '': must be a path"),
+    (["--out", "x/" * 2000], "out = 'x/x/x/x/"),
+    (["--duration", "1_000"], "argument --duration: '1_000': must be a finite"),
+    (
+        ["--scenario_text", "pushes: [{delta_v: 1, at: 1 s, body: world}]"],
+        "body = 'world': must be a body of the robot",
+    ),
     (["--direction", "up"], "direction = 'up': must be degrees, or one of for"),
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
@@ -218,15 +229,16 @@ def test_a_busy_port_is_no_reason_to_stop(tmp_path, capsys):
     assert (tmp_path / "replay.html").stat().st_size > 1e6
 
 
-def test_ctrl_c_ends_the_program_with_its_results(tmp_path):
-    """Oracle: SIGINT to a program that would go on for ten minutes."""
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_the_program_with_its_results(tmp_path, sent):
+    """Oracle: a signal to a program that would go on for ten minutes."""
     run = tmp_path / "run"
     argv = [*QUICK, "--duration", "600", "--at", "standing", "--out", run]
     process = program("push", *argv)
     while not run.exists() and process.poll() is None:
         time.sleep(0.05)  # it is made just before the start
     time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     outcome = ended(process)
     assert (outcome.code, outcome.err) == (130, [])
     assert "INTERRUPTED" in " ".join(outcome.out)

@@ -13,15 +13,16 @@ QUICK = ["--plant", "lipm", "--no-meshcat"]
 
 
 def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
-    """Oracle: two steps, of which the file knows."""
+    """Oracle: two steps, of which the file knows, and the one beside them."""
     file = tmp_path / "mine.yaml"
-    file.write_text("two: {duration: 4.5, gait: {num_steps: 2}}\n")
+    gait = "gait: {num_steps: 2, step: {length: 0.1}}"
+    file.write_text(f"two: {{duration: 5.5, {gait}}}\n")
     argv = ["--scenario_file", file, "--scenario_name", "two", *QUICK]
     outcome = run_script(simulate, [*argv, "--out", tmp_path / "run"], capsys)
     assert (outcome.code, outcome.err) == (0, [])
-    assert "WALKED 2 steps" in outcome.out[0]
+    assert "WALKED 2 steps, and one to bring the feet tog" in outcome.out[0]
     summary = summary_of(tmp_path / "run")
-    assert summary["steps_taken"] == 2
+    assert (summary["steps_taken"], summary["commanded_steps"]) == (3, 2)
     assert summary["pushes"] == []
     assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
 

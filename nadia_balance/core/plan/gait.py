@@ -40,7 +40,8 @@ class StepVector:
 
     length: float = bounded(0.0, unit="m")  # forward
     sideways: float = bounded(0.0, unit="m")  # to the left
-    yaw_deg: float = 0.0  # turn to the left [deg]
+    # Turn to the left [deg].
+    yaw_deg: float = bounded(0.0, least=-90.0, most=90.0)
 
 
 @dataclass(kw_only=True)
@@ -50,7 +51,7 @@ class Foothold:
     side: str = bounded("left", one_of=_SIDES)  # the foot that moves
     x: float = bounded(0.0, unit="m")  # sole centre, forward
     y: float = bounded(0.0, unit="m")  # sole centre, to the left
-    yaw_deg: float = 0.0  # [deg]
+    yaw_deg: float = bounded(0.0, least=-3600.0, most=3600.0)  # [deg]
 
 
 @dataclass(kw_only=True)

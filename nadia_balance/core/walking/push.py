@@ -12,8 +12,8 @@ from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]
-_PHASE = re.compile(r"(left|right) (swing|transfer) (\d+(?:\.\d*)?) ?%")
-_TIME = re.compile(r"(\d+(?:\.\d*)?) ?s")
+_PHASE = re.compile(r"(left|right) (swing|transfer) ([0-9]+(?:\.[0-9]*)?) ?%")
+_TIME = re.compile(r"([0-9]+(?:\.[0-9]*)?) ?s")
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def _draw_forces(ax: Axes, log: Log) -> None:
 
 
 def _draw_qps(ax: Axes, log: Log) -> None:
-    """Draws constraint violations, with marks for failures and fallbacks."""
+    """Draws constraint violations; marks what Clarabel, or no one, solved."""
     t = log["t"]
     floor = 1e-16  # makes exact solutions visible on the logarithmic axis
     for name in filter(log.__contains__, QP_STATUS):
@@ -95,8 +95,8 @@ def _draw_qps(ax: Axes, log: Log) -> None:
         label = name.removesuffix("_qp_status").replace("_", "-") + " QP"
         violation, color = np.maximum(qp.violation, floor), _QP_COLORS[name]
         ax.semilogy(t, violation, color=color, linewidth=1.0, label=label)
-        _mark(ax, t[qp.fallback > 0.5], palette.ECMP, "fallback")
-        _mark(ax, t[qp.solved < 0.5], palette.PUSH, "failure")
+        _mark(ax, t[qp.fallback > 0.5], palette.ECMP, "by Clarabel")
+        _mark(ax, t[qp.solved < 0.5], palette.PUSH, "torques held")
     ax.set(ylabel="QP violation")
     _legend(ax, 4)
 

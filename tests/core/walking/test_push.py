@@ -152,6 +152,7 @@ def test_the_text_of_a_moment_is_exact_to_nine_decimals(fraction, phase, side):
         *(("delay", -1.0), ("duration", 0.0), ("direction_deg", math.nan)),
         *(("after_steps", -1), ("shape", "saw"), ("at", "")),
         *(("at", "noon"), ("at", "25 %"), ("at", "right swing")),
+        ("at", "\N{ARABIC-INDIC DIGIT ONE} s"),
         *(("at", "right standing 25 %"), ("at", "right swing 101 %")),
         *(("at", "right swing nan %"), ("at", "2.5"), ("at", "1e3 s")),
     ],

@@ -1,0 +1,286 @@
+"""Writes docs/reference.md: flags, scenarios, summary.json, log.npz.
+
+All names, defaults and bounds are those of the code; a test compares the page
+with what this script writes.
+
+Examples:
+    python docs/figures/reference.py
+"""
+
+import dataclasses
+import importlib
+import inspect
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from unittest import mock
+
+from nadia_balance.core.math.bounds import UNBOUNDED
+from nadia_balance.core.plan.gait import Gait
+from nadia_balance.core.walking.imperfections import Imperfections
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.push import Push
+from nadia_balance.diagrams.scenario import (
+    Scenario,
+    load_scenario,
+    scenario_names,
+)
+from nadia_balance.diagrams.terrain import Terrain
+from nadia_balance.results.log import _VIEWS
+from nadia_balance.scripts.command_line import DONE, CommandLine, say
+
+PAGE = Path(__file__).parents[1] / "reference.md"
+SCRIPTS = "push", "simulate", "envelope", "new_robot", "benchmark"
+# Entries of summary.json: unit, and what it is.
+SUMMARY = {
+    "outcome": ("", "recovered (also stood, walked), failed or undecided"),
+    "recovered": ("", "true if `outcome` is recovered"),
+    "reason": ("", "of another outcome: the first criterion that is not met"),
+    "fell_at": ("s", "when it had fallen"),
+    "robot": ("", "the folder of models, or the robot.yaml"),
+    "mechanisms": ("", "by which it may recover, or the file of a policy"),
+    "scenario": ("", "the scenario's name"),
+    "plant": ("", "humanoid, or lipm (a point mass)"),
+    "fidelity": ("", "realistic, or ideal drives"),
+    "engine": ("", "drake or mujoco"),
+    "seed": ("", "of the shift of the start"),
+    "direction_deg": ("deg", "of its first push: 0 forward, 90 left"),
+    "delta_v": ("m/s", "of its first push"),
+    "commanded_steps": ("", "by the gait, without the one that closes it"),
+    "duration_s": ("s", "simulated time"),
+    "switched_mechanisms": ("", "in Meshcat during the run: `time_s`, `on`"),
+    "pushes": ("", "each push as it came, see below"),
+    "body_sway_deg": (
+        "deg",
+        "largest tilt of the line from between the soles to the CoM",
+    ),
+    "max_torso_tilt_deg": ("deg", "largest angle of the torso to the vertical"),
+    "max_pelvis_tilt_deg": ("deg", "the same, of the pelvis"),
+    "com_sag_m": ("m", "largest loss of the CoM's height over the lower sole"),
+    "max_icp_error_m": ("m", "largest distance of the ICP from its reference"),
+    "footstep_error_m": ("m", "largest distance of a landing from its goal"),
+    "swing_durations_s": ("s", "of each completed swing"),
+    "transfer_durations_s": ("s", "of each completed transfer"),
+    "steps_taken": ("", "landings in the whole run"),
+    "steps_after_push": ("", "landings since the last push began"),
+    "calm_steps": ("", "whole steps at the end with an ICP error below 5 cm"),
+    "stance_slip_m": ("m", "largest way of a stance foot over the ground"),
+    "max_torque_ratio": (
+        "1",
+        "largest torque over its limit; the QP holds the limit, so that 1 is "
+        "usual, first in the arms, whose swing turns the trunk",
+    ),
+    "max_torque_step": ("N m", "largest change of a torque in a control tick"),
+    "max_joint_speed": ("rad/s", "of the fastest joint"),
+    "max_joint_speed_ratio": ("1", "largest joint speed over its limit"),
+    "max_power_w": ("W", "largest power of all drives together, net"),
+    "positive_power_w": ("W", "the same, those that brake not counted"),
+    "mean_swing_foot_speed": ("m/s", "of a sole's centre, the fastest swing"),
+    "max_impact_body_weights": ("1", "largest force on a foot over the weight"),
+    "min_sole_distance_m": ("m", "between soles that pass, from above"),
+    "min_edge_distances_m": (
+        "m",
+        "of each landed sole from the edge of its region; negative: beside it",
+    ),
+    "qp_failures": ("", "ticks without a solution: the last torques are held"),
+    "qp_fallbacks": (
+        "",
+        "ticks in which Clarabel solved what DAQP did not: the solution is as "
+        "good, and took longer",
+    ),
+    "max_qp_violation": ("of the row", "largest violation of a constraint"),
+    "recovery_time_s": ("s", "from the last push until the ICP error is back"),
+    "required_calm_steps": ("", "the scenario's, or what the gait has left"),
+    "missed_pushes": ("", "pushes that had not ended at the end of the run"),
+    "improper_contacts": ("", "what touched, other than a foot the ground"),
+    "self_contacts": ("", "those of two of the robot's own links"),
+    "real_time_factor": ("1", "simulated time over the time of the processor"),
+    "versions": ("", "of Python and of the packages that determine a run"),
+}
+PUSHES = {
+    "time_s": ("s", "begin"),
+    "duration_s": ("s", "length"),
+    "delta_v": ("m/s", "impulse over the robot's mass"),
+    "direction_deg": ("deg", "from the support foot's heading, 90 left"),
+    "force_n": ("N", "largest force"),
+    "impulse_n_s": ("N s", "as it was felt"),
+    "absorbed_energy_j": ("J", "work on the CoM"),
+}
+# Arrays of log.npz that have no named columns; n ticks, nu actuators.
+ARRAYS = {
+    "t": ("(n,) s", "the control ticks"),
+    "icp": ("(n, 2) m", "instantaneous capture point, xy in W"),
+    "momentum_rate": ("(n, 3) N", "commanded change of linear momentum, in W"),
+    "foot_wrenches": (
+        "(n, 12) N m, N",
+        "planned torque and force on the left, then the right foot, in W",
+    ),
+    "swing_foot_reference": (
+        "(n, 12) m, rad, s",
+        "position, velocity, acceleration of the sole; yaw and its derivatives",
+    ),
+    "actuation": ("(n, nu) N m", "commanded torques, in the actuators' order"),
+    "torques": ("(n, nu) N m", "torques of the drives"),
+    "state": ("(n, nq + nv)", "positions and velocities of Drake's plant"),
+    "mechanisms": (
+        "(n, 4) 0 or 1",
+        ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
+    ),
+    "sole": ("(4, 2) m", "corners of a sole, in its frame"),
+    "weight": ("() N", "of the robot"),
+    "actuator_names": ("(nu,)", "names"),
+    "effort_limits": ("(nu,) N m", "limits of torque"),
+    "joint_speed_limits": ("(nu,) rad/s", "limits of speed"),
+    "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),
+    "region_base": ("(k, 2) m", "reach of the next step, legs not crossed"),
+    "region_forward": ("(k, 2) m", "the same, crossing in front"),
+    "region_backward": ("(k, 2) m", "the same, crossing behind"),
+    "ground": ("(k, 3)", "number of a region; x, y [m] of each of its corners"),
+}
+
+
+def table(*rows: tuple[object, ...]) -> Iterator[str]:
+    """The rows of a Markdown table; the first one is its head."""
+    for i, row in enumerate(rows):
+        cells = (" ".join(str(cell).split()) for cell in row)
+        yield f"| {' | '.join(c.replace('|', '/') for c in cells)} |"
+        if i == 0:
+            yield "|---" * len(row) + "|"
+
+
+def parser_of(script: str) -> CommandLine:
+    """The parser of a script, with all of its flags."""
+    found = []
+
+    def take(parser, args=None, namespace=None):
+        found.append(parser)
+        parser.exit()
+
+    module = importlib.import_module(f"nadia_balance.scripts.{script}")
+    with mock.patch.object(CommandLine, "parse_args", take):
+        try:
+            module.main([])
+        except SystemExit:
+            pass
+    return found[0]
+
+
+def flags(script: str) -> Iterator[str]:
+    """The flags of a script, and what they are for."""
+    parser = parser_of(script)
+    rows = []
+    for action in parser._actions:
+        words = "`, `".join(action.option_strings) or action.dest
+        text = action.help and parser._get_formatter()._expand_help(action)
+        # As on any machine.
+        text = re.sub(r"\d+, its cores", "its cores", text or "")
+        if "--help" in action.option_strings:
+            continue
+        if action.choices:
+            text = f"{text}: {', '.join(map(str, action.choices))}"
+        rows.append((f"`{words}`", text))
+    yield f"### {script}.py\n"
+    yield parser.description.partition("\n\n")[0] + "\n"
+    yield from table(("flag", ""), *rows)
+    yield f"\n{parser.epilog}\n" if parser.epilog else ""
+
+
+def scenarios() -> Iterator[str]:
+    """The scenarios of the package."""
+    rows = []
+    for name in scenario_names():
+        found = load_scenario(name)
+        rows.append(
+            (f"`{name}`", found.description, found.robot, found.mechanisms)
+        )
+    yield from table(("scenario", "", "robot", "mechanisms"), *rows)
+
+
+def fields(prefix: str, kind: type) -> Iterator[tuple[str, str, str]]:
+    """Name, default and rule of every field that is no dataclass."""
+    default = kind()
+    for field in dataclasses.fields(kind):
+        value = getattr(default, field.name)
+        if dataclasses.is_dataclass(value):
+            continue
+        bounds = field.metadata.get("bounds", UNBOUNDED)
+        number = isinstance(value, float | int) and not isinstance(value, bool)
+        rule = ", ".join(bounds.one_of)
+        if not rule and (number or bounds is not UNBOUNDED):
+            rule = bounds.rule(0.0)
+        shown = "" if value is None or value == [] else value
+        yield f"`{prefix}{field.name}`", str(shown), rule
+
+
+def logged() -> Iterator[tuple[str, str, str]]:
+    """Name, shape and meaning of every array of log.npz."""
+    for name, (shape, words) in ARRAYS.items():
+        yield f"`{name}`", shape, words
+    for name, view in _VIEWS.items():
+        columns = view.get_fields()
+        words = inspect.getdoc(view) if view.__module__ != "builtins" else ""
+        first = (words or "").partition("\n\n")[0]
+        own = first if "namedview" not in first.lower() else ""
+        yield (
+            f"`{name}`",
+            f"(n, {len(columns)})",
+            f"{', '.join(columns)}. {own}".strip(),
+        )
+
+
+def page() -> str:
+    """The whole page."""
+    kinds = (
+        ("", Scenario),
+        ("gait.", Gait),
+        ("pushes[].", Push),
+        ("imperfections.", Imperfections),
+        ("terrain.", Terrain),
+    )
+    lines = [
+        "# Reference\n",
+        "Written by `python docs/figures/reference.py` from the code; a test "
+        "compares both.\n",
+        "## Flags\n",
+        *(line for script in SCRIPTS for line in flags(script)),
+        "## Scenarios\n",
+        *scenarios(),
+        "\n## Fields of a scenario\n",
+        "Those of `controller` are in the code.\n",
+        *table(
+            ("field", "default", "must be"),
+            *(row for prefix, kind in kinds for row in fields(prefix, kind)),
+        ),
+        "\n## summary.json\n",
+        "Null where it does not apply.\n",
+        *table(
+            ("field", "unit", ""),
+            *((f"`{n}`", *words) for n, words in SUMMARY.items()),
+        ),
+        "\nEach of `pushes`:\n",
+        *table(
+            ("field", "unit", ""),
+            *((f"`{n}`", *words) for n, words in PUSHES.items()),
+        ),
+        "\n## log.npz\n",
+        "Row i of an array (n, ...) holds at `t[i]`. What a robot or a "
+        "controller lacks is not there.\n",
+        *table(("array", "shape, unit", "columns"), *logged()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Writes the page; returns the exit code."""
+    parser = CommandLine(
+        prog="reference.py", description=__doc__.partition("\n")[0]
+    )
+    parser.parse_args(argv)
+    PAGE.write_text(page(), encoding="utf-8")
+    say(f"wrote {PAGE}")
+    return DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())
