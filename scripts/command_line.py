@@ -18,19 +18,18 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
-from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
+from nadia_balance.diagrams.policy import policy_of
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
-from nadia_balance.policy_controller import PolicyController, PolicyParams
+from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
-from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
@@ -179,7 +178,7 @@ _SCENARIO_FLAGS: Flags = {
 }
 # Fields of a Scenario that a flag of the same name replaces.
 _FIELDS = "robot", "fidelity", "engine", "mechanisms", "duration", "seed"
-_POLICY_FLAGS: Flags = {
+POLICY_FLAGS: Flags = {
     "controller": {
         "type": place,
         "metavar": "ONNX",
@@ -253,7 +252,7 @@ def main_job(
     Returns the exit code; bad input exits.
     """
     about = "Of a learned policy that walks, not our controller."
-    add_flags(parser, "policy", _POLICY_FLAGS, about)
+    add_flags(parser, "policy", POLICY_FLAGS, about)
     add_flags(parser, "output", _OUTPUT_FLAGS)
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:
@@ -314,32 +313,20 @@ def _run(
 def _policy(
     args: argparse.Namespace, scenario: Scenario
 ) -> list[PolicyController]:
-    """The controller of --controller, if any; its clock times the pushes.
-
-    It walks at the mean velocity of the gait, or stands if that has no steps.
-
-    Raises ValueError: the policy does not fit the robot or the other flags.
-    """
+    """The controller of --controller, if any (see `policy_of`)."""
     if args.controller is None:
         return []
+    refuse_with_policy(args)
+    return [policy_of(scenario, args.controller)]
+
+
+def refuse_with_policy(args: argparse.Namespace) -> None:
+    """Raises ValueError: a flag is of our own controller only."""
     if args.plant == "lipm" or args.mechanisms is not None:
         raise ValueError(
             f"controller = {str(args.controller)!r}: must not come with "
             "plant = lipm or mechanisms"
         )
-    params, gait = PolicyParams(), scenario.gait
-    step, time = gait.step, gait.swing_duration + gait.transfer_duration
-    if gait.steps or gait.footholds:
-        raise ValueError("gait: must have num_steps with a policy")
-    way = step.length, step.sideways, math.radians(step.yaw_deg)
-    if not gait.num_steps or any(way):
-        params.command = tuple(part / time for part in way)
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    policy = PolicyController(robot, args.controller, params)
-    for push in scenario.pushes:
-        push.at = str(Moment(time=policy.time_of(push.moment)))
-    check(scenario)
-    return [policy]
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:

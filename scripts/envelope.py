@@ -40,7 +40,7 @@ from nadia_balance.scripts.envelope_sweep import limits, report, run
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
 from nadia_balance.scripts.envelope_sweep.sweep import AT, HEADROOM, Sweep
-from nadia_balance.scripts.envelope_sweep.trial import DIAGRAMS
+from nadia_balance.scripts.envelope_sweep.trial import diagram_of
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -114,7 +114,8 @@ def main(argv: list[str] | None = None) -> int:
             sweep.known_limits = limits.known_limits(args.known)
         # Building a diagram checks the robot and the blocks, too.
         for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
-            DIAGRAMS[sweep.plant](sweep.walk(cell, replica=0))
+            walk = sweep.walk(cell, replica=0)
+            diagram_of(walk, sweep.plant, sweep.controller)
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     with contextlib.ExitStack() as stack:
@@ -139,6 +140,7 @@ def parser_of() -> command_line.CommandLine:
     )
     add_flags(parser, "sweep", _SWEEP, _ABOUT)
     command_line.scenario_flags(parser, name="the protocol's")
+    add_flags(parser, "policy", command_line.POLICY_FLAGS)
     add_flags(parser, "running", _RUNNING)
     return parser
 
@@ -199,14 +201,21 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     Raises ValueError: a flag is invalid; names it and what is allowed.
     """
     asked = dict(vars(limits.PROTOCOLS[args.protocol]))
+    controller = ""
+    if args.controller is not None:
+        command_line.refuse_with_policy(args)
+        controller = str(args.controller.resolve())
+    if args.quick or controller:
+        asked["mechanisms"] = asked["mechanisms"].split(",")[-1]
     if args.quick:
-        asked |= QUICK | {"mechanisms": asked["mechanisms"].split(",")[-1]}
+        asked |= QUICK
     asked |= {name: x for name, x in vars(args).items() if x is not None}
     search = set(vars(SearchParams())) & set(asked)
     names = _words("scenario_name", asked)
     sweep = Sweep(
         scenarios={name: _scenario(args, name) for name in names},
         plant=args.plant,
+        controller=controller,
         directions=_directions(asked),
         at=tuple(str(Moment.parse(text)) for text in _words("at", asked)),
         mechanisms=_words("mechanisms", asked),

@@ -119,6 +119,10 @@ class LimitTable:
     records: list[Record]  # every cell of these and the directions
     assumptions: list[str]  # of the limits of any controller
 
+    def title(self, mechanisms: str) -> str:
+        """The words for these mechanisms, or for the policy."""
+        return self.identity.get("controller", mechanisms).split(" ")[0]
+
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
         """The records of all directions."""
         wanted = *situation, mechanisms

@@ -154,7 +154,8 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *map(text, columns)])
-    return title, _table(["direction", *limits.mechanisms], lines)
+    names = map(limits.title, limits.mechanisms)
+    return title, _table(["direction", *names], lines)
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -227,7 +228,7 @@ def _draw_curves(
         if line.shape[1] > 3:
             pale = [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
             ax.fill(*line, color=pale, lw=0, zorder=2.0)
-        ax.plot(*line, zorder=2.5, color=color, label=mechanisms, **LINE)
+        ax.plot(*line, zorder=2.5, color=color, **LINE)
     for record in records if len(records) <= _MOST_NUMBERS else ():
         if record["recovered"] is not None:
             _write(ax, record)
@@ -261,7 +262,7 @@ def _write(ax: PolarAxes, record: Record) -> None:
 def _draw_key(fig: Figure, limits: LimitTable) -> None:
     """One legend for the whole figure, to its right."""
     handles: list[Line2D | Patch] = [
-        Line2D([], [], color=COLORS[name], label=name, **LINE)
+        Line2D([], [], color=COLORS[name], label=limits.title(name), **LINE)
         for name in limits.mechanisms
     ]
     robot = limits.identity["robot"]

@@ -107,8 +107,9 @@ def run_sweep(
                 for trial in urgent(sweep, rows, running.values())[:free]:
                     cell, (delta_v, replica) = trial
                     walk = yaml_dump_typed(sweep.walk(cell, replica))
-                    push = sweep.plant, delta_v, cell.direction_deg
-                    task = run_trial, rows.identity, walk, *push
+                    system = sweep.plant, sweep.controller
+                    push = delta_v, cell.direction_deg
+                    task = run_trial, rows.identity, walk, system, *push
                     running[executor.submit(*task)] = trial
             if not running:
                 return True

@@ -50,6 +50,7 @@ class Sweep:
 
     scenarios: dict[str, Scenario]  # by name, all of one robot
     plant: str = "humanoid"  # or lipm
+    controller: str = ""  # file of a policy in the place of our controller
     directions: tuple[float, ...] = (0.0,)  # each in [0, 360) [deg]
     at: tuple[str, ...] = (AT,)  # as Moment writes it
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
@@ -115,14 +116,17 @@ class Sweep:
             **asdict(self.search),
             "seed": self.one.seed,
             "parameters": digest(common),
-            **of_process(self.one),
+            **of_process(self.one, self.controller),
         }
 
 
-def of_process(scenario: Scenario) -> dict[str, str]:
-    """Returns versions and hashes: the code of this process, and the robot."""
+def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
+    """Returns versions and hashes: this process' code, robot and policy."""
+    file = Path(controller)
+    policy = f"{file.name} {digest([file.read_bytes()])}" if controller else ""
     return {
         **versions(scenario.engine),
+        **({"controller": policy} if controller else {}),
         "code": _first_hash(),
         "robot_files": robot_hash(scenario.robot),
     }

@@ -11,6 +11,7 @@ from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.policy import policy_of
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import Run, summarize
 from nadia_balance.scripts.envelope_sweep.sweep import of_process
@@ -25,8 +26,22 @@ FROM_SUMMARY = (
 MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
 
 
+def diagram_of(
+    scenario: Scenario, plant: str, controller: str
+) -> simulation.ClosedLoop:
+    """The closed loop of a `plant`, with the policy of that file, if any."""
+    if controller:
+        policy = policy_of(scenario, controller)
+        return HumanoidDiagram(scenario, controller=policy)
+    return DIAGRAMS[plant](scenario)
+
+
 def run_trial(
-    identity: dict, walk: str, plant: str, delta_v: float, direction_deg: float
+    identity: dict,
+    walk: str,
+    system: tuple[str, str],
+    delta_v: float,
+    direction_deg: float,
 ) -> dict:
     """Simulates one push, and returns the results of its row.
 
@@ -37,16 +52,17 @@ def run_trial(
     reported in the row.  `cpu_s` is the processor time [s], with that of the
     walk in its first trial.
 
-    `identity` is that of the sweep, `walk` the scenario of Sweep.walk as YAML;
-    the push has `delta_v` [m/s], 0 deg is forward, 90 left.
+    `identity` is that of the sweep, `walk` the scenario of Sweep.walk as YAML,
+    `system` its plant and controller; the push has `delta_v` [m/s], 0 deg is
+    forward, 90 left.
 
     Raises ValueError: this process has another code or robot.
     """
     began = time.thread_time()
     same = frozenset(identity.items())
-    walked = _walked(same, walk, plant, threading.get_ident())
+    walked = _walked(same, walk, *system, threading.get_ident())
     try:
-        row = _pushed(*walked, plant, delta_v, direction_deg)
+        row = _pushed(*walked, system[0], delta_v, direction_deg)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         row = {"outcome": "error", "reason": reason}
@@ -55,17 +71,17 @@ def run_trial(
 
 @functools.lru_cache(MOST_WALKS)
 def _walked(
-    identity: frozenset, text: str, plant: str, thread: int
+    identity: frozenset, text: str, plant: str, controller: str, thread: int
 ) -> tuple[simulation.ClosedLoop, Context, Run]:
     """Walks to the push; threads do not share diagrams."""
     scenario, asked = load_typed(Scenario, "walk", data=text), dict(identity)
-    for name, value in of_process(scenario).items():
+    for name, value in of_process(scenario, controller).items():
         if asked.get(name, value) != value:
             raise ValueError(
                 f"{name} = {value}: must be {asked[name]}, as when the sweep "
                 "began"
             )
-    diagram = DIAGRAMS[plant](scenario)
+    diagram = diagram_of(scenario, plant, controller)
     duration = scenario.duration
     return diagram, *simulation.walk_to_push(diagram, duration, lambda _: False)
 
@@ -81,15 +97,17 @@ def _pushed(
     """Returns the row of a push, unless the `run` ended before it.
 
     `predicted_at_push` is the least number of steps that capture the point mass
-    at the end of the push, -1 for none; None if the push did not end.
+    at the end of the push, -1 for none; None if the push did not end, or for a
+    policy, which has no plan.
     """
     scenario, watch = diagram.scenario, simulation.RecoveryWatch(diagram)
+    plans = diagram.HasOutputPort("walking_state")
     at_push: int | None = None
 
     def decided(context: Context) -> bool:
         nonlocal at_push
         signal = simulation.push_signal(diagram, context)
-        if at_push is None and signal.waiting == 0.0:
+        if plans and at_push is None and signal.waiting == 0.0:
             model = scenario.point_mass(diagram.robot)
             limit = limit_from(diagram, context, model=model)
             at_push = limit.least_steps()
