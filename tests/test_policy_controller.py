@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RollPitchYaw
 
 from nadia_balance.core.walking.push import Moment
@@ -20,7 +21,8 @@ from nadia_balance.results.folder import write_plots
 from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts import push
+from nadia_balance.scripts import envelope, push
+from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from tests.blocks import answer, running
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script
@@ -183,6 +185,14 @@ def test_bad_files_and_flags_are_refused_in_one_line(
         good, "at = 'left transfer 50 %': must", "--at", "left transfer 50%"
     )
     refused(good, f"controller = {str(good)!r}: must not", "--plant", "lipm")
+    assert_refused(
+        run_script(
+            envelope,
+            ["--robot", "g1", "--controller", good, "--mechanisms", "step"],
+            capsys,
+        ),
+        f"controller = {str(good)!r}: must not come with",
+    )
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     refused(
         good,
@@ -223,3 +233,24 @@ def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
         "timeline.png",
         "effort.png",
     ]
+
+
+def test_a_sweep_pushes_the_policy_and_knows_its_file(made, tmp_path):
+    """Oracle: a robot that is held by springs alone tips over.
+
+    A trial of another file than the sweep began with is refused.
+    """
+    path = made(W=0.0 * W, b=0.0 * B, kp=[200.0] * N, kd=[5.0] * N)
+    argv = ["--robot", "g1", "--controller", str(path), "--duration", "1.2"]
+    args = envelope.parser_of().parse_args([*argv, "--at", "0.1 s"])
+    sweep = envelope.sweep_from(args)
+    identity, cell = sweep.identity(), sweep.cells()[3]
+    assert identity["controller"].startswith("policy.onnx ")
+    assert str(tmp_path) not in str(identity)
+    walk = yaml_dump_typed(sweep.walk(cell, replica=0))
+    system = sweep.plant, sweep.controller
+    row = run_trial(identity, walk, system, 1.0, cell.direction_deg)
+    assert (row["outcome"], row["predicted_at_push"]) == ("fell", None)
+    made()
+    with pytest.raises(ValueError, match=r"controller = .*: must be policy"):
+        run_trial(identity, walk + " ", system, 1.0, cell.direction_deg)
