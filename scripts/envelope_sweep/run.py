@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 
-from distributed import Client, KilledWorker
+from distributed import Client, KilledWorker, LocalCluster
 from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
@@ -37,23 +37,23 @@ def open_workers(
     """
     if scheduler is None and workers < 1:
         raise ValueError(f"workers = {workers}: must be >= 1")
-    here = {
-        "n_workers": workers,
-        "threads_per_worker": 1,
-        "host": "127.0.0.1",
-        "dashboard_address": None,
-        "memory_limit": None,
-        "silence_logs": logging.CRITICAL,
-    }
-    there = {"address": scheduler, "timeout": CONNECT_TIMEOUT}
-    options = here if scheduler is None else there
+    where = scheduler
+    if where is None:
+        where = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+        )
     try:
-        client = Client(**options, set_as_default=False)
+        client = Client(where, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ValueError(
             f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
         ) from None
-    with client:
+    with where if scheduler is None else contextlib.nullcontext(), client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
         if scheduler is None:
