@@ -250,7 +250,7 @@ def test_a_sweep_pushes_the_policy_and_knows_its_file(made, tmp_path):
     walk = yaml_dump_typed(sweep.walk(cell, replica=0))
     system = sweep.plant, sweep.controller
     row = run_trial(identity, walk, system, 1.0, cell.direction_deg)
-    assert (row["outcome"], row["predicted_at_push"]) == ("fell", None)
+    assert (row["outcome"], row["predicted_at_push"]) == ("failed", None)
     made()
     with pytest.raises(ValueError, match=r"controller = .*: must be policy"):
         run_trial(identity, walk + " ", system, 1.0, cell.direction_deg)

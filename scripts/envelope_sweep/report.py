@@ -228,7 +228,7 @@ def _draw_curves(
         if line.shape[1] > 3:
             pale = [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
             ax.fill(*line, color=pale, lw=0, zorder=2.0)
-        ax.plot(*line, zorder=2.5, color=color, **LINE)
+        ax.plot(*line, zorder=2.5, color=color, label=mechanisms, **LINE)
     for record in records if len(records) <= _MOST_NUMBERS else ():
         if record["recovered"] is not None:
             _write(ax, record)

@@ -24,7 +24,7 @@ def no_walk_of_another_test():
 
 def tried(walk, delta_v, direction=120.0, plant="lipm"):
     """The row of one trial."""
-    return run_trial({}, walk, plant, delta_v, direction)
+    return run_trial({}, walk, (plant, ""), delta_v, direction)
 
 
 def judged(walk, delta_v, direction=120.0, plant="lipm"):

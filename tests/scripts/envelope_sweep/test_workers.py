@@ -14,7 +14,7 @@ from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts, walk_of
 
 TRIALS = [
-    ({}, walk_of(replica=replica), "lipm", delta_v, 120.0)
+    ({}, walk_of(replica=replica), ("lipm", ""), delta_v, 120.0)
     for replica, delta_v in ((1, 0.4), (0, 2.5))
 ]
 
