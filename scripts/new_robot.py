@@ -1,4 +1,4 @@
-"""Makes a robot folder of anybody's URDF, and sees whether the robot walks.
+"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks.
 
 Examples:
     python scripts/new_robot.py robot.urdf --out my_robot
@@ -120,7 +120,7 @@ def _parser() -> command_line.CommandLine:
         epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
         "2 bad input.",
     )
-    parser.add_argument("file", type=Path, help="a URDF, MJCF or SDF")
+    parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     for flag, options in _FLAGS.items():
         parser.add_argument(f"--{flag}", **options)
     group = parser.add_argument_group("names", "Default: they are found.")

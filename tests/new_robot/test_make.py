@@ -128,7 +128,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
 @pytest.mark.parametrize(
     "name, old, new, message",
     [
-        ("l_yaw", "revolute", "fixed", "legs: must be two, of 5"),
+        ("l_yaw", "revolute", "fixed", "legs: must be two, of 6"),
         ("l_tilt", "revolute", "continuous", "joint l_tilt: is"),
         ("r_knee", "revolute", "prismatic", "joint r_knee: is"),
         ("bow", "revolute", "planar", "joint bow: must not be"),

@@ -52,7 +52,7 @@ def test_a_robot_that_does_not_walk_is_told(
         (["none.urdf"], "[Errno 2] No such file or directory: 'none.urdf'"),
         ([__file__], "malformed XML: "),
         (["FILE", "--fix", "tail"], "fix = 'tail': must match a joint"),
-        (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 5 to 7"),
+        (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 6 or 7"),
         (["FILE", "--fix", "("], "fix = '(': must be a regular expression"),
         (["FILE", "--pelvis", "tail"], "link tail: must be one of chest, "),
         (["FILE", "--package-root", "none"], "package-root = none: must be"),
