@@ -13,8 +13,8 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 from pydrake.multibody.tree import Joint as DrakeJoint
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 
 from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.mjcf import urdf_of_mjcf
@@ -226,37 +226,24 @@ def read(file: Path, roots: Sequence[Path], notes: Notes) -> Description:
     except (RuntimeError, SystemExit) as error:
         why = str(error).replace("<literal-string>.urdf", file.name)
         raise ValueError(f"Drake cannot read it: {why}") from None
-    name = plant.GetModelInstanceName(model)
-    return _described(name, plant, joints, mended)
-
-
-def _described(
-    name: str,
-    plant: MultibodyPlant,
-    joints: Sequence[DrakeJoint],
-    mended: Mended,
-) -> Description:
-    """The description of the robot; the frames of its links are the joints'."""
-    root, world = _base(plant, joints), plant.world_body().name()
-    joints = [j for j in joints if j.parent_body().name() != world]
+    root, world = _base(plant, joints), plant.world_body().index()
+    joints = [j for j in joints if j.parent_body().index() != world]
     drives = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     drives = {drive.joint().name(): drive for drive in drives}
-    X_BL = {root: RigidTransform()}
+    X_BL = {root.name(): RigidTransform()}  # frames of links: of their joints
+    links = {root.name(): [root]}
     for joint in joints:
-        X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        X_BL[joint.child_body().name()] = X_BM
-    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
+        body = joint.child_body()
+        X_BL[body.name()] = joint.frame_on_child().GetFixedPoseInBodyFrame()
+        links[body.name()] = [body]
     return Description(
-        name=name,
-        root=root,
-        plant=plant,
-        links={b.name(): [b] for b in bodies if b.name() in X_BL},
-        joints={
-            joint.name(): _joint(joint, drives.get(joint.name()), mended)
-            for joint in joints
-        },
-        X_BL=X_BL,
-        mended=mended,
+        plant.GetModelInstanceName(model),
+        root.name(),
+        plant,
+        links,
+        {j.name(): _joint(j, drives.get(j.name()), mended) for j in joints},
+        X_BL,
+        mended,
     )
 
 
@@ -272,7 +259,7 @@ def _refuse_loops(joints: Iterable[DrakeJoint]) -> None:
         held[link] = name
 
 
-def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> str:
+def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> RigidBody:
     """The floating base; a frame without mass and joints is none."""
     holders = {joint.parent_body().name() for joint in joints}
     bases = [plant.get_body(i) for i in plant.GetFloatingBaseBodies()]
@@ -282,7 +269,7 @@ def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> str:
         raise ValueError(
             f"floating bases: must be one; these are: {names or 'none'}"
         )
-    return bases[0].name()
+    return bases[0]
 
 
 def _joint(joint: DrakeJoint, drive, mended: Mended) -> Joint:

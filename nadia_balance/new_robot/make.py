@@ -47,11 +47,13 @@ def make_robot(
     *,
     fix: Sequence[str] = (),
     package_roots: Sequence[Path] = (),
+    armature: Path | None = None,
     named: Named | None = None,
 ) -> Notes:
     """Writes robot.urdf, robot.yaml and meshes into `folder`.
 
-    Joints that a regular expression of `fix` matches in full are welded.
+    Joints that a regular expression of `fix` matches in full are welded.  Rotor
+    inertias are those of the file `armature`, by joint names, if there is one.
 
     Raises:
         ValueError: the robot is no biped with driven legs; names the link or
@@ -66,6 +68,8 @@ def make_robot(
     mend_inertias(robot, notes)
     anatomy, measured = study(robot, legs, named, notes)
     doubt(robot, anatomy, notes)
+    if armature:
+        give_armature(robot, armature)
     guess_drives(robot, measured, notes)
     folder.mkdir(parents=True, exist_ok=True)
     shapes = fit_capsules(robot, anatomy, measured, notes)
@@ -209,6 +213,16 @@ def _note_lengths(
         f"legs reach {m.reach.length:.3f} m forward and back, "
         f"{m.reach.width_max:.3f} m to the side; used up to Nadia's, by size",
     ]
+
+
+def give_armature(robot: Description, file: Path) -> None:
+    """Takes rotor inertias of the joints of the same names in `file`."""
+    theirs = read(file, [], Notes()).joints
+    known = robot.joints.keys() & theirs.keys()
+    if not known:
+        raise ValueError(f"armature = {file}: must have joints of the robot")
+    for name in known:
+        robot.joints[name].rotor_inertia = theirs[name].rotor_inertia
 
 
 def guess_drives(

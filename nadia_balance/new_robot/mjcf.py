@@ -12,7 +12,13 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
 from nadia_balance.new_robot import Notes
-from nadia_balance.new_robot.shapes import COLLIDING, VISUAL, Array, Shape
+from nadia_balance.new_robot.shapes import (
+    COLLIDING,
+    SOLIDS,
+    VISUAL,
+    Array,
+    Shape,
+)
 from nadia_balance.new_robot.urdf import (
     add_pose,
     add_transmission,
@@ -21,15 +27,6 @@ from nadia_balance.new_robot.urdf import (
 )
 
 _KINDS = {mjtJoint.mjJNT_HINGE: "revolute", mjtJoint.mjJNT_SLIDE: "prismatic"}
-# MuJoCo's sizes are half of a URDF's, but for radii and ellipsoids.
-_SOLIDS = {
-    mjtGeom.mjGEOM_BOX: "box",
-    mjtGeom.mjGEOM_SPHERE: "sphere",
-    mjtGeom.mjGEOM_CYLINDER: "cylinder",
-    mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mjtGeom.mjGEOM_MESH: "mesh",
-}
 
 
 def urdf_of_mjcf(
@@ -205,29 +202,29 @@ def _shapes(
 ) -> Iterator[Shape]:
     """Yields the shapes of a body; what MuJoCo lets touch is colliding."""
     first, count = model.body_geomadr[body], model.body_geomnum[body]
+    origin = _origin(model, body)
     for i in range(first, first + count):
-        kind = _SOLIDS.get(int(model.geom_type[i]))
-        if kind is None:
+        kind = mjtGeom(model.geom_type[i]).name[len("mjGEOM_") :].lower()
+        if kind not in SOLIDS:
             continue
         touches = model.geom_contype[i] or model.geom_conaffinity[i]
-        role = VISUAL
-        if touches or model.geom(i).name in paired:
-            role = COLLIDING
-        at = model.geom_pos[i] - _origin(model, body)
+        touches = touches or model.geom(i).name in paired
         size, mesh = model.geom_size[i], None
-        a, b, c = map(text_of, size)
-        match kind:
-            case "box":
-                sizes = {"size": text_of(2.0 * size)}
-            case "ellipsoid":
-                sizes = {"a": a, "b": b, "c": c}
-            case "mesh":
-                sizes, mesh = {}, _mesh(model, int(model.geom_dataid[i]))
-            case _:
-                sizes = {"radius": a, "length": text_of(2.0 * size[1])}
-        colour = text_of(model.geom_rgba[i])
-        X = _pose(model.geom_quat[i], at)
-        yield Shape(role, kind, sizes, X, colour, mesh)
+        # MuJoCo's sizes are half of a URDF's, but for radii and ellipsoids.
+        half = {"box": [0.5, 0.5, 0.5], "ellipsoid": [1.0, 1.0, 1.0]}
+        a, b, c = map(text_of, size / half.get(kind, [1.0, 0.5, 1.0]))
+        sizes = {"radius": a, "length": b, "a": a, "b": b, "c": c}
+        sizes["size"] = f"{a} {b} {c}"
+        if kind == "mesh":
+            mesh = _mesh(model, int(model.geom_dataid[i]))
+        yield Shape(
+            COLLIDING if touches else VISUAL,
+            kind,
+            {key: sizes[key] for key in SOLIDS[kind] if key in sizes},
+            _pose(model.geom_quat[i], model.geom_pos[i] - origin),
+            text_of(model.geom_rgba[i]),
+            mesh,
+        )
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
