@@ -1,4 +1,4 @@
-"""Makes a robot folder of anybody's URDF, and sees whether the robot walks.
+"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks.
 
 Examples:
     python scripts/new_robot.py robot.urdf --out my_robot
@@ -14,11 +14,15 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import run_info, simulate
 from nadia_balance.new_robot import Named, Notes
+from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.results.summary import summarize
+from nadia_balance.robot.margins import margins
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import reach_within
 from nadia_balance.scripts import command_line
@@ -46,6 +50,7 @@ def main(argv: list[str] | None = None) -> int:
             args.out,
             fix=args.fix or [],
             package_roots=roots,
+            armature=args.armature,
             named=named,
         )
         command_line.say(*notes.lines())
@@ -104,6 +109,11 @@ _FLAGS: command_line.Flags = {
         "metavar": "DIR",
         "help": "has the packages of package://; so do the folders above FILE",
     },
+    "armature": {
+        "type": command_line.place,
+        "metavar": "FILE",
+        "help": "an MJCF or URDF with the rotor inertias, by joint names",
+    },
     "fidelity": {
         "choices": FIDELITIES,
         "default": "realistic",
@@ -120,7 +130,7 @@ def _parser() -> command_line.CommandLine:
         epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
         "2 bad input.",
     )
-    parser.add_argument("file", type=Path, help="a URDF, MJCF or SDF")
+    parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     for flag, options in _FLAGS.items():
         parser.add_argument(f"--{flag}", **options)
     group = parser.add_argument_group("names", "Default: they are found.")
@@ -150,7 +160,7 @@ def _walk(robot: str, fidelity: str) -> int:
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
     info = run_info(scenario, run, "humanoid", "walk_in_place")
-    found = summarize(run, info)
+    found, log = summarize(run, info), run.logs
     walked = found["recovered"]
     command_line.say(
         f"{'WALKED' if walked else 'DID NOT WALK'}: {found['steps_taken']} "
@@ -158,6 +168,9 @@ def _walk(robot: str, fidelity: str) -> int:
         f"mm, max torque {100 * found['max_torque_ratio']:.0f} %"
         + ("" if walked else f": {found['reason']}")
     )
+    loads = torque_ratio(log), joint_speed_ratio(log)
+    largest = np.max(loads, axis=1, initial=0.0)
+    command_line.say(*margins(diagram.robot, *largest))
     return command_line.DONE if walked else command_line.FAILED
 
 

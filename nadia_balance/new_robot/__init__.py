@@ -1,4 +1,4 @@
-"""Conversion of any robot's URDF to a robot folder (extra `robots`)."""
+"""Conversion of any robot's URDF or MJCF to a robot folder (extra `robots`)."""
 
 from dataclasses import dataclass, field
 
@@ -18,13 +18,13 @@ class Named:
 
 @dataclass
 class Notes:
-    """Lines on guessed, changed and unknown properties."""
+    """Lines on guessed, changed and unknown properties, and warnings."""
 
     guessed: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
+    warning: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
         """All lines, each with its kind as prefix."""
-        words = ("guessed", "changed", "unknown")
-        return [f"{w}: {line}" for w in words for line in getattr(self, w)]
+        return [f"{w}: {line}" for w in vars(self) for line in vars(self)[w]]

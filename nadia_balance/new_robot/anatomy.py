@@ -8,9 +8,10 @@ import numpy as np
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named, Notes
-from nadia_balance.new_robot.description import Array, Description, Joint
+from nadia_balance.new_robot.description import Description, Joint
+from nadia_balance.new_robot.shapes import Array
 
-LEG_JOINTS = range(5, 8)
+LEG_JOINTS = (6, 7)
 # Smallest cosine to the lateral axis, or of the up axis to the legs [-].
 ALONG = 0.75
 _JOINTS_OF_A_LEG = ("hip_pitch", "knee", "ankle_pitch")
@@ -46,7 +47,7 @@ def two_legs(robot: Description, named: Named) -> tuple[str, list[Leg]]:
     """Returns the pelvis and the two legs, in arbitrary order.
 
     The legs are the heaviest pair of unbranched chains with the same number of
-    joints, 5 to 7, that start at one link.  No joint of `robot` is fixed.
+    joints, 6 or 7, that start at one link.  No joint of `robot` is fixed.
 
     Raises:
         ValueError: no such pair exists, or a named link does not exist.
@@ -64,8 +65,8 @@ def two_legs(robot: Description, named: Named) -> tuple[str, list[Leg]]:
         lengths = {leaf: len(robot.chain(leaf)) for leaf in leaves}
         ends = ", ".join(f"{n} to {leaf}" for leaf, n in lengths.items())
         raise ValueError(
-            "legs: must be two, of 5 to 7 joints each; numbers of joints: "
-            f"{ends or 'none'}"
+            "legs: must be two, of 6 or 7 joints each (without ankle roll a "
+            f"sole does not stay level); numbers of joints: {ends or 'none'}"
         )
     _, start, pair, legs = max(pairs, key=lambda found: found[0])
     names = [[joint.name for joint in leg] for leg in legs]

@@ -10,13 +10,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.anatomy import Anatomy
-from nadia_balance.new_robot.description import (
-    COLLIDING,
-    VISUAL,
-    Array,
-    Description,
-)
+from nadia_balance.new_robot.description import Description
 from nadia_balance.new_robot.measure import Measurements
+from nadia_balance.new_robot.shapes import COLLIDING, VISUAL, Array
 
 # Smallest size of a link with a capsule [leg length].
 _SMALLEST = 0.25

@@ -5,78 +5,23 @@ all of it is how the same `MultibodyPlant` is seen, which itself stays.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import trimesh
-from numpy.typing import NDArray
-from pydrake.geometry import GeometryId, Role, SceneGraph
-from pydrake.geometry import Shape as Geometry
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint as DrakeJoint
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 
 from nadia_balance.new_robot import Notes
-from nadia_balance.new_robot.urdf import COLLISION, Mended, mend_urdf
+from nadia_balance.new_robot.mjcf import urdf_of_mjcf
+from nadia_balance.new_robot.shapes import Array, Shape
+from nadia_balance.new_robot.urdf import Mended, mend_urdf
 
-Array = NDArray[np.float64]
-VISUAL, COLLIDING = "visual", "collision"
 LEAST_MASS = 0.02  # mass of links without one [kg]
-
-
-@dataclass
-class Shape:
-    """A `solid` with the pose X_LG in its link, and its triangle mesh."""
-
-    solid: Geometry
-    X_LG: RigidTransform
-    mesh: trimesh.Trimesh  # in G
-    colour: str = ""  # "r g b a"
-
-    @property
-    def kind(self) -> str:
-        """The tag of the solid in a URDF."""
-        kind = type(self.solid).__name__.lower()
-        return "mesh" if kind == "convex" else kind
-
-    def points(self) -> Array:
-        """Vertices (k, 3) in the frame of the link."""
-        return (self.X_LG @ np.asarray(self.mesh.vertices).T).T
-
-
-def triangles(solid: Geometry) -> trimesh.Trimesh:
-    """Returns the triangle mesh of `solid` in its own frame.
-
-    Raises:
-        ValueError: the file of a mesh is empty, or cannot be read.
-    """
-    make, kind = trimesh.creation, type(solid).__name__
-    match kind:
-        case "Box":
-            return make.box(solid.size())
-        case "Sphere":
-            return make.icosphere(3, solid.radius())
-        case "Cylinder" | "Capsule":
-            form = getattr(make, kind.lower())
-            return form(radius=solid.radius(), height=solid.length())
-        case "Ellipsoid":
-            axes = solid.a(), solid.b(), solid.c()
-            return make.icosphere(3, 1.0).apply_scale(axes)
-        case "Mesh" | "Convex":
-            path = solid.source().path()
-            try:
-                mesh = trimesh.load(path, force="mesh", skip_materials=True)
-            except Exception as error:  # trimesh's readers raise any class
-                raise ValueError(f"{path}: {error}") from None
-            if not len(mesh.vertices):
-                raise ValueError(f"{path}: must not be empty")
-            return mesh.apply_scale(solid.scale3())
-    raise ValueError(f"{kind}: must be a solid")
 
 
 @dataclass
@@ -114,11 +59,10 @@ class Description:
     name: str
     root: str
     plant: MultibodyPlant
-    scene_graph: SceneGraph
     links: dict[str, list[RigidBody]]
     joints: dict[str, Joint]
     X_BL: dict[str, RigidTransform]
-    missing: dict[str, str] = field(default_factory=dict)  # mesh by body
+    mended: Mended
 
     def __post_init__(self):
         """Puts all joints at 0, or as near to it as they get."""
@@ -170,9 +114,12 @@ class Description:
         light = [link for link in self.links if not self.mass([link])]
         ball = SpatialInertia.SolidSphereWithMass(LEAST_MASS, 0.02)
         for link in light:
-            body = self.links[link][0]
-            body.SetSpatialInertiaInBodyFrame(self._context, ball)
+            self.set_inertia(self.links[link][0], ball)
         return light
+
+    def set_inertia(self, body: RigidBody, M: SpatialInertia) -> None:
+        """Replaces the spatial inertia of a body, about its origin, in it."""
+        body.SetSpatialInertiaInBodyFrame(self._context, M)
 
     def poses(
         self, angles: Mapping[str, float] | None = None
@@ -214,45 +161,16 @@ class Description:
         R_WJ = frame.CalcPoseInWorld(self._context).rotation()
         return joint.sense * (R_WL.inverse() @ R_WJ @ drake.revolute_axis())
 
-    def shapes(self, link: str, role: str) -> list[Shape]:
-        """The shapes of `link` that are VISUAL or COLLIDING.
-
-        Raises:
-            ValueError: a mesh cannot be read; names the link.
-        """
-        inspector = self.scene_graph.model_inspector()
-        found, X_WL = [], self._pose(link)
+    def shapes(self, link: str, role: str = "") -> list[Shape]:
+        """The shapes of `link` in its frame: VISUAL, COLLIDING, or both."""
+        X_LW, found = self._pose(link).inverse(), []
         for body in self.links[link]:
-            X_LB = X_WL.inverse() @ body.EvalPoseInWorld(self._context)
-            frame = self.plant.GetBodyFrameIdOrThrow(body.index())
-            chosen = [
-                geometry
-                for geometry in inspector.GetGeometries(
-                    frame, Role.kIllustration
-                )
-                if (COLLISION in inspector.GetName(geometry))
-                == (role == COLLIDING)
-            ]
-            if role == COLLIDING:
-                chosen += inspector.GetGeometries(frame, Role.kProximity)
-            try:
-                found += [self._shape(g, X_LB) for g in chosen]
-            except ValueError as error:
-                raise ValueError(
-                    f"{role} of link {body.name()}: {error}"
-                ) from None
+            X_LB = X_LW @ body.EvalPoseInWorld(self._context)
+            for shape in self.mended.shapes.get(body.name(), []):
+                if role in ("", shape.role):
+                    X_LG = X_LB @ shape.X_LG
+                    found.append(replace(shape, X_LG=X_LG))
         return found
-
-    def _shape(self, geometry: GeometryId, X_LB: RigidTransform) -> Shape:
-        inspector = self.scene_graph.model_inspector()
-        solid = inspector.GetShape(geometry)
-        X_LG = X_LB @ inspector.GetPoseInFrame(geometry)
-        shape = Shape(solid, X_LG, triangles(solid))
-        properties = inspector.GetIllustrationProperties(geometry)
-        if properties and properties.HasProperty("phong", "diffuse"):
-            rgba = properties.GetProperty("phong", "diffuse").rgba
-            shape.colour = " ".join(f"{value:.3g}" for value in rgba)
-        return shape
 
     def weld(self, names: Iterable[str]) -> None:
         """Welds joints at the nearest angle to 0."""
@@ -280,98 +198,52 @@ class Description:
 
 
 def read(file: Path, roots: Sequence[Path], notes: Notes) -> Description:
-    """Returns the robot of a URDF, MJCF or SDF.
+    """Returns the robot of a URDF or an MJCF.
 
     `roots` are folders of its packages.
 
     Raises:
-        ValueError: Drake cannot parse it, or it has a closed loop, or not
-            exactly one floating base.
+        ValueError: it cannot be parsed, or it has a closed loop, or not exactly
+            one floating base.
         OSError: the file does not exist.
     """
     try:
         top = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
         raise ValueError(f"malformed XML: {error}") from None
-    mended = Mended()
-    if top.tag in ("mujoco", "sdf"):
-        _refuse_several_joints(top.iter("body"))
-        notes.changed.append(
-            "read by Drake, which leaves out what it cannot show"
-        )
-    else:
-        mended = mend_urdf(top, file, roots, notes)
-    return _parsed(file, roots, mended)
-
-
-def _refuse_several_joints(bodies: Iterable[ElementTree.Element]) -> None:
-    """Raises ValueError for an MJCF body with several joints.
-
-    Drake 1.51 misplaces all of them but the last: the first axis of a hip with
-    three joints was at its parent's origin.
-    """
-    for body in bodies:
-        if len(body.findall("joint")) > 1:
-            raise ValueError(
-                f"body {body.get('name')}: must have one joint: of several, "
-                "Drake misplaces all but the last"
-            )
-
-
-def _parsed(file: Path, roots: Sequence[Path], mended: Mended) -> Description:
-    """The description of the `mended` URDF, or of `file` if it has no text."""
-    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
-    parser = Parser(plant)
+    shapes = {}
+    if top.tag == "mujoco":
+        top, shapes = urdf_of_mjcf(file, notes)
+    mended = mend_urdf(top, file, roots, notes)
+    mended.shapes |= shapes
+    plant = MultibodyPlant(0.001)
     # SystemExit is how pydrake reports a condition of Drake's own code.
     try:
-        for package in (p for root in roots for p in root.iterdir()):
-            if package.is_dir() and not mended.text:
-                parser.package_map().Add(package.name, str(package.resolve()))
-        if mended.text:
-            model, *_ = parser.AddModelsFromString(mended.text, "urdf")
-        else:
-            model, *_ = parser.AddModels(str(file))
+        model, *_ = Parser(plant).AddModelsFromString(mended.text, "urdf")
         joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
         _refuse_loops(joints)
         plant.Finalize()
     except (RuntimeError, SystemExit) as error:
         why = str(error).replace("<literal-string>.urdf", file.name)
         raise ValueError(f"Drake cannot read it: {why}") from None
-    if plant.num_constraints():
-        raise ValueError("constraints: must not be there: closed loops, mimics")
-    name = plant.GetModelInstanceName(model)
-    return _described(name, plant, scene_graph, joints, mended)
-
-
-def _described(
-    name: str,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    joints: Sequence[DrakeJoint],
-    mended: Mended,
-) -> Description:
-    """The description of the robot; the frames of its links are the joints'."""
-    root, world = _base(plant, joints), plant.world_body().name()
-    joints = [j for j in joints if j.parent_body().name() != world]
+    root, world = _base(plant, joints), plant.world_body().index()
+    joints = [j for j in joints if j.parent_body().index() != world]
     drives = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
     drives = {drive.joint().name(): drive for drive in drives}
-    X_BL = {root: RigidTransform()}
+    X_BL = {root.name(): RigidTransform()}  # frames of links: of their joints
+    links = {root.name(): [root]}
     for joint in joints:
-        X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        X_BL[joint.child_body().name()] = X_BM
-    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
+        body = joint.child_body()
+        X_BL[body.name()] = joint.frame_on_child().GetFixedPoseInBodyFrame()
+        links[body.name()] = [body]
     return Description(
-        name=name,
-        root=root,
-        plant=plant,
-        scene_graph=scene_graph,
-        links={b.name(): [b] for b in bodies if b.name() in X_BL},
-        joints={
-            joint.name(): _joint(joint, drives.get(joint.name()), mended)
-            for joint in joints
-        },
-        X_BL=X_BL,
-        missing=mended.missing,
+        plant.GetModelInstanceName(model),
+        root.name(),
+        plant,
+        links,
+        {j.name(): _joint(j, drives.get(j.name()), mended) for j in joints},
+        X_BL,
+        mended,
     )
 
 
@@ -387,7 +259,7 @@ def _refuse_loops(joints: Iterable[DrakeJoint]) -> None:
         held[link] = name
 
 
-def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> str:
+def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> RigidBody:
     """The floating base; a frame without mass and joints is none."""
     holders = {joint.parent_body().name() for joint in joints}
     bases = [plant.get_body(i) for i in plant.GetFloatingBaseBodies()]
@@ -397,7 +269,7 @@ def _base(plant: MultibodyPlant, joints: Iterable[DrakeJoint]) -> str:
         raise ValueError(
             f"floating bases: must be one; these are: {names or 'none'}"
         )
-    return bases[0].name()
+    return bases[0]
 
 
 def _joint(joint: DrakeJoint, drive, mended: Mended) -> Joint:

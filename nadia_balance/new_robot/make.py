@@ -1,4 +1,4 @@
-"""Creation of a robot folder from a URDF, MJCF or SDF."""
+"""Creation of a robot folder from a URDF or an MJCF."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -19,15 +19,15 @@ from nadia_balance.new_robot.anatomy import (
     vertical,
 )
 from nadia_balance.new_robot.capsules import fit_capsules
-from nadia_balance.new_robot.description import (
-    COLLIDING,
-    LEAST_MASS,
-    VISUAL,
-    Array,
-    Description,
-    read,
+from nadia_balance.new_robot.description import LEAST_MASS, Description, read
+from nadia_balance.new_robot.doubts import (
+    check_units,
+    doubt,
+    mend_inertias,
+    mend_shapes,
 )
 from nadia_balance.new_robot.measure import Measurements, measure, set_frames
+from nadia_balance.new_robot.shapes import COLLIDING, VISUAL, Array
 from nadia_balance.new_robot.soles import SolePlane, larger_sole
 from nadia_balance.new_robot.write import robot_fields, write_urdf, write_yaml
 
@@ -47,11 +47,13 @@ def make_robot(
     *,
     fix: Sequence[str] = (),
     package_roots: Sequence[Path] = (),
+    armature: Path | None = None,
     named: Named | None = None,
 ) -> Notes:
     """Writes robot.urdf, robot.yaml and meshes into `folder`.
 
-    Joints that a regular expression of `fix` matches in full are welded.
+    Joints that a regular expression of `fix` matches in full are welded.  Rotor
+    inertias are those of the file `armature`, by joint names, if there is one.
 
     Raises:
         ValueError: the robot is no biped with driven legs; names the link or
@@ -61,7 +63,13 @@ def make_robot(
     notes, named = Notes(), named or Named()
     robot = read(file, package_roots, notes)
     legs = clean(robot, fix, named, notes)
+    check_units(robot, legs)
+    mend_shapes(robot, notes)
+    mend_inertias(robot, notes)
     anatomy, measured = study(robot, legs, named, notes)
+    doubt(robot, anatomy, notes)
+    if armature:
+        give_armature(robot, armature)
     guess_drives(robot, measured, notes)
     folder.mkdir(parents=True, exist_ok=True)
     shapes = fit_capsules(robot, anatomy, measured, notes)
@@ -159,6 +167,13 @@ def study(
             f"they are {depths[0]:.3f} and {depths[1]:.3f} m under the ankles"
         )
     flat = set_frames(robot, anatomy, soles)
+    for foot, points in zip(anatomy.feet.values(), flat.values(), strict=True):
+        length, width = np.ptp(points, axis=0)
+        if width > length:
+            notes.warning.append(
+                f"the sole of {foot} is wider than long, {width:.3f} and "
+                f"{length:.3f} m: is it turned?"
+            )
     measured = measure(robot, anatomy, flat, float(np.mean(depths)))
     _note_lengths(measured, soles[Side.LEFT], flat[Side.LEFT], notes)
     return anatomy, measured
@@ -176,10 +191,11 @@ def _sole(
     if sole := larger_sole(colliding, robot.shapes(foot, VISUAL), down):
         return sole
     bodies = [body.name() for body in robot.links[foot]]
-    missing = [robot.missing[b] for b in bodies if b in robot.missing]
+    why = robot.mended.missing
+    missing = [why[b] for b in bodies if b in why]
     raise ValueError(
         f"foot {foot}: must have a shape with a flat side below"
-        + (f"; there is no {missing[0]}" if missing else "")
+        + (f"; {missing[0]}" if missing else "")
     )
 
 
@@ -197,6 +213,16 @@ def _note_lengths(
         f"legs reach {m.reach.length:.3f} m forward and back, "
         f"{m.reach.width_max:.3f} m to the side; used up to Nadia's, by size",
     ]
+
+
+def give_armature(robot: Description, file: Path) -> None:
+    """Takes rotor inertias of the joints of the same names in `file`."""
+    theirs = read(file, [], Notes()).joints
+    known = robot.joints.keys() & theirs.keys()
+    if not known:
+        raise ValueError(f"armature = {file}: must have joints of the robot")
+    for name in known:
+        robot.joints[name].rotor_inertia = theirs[name].rotor_inertia
 
 
 def guess_drives(

@@ -12,7 +12,8 @@ from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.math.size import Size
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
-from nadia_balance.new_robot.description import Array, Description
+from nadia_balance.new_robot.description import Description
+from nadia_balance.new_robot.shapes import Array
 from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].

@@ -7,11 +7,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, QhullError
 
-from nadia_balance.new_robot.description import Array, Shape
+from nadia_balance.new_robot.shapes import Array, Shape
 
-# Tolerances for points on the plane, of meshes and of primitives [m].
-_ON_PLANE = {"mesh": 0.002}
-_ON_PLANE_EXACT = 1e-4
+# Tolerances for points on the plane, of meshes and of round solids [m].
+_ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
+_ON_PLANE_EXACT = 0.0025
 _SAME_NORMAL = np.cos(np.deg2rad(3.0))
 _DOWNWARD = np.cos(np.deg2rad(50.0))
 
@@ -77,10 +77,14 @@ def sole_plane(
 
 
 def _lowest(shape: Shape, normal: Array) -> Array:
-    """Points (k, 3) of a shape; of a sphere, the farthest along `normal`."""
-    if shape.kind != "sphere":
+    """Points (k, 3) of a shape; of a ball's, the farthest along `normal`."""
+    if shape.kind not in ("sphere", "capsule"):
         return shape.points()
-    return (shape.X_LG.translation() + shape.solid.radius() * normal)[None]
+    radius, length = (
+        float(shape.size.get(key, "0")) for key in ("radius", "length")
+    )
+    ends = 0.5 * length * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    return (shape.X_LG @ ends.T).T + radius * normal
 
 
 def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:

@@ -7,20 +7,18 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.new_robot import Notes
+from nadia_balance.new_robot.shapes import SOLIDS, Shape
 
 DRAKE = "{http://drake.mit.edu}"
-# Drake accepts STL and Collada only as visual shapes; collision shapes become
-# visual ones whose names start with this.
-COLLISION = "collision"
 _KNOWN = {
     "robot": {"link", "joint", "material", "transmission"},
     "link": {"inertial", "visual", "collision"},
     "joint": {"origin", "parent", "child", "axis", "limit", "dynamics"},
 }
 _LOOPS = ("loop", "bushing", "constraint")
-_SOLIDS = ("box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh")
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _VECTORS = {"xyz", "rpy", "size", "scale"}
 _POSITIVE = {"size", "radius", "length"}
@@ -33,9 +31,12 @@ ElementTree.register_namespace("drake", DRAKE[1:-1])
 class Mended:
     """A URDF for Drake's parser, and what had to be taken out of it."""
 
-    text: str = ""
-    mimics: set[str | None] = field(default_factory=set)  # joints
-    missing: dict[str | None, str] = field(default_factory=dict)  # link: mesh
+    text: str
+    mimics: set[str | None]  # joints
+    shapes: dict[str, list[Shape]] = field(default_factory=dict)  # by link
+    missing: dict[str, str] = field(default_factory=dict)  # mesh by link
+    left_out: list[str] = field(default_factory=list)  # lines
+    pointlike: list[str] = field(default_factory=list)  # links without moments
 
 
 def mend_urdf(
@@ -50,29 +51,29 @@ def mend_urdf(
             names the link or joint.
     """
     if top.tag != "robot" or top.findall(".//{http://www.ros.org/wiki/xacro}*"):
-        raise ValueError(f"<{top.tag}>: must be a URDF, xacro expanded")
+        raise ValueError(
+            f"<{top.tag}>: must be a URDF, xacro expanded, or an MJCF"
+        )
     top.set("name", top.get("name") or file.stem)
-    mended = Mended(mimics={j.get("name") for j in top if j.findall("mimic")})
+    mended = Mended("", {j.get("name") for j in top if j.findall("mimic")})
     _drop_tags(top, notes)
     for part in top.findall("link") + top.findall("joint"):
         _check_numbers(part)
     colours = {
-        material.get("name", ""): colour
+        material.get("name", ""): colour.get("rgba", "")
         for material in top.iter("material")
         if (colour := material.find("color")) is not None
     }
     folders = [*roots, *file.resolve().parents]
     changed = []
     for link in top.findall("link"):
-        shapes = link.findall("visual") + link.findall("collision")
-        for i, part in enumerate(shapes):
-            part.attrib = {"name": f"{part.tag}_{i}"}
-            _paint(part, colours)
-            if missing := _mend_shape(link, part, folders, notes):
-                mended.missing.setdefault(link.get("name"), missing)
+        for part in link.findall("visual") + link.findall("collision"):
+            link.remove(part)
+            _take_shape(link.get("name", ""), part, colours, folders, mended)
         for inertial in link.findall("inertial"):
-            if _mend_mass(link, inertial):
+            if _mend_mass(link, inertial, mended):
                 changed.append(link.get("name", ""))
+    notes.changed += mended.left_out
     if changed:
         notes.changed.append(
             "moments of inertia that no body has, made possible: "
@@ -129,45 +130,45 @@ def _check_numbers(part: Element) -> None:
             )
 
 
-def _paint(part: Element, colours: Mapping[str, Element]) -> None:
-    """Replaces a material by its colour alone, under a name of its own."""
-    for material in part.findall("material"):
-        part.remove(material)
-        colour = material.find("color")
-        if colour is None:
-            colour = colours.get(material.get("name", ""))
-        if colour is not None:
-            name = colour.get("rgba", "")
-            SubElement(part, "material", name=name).append(colour)
-
-
-def _mend_shape(
-    link: Element, part: Element, folders: Sequence[Path], notes: Notes
-) -> str:
-    """Makes a shape visual, with the path of its mesh; returns a missing one.
-
-    Shapes that Drake does not know or find are left out.
-    """
-    where = f"{part.tag} of link {link.get('name')}"
-    part.tag = "visual"
-    solid = part.find("geometry/*")
+def _take_shape(
+    link: str,
+    part: Element,
+    colours: Mapping[str, str],
+    folders: Sequence[Path],
+    mended: Mended,
+) -> None:
+    """Adds the shape in `part` to those of `link`, if it is known and found."""
+    solid, where = part.find("geometry/*"), f"{part.tag} of link {link}"
     if solid is None:
-        link.remove(part)
-        return ""
-    kind, name = solid.tag.removeprefix(DRAKE), solid.get("filename", "")
-    if kind not in _SOLIDS:
-        link.remove(part)
-        notes.changed.append(f"left out the {kind} of {where}")
-    elif kind == "mesh":
-        path = _find_mesh(name, folders)
+        return
+    kind, size = solid.tag.removeprefix(DRAKE), dict(solid.attrib)
+    if kind not in SOLIDS:
+        mended.left_out.append(f"left out the {kind} of {where}")
+        return
+    for key in SOLIDS[kind]:
+        if key not in size:
+            raise ValueError(f"{where}: {kind}: must have a {key}")
+    if kind == "mesh":
+        path = _find_mesh(name := size["filename"], folders)
         if path is None:
-            link.remove(part)
-            notes.changed.append(
+            mended.left_out.append(
                 f"left out {where}: there is no {name} (--package-root?)"
             )
-            return name
-        solid.set("filename", f"file://{path}")
-    return ""
+            mended.missing.setdefault(link, f"there is no {name}")
+            return
+        size["filename"] = str(path)
+    colour = part.find("material/color")
+    material = "" if (m := part.find("material")) is None else m.get("name", "")
+    rgba = colours.get(material, "") if colour is None else colour.get("rgba")
+    X = RigidTransform()
+    if (origin := part.find("origin")) is not None:
+        xyz, rpy = (
+            np.array(origin.get(key, "0 0 0").split(), float)
+            for key in ("xyz", "rpy")
+        )
+        X = RigidTransform(RollPitchYaw(rpy), xyz)
+    shape = Shape(part.tag, kind, size, X, rgba or "")
+    mended.shapes.setdefault(link, []).append(shape)
 
 
 def _find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
@@ -181,7 +182,7 @@ def _find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _mend_mass(link: Element, inertial: Element) -> bool:
+def _mend_mass(link: Element, inertial: Element, mended: Mended) -> bool:
     """Drops an inertia without mass; True if the moments had to be changed."""
     element = inertial.find("mass")
     mass = 0.0 if element is None else float(element.get("value", "0"))
@@ -195,7 +196,21 @@ def _mend_mass(link: Element, inertial: Element) -> bool:
     given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     possible = _possible(given, mass)
     moments.attrib = inertia_attributes(possible)
+    if not given.any():
+        mended.pointlike.append(link.get("name", ""))
+        return False
     return not np.allclose(given, possible, rtol=1e-3, atol=0.0)
+
+
+def text_of(values) -> str:
+    """The numbers as an attribute of a URDF."""
+    return " ".join(f"{value:.9g}" for value in np.ravel(values))
+
+
+def add_pose(parent: Element, X: RigidTransform) -> None:
+    """Appends the `<origin>` of the pose X."""
+    rpy = RollPitchYaw(X.rotation()).vector()
+    SubElement(parent, "origin", xyz=text_of(X.translation()), rpy=text_of(rpy))
 
 
 def inertia_attributes(inertia: np.ndarray) -> dict[str, str]:

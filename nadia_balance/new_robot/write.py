@@ -12,36 +12,27 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import trimesh
 import yaml
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.size import scaled
 from nadia_balance.new_robot.anatomy import Anatomy
 from nadia_balance.new_robot.capsules import Capsules, Pairs
-from nadia_balance.new_robot.description import (
-    VISUAL,
-    Description,
-    Joint,
-    Shape,
-)
+from nadia_balance.new_robot.description import Description, Joint
 from nadia_balance.new_robot.measure import Measurements
+from nadia_balance.new_robot.shapes import VISUAL, Shape
 from nadia_balance.new_robot.urdf import (
     DRAKE,
+    add_pose,
     add_transmission,
     inertia_attributes,
+    text_of,
 )
 
 _FRICTION = "0.8"
 _SPHERE = 0.005  # radius of the spheres at the soles' corners [m]
 # Meshes with more faces are simplified; vertices are merged on a grid [m].
 _FACES, _GRID = 2000, 0.006
-_SIZES = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "ellipsoid": ("a", "b", "c"),
-}
 _OF_URDF = ("box", "sphere", "cylinder", "mesh")
 _HEADER = "# Made by nadia-new-robot from the robot's description.\n"
 
@@ -87,15 +78,6 @@ def write_urdf(
     file.write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
 
 
-def _text(values) -> str:
-    return " ".join(f"{value:.9g}" for value in np.ravel(values))
-
-
-def _origin(parent: Element, X: RigidTransform) -> None:
-    rpy = RollPitchYaw(X.rotation()).vector()
-    SubElement(parent, "origin", xyz=_text(X.translation()), rpy=_text(rpy))
-
-
 def _solid(parent: Element, kind: str, size: Mapping[str, str]) -> None:
     tag = kind if kind in _OF_URDF else DRAKE + kind
     SubElement(SubElement(parent, "geometry"), tag, size)
@@ -106,14 +88,14 @@ def _inertial(link: Element, robot: Description) -> None:
     com = inertia.get_com()
     central = inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
     inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=_text(com))
-    SubElement(inertial, "mass", value=_text(inertia.get_mass()))
+    SubElement(inertial, "origin", xyz=text_of(com))
+    SubElement(inertial, "mass", value=text_of(inertia.get_mass()))
     SubElement(inertial, "inertia", inertia_attributes(central))
 
 
 def _visual(link: Element, shape: Shape, folder: Path, name: str) -> None:
     visual = SubElement(link, "visual", name=name)
-    _origin(visual, shape.X_LG)
+    add_pose(visual, shape.X_LG)
     if shape.kind == "mesh":
         file = folder / "meshes" / f"{name}.obj"
         file.parent.mkdir(exist_ok=True)
@@ -121,10 +103,7 @@ def _visual(link: Element, shape: Shape, folder: Path, name: str) -> None:
         coarse.export(file, include_normals=False, include_texture=False)
         size = {"filename": f"meshes/{file.name}"}
     else:
-        size = {
-            name: _text(getattr(shape.solid, name)())
-            for name in _SIZES[shape.kind]
-        }
+        size = shape.size
     _solid(visual, shape.kind, size)
     if shape.colour:
         material = SubElement(visual, "material", name=f"{name}_colour")
@@ -150,8 +129,8 @@ def _collision(
     number = len(link.findall("collision"))
     name = f"{link.get('name')}_{number}"
     collision = SubElement(link, "collision", name=name)
-    _origin(collision, X_LG)
-    _solid(collision, kind, {k: _text(v) for k, v in size.items()})
+    add_pose(collision, X_LG)
+    _solid(collision, kind, {k: text_of(v) for k, v in size.items()})
     ground = SubElement(collision, f"{DRAKE}proximity_properties")
     for friction in ("mu_static", "mu_dynamic"):
         SubElement(ground, f"{DRAKE}{friction}", value=_FRICTION)
@@ -165,16 +144,16 @@ def _joint(
 ) -> None:
     """Appends a joint; `poses` are those of the links with all joints at 0."""
     element = SubElement(top, "joint", name=joint.name, type="revolute")
-    _origin(element, poses[joint.parent].InvertAndCompose(poses[joint.child]))
+    add_pose(element, poses[joint.parent].InvertAndCompose(poses[joint.child]))
     SubElement(element, "parent", link=joint.parent)
     SubElement(element, "child", link=joint.child)
-    SubElement(element, "axis", xyz=_text(robot.axis(joint)))
+    SubElement(element, "axis", xyz=text_of(robot.axis(joint)))
     limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
         limits["velocity"] = joint.speed
-    SubElement(element, "limit", {k: _text(v) for k, v in limits.items()})
+    SubElement(element, "limit", {k: text_of(v) for k, v in limits.items()})
     if joint.damping:
-        SubElement(element, "dynamics", damping=_text(joint.damping))
+        SubElement(element, "dynamics", damping=text_of(joint.damping))
 
 
 def robot_fields(

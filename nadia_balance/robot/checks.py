@@ -113,13 +113,8 @@ def check_standing(
     The robot of `plant` stands at `q` (nq,), with half of its weight at the
     centre of either sole.
     """
-    context = context_at(plant, q)
-    gravity = plant.gravity_field().gravity_vector()
-    half_weight = -0.5 * plant.CalcTotalMass(context) * gravity
-    torques = -plant.CalcGravityGeneralizedForces(context)
-    for side, foot in feet.items():
-        p_FS = X_FootSole[side].translation()
-        torques -= half_weight @ sole_jacobian(plant, context, foot, p_FS)[3:]
+    shares = dict.fromkeys(feet, 0.5)
+    torques = standing_torques(plant, q, feet, X_FootSole, shares)
     for drive in actuators(plant):
         joint, limit = drive.joint(), drive.effort_limit()
         needed = abs(torques[joint.velocity_start()])
@@ -128,6 +123,28 @@ def check_standing(
             f"effort limit of {joint.name()} = {limit:g}: must be >= "
             f"{needed:.0f} N m, for the robot to stand",
         )
+
+
+def standing_torques(
+    plant: MultibodyPlant,
+    q: np.ndarray,
+    feet: Mapping[Side, str],
+    X_FootSole: Mapping[Side, RigidTransform],
+    shares: Mapping[Side, float],
+) -> np.ndarray:
+    """Returns the torques (nv,) [N m] that hold the robot at `q` (nq,).
+
+    `shares` of its weight are at the centres of the soles.
+    """
+    context = context_at(plant, q)
+    gravity = plant.gravity_field().gravity_vector()
+    weight = -plant.CalcTotalMass(context) * gravity
+    torques = -plant.CalcGravityGeneralizedForces(context)
+    for side, share in shares.items():
+        p_FS = X_FootSole[side].translation()
+        J = sole_jacobian(plant, context, feet[side], p_FS)
+        torques -= share * weight @ J[3:]
+    return torques
 
 
 def improper_contacts(

@@ -23,11 +23,12 @@ _NARROWER = 0.04  # reduction of widths in each iteration [leg length]
 _TURNS = 24  # largest number of iterations
 
 
-def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
-    """True if the left foot can be at `foothold` (2,) [m], the right one at 0.
+def stride(robot: RobotModel, foothold: np.ndarray) -> np.ndarray | None:
+    """Positions (nq,), the left foot at `foothold` (2,) [m], the right at 0.
 
-    Both soles are flat, the CoM is between them at the height of the height
-    plan, the pelvis nearly upright, and all joints are within their limits.
+    None if the legs do not get there.  Both soles are flat, the CoM is between
+    them at the height of the height plan, the pelvis nearly upright, and all
+    joints are within their limits.
     """
     model, params = robot.point_mass, ComHeightParams()
     other = FootPose(np.append(foothold, 0.0))
@@ -47,7 +48,12 @@ def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
     guess, middle = robot.standing_positions(), 0.5 * foothold
     guess[4:6] = middle
     guess[6] += height - model.com_height
-    return ik.nearest(guess, [*middle, height], weight=0.01) is not None
+    return ik.nearest(guess, [*middle, height], weight=0.01)
+
+
+def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
+    """True if a `stride` gets to the `foothold` (2,) [m]."""
+    return stride(robot, foothold) is not None
 
 
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:

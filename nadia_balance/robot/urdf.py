@@ -254,7 +254,8 @@ def _low_points(
     """
     form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
     if isinstance(form, geometry.Sphere | geometry.Capsule):
-        half = 0.5 * getattr(form, "length", float)()
+        ball = isinstance(form, geometry.Sphere)
+        half = 0.0 if ball else 0.5 * form.length()
         ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
         return (X_BG @ ends.T).T - [0.0, 0.0, form.radius()]
     if isinstance(form, geometry.Convex | geometry.Mesh):

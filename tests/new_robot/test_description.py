@@ -1,7 +1,9 @@
 """However a robot's description is seen, it stays the robot of the file."""
 
+import re
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 from pydrake.multibody.parsing import Parser
@@ -114,38 +116,74 @@ def leg(n: str, side: float) -> str:
     )
 
 
+JOINTS = ["waist", *(f"{n}_{name}" for n in "lr" for name in LEG)]
 MOTORS = "".join(
-    f'<motor joint="{joint}" ctrllimited="true" ctrlrange="-250 250"/>'
-    for joint in ["waist", *(f"{n}_{name}" for n in "lr" for name in LEG)]
+    f'<motor joint="{joint}" ctrllimited="true" ctrlrange="-125 125" gear="2"/>'
+    for joint in JOINTS
 )
 MJCF = f"""
 <mujoco model="mj">
 <compiler angle="radian" autolimits="true"/>
+<default><joint armature="0.02"/></default>
+<asset><mesh name="none" file="none.stl"/></asset>
 <worldbody>
+<geom name="floor" type="plane" size="1 1 1"/>
 <body name="pelvis" pos="0 0 1"><freejoint/>
  <geom type="box" size="0.08 0.1 0.08" mass="10"/>
+ <geom type="mesh" mesh="none" contype="0" conaffinity="0" mass="0"/>
  {leg("l", HIP)}{leg("r", -HIP)}
- <body name="chest" pos="0 0 0.15">
-  <joint name="waist" axis="0 0 1" range="-1 1"/>
+ <body name="chest" pos="0 0 0.15" euler="0 0 0.3">
+  <joint name="waist" axis="0 0 1" range="-1 1" pos="0.02 0.01 0"/>
   <geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>
  </body>
 </body>
 </worldbody>
+<contact><pair geom1="floor" geom2="floor"/></contact>
 <actuator>{MOTORS}</actuator>
 </mujoco>"""
+# Two joints of one body, with anchors of their own.
+BOW = '<joint name="bow" axis="0 1 0" pos="0 0 -0.03" range="-1 1"/>'
+WITH_BOW = MJCF.replace('<joint name="waist"', BOW + '<joint name="waist"')
+WITH_BOW = WITH_BOW.replace(
+    "<actuator>",
+    '<actuator><motor joint="bow" ctrllimited="true" ctrlrange="-9 9"/>',
+)
 
 
 def test_an_mjcf_becomes_a_robot(tmp_path):
-    """Oracle: the figures in the file."""
+    """Oracle: the figures in the file; MuJoCo's mass matrix, rotors in it."""
     file = tmp_path / "robot.xml"
-    file.write_text(MJCF)
+    file.write_text(WITH_BOW)
     make_robot(file, tmp_path / "made")
-    params = load_robot(str(tmp_path / "made" / "robot.yaml")).params
-    sole, legs = params.sole, params.legs
+    robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
+    sole, legs = robot.params.sole, robot.params.legs
     assert legs.length == pytest.approx(THIGH + SHIN)
     assert legs.hip_width == pytest.approx(2.0 * HIP)
     assert (sole.x_min, sole.x_max) == pytest.approx((-0.07, 0.17))
     assert (sole.half_width, sole.z) == pytest.approx((0.05, -0.08))
+    plant = robot.control_plant()
+    context = plant.CreateDefaultContext()
+    without = re.sub(
+        r"<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>", "", WITH_BOW
+    )
+    model = mujoco.MjModel.from_xml_string(without)
+    data, order = mujoco.MjData(model), {}
+    for i, name in enumerate([*JOINTS, "bow"]):
+        angle = 0.1 * (i + 1)
+        joint = plant.GetJointByName(name)
+        joint.set_angle(context, angle)
+        data.qpos[model.joint(name).qposadr] = angle
+        order[joint.velocity_start()] = int(model.joint(name).dofadr[0])
+    mujoco.mj_forward(model, data)
+    theirs = np.zeros((model.nv, model.nv))
+    for column, unit in zip(theirs, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    ours = plant.CalcMassMatrix(context)
+    drake, their = list(order), list(order.values())
+    assert ours[np.ix_(drake, drake)] == pytest.approx(
+        theirs[np.ix_(their, their)], rel=1e-5, abs=1e-6
+    )
+    assert set(plant.GetEffortUpperLimits()) == {250.0, 9.0}
 
 
 @pytest.mark.parametrize(
@@ -153,17 +191,17 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     [
         ("<freejoint/>", "", "floating bases: must be one; these are: none"),
         ("</worldbody>", "", "malformed XML: "),
-        ('type="box"', 'type="ball"', "Drake cannot read it: "),
+        ('type="box"', 'type="ball"', "MuJoCo cannot compile it: "),
         (
-            '<joint name="waist"',
-            '<joint name="bow" axis="0 1 0"/><joint name="waist"',
-            "body chest: must have one joint",
+            '"waist" axis="0 0 1" range="-1 1"',
+            '"waist" type="ball"',
+            "joint waist: must not be",
         ),
         (
             "<actuator>",
             '<equality><connect body1="l_tilt" body2="chest" anchor="0 0 0"/>'
             "</equality><actuator>",
-            "constraints: must not be there",
+            "equality : must not be there, a closed loop",
         ),
     ],
 )

@@ -111,6 +111,16 @@ def faulty(folder, *faults, **options):
     return make_robot(file, folder / "made", **options)
 
 
+def times(attribute, factor, within=""):
+    """Multiplies the numbers in an attribute."""
+
+    def larger(match):
+        numbers = map(float, match[2].split())
+        return match[1] + " ".join(str(factor * n) for n in numbers)
+
+    return rf'({within}(?:{attribute})=")([^"]*)', larger
+
+
 def rod(parent, child):
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
     return "</robot>", f'<joint name="rod" type="fixed">{ends}</joint></robot>'
@@ -128,7 +138,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
 @pytest.mark.parametrize(
     "name, old, new, message",
     [
-        ("l_yaw", "revolute", "fixed", "legs: must be two, of 5"),
+        ("l_yaw", "revolute", "fixed", "legs: must be two, of 6"),
         ("l_tilt", "revolute", "continuous", "joint l_tilt: is"),
         ("r_knee", "revolute", "prismatic", "joint r_knee: is"),
         ("bow", "revolute", "planar", "joint bow: must not be"),
@@ -142,6 +152,8 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("chest", '"20.0"', '"heavy"', "link chest: mass: value = 'he"),
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
+        ("", *times("value", 1000), "mass = 6.42e+04 kg, with legs of 0.78 m"),
+        ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
         ("", "package://", "package://no_", "there is no package://no_biped"),
         ("l_ankle", "-0.380*", "-0.35", "they are 0.750 and 0.780"),
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
@@ -161,15 +173,65 @@ def test_a_faulty_biped_is_refused_on_one_line(
     assert "\n" not in str(error.value)
 
 
+ASIDE = (
+    r'<geometry>(\s*<mesh filename="[^"]*/r_foot)',
+    r'<origin xyz="0 0 0" rpy="0 0 1.5708"/><geometry>\1',
+)
+SHIN = 'name="l_shin">.*?'
+
+
+@pytest.mark.parametrize(
+    "faults, message",
+    [
+        ([times("value", 10, SHIN)], "left and right differ: mass of l_shin "),
+        ([times("ixx|iyy|izz", 100)], "moments of inertia too large "),
+        ([ASIDE], "the sole of r_foot is wider than long, 0.240 and 0.120 m"),
+        (
+            [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')],
+            "left and right swapped? Where left is, seen forward, are links",
+        ),
+    ],
+)
+def test_doubts_on_one_line_what_is_hardly_meant(tmp_path, faults, message):
+    """Oracle: what was made wrong, by hand."""
+    (warning,) = faulty(tmp_path, *faults).warning
+    assert warning.startswith(message)
+
+
+def test_rotor_inertias_may_be_of_another_file(tmp_path):
+    """Oracle: what is written there; of other joints, the guess."""
+    other = tmp_path / "other"
+    other.mkdir()
+    file, beside = Biped().write(tmp_path), Biped().write(other)
+    drive = (
+        '<transmission name="d"><type>transmission_interface/'
+        'SimpleTransmission</type><joint name="l_knee"/>'
+        '<actuator name="l_knee"><d:rotor_inertia value="0.03" '
+        'xmlns:d="http://drake.mit.edu"/></actuator></transmission></robot>'
+    )
+    beside.write_text(beside.read_text().replace("</robot>", drive))
+    made = make_robot(file, tmp_path / "made", armature=beside)
+    assert "rotor inertia of 15 joints" in made.unknown[0]
+    text = (tmp_path / "made" / "robot.urdf").read_text()
+    assert text.count('rotor_inertia value="0.03"') == 1
+
+
 def test_says_what_it_mends(tmp_path):
     """Oracle: what is wrong with the biped, by hand."""
     mesh = '<mesh filename="package://hands/thumb.stl"'
+    (tmp_path / "broken.stl").write_bytes(80 * b" " + b"\7\0\0\0")
+    broken = '<mesh filename="broken.stl"'
     notes = faulty(
         tmp_path,
         (r'(name="l_shin".*?ixx=")', r"\g<1>-"),
         (r'(name="waist" type=")revolute', r"\1continuous"),
         (r'(name="bow".*?) effort="250"', r"\1"),
         (r'(name="l_thumb".*?)<sphere radius="0.01"', rf"\1{mesh}"),
+        (r'(name="r_thumb".*?)<sphere radius="0.01"', rf"\1{broken}"),
+        (
+            r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"',
+            r'\g<1>0\g<2>0\g<3>0"',
+        ),
         fix=["r_sw.*"],
     )
     changed = notes.changed
@@ -183,6 +245,9 @@ def test_says_what_it_mends(tmp_path):
         "welded, prismatic: l_slide, r_slide",
         "welded, no effort limit, or no range: bow",
         "waist turns by +-pi, not for ever",
+        f"left out visual of link r_thumb: {tmp_path}/broken.stl: must be a "
+        "whole STL, OBJ or Collada file",
+        "moments of inertia of 0, now of a box: chest",
     ]
     robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
     joints = robot.control_plant().num_velocities() - 6

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
-from pydrake.geometry import Box, Cylinder, Mesh, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.new_robot.description import Shape, triangles
+from nadia_balance.new_robot.shapes import COLLIDING, Shape
 from nadia_balance.new_robot.soles import (
     larger_sole,
     largest_rectangle,
@@ -19,22 +18,22 @@ LYING = RollPitchYaw(0.0, 0.5 * np.pi, 0.0)
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
-def shape(solid, at, turned=UPRIGHT) -> Shape:
+def shape(kind, at, turned=UPRIGHT, **size) -> Shape:
     X = TILT @ RigidTransform(turned, np.array(at))
-    return Shape(solid, X, triangles(solid))
+    sizes = {name: str(value) for name, value in size.items()}
+    return Shape(COLLIDING, kind, sizes, X)
 
 
 def box(x, y, z, at=(0.0, 0.0, 0.0)) -> Shape:
-    return shape(Box(x, y, z), at)
+    return shape("box", at, size=f"{x} {y} {z}")
 
 
 def sphere(radius, at) -> Shape:
-    return shape(Sphere(radius), at)
+    return shape("sphere", at, radius=radius)
 
 
-def cylinder(radius, length, at) -> Shape:
-    """Along x."""
-    return shape(Cylinder(radius, length), at, LYING)
+def along_x(kind, radius, length, at) -> Shape:
+    return shape(kind, at, LYING, radius=radius, length=length)
 
 
 def rounded() -> Shape:
@@ -43,7 +42,7 @@ def rounded() -> Shape:
     ball = trimesh.creation.icosphere(4, 0.02).vertices
     points = np.concatenate([ball + corner for corner in corners])
     mesh = trimesh.convex.convex_hull(points)
-    return Shape(Mesh("shoe.obj"), TILT, mesh)
+    return Shape(COLLIDING, "mesh", {}, TILT, given=mesh)
 
 
 @pytest.mark.parametrize(
@@ -59,10 +58,16 @@ def rounded() -> Shape:
             0.01,
             (0.2, 0.08),
         ),
-        (
-            [cylinder(0.02, 0.2, (0.0, y, 0.0)) for y in (-0.03, 0.03)],
-            0.02,
-            (0.2, 0.06),
+        *(
+            (
+                [
+                    along_x(kind, 0.02, 0.2, (0.0, y, 0.0))
+                    for y in (-0.03, 0.03)
+                ],
+                0.02,
+                (0.2, 0.06),
+            )
+            for kind in ("cylinder", "capsule")
         ),
         # A point 2 mm above the plane of the rounding counts, 9 mm outside.
         ([rounded()], 0.02, (0.2172, 0.0972)),
@@ -73,7 +78,7 @@ def rounded() -> Shape:
             (0.2, 0.1),
         ),
     ],
-    ids=["box", "spheres", "cylinders", "rounded", "plate"],
+    ids=["box", "spheres", "cylinders", "capsules", "rounded", "plate"],
 )
 def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
     """Oracle: the shapes' own figures; 1 mm where the mesh is a polyhedron."""

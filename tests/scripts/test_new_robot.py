@@ -21,7 +21,8 @@ def test_an_unseen_biped_walks_by_one_command(
 ):
     """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
 
-    Two steps of the twenty.
+    Two steps of the twenty.  The ankles' 250 N m are more than the weight times
+    the sole, which ends 0.12 m from its middle.
     """
     short = f"{{duration: 3.1, {EARLY % 'num_steps: 2'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
@@ -30,9 +31,14 @@ def test_an_unseen_biped_walks_by_one_command(
     words = {line.partition(": ")[0] for line in outcome.out}
     assert {"guessed", "changed", "unknown"} <= words
     assert "rotor inertia of 16 joints" in " ".join(outcome.out)
-    walked, error = outcome.out[-1].split("max ICP error ")
+    (line,) = [line for line in outcome.out if line.startswith("WALKED")]
+    walked, error = line.split("max ICP error ")
     assert walked.startswith("WALKED: 2 steps")
     assert float(error.split(" mm")[0]) < 10.0
+    assert (
+        "  ankles hold the CoP ahead and behind: 12.0 and 12.0 cm, of the "
+        "sole's 12.0 and 12.0 cm"
+    ) in outcome.out
 
 
 def test_a_robot_that_does_not_walk_is_told(
@@ -52,7 +58,7 @@ def test_a_robot_that_does_not_walk_is_told(
         (["none.urdf"], "[Errno 2] No such file or directory: 'none.urdf'"),
         ([__file__], "malformed XML: "),
         (["FILE", "--fix", "tail"], "fix = 'tail': must match a joint"),
-        (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 5 to 7"),
+        (["FILE", "--fix", "l_(hip|yaw)"], "legs: must be two, of 6 or 7"),
         (["FILE", "--fix", "("], "fix = '(': must be a regular expression"),
         (["FILE", "--pelvis", "tail"], "link tail: must be one of chest, "),
         (["FILE", "--package-root", "none"], "package-root = none: must be"),
@@ -92,7 +98,7 @@ def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
     """Oracle: without trimesh, one line."""
     monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.make")
-    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.description")
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.shapes")
     monkeypatch.setitem(sys.modules, "trimesh", None)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     message = "trimesh is missing: pip install 'nadia_balance[robots]'"
