@@ -1,6 +1,7 @@
 """The multibody robot and its controller in closed loop."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -17,10 +18,14 @@ from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.imu import Imu
 from nadia_balance.systems.joint_drives import JointDrives
+from nadia_balance.systems.joint_encoders import JointEncoders
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.state_estimator import StateEstimator
 from nadia_balance.systems.state_sensor import StateSensor
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
@@ -77,7 +82,7 @@ class HumanoidDiagram(ClosedLoop):
                 self.robot,
                 start=start,
                 ground=scenario.terrain.known(self._ground),
-                delay=scenario.imperfections.delay,
+                delay=scenario.delay,
                 **blocks,
             )
         else:
@@ -88,7 +93,13 @@ class HumanoidDiagram(ClosedLoop):
         self.push = builder.AddNamedSystem(
             "push_source", PushSource(scenario.pushes, *known)
         )
-        sensor = FootForceSensor(self.plant, self.robot, period, self.engine)
+        self._sensors = None
+        if scenario.sensors != "perfect":
+            self._sensors = load_sensors(scenario.sensors)
+        noise = self._sensors, scenario.seed
+        sensor = FootForceSensor(
+            self.plant, self.robot, period, self.engine, *noise
+        )
         self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
         self._close_loop(builder, meshcat)
         if meshcat is not None:
@@ -100,6 +111,7 @@ class HumanoidDiagram(ClosedLoop):
             (self.engine, self.sensor, self.push, controller),
             mechanisms=self._mechanisms,
             torques=self._torques,
+            **self._measured,
         )
 
     def _check_controller(self, controller: System, blocks: dict) -> None:
@@ -178,11 +190,14 @@ class HumanoidDiagram(ClosedLoop):
         """Connects the controller's inputs to the measured signals."""
         state = self.engine.GetOutputPort("state")
         forces = self.sensor.GetOutputPort("foot_forces")
-        self._state_sensor = None
+        self._state_sensor, self._measured = None, {}
         scenario, controller = self.scenario, self.controller
-        if scenario.imperfections.of_measurements:
-            period, seed = scenario.controller.control_period, scenario.seed
-            errors = scenario.imperfections
+        period, seed = scenario.controller.control_period, scenario.seed
+        if self._sensors is not None:
+            self._estimate(builder, period, seed)
+            state = self._measured["estimated_state"]
+        if scenario.imperfections.has_noise or scenario.delay:
+            errors = replace(scenario.imperfections, delay=scenario.delay)
             sensor = StateSensor(self.plant, errors, period, seed)
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
@@ -192,6 +207,30 @@ class HumanoidDiagram(ClosedLoop):
         builder.Connect(state, controller.GetInputPort("estimated_state"))
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
+
+    def _estimate(
+        self, builder: DiagramBuilder, period: float, seed: int
+    ) -> None:
+        """Adds sensors, and the estimator that reads them."""
+        common, height = (self.robot, self._sensors, period), None
+        if self.scenario.terrain.seen and (
+            self._ground is None or self._ground.is_level
+        ):
+            height = 0.0
+        told = StateEstimator.told(self._standing, seed)
+        estimator = StateEstimator(*common, told, height)
+        builder.AddNamedSystem("state_estimator", estimator)
+        for name, sensor, signal in (
+            ("imu", Imu(*common, seed), "imu"),
+            ("joint_encoders", JointEncoders(*common, seed), "joints"),
+        ):
+            builder.AddNamedSystem(name, sensor)
+            self._measured[signal] = sensor.GetOutputPort(signal)
+            connect(builder, self.engine, sensor, "state")
+            connect(builder, sensor, estimator, signal)
+        connect(builder, self.sensor, estimator, "foot_forces")
+        for name in ("estimated_state", "estimate_covariance"):
+            self._measured[name] = estimator.GetOutputPort(name)
 
     def set_initial_state(self, context: Context) -> None:
         """Lets the robot stand, shifted at random by the scenario's seed."""

@@ -43,6 +43,11 @@ class LipmDiagram(ClosedLoop):
             raise ValueError(
                 f"engine = {scenario.engine!r}: must be drake for a point mass"
             )
+        if scenario.sensors != "perfect":
+            raise ValueError(
+                f"sensors = {scenario.sensors!r}: must be perfect for a point "
+                "mass"
+            )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot, scenario.fidelity)
         # Bodies of pushes are checked on the robot: a point mass has none.

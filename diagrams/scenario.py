@@ -21,6 +21,7 @@ from nadia_balance.core.walking.vocabulary import (
 )
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
+from nadia_balance.robot.params import load_sensors
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -29,6 +30,7 @@ STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 ENGINES = ("drake", "mujoco")
+SENSORS = ("perfect", "industrial", "consumer")
 
 
 @dataclass(kw_only=True)
@@ -43,6 +45,9 @@ class Scenario:
     # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)
     engine: str = bounded("drake", one_of=ENGINES)  # of the physics
+    # perfect: the controller is given the state.  Others (models/sensors)
+    # measure, and a StateEstimator gives it an estimate.
+    sensors: str = bounded("perfect", one_of=SENSORS)
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; otherwise it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)
@@ -76,6 +81,13 @@ class Scenario:
         ground = terrain.known(terrain.ground(robot.sole))
         return replace(robot.point_mass, ground=ground)
 
+    @property
+    def delay(self) -> float:
+        """The delay [s] from measurement to controller."""
+        if self.sensors == "perfect":
+            return self.imperfections.delay
+        return self.imperfections.delay + load_sensors(self.sensors).delay
+
     def start(self, model: PointMassModel) -> WalkingState:
         """The walking state of the standing `model` at the start."""
         return walking_start(self.gait, model)
@@ -90,6 +102,13 @@ class Scenario:
                 f"controller.control_period = {period} s"
             )
         whole_ticks("imperfections.delay", self.imperfections.delay, period)
+        delay = f"sensors = {self.sensors!r}: its delay"
+        whole_ticks(delay, self.delay, period)
+        if self.sensors != "perfect" and self.imperfections.has_noise:
+            raise ValueError(
+                f"sensors = {self.sensors!r}: must be 'perfect' with noise in "
+                "imperfections"
+            )
         if self.engine == "mujoco":
             for name in ("friction_ratio", "torso_mass_ratio"):
                 if (value := getattr(self.imperfections, name)) != 1.0:

@@ -23,7 +23,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.policy import policy_of
-from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.folder import new_folder, write_run
@@ -163,6 +163,10 @@ _SCENARIO_FLAGS: Flags = {
         "help": "realistic, or ideal: drives and feet as fast as need be"
     },
     "engine": {"help": "drake, or mujoco: what moves the robot"},
+    "sensors": {
+        "help": f"{', '.join(SENSORS)}: whether it is given the state, or "
+        "estimates it from noisy sensors"
+    },
     "mechanisms": {},
     "terrain": {
         "help": f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
@@ -177,7 +181,10 @@ _SCENARIO_FLAGS: Flags = {
     },
 }
 # Fields of a Scenario that a flag of the same name replaces.
-_FIELDS = "robot", "fidelity", "engine", "mechanisms", "duration", "seed"
+_FIELDS = (
+    *("robot", "fidelity", "engine", "sensors", "mechanisms", "duration"),
+    "seed",
+)
 POLICY_FLAGS: Flags = {
     "controller": {
         "type": place,

@@ -5,6 +5,7 @@ The blocks are taken out of the closed diagrams, in the middle of a swing.
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,9 @@ PORTS = {
             "whole_body_terms momentum_rate swing_foot_reference walking_state "
             "friction"
         ),
+        "imu": "state",
+        "joint_encoders": "state",
+        "state_estimator": "imu joints foot_forces",
         "state_sensor": "state foot_forces",
         "state_predictor": "estimated_state generalized_acceleration",
         "friction_estimator": "whole_body_terms foot_wrenches",
@@ -60,7 +64,7 @@ def runs() -> dict[type, Simulator]:
     """Both diagrams in the middle of a swing; nothing moves them on.
 
     The push is still to come, so that its source watches the walking state;
-    with a delay, there are a sensor and a predictor.
+    with sensors and a delay, all blocks of measurements are there.
     """
     text = (
         "{fidelity: realistic, mechanisms: all_with_cross_over, "
@@ -70,8 +74,9 @@ def runs() -> dict[type, Simulator]:
     )
     scenario = load_scenario("walk_in_place", text=text)
     simulators = {}
-    for kind in PORTS:
-        simulators[kind] = simulator = Simulator(kind(scenario))
+    for kind, sensors in zip(PORTS, ("consumer", "perfect"), strict=True):
+        made = kind(replace(scenario, sensors=sensors))
+        simulators[kind] = simulator = Simulator(made)
         simulator.get_system().set_initial_state(
             simulator.get_mutable_context()
         )

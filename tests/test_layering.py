@@ -23,7 +23,7 @@ FLOORS = (
     "core.math typed_yaml",
     "core.walking",
     "core.body palette",
-    "core.plan core.steps core.whole_body new_robot",
+    "core.estimation core.plan core.steps core.whole_body new_robot",
     "core.feedback robot analysis",
     "systems",
     "capture_point_controller policy_controller engines view",

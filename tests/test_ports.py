@@ -61,6 +61,11 @@ FEEDTHROUGH = {
         "icp_plan": "walking_state",
         "icp_reference": "walking_state",
     },
+    "Imu": {"imu": "state"},
+    "JointEncoders": {"joints": "state"},
+    "StateEstimator": dict.fromkeys(
+        ("estimated_state", "estimate_covariance"), "imu joints foot_forces"
+    ),
     "JointDrives": {"torques": ""},  # one step late
     "PolicyController": {"actuation": "estimated_state"},
     "LiveControls": {"live_push": "", "mechanisms": ""},
@@ -124,14 +129,14 @@ def diagrams() -> list[Diagram]:
             **engine,
         )
         for text, qp, engine in (
-            (text, "", {}),
+            (text, "", {"sensors": "consumer"}),
             ("mechanisms: step_swing, ", "icp_step_qp: {}", {}),
             ("", "", {"engine": "mujoco"}),
         )
     )
     return [
         HumanoidDiagram(scenario, start_meshcat()[0]),
-        LipmDiagram(scenario),
+        LipmDiagram(replace(scenario, sensors="perfect")),
         LipmDiagram(by_qp),
         HumanoidDiagram(mujoco),
     ]

@@ -9,6 +9,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.results import estimate
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 
@@ -285,6 +286,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         "weight",
         lambda log: log["foot_forces"] / log["weight"],
     ),
+    "estimate": (estimate.SIGNALS, estimate.measure),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
     "qp_failures": ("t", _qp_failures),

@@ -11,6 +11,7 @@ import numpy as np
 from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import log as logs
 from nadia_balance.results import measurements as measured
+from nadia_balance.results.estimate import lost_at
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.signals import PHASES
@@ -126,6 +127,8 @@ def _failure(run: Run, info: RunInfo) -> str:
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
+    if (lost := lost_at(log)) is not None:
+        return f"estimator lost: at {lost:.2f} s"
     gave_up = "the controller gave up" if _gave_up(log) else ""
     if run.fell_at is not None:
         why = ", ".join(filter(None, (run.fall_reason, gave_up)))

@@ -10,9 +10,11 @@ from nadia_balance.core.body.joint_drives import JointDriveParams
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
-from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.math.size import Size
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.typed_yaml import load_typed
 
 T = TypeVar("T")
 
@@ -83,6 +85,14 @@ class RobotParams:
         for name in ("name", "urdf"):
             if not getattr(self, name):
                 raise ValueError(f"{name} = '': must not be empty")
+
+
+def load_sensors(name: str) -> SensorParams:
+    """Returns the sensors `name` of models/sensors/sensors.yaml, checked."""
+    file = MODELS / "sensors" / "sensors.yaml"
+    found = load_typed(SensorParams, "sensors", filename=file, child_name=name)
+    check(found, "sensors")
+    return found
 
 
 def idealised(params: RobotParams) -> RobotParams:

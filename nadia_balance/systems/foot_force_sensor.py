@@ -4,6 +4,8 @@ import numpy as np
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.systems.framework import EventStatus, LeafSystem, System
 
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
 
@@ -31,10 +33,13 @@ class FootForceSensor(LeafSystem):
         robot: RobotModel,
         period: float,
         engine: System | None = None,
+        sensors: SensorParams | None = None,
+        seed: int = 0,
     ):
         """Measures the feet of `robot` in `plant`, over a `period` [s].
 
-        `engine` is the system that computes the contacts, by default `plant`.
+        `engine` is the system that computes the contacts, by default `plant`;
+        `sensors` have noise, which depends on `seed` and time only.
 
         Raises ValueError: the period is not a multiple of the plant's time
         step, or not all contacts are points.
@@ -65,6 +70,11 @@ class FootForceSensor(LeafSystem):
         )
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
+        self._step, self._seed, self._noise = step, seed, None
+        if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
+            random = np.random.default_rng((seed, 0, 3)).standard_normal(2)
+            bias = sensors.load_bias * robot.mass * GRAVITY * random
+            self._noise = sensors.load_noise, bias
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
@@ -75,7 +85,14 @@ class FootForceSensor(LeafSystem):
         last = context.get_discrete_state(self._samples).value()[:-2]
         samples = np.array((max(left, 0.0), max(right, 0.0), *last.tolist()))
         state.set_value(self._samples, samples)
-        state.set_value(self._mean, self._average @ samples)
+        mean = self._average @ samples
+        if self._noise is not None:
+            share, bias = self._noise
+            step = round(context.get_time() / self._step)
+            random = np.random.default_rng((self._seed, 1 + step, 3))
+            noise = share * random.standard_normal(2)
+            mean = np.maximum(mean * (1.0 + noise) + bias, 0.0)
+        state.set_value(self._mean, mean)
         return EventStatus.Succeeded()
 
     def _forces(self, results: ContactResults) -> list[float]:

@@ -64,7 +64,8 @@ def run_of(scenario: Scenario, plant: str = "humanoid") -> Run:
 def all_of(scenario: Scenario, plant: str) -> str:
     """The scenario, and all that is in the files that it names."""
     params, urdf = load_robot_params(scenario.robot)
-    files, terrain = [urdf, MODELS / "terrain" / "flat.urdf"], scenario.terrain
+    known = "terrain/flat.urdf", "sensors/sensors.yaml"
+    files, terrain = [urdf, *map(MODELS.joinpath, known)], scenario.terrain
     scenario = replace(scenario, description="", robot=params.name)
     if Path(terrain.name).is_file():
         files.append(Path(terrain.name))

@@ -12,11 +12,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
+from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems.foot_force_sensor import FootForceSensor
 from tests.boxes import ground, register
 
-ROBOT = SimpleNamespace(foot_bodies={Side.LEFT: "left", Side.RIGHT: "right"})
+ROBOT = SimpleNamespace(
+    foot_bodies={Side.LEFT: "left", Side.RIGHT: "right"}, mass=8.0
+)
 WEIGHT_LEFT, WEIGHT_RIGHT = 3.0 * 9.81, 5.0 * 9.81
 HALF, KNOB = 0.05, 0.01
 SHAPE = Box(2 * HALF, 2 * HALF, 2 * HALF)
@@ -26,7 +29,7 @@ ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
 ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
 
 
-def recorded(left, right, tilt=0.0, period=0.002) -> np.ndarray:
+def recorded(left, right, tilt=0.0, period=0.002, **noise) -> np.ndarray:
     """Lets two boxes settle where they are put, and reads the sensor.
 
     Once a `period`, from 0 to 0.6 s (n, 2).  A box on a plane touches it in
@@ -46,7 +49,7 @@ def recorded(left, right, tilt=0.0, period=0.002) -> np.ndarray:
         9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     )
     plant.Finalize()
-    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, period))
+    sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, period, **noise))
     builder.Connect(
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
@@ -93,6 +96,19 @@ def test_no_impact_is_missed(period):
     impulse = period * np.sum(forces, axis=0)
     expected = 0.6 * np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
     assert impulse == pytest.approx(expected, rel=0.01)
+
+
+def test_noise_is_a_share_of_the_load_and_the_offset_stays():
+    """Oracle: moments, of 150 ticks at rest; equal seeds, equal bits."""
+    sensors = SensorParams(load_noise=0.05, load_bias=0.02)
+    feet = ON_GROUND_LEFT, ON_GROUND_RIGHT
+    loads = recorded(*feet, sensors=sensors)[150:]
+    weights = np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
+    noise = loads.std(axis=0) / weights
+    assert noise == pytest.approx([0.05, 0.05], rel=4.0 / 300**0.5)
+    offset = np.abs(loads.mean(axis=0) - weights)
+    assert np.all(offset < 4.0 * 0.02 * (WEIGHT_LEFT + WEIGHT_RIGHT))
+    assert np.array_equal(loads, recorded(*feet, sensors=sensors)[150:])
 
 
 @pytest.mark.parametrize(

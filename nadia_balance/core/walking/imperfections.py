@@ -27,7 +27,7 @@ class Imperfections:
     torso_mass_ratio: float = bounded(1.0, above=0.1, most=3.0)
 
     @property
-    def of_measurements(self) -> bool:
-        """True if measurements have noise or delay."""
+    def has_noise(self) -> bool:
+        """True if measurements have noise."""
         noise = self.joint_noise, self.joint_speed_noise, self.pelvis_noise
-        return max(*noise, self.pelvis_speed_noise, self.delay) > 0.0
+        return max(*noise, self.pelvis_speed_noise) > 0.0

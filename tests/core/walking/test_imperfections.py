@@ -7,15 +7,15 @@ from nadia_balance.core.walking.imperfections import Imperfections
 
 
 @pytest.mark.parametrize(
-    ("given", "measured"),
+    ("given", "noisy"),
     [
         ({}, False),
         ({"friction_ratio": 0.5, "torso_mass_ratio": 1.1}, False),
-        ({"delay": 0.01}, True),
+        ({"delay": 0.01}, False),
         ({"pelvis_speed_noise": 0.01}, True),
     ],
 )
-def test_tells_those_of_the_measurements(given, measured):
+def test_tells_those_of_the_measurements(given, noisy):
     imperfections = Imperfections(**given)
     check(imperfections)
-    assert imperfections.of_measurements is measured
+    assert imperfections.has_noise is noisy

@@ -1,0 +1,1 @@
+"""Estimation of the robot's state from its sensors."""

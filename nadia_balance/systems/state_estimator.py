@@ -1,0 +1,190 @@
+"""The state of the robot, from IMU, joint encoders and foot forces."""
+
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import LeafSystem
+
+from nadia_balance.core.estimation import invariant_ekf as ekf
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.systems.imu import imu_place
+from nadia_balance.systems.ports import Input, Outcome, declare_scratch
+
+# A foot stands above this share of the weight on it; one that stands is let go
+# below the second, before it is lifted and rolls.
+TRUSTED, RELEASED = 0.4, 0.3
+# Errors of what the robot is told of its pose at the start (see `begin`).
+START = 0.005, 1e-3, 0.005  # [rad], [m/s], [m]
+
+_V = JacobianWrtVariable.kV
+
+
+class _Legs(NamedTuple):
+    """What the joints tell of base B, IMU I and soles, without the base."""
+
+    X_BI: RigidTransform
+    V_BI: np.ndarray  # angular, linear velocity of I in B (2, 3)
+    soles: np.ndarray  # in I (2, 3) [m]
+    J: np.ndarray  # their Jacobians by joint angles (2, 3, nj)
+
+
+class StateEstimator(LeafSystem):
+    """Estimates [q, v] by an InvariantEkf (Hartley et al. 2020).
+
+    `imu` is that of an Imu, `joints` of JointEncoders, `foot_forces` (2,) [N].
+    `estimated_state` is [q, v] of the robot's `control_plant`: the joints as
+    measured, the pelvis from the IMU's pose.  `estimate_covariance` (81,) is
+    that of (angle, velocity, position) of the pelvis, (9, 9) in W [rad], [m/s],
+    [m].  A foot is trusted by its force, with hysteresis, until it slips.
+    The state is the Estimate, and which feet are trusted.
+
+    .. pydrake_system::
+
+        name: StateEstimator
+        input_ports: [imu, joints, foot_forces]
+        output_ports: [estimated_state, estimate_covariance]
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        sensors: SensorParams,
+        period: float,
+        q: np.ndarray,
+        height: float | None = None,
+    ):
+        """Estimates every `period` [s], from the pose of the base in `q` (nq,).
+
+        Soles land on ground of known `height` [m], None: of any height.
+
+        Raises ValueError: the robot lacks the body that carries the IMU.
+        """
+        super().__init__()
+        self._plant = plant = robot.control_plant()
+        self._filter = ekf.InvariantEkf(sensors, period)
+        self._height, self._weight = height, robot.mass * GRAVITY
+        self._q0, self._nj = q, plant.num_velocities() - 6
+        self._body, self._X_BodyI = imu_place(plant, robot, sensors)
+        self._soles = [
+            (plant.GetFrameByName(name), robot.X_FootSole[side].translation())
+            for side, name in robot.foot_bodies.items()
+        ]
+        self._imu = Input(self, "imu", 9)
+        self._joints = Input(self, "joints", 2 * self._nj)
+        self._forces = Input(self, "foot_forces", len(Side))
+        self._scratch = declare_scratch(self, plant)
+        size = plant.num_multibody_states()
+        Outcome(
+            self,
+            {"estimated_state": size, "estimate_covariance": 81},
+            {"R": 9, "x": 12, "bias": 6, "cov": 441, "trusted": 2, "begun": 1},
+            self._calc,
+            period,
+            [self._imu, self._joints, self._forces],
+            holds=True,
+        )
+
+    @staticmethod
+    def told(q: np.ndarray, seed: int) -> np.ndarray:
+        """Positions `q` (nq,) with an error of START in the base's pose."""
+        turn, move = np.random.default_rng((seed, 0, 4)).standard_normal((2, 3))
+        R, told = RotationMatrix(ekf.gammas(START[0] * turn)[0]), q.copy()
+        told[:4] = (R @ _rotation(q)).ToQuaternion().wxyz()
+        told[4:7] += START[2] * move
+        return told
+
+    def _calc(self, context, last) -> tuple:
+        joints, imu = self._joints(context), self._imu(context)
+        legs = self._legs(context, joints)
+        loads = self._forces(context) / self._weight
+        if last["begun"]:
+            was = last["trusted"] > 0.5
+            trusted = loads > np.where(was, RELEASED, TRUSTED)
+            estimate = self._after(last, imu, legs, was, trusted)
+        else:
+            trusted = np.ones(2, dtype=bool)
+            estimate = self._begin(legs)
+        pelvis, covariance = self._pelvis(estimate, imu, legs)
+        return (
+            self._state(*pelvis, joints),
+            covariance.ravel(),
+            *(part.ravel() for part in estimate),
+            trusted,
+            (1.0,),
+        )
+
+    def _after(self, last, imu, legs, was, trusted) -> ekf.Estimate:
+        """The estimate of this tick."""
+        estimate = self._filter.predict(
+            ekf.Estimate(
+                last["R"].reshape(3, 3),
+                last["x"].reshape(4, 3),
+                last["bias"].reshape(2, 3),
+                last["cov"].reshape(ekf.SIZE, ekf.SIZE),
+            ),
+            imu[:6],
+        )
+        soles, J = legs.soles, legs.J
+        estimate, _ = self._filter.correct(estimate, was & trusted, soles, J)
+        for i in np.flatnonzero(trusted & ~was):
+            estimate = self._filter.touch(estimate, i, soles[i], J[i])
+            if self._height is not None:
+                estimate = self._filter.land(estimate, i, self._height)
+        return estimate
+
+    def _begin(self, legs: _Legs) -> ekf.Estimate:
+        q = self._q0
+        X_WI = RigidTransform(_rotation(q), q[4:7]) @ legs.X_BI
+        R = X_WI.rotation().matrix()
+        return self._filter.begin(R, X_WI.translation(), legs.soles, START)
+
+    def _legs(self, context, joints) -> _Legs:
+        plant, own, n = self._plant, self._scratch.Eval(context), self._nj
+        state = np.zeros(7 + 6 + 2 * n)
+        state[0], state[7 : 7 + n], state[-n:] = 1.0, joints[:n], joints[n:]
+        plant.SetPositionsAndVelocities(own, state)
+        X_IB = self._X_BodyI.inverse()
+        R_IB, body = X_IB.rotation().matrix(), self._body.body_frame()
+        soles, J = np.empty((2, 3)), np.empty((2, 3, n))
+        for i, (frame, p) in enumerate(self._soles):
+            p_B = plant.CalcPointsPositions(own, frame, p, body)[:, 0]
+            soles[i] = X_IB @ p_B
+            J_B = plant.CalcJacobianTranslationalVelocity(
+                own, _V, frame, p, body, body
+            )
+            J[i] = R_IB @ J_B[:, 6:]
+        X_BBody = plant.EvalBodyPoseInWorld(own, self._body)
+        V = plant.EvalBodySpatialVelocityInWorld(own, self._body)
+        V = V.Shift(X_BBody.rotation() @ self._X_BodyI.translation())
+        V_BI = np.array((V.rotational(), V.translational()))
+        return _Legs(X_BBody @ self._X_BodyI, V_BI, soles, J)
+
+    def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Legs) -> tuple:
+        """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""
+        R_WI, (v_WI, p_WI, *_), (bias, _), cov = estimate
+        R_BI, p_BI = legs.X_BI.rotation().matrix(), legs.X_BI.translation()
+        R = R_WI @ R_BI.T
+        r = R @ p_BI
+        w = R_WI @ (imu[6:] - bias) - R @ legs.V_BI[0]
+        v = v_WI - ekf.skew(w) @ r - R @ legs.V_BI[1]
+        p = p_WI - r
+        T = np.eye(9)
+        T[3:, :3] = -ekf.skew(np.array((v, p))).reshape(6, 3)
+        return (R, p, w, v), T @ cov[:9, :9] @ T.T
+
+    def _state(self, R, p, w, v, joints) -> np.ndarray:
+        R_WB = RotationMatrix.ProjectToRotationMatrix(R)
+        angles, speeds = joints[: self._nj], joints[self._nj :]
+        turn = R_WB.ToQuaternion().wxyz()
+        return np.concatenate((turn, p, angles, w, v, speeds))
+
+
+def _rotation(q: np.ndarray) -> RotationMatrix:
+    """R_WB of the base at positions `q` (nq,)."""
+    return RotationMatrix(Quaternion(q[:4]))

@@ -1,0 +1,53 @@
+"""Oracle: by hand."""
+
+import pytest
+
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.bounds import check
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import SENSORS, load_scenario
+from nadia_balance.robot.params import load_sensors
+
+
+def test_refuses_a_place_without_three_numbers():
+    with pytest.raises(
+        ValueError, match=r"^imu_position = \[0\.0, 1\.0\]: must"
+    ):
+        check(SensorParams(imu_position=[0.0, 1.0]))
+
+
+def test_the_figures_are_of_the_data_sheets():
+    """Oracle: 0.01 deg/s and 300 ug, of MPU-9250; 0.007 and 120 of MTi-1."""
+    for name, gyro, force in (
+        ("consumer", 0.01, 300),
+        ("industrial", 0.007, 120),
+    ):
+        found = load_sensors(name)
+        assert found.gyro_noise == pytest.approx(gyro * 0.0174533, rel=5e-3)
+        assert found.force_noise == pytest.approx(force * 9.81e-6, rel=5e-3)
+    assert set(SENSORS) == {"perfect", "consumer", "industrial"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{sensors: good}", "sensors = 'good': must be one of perfect"),
+        (
+            "{sensors: consumer, imperfections: {joint_noise: 0.001}}",
+            "sensors = 'consumer': must be 'perfect' with noise",
+        ),
+        (
+            "{sensors: consumer, controller: {control_period: 0.003}}",
+            "sensors = 'consumer': its delay = 0.004: must be a multiple",
+        ),
+    ],
+)
+def test_a_scenario_tells_what_does_not_fit(text, message):
+    with pytest.raises(ValueError, match=message):
+        load_scenario("walk_in_place", text=text)
+
+
+def test_a_point_mass_has_no_sensors():
+    scenario = load_scenario("walk_in_place", sensors="consumer")
+    with pytest.raises(ValueError, match="^sensors = 'consumer': must be perf"):
+        LipmDiagram(scenario)

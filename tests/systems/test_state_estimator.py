@@ -1,0 +1,90 @@
+"""Oracles: Drake's kinematics of the state that is told, and the plant's."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.results import estimate
+from nadia_balance.systems.state_estimator import START, StateEstimator
+from tests.blocks import answer, asked
+from tests.diagrams.simulated import EARLY, simulated
+from tests.whole_body_examples import nadia, standing_positions
+
+PERIOD, NJ = 0.004, 23
+TORSO = SensorParams(
+    imu_body="TORSO_LINK",
+    imu_position=[0.1, -0.05, 0.3],
+    imu_rpy_deg=[30.0, -40.0, 170.0],
+)
+
+
+def test_the_pelvis_moves_as_an_imu_on_the_torso_says():
+    """Oracle: in the plant, the IMU then has the velocity of the filter, 0."""
+    q, rng = standing_positions(), np.random.default_rng(2)
+    joints = np.concatenate((q[7:], rng.uniform(-1.0, 1.0, NJ)))
+    rate = np.array([0.3, -0.2, 0.5])
+    imu = np.concatenate((np.zeros(6), rate))
+    block = StateEstimator(nadia(), TORSO, PERIOD, q)
+    context = asked(
+        block, imu=imu, joints=joints, foot_forces=np.array([450.0, 450.0])
+    )
+    found = answer(block, context, "estimated_state")
+    assert found[:30] == pytest.approx(q, abs=1e-12)
+    plant = nadia().control_plant()
+    own = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(own, found)
+    body = plant.GetBodyByName("TORSO_LINK")
+    turn = RollPitchYaw(np.radians(TORSO.imu_rpy_deg))
+    X_BI = RigidTransform(turn, TORSO.imu_position)
+    X_WB = plant.EvalBodyPoseInWorld(own, body)
+    V = plant.EvalBodySpatialVelocityInWorld(own, body)
+    V = V.Shift(X_WB.rotation() @ X_BI.translation())
+    assert V.translational() == pytest.approx(np.zeros(3), abs=1e-12)
+    R_IW = (X_WB @ X_BI).rotation().inverse()
+    assert R_IW @ V.rotational() == pytest.approx(rate, abs=1e-12)
+
+
+def test_the_robot_is_told_where_it_stands_not_quite():
+    """Oracle: moments of 200 seeds; joints are as they were."""
+    q = standing_positions()
+    told = np.array([StateEstimator.told(q, seed) for seed in range(200)])
+    assert np.array_equal(told[:, 7:], np.tile(q[7:], (200, 1)))
+    for error, size in (
+        (2.0 * told[:, 1:4], START[0]),
+        (told[:, 4:7] - q[4:7], START[2]),
+    ):
+        deviation = error.std(axis=0)
+        assert deviation == pytest.approx(size, rel=4.0 / 400**0.5)
+
+
+@pytest.mark.parametrize("engine", ["drake", "mujoco"])
+def test_walks_by_its_sensors(engine):
+    """Oracle: the plant's state: velocity, tilt, place, and 3 deviations."""
+    run = simulated(
+        f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, sensors: consumer, "
+        f"seed: 3, engine: {engine}}}"
+    )
+    assert not run.error
+    assert run.fell_at is None
+    found = estimate.measure(run.logs)
+    assert found["rms_velocity_m_s"] < 0.012
+    assert found["max_tilt_deg"] < 0.8
+    assert max(found["last_horizontal_m"], found["max_height_m"]) < 0.03
+    assert found["mean_nees"] < 25.0
+    assert estimate.lost_at(run.logs) is None
+
+
+def test_a_filter_that_is_wrong_of_itself_is_lost():
+    """Oracle: by hand: ten deviations of one error from 1 s on, for 0.2 s."""
+    t = np.arange(0.0, 2.0, PERIOD)
+    state = np.zeros((len(t), 13 + 2 * NJ))
+    state[:, 0] = 1.0
+    told, P = state.copy(), np.tile(np.eye(9).ravel() * 1e-4, (len(t), 1))
+    told[t >= 1.0, 6] = 0.1
+    log = {"t": t, "state": state, "estimated_state": told}
+    log["estimate_covariance"] = P
+    assert estimate.nees(log)[-1] == pytest.approx(100.0)
+    assert estimate.lost_at(log) == pytest.approx(1.2)
+    told[t >= 1.15] = state[t >= 1.15]
+    assert estimate.lost_at(log) is None
