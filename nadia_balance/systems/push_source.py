@@ -31,11 +31,11 @@ class PushSource(framework.LeafSystem):
 
     A push whose phase ends before the push is due, because the clock was
     advanced or the foot landed early, begins in the first tick after the phase.
-    The force acts at the centre of mass of the pushed body.  `push_force` (3,)
-    is the sum of the forces [N] in W; `push_signal` is a PushSignal.  Whenever
-    the count in the optional input `live_push`, [count, delta_v [m/s],
-    direction [deg], duration [s]], increases, a live push begins, with a number
-    of its own; it replaces the previous live push.
+    The force acts at the centre of mass of the pushed body, or at its `point`.
+    `push_force` (3,) is the sum of the forces [N] in W; `push_signal` is a
+    PushSignal.  Whenever the count in the optional input `live_push`, [count,
+    delta_v [m/s], direction [deg], duration [s]], increases, a live push
+    begins, with a number of its own; it replaces the previous live push.
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can have different pushes (see `set_push`).
@@ -98,7 +98,11 @@ class PushSource(framework.LeafSystem):
         if plant is not None:
             names = [p.body or base_body for p in pushes] + [base_body]
             bodies = [find_body(plant, name) for name in names]
-            self._bodies = [(b.index(), b.default_com()) for b in bodies]
+            points = [*(push.point for push in pushes), None]
+            self._bodies = [
+                (body.index(), point or body.default_com())
+                for body, point in zip(bodies, points, strict=True)
+            ]
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),

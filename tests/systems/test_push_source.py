@@ -243,6 +243,28 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     assert v_WB.rotational() == pytest.approx(np.zeros(3), abs=1e-12)
 
 
+def test_a_push_at_a_point_turns_the_body():
+    """Oracle: angular momentum; in one tick the body hardly moves."""
+    point = [0.0, 0.1, 0.5]
+    push = Push(force=40.0, at="0 s", duration=PERIOD, point=point)
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(free_body())
+    source = builder.AddSystem(
+        PushSource([push], MASS, PERIOD, plant, base_body="base")
+    )
+    connect(builder, source, plant, spatial_forces="applied_spatial_force")
+    builder.ExportInput(source.GetInputPort("walking_state"), "walking_state")
+    simulator, root = running(builder.Build(), walking_state=RIGHT_SWING)
+    simulator.AdvanceTo(5.0 * PERIOD)
+    H = plant.CalcSpatialMomentumInWorldAboutPoint(
+        context := plant.GetMyContextFromRoot(root),
+        plant.CalcCenterOfMassPositionInWorld(context),
+    )
+    impulse = 40.0 * PERIOD * np.array([math.cos(YAW), math.sin(YAW), 0.0])
+    turn = np.cross(point - P_BoBcm_B, impulse)
+    assert H.rotational() == pytest.approx(turn, rel=1e-3, abs=1e-6)
+
+
 def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
     """Oracle: by hand; in ticks 10 to 59, 100 to 104, and one that never is."""
     pushes = [
@@ -287,7 +309,10 @@ def test_copies_of_one_context_can_be_pushed_in_different_ways():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("duration", 0.0015), ("delay", 0.001), ("body", "tail"), ("force", -1.0)],
+    [
+        *(("duration", 0.0015), ("delay", 0.001), ("body", "tail")),
+        *(("force", -1.0), ("point", [0.0, 1.0]), ("point", [0.0, 0.0, 9.0])),
+    ],
 )
 def test_refuses_bad_pushes(field, value):
     """Oracle: the message names the field."""

@@ -12,6 +12,7 @@ from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]
+MOST_POINT = 3.0  # largest coordinate of a pushed point [m]
 _PHASE = re.compile(r"(left|right) (swing|transfer) ([0-9]+(?:\.[0-9]*)?) ?%")
 _TIME = re.compile(r"([0-9]+(?:\.[0-9]*)?) ?s")
 
@@ -67,6 +68,8 @@ class Push:
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
+    # Pushed here instead (3,) [m], in the frame of the body: with a moment.
+    point: list[float] | None = None
     # Velocity change of the total mass.
     delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
     # Peak force.
@@ -99,6 +102,12 @@ class Push:
             raise ValueError(
                 f"delta_v = {self.delta_v}: must be null for a {SINE}, which "
                 "has a force"
+            )
+        point = self.point or [0.0] * 3
+        if len(point) != 3 or not all(abs(x) <= MOST_POINT for x in point):
+            raise ValueError(
+                f"point = {self.point}: must be three coordinates within "
+                f"+-{MOST_POINT:g} m"
             )
         Moment.parse(self.at)
 
