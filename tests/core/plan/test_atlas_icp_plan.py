@@ -16,9 +16,11 @@ from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
 from tests.example_walks import (
     MODEL,
     OMEGA,
+    at_rest,
     moved,
     phases,
     random_walks,
+    standing,
     successor,
     swing,
     walk,
@@ -161,6 +163,13 @@ def test_a_transfer_starts_with_the_icp_that_was_even_if_it_is_early():
     ini = cmp + math.exp(-OMEGA * 0.15) * (corner - cmp)
     assert plan.at(0.0).icp == pytest.approx(ini, abs=1e-12)
     assert math.dist(ini, expected) > 0.01
+
+
+def test_standing_goes_to_rest_whatever_steps_come():
+    """Oracle: the plan without them."""
+    now = standing(start=at_rest([0.1, 0.1]))
+    later = replace(now, footsteps=walk().footsteps)
+    assert plan_of(later).knots.tolist() == plan_of(now).knots.tolist()
 
 
 @given(random_walks(), st.floats(-3.0, 3.0))
