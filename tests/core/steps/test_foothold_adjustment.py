@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import shapely
+from shapely.ops import nearest_points
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import (
@@ -321,6 +322,31 @@ def test_the_foot_is_never_put_on_the_other_one(yaw):
         reach = found.regions[adjustment.region]
         p = adjustment.pose.p_WF[:2]
         assert contains(p, reach, 1e-9) or not adjustment.moved
+
+
+@pytest.mark.parametrize("captured", ["everything", "a spot out of reach"])
+def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
+    """Oracle: shapely: the reach but for |x| < 0.255 m and y > 0.
+
+    Nearest to the nominal foothold, or to the point that is next to the spot.
+    """
+    reach = GEOMETRY.regions[FORWARD]
+    found = replace(GEOMETRY, places=(Place(FORWARD, 0, reach),))
+    free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
+    pose = walking.FootPose([0.15, 0.02, 0.0])
+    nominal = replace(STEP, pose=pose)
+    region, wanted = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
+    if captured != "everything":
+        region = rectangle(0.02, 0.02) + [0.12, 0.12]
+        wanted, _ = nearest_points(
+            shapely.Polygon(reach), shapely.Polygon(region)
+        )
+    case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=region)
+    current = walking.Adjustment(nominal, pose, FORWARD)
+    found = adjust_foothold(current, case, PARAMS, TICK)
+    p = shapely.Point(found.pose.p_WF[:2])
+    assert free.distance(p) < 1e-9
+    assert p.distance(wanted) == pytest.approx(free.distance(wanted))
 
 
 def test_the_mirror_and_a_turned_world_change_nothing():
