@@ -15,7 +15,7 @@ from nadia_balance.systems.wiring import connect
 from tests.diagrams.simulated import diagram_of, figures, scenario_of, simulated
 
 PERIOD = 0.004
-PUSH = "duration: 1.0, pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]}"
+PUSH = "duration: 0.5, pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]}"
 REALISTIC = f"{{fidelity: realistic, {PUSH}"
 IDEAL = f"{{fidelity: ideal, {PUSH}"
 

@@ -31,10 +31,7 @@ from tests.diagrams import simulated as runs
 from tests.source_files import ROOT
 
 SWING = PHASES.index(Phase.SWING)
-STAND = "{duration: 1.5}"
-IN_MUJOCO = "{engine: mujoco, time_step: 0.0005, duration: 1.5}"
-STANDS = STAND, IN_MUJOCO
-IN_PLACE = f"{{duration: 3.1, {runs.SOON % 'right'}}}"
+STANDS = "{duration: 0.8}", "{duration: 0.8, engine: mujoco}"
 # Forward, then to the left, backward, and turned; then the feet close up.
 STEPS = "[{length: 0.3}, {length: -0.2, sideways: 0.1, yaw_deg: 15.0}]"
 WALK = f"{{duration: 3.7, {runs.EARLY % f'steps: {STEPS}'}}}"
@@ -47,9 +44,6 @@ def pushed(side, direction):
         f"pushes: [{{delta_v: 0.2, at: {side} swing 25 %, "
         f"direction_deg: {direction}}}]}}"
     )
-
-
-SHOVES = {"inward": pushed("right", 90.0), "backward": pushed("right", 180.0)}
 
 
 def test_refuses_a_stance_that_the_legs_are_too_short_for(tmp_path):
@@ -68,23 +62,19 @@ def test_refuses_a_stance_that_the_legs_are_too_short_for(tmp_path):
 
 
 @pytest.mark.parametrize("text", STANDS)
-def test_stands_still(text):
-    """Oracle: the reference is a point; 1 mm is a thousandth of its height."""
-    found = runs.figures(text)
-    assert found["recovered"]
-    assert found["max_icp_error_m"] < 0.001
-    assert found["stance_slip_m"] < 1e-5
-
-
-@pytest.mark.parametrize("text", STANDS)
-def test_the_ground_acts_with_the_commanded_moments(text):
+def test_stands_still_on_the_commanded_wrenches(text):
     """Oracles: gravity; the engine's contact forces about each sole centre.
 
-    0.5 N m at 446 N move the centre of pressure by 1 mm.
+    0.5 N m at 446 N move the centre of pressure by 1 mm, as much as the ICP
+    may be away from its point.
     """
     diagram = runs.diagram_of(text)
     simulator = start(diagram)
-    logs = advance(simulator, 1.5).logs
+    run = advance(simulator, 0.8)
+    logs, found = run.logs, summarize(run, run_info(diagram.scenario, run))
+    assert found["recovered"]
+    assert found["max_icp_error_m"] < 0.001
+    assert found["stance_slip_m"] < 1e-5
     plant, engine = diagram.plant, diagram.engine
     own = engine.GetMyContextFromRoot(simulator.get_context())
     results, state = (
@@ -122,15 +112,6 @@ def measured_wrench(results: ContactResults, body, p_WF) -> np.ndarray:
     return total
 
 
-def test_walks_in_place():
-    """Oracle: the bar of the project, 5 mm of ICP error, no QP failure."""
-    found = runs.figures(IN_PLACE)
-    assert found["recovered"]
-    assert found["steps_taken"] == 2
-    assert found["max_icp_error_m"] < 0.005
-    assert found["qp_failures"] == 0
-
-
 def test_walks_where_it_is_told():
     """Oracle: the footholds, and the bars: 2 cm beside them, 5 mm of slip."""
     found = runs.figures(WALK)
@@ -142,10 +123,9 @@ def test_walks_where_it_is_told():
     assert found["qp_failures"] == 0
 
 
-@pytest.mark.parametrize("direction", SHOVES)
-def test_recovers_from_a_shove_in_the_swing(direction):
+def test_recovers_from_a_shove_in_the_swing():
     """Oracle: 18 N s are 0.2 m/s, within what Fig. 10 gives to ICP control."""
-    found = runs.figures(SHOVES[direction])
+    found = runs.figures(pushed("right", 90.0))
     assert found["recovered"]
     assert found["fell_at"] is None
     assert found["steps_after_push"] >= 2
@@ -181,7 +161,7 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
 
     No force is at least 1 and at most -1, from 0.6 s on.
     """
-    diagram = runs.diagram_of(STAND)
+    diagram = runs.diagram_of()
     simulator, fill = start(diagram), WholeBodyLimits.fill
     simulator.AdvanceTo(0.6)
 

@@ -4,23 +4,16 @@ Of the protocol of the Nadia paper's Fig. 10: a push of 0.1 s at 25 % of the
 first right swing, while stepping in place.
 """
 
-import itertools
-
 import numpy as np
 import pytest
-from pydrake.systems.framework import EventStatus
 
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import start
-from nadia_balance.results.log import Log, pushes, signal, steps
+from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot
-from tests import run_cache
-from tests.diagrams.noisy_lipm import NoisyLipmDiagram
-from tests.diagrams.simulated import all_of, judged, run_of
+from tests.diagrams.simulated import judged, run_of
 from tests.results.made_up_run import cut
 
 ALL = "all_with_cross_over"
@@ -90,9 +83,7 @@ def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
     assert found == names[names.index(fewest) :]
 
 
-@pytest.mark.parametrize(
-    "direction, delta_v", [(0, 0.92), (180, 0.92), (210, 0.84), (300, 0.55)]
-)
+@pytest.mark.parametrize("direction, delta_v", [(180, 0.92), (300, 0.55)])
 def test_the_atlas_paper_s_qp_recovers_what_ankles_do_not(direction, delta_v):
     """Oracle: column step of lipm_limit.csv [m/s], and icp_only."""
     assert recovers("step", direction, delta_v, by_qp=True)
@@ -153,54 +144,3 @@ def test_the_mirrored_push_is_recovered_from_in_the_mirror(direction=240):
         signs = np.ones(log[name].shape[1])
         signs[1 :: 3 if name == "com_state" else 2] = -1.0
         assert log[name] == pytest.approx(other[name] * signs, abs=1e-9)
-
-
-def rules_used(
-    scenario: Scenario, noise: float
-) -> tuple[list[tuple[int, str]], Log]:
-    """[(steps taken, reachability region), ...] as they change; the log.
-
-    `noise` [m/s] is the deviation of what the controller sees.
-    """
-    return run_cache.once(
-        (__name__,),
-        f"{all_of(scenario, 'lipm')}\n{noise!r}",
-        lambda: _rules_used(NoisyLipmDiagram(scenario, noise)),
-    )
-
-
-def _rules_used(diagram: LipmDiagram) -> tuple[list[tuple[int, str]], Log]:
-    machine = diagram.controller.GetSubsystemByName("walking_state_machine")
-    port, used = machine.GetOutputPort("walking_state"), []
-
-    def look(context):
-        state = port.Eval(machine.GetMyContextFromRoot(context))
-        if state.adjustment:
-            used.append((state.steps_taken, state.adjustment.region))
-        return EventStatus.DidNothing()
-
-    simulator = start(diagram)
-    simulator.set_monitor(look)
-    simulator.AdvanceTo(diagram.scenario.duration)
-    log = diagram.read_logs(simulator.get_context())
-    return [key for key, _ in itertools.groupby(used)], log
-
-
-def test_noise_moves_no_foothold_and_hurries_no_clock():
-    """Oracle: the gait, to the last bit; 1 mm/s, white, in every tick."""
-    scenario = pushed(ALL, 0.0, 0.0, num_steps=3)
-    scenario.pushes, scenario.lipm_period = [], 0.002
-    used, log = rules_used(scenario, 0.001)
-    assert used == [(step, "base") for step in range(3)]
-    walking = signal(log, "walking_signal")
-    taken = walking.steps_taken.astype(int)
-    steps_to_come = taken < 3
-    commanded = np.array(
-        [[*step.pose.p_WF[:2], step.pose.yaw] for step in commanded_steps(3)]
-    )
-    targets = walking.target.T[steps_to_come]
-    assert np.array_equal(targets, commanded[taken[steps_to_come]])
-    ticks = np.diff(walking.time_in_phase)
-    ticking = (ticks > 0.0) & (walking.waiting[1:] == 0.0)
-    assert np.sum(ticking) > 1500
-    assert ticks[ticking] == pytest.approx(0.002, abs=1e-12)

@@ -76,7 +76,7 @@ def cross_over() -> Story:
 
 @pytest.fixture(scope="module")
 def atlas_steps() -> Story:
-    return told(load_scenario("atlas_steps", duration=7.95))
+    return tell("atlas_steps", 6.0)
 
 
 def pushed_in(story: Story) -> tuple[Side, float]:

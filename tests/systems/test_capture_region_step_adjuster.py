@@ -17,11 +17,7 @@ from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking.vocabulary import (
-    Adjustment,
-    FootPose,
-    WalkingState,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
@@ -36,9 +32,9 @@ OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 
 
 IN_PLACE = swing(length=0.0)
-IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
+IN_AIR = walking.WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 FORWARD = replace(IN_AIR, schedule=swing(length=0.3))
-NEAR = FootPose([0.03, -0.15, 0.0])
+NEAR = walking.FootPose([0.03, -0.15, 0.0])
 
 
 @pytest.fixture
@@ -109,7 +105,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
         found = adjustment(adjuster, context)
         assert (found is not NOTHING) is on
     assert found == expected()
-    before = Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
+    before = walking.Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
     state = replace(IN_AIR, adjustment=before)
     fix(adjuster, context, mechanisms=[0, 0, 0, 0], walking_state=state)
     off = drawn(adjuster, context)
@@ -129,7 +125,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
 def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
     """Oracle: unadjusted(), and no regions; no foothold is needed."""
     context = asked(
-        adjuster, walking_state=WalkingState(schedule), alip_icp=OUT
+        adjuster, walking_state=walking.WalkingState(schedule), alip_icp=OUT
     )
     assert adjustment(adjuster, context) == unadjusted(schedule)
     found = drawn(adjuster, context)

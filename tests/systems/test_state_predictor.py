@@ -98,7 +98,7 @@ def test_a_walking_robot_is_where_it_is_predicted():
     context = simulator.get_mutable_context()
     built.set_initial_state(context)
     errors = []
-    for i in range(200):
+    for i in range(100):
         simulator.AdvanceTo(0.352 + i * 0.004)  # a swing from 0.45 s on
         known, late = (
             system.GetOutputPort(name).Eval(

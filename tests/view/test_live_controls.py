@@ -5,13 +5,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.view.live_controls import (
-    DIRECTION,
-    LABELS,
-    PUSH,
-    SIZE,
-    LiveControls,
-)
+from nadia_balance.view import live_controls
 from nadia_balance.view.scene import start_meshcat
 from tests.clicks import click
 
@@ -28,7 +22,9 @@ class Session:
     """A run with the controls, and what comes out of them at each poll."""
 
     def __init__(self, meshcat, mechanisms=ALL, controls=None):
-        self.controls = controls or LiveControls(meshcat, mechanisms, PERIOD)
+        self.controls = controls or live_controls.LiveControls(
+            meshcat, mechanisms, PERIOD
+        )
         self.simulator = Simulator(self.controls)
         self.simulator.Initialize()
         self.polls = 0
@@ -49,7 +45,7 @@ def test_counts_the_clicks_on_push_at_the_next_poll(meshcat):
     counts = []
     for clicks in (1, 0, 2):
         for _ in range(clicks):
-            click(meshcat, PUSH)
+            click(meshcat, live_controls.PUSH)
         counts.append(session.output("live_push")[0])
         session.poll()
     assert counts == [0.0, 1.0, 1.0]
@@ -59,7 +55,7 @@ def test_counts_the_clicks_on_push_at_the_next_poll(meshcat):
 def test_a_click_on_a_toggle_switches_its_mechanism(meshcat):
     """Oracle: off, and on again; the label says so, the others stay."""
     session = Session(meshcat)
-    for index, label in enumerate(LABELS.values()):
+    for index, label in enumerate(live_controls.LABELS.values()):
         for now, then, value in ("on", "off", 0.0), ("off", "on", 1.0):
             click(meshcat, f"{label}: {now}")
             session.poll()
@@ -74,10 +70,10 @@ def test_a_click_on_a_toggle_switches_its_mechanism(meshcat):
 def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
     """Oracle: the sliders, in their steps of 0.01 and 5; no push, all on."""
     first = Session(meshcat)
-    click(meshcat, PUSH)
+    click(meshcat, live_controls.PUSH)
     click(meshcat, "cross-over: on")
-    meshcat.SetSliderValue(SIZE, 0.72)
-    meshcat.SetSliderValue(DIRECTION, 211.0)
+    meshcat.SetSliderValue(live_controls.SIZE, 0.72)
+    meshcat.SetSliderValue(live_controls.DIRECTION, 211.0)
     first.poll()
     assert first.output("live_push") == pytest.approx([1.0, 0.72, 210.0, 0.1])
     again = Session(meshcat, controls=first.controls)

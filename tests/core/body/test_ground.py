@@ -45,17 +45,6 @@ def test_the_sole_is_within_the_region_but_for_the_margin(yaw):
     assert 20 < inside < 480
 
 
-def test_a_tilted_sole_is_shorter_from_above():
-    """Oracle: by hand, 0.5 m minus 0.25 m cos(15 deg) along the slope."""
-    slope = math.tan(math.radians(15.0))
-    region = square("up", normal=[-slope, 0.0, 1.0], height=0.3)
-    found = region.footholds(SOLE, 0.0, 0.0)
-    length = 0.25 * math.cos(math.radians(15.0))
-    assert np.ptp(found, axis=0) == pytest.approx([0.5 - length, 0.38])
-    heights = region.heights(np.array([[0.0, 0.1], [0.2, 0.0]]))
-    assert heights == pytest.approx([0.3, 0.3 + 0.2 * slope])
-
-
 def test_a_pose_puts_all_corners_of_the_sole_on_the_plane():
     """Oracle: Drake's rotation of the sole, and the plane's own heights."""
     region = square("up", height=0.3, normal=[-0.2, 0.1, 1.0])

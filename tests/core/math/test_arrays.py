@@ -18,5 +18,5 @@ def test_what_is_read_only_is_a_copy_that_nobody_changes():
 
 
 def test_a_rectangle_begins_in_front_on_the_left():
-    corners = [[0.5, 1.0], [-0.5, 1.0], [-0.5, -1.0], [0.5, -1.0]]
-    assert rectangle(1.0, 2.0).tolist() == corners
+    corners = [[1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0], [1.5, -1.0]]
+    assert rectangle(3.0, 2.0).tolist() == corners

@@ -65,6 +65,10 @@ class Whole:
         ("endless", 0.0, "> 0"),
         ("maybe", 0.0, "> 0"),
         ("plain", INF, "finite"),
+        # Beyond what is sane, where there is no bound.
+        ("least", 11.0, "in [0, 10] m"),
+        ("most", -11.0, "in [-10, 2] s"),
+        ("plain", 2e6, "in [-1e+06, 1e+06]"),
     ],
 )
 def test_tells_field_value_and_what_is_allowed(name, value, rule):

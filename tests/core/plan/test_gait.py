@@ -140,29 +140,6 @@ def in_place(count, first=Side.RIGHT):
     return tuple(step(s, 0.0, 0.125 * s.sign) for s in sides[:count])
 
 
-@given(
-    x=st.floats(-1.0, 1.0),
-    y=st.floats(-1.0, 1.0),
-    yaw=st.floats(-1.0, 1.0),
-    side=st.sampled_from(Side),
-)
-def test_a_step_out_of_reach_goes_to_the_nearest_place(x, y, yaw, side):
-    """Oracle: shapely's distance from the foothold to the base region."""
-    stance = FootPose([0.3, -0.2, 0.1], yaw)
-    feet = FEET.with_foot(side.other, stance)
-    wanted = step(side, x, y)
-    (taken,) = within_reach((wanted,), feet, REACH)
-    region = stance.to_world(base_region(REACH) * [1.0, side.sign])
-    distance = shapely.Polygon(region).distance(shapely.Point(x, y))
-    moved = np.linalg.norm(taken.pose.p_WF[:2] - [x, y])
-    if moved > 0.0:
-        assert moved == pytest.approx(distance, abs=1e-9)
-    else:  # the ellipse reaches beyond the polygon inside of it
-        assert distance < 0.08
-    assert taken.pose.yaw == wanted.pose.yaw
-    assert taken.pose.p_WF[2] == wanted.pose.p_WF[2]
-
-
 @given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
 def test_the_way_back_takes_a_share_of_the_reach(x, y):
     """Oracle: shapely's distance to the base region, shrunk by shapely."""

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.plan.icp_plan import IcpReference
@@ -98,23 +96,32 @@ def test_an_icp_that_no_ecmp_can_hold_is_leaving():
 
 
 @pytest.mark.parametrize(
-    ("elapsed", "distance", "expected"),
+    ("elapsed", "distance", "lifted", "height", "expected"),
     [
-        (0.1, 0.0, 0.3),  # the shortest swing of 0.4 s
-        (0.3, 0.0, 0.7 / 3.0),  # sigma
-        (0.9, 0.0, 0.08),  # the least of all
-        (0.1, 1.2, 0.4),  # 0.6 m forth and 0.6 m back in 0.2 s each
+        (0.1, 0.0, 0.0, 0.0, 0.3),  # the shortest swing of 0.4 s
+        (0.3, 0.0, 0.0, 0.0, 0.7 / 3.0),  # sigma
+        (0.9, 0.0, 0.0, 0.0, 0.08),  # the least of all
+        # 0.6 m forth and 0.6 m back in 0.2 s each; then down, and 0.03 s.
+        (0.1, 1.2, 0.15, 0.20, 0.65),  # from the brink: 0.15 m at 0.6 m/s
+        (0.1, 1.2, 0.15, 0.06, 0.50),  # below it already
+        (0.1, 1.2, 0.0, 0.10, 0.43),  # on level ground it only settles
+        (0.1, 1.2, -0.15, 0.10, 0.43),  # up a step
     ],
 )
 def test_the_swing_foot_gets_the_time_that_it_needs(
-    elapsed, distance, expected
+    elapsed, distance, lifted, height, expected
 ):
     """Oracle: by hand, each limit in turn; a swing of 1 s, without error."""
+    detour = replace(DETOUR, max_descent=0.6, settling=0.03)
     schedule, plan = swing(swing=1.0)
-    state = walking.WalkingState(schedule, elapsed, elapsed)
-    target = schedule.footsteps[0].pose
-    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
-    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
+    stood = schedule.feet.right
+    stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
+    feet = schedule.feet.with_foot(walking.Side.RIGHT, stood)
+    state = walking.WalkingState(replace(schedule, feet=feet), elapsed, elapsed)
+    target = schedule.footsteps[0].pose.p_WF
+    foot = walking.FootPose(target + [-distance, 0.0, height])
+    timing = timing_of(detour=detour)
+    found = timing.least_remaining_time(state, foot, np.zeros(2))
     assert found == pytest.approx(expected, abs=1e-12)
 
 
@@ -146,45 +153,6 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
     times = np.linspace(0.7 / 3.0, 0.7, 16, endpoint=False)
     first = [t for t in times if in_time(t)]
     assert found == pytest.approx(first[0] if first else times[0], abs=1e-12)
-
-
-def test_a_foot_that_crosses_gets_the_time_for_the_way_round():
-    """Oracle: by hand, from beside the stance foot to in front of it."""
-    schedule, plan = swing(swing=1.0, length=0.0)
-    stance = schedule.feet.left.p_WF
-    foot = walking.FootPose(stance - [0.0, 0.25, 0.0])
-    goal = walking.FootPose(stance + [0.34, 0.1, 0.0])
-    step = replace(schedule.footsteps[0], pose=goal)
-    state = walking.WalkingState(replace(schedule, footsteps=(step,)), 0.6, 0.6)
-    found = timing_of().least_remaining_time(state, foot, np.zeros(2))
-    length = math.hypot(DETOUR.ahead, 0.25 - DETOUR.beside)
-    length += math.hypot(0.34 - DETOUR.ahead, 0.1 + DETOUR.beside)
-    assert found == pytest.approx(2.0 * math.sqrt(length / 30.0), abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("lifted", "height", "descent"),
-    [
-        (0.15, 0.20, 0.25),  # from the brink: 0.15 m at 0.6 m/s
-        (0.15, 0.06, 0.10),  # below it already
-        (0.0, 0.10, 0.03),  # on level ground it only settles
-        (-0.15, 0.10, 0.03),  # up a step
-    ],
-)
-def test_a_foot_that_goes_down_a_step_gets_the_time(lifted, height, descent):
-    """Oracle: by hand, 0.6 m forth and 0.6 m back in 0.2 s each; then down."""
-    detour = replace(DETOUR, max_descent=0.6, settling=0.03)
-    schedule, plan = swing(swing=1.0)
-    stood = schedule.feet.right
-    stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
-    feet = schedule.feet.with_foot(walking.Side.RIGHT, stood)
-    state = walking.WalkingState(replace(schedule, feet=feet), 0.1, 0.1)
-    foot = walking.FootPose(
-        schedule.footsteps[0].pose.p_WF + [-1.2, 0.0, height]
-    )
-    timing = timing_of(detour=detour)
-    found = timing.least_remaining_time(state, foot, np.zeros(2))
-    assert found == pytest.approx(0.4 + descent, abs=1e-12)
 
 
 # From rest 0.4 s at 30 m/s^2, under way sqrt(1/2) of that; 0.03 s are let be.
@@ -332,19 +300,3 @@ def idle_states():
 def test_where_nothing_can_be_hurried_the_clock_is_left_alone(state):
     """Oracle: zero, for an ICP that is far away."""
     assert adjustment([9.0, 9.0], walks.planned(state.schedule), state) == 0.0
-
-
-@given(
-    walks.random_walks(),
-    st.floats(0.0, 1.0),
-    st.floats(0.0, 1.0),
-    st.tuples(*2 * [st.floats(-1.0, 1.0)]),
-)
-def test_is_always_a_time_that_is_left(schedule, share, gained, icp):
-    """Oracle: between what was gained and what is left."""
-    t = share * schedule.duration
-    state = walking.WalkingState(schedule, t, (1.0 - gained) * t)
-    found = adjustment(icp, walks.planned(schedule), state)
-    assert state.elapsed - t - 1e-12 <= found <= state.remaining_time
-    if schedule.phase is walking.Phase.TRANSFER:
-        assert found >= 0.0

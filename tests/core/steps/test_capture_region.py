@@ -3,21 +3,13 @@
 To our knowledge nobody has published numeric tests of N-step capture regions.
 """
 
-import itertools
 import math
 
 import numpy as np
 import pytest
-import shapely
 from scipy.optimize import linprog
 
-from nadia_balance.core.body.reachability import (
-    base_region,
-    circle,
-    in_world,
-    step_regions,
-    total_region,
-)
+from nadia_balance.core.body.reachability import base_region, circle, in_world
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import (
@@ -153,39 +145,6 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
         )
 
 
-@pytest.mark.parametrize(
-    ("T", "excess"),
-    [(1.0, (1.4, 2.4)), (0.5, (7.3, 30.6)), (0.38, (10.8, 44.3))],
-)
-def test_the_hull_with_cross_over_is_too_generous_by_so_much(T, excess):
-    """Oracle: shapely's union over number and region of each step.
-
-    [mm], for N = 2 and 3, with Nadia's omega.
-    """
-    E = math.exp(-math.sqrt(9.81 / 0.888) * T)
-    parts = [
-        mirrored_reaches(region, 2)
-        for region in step_regions(REACH, True).values()
-    ]
-    hulls = mirrored_reaches(total_region(REACH, True), 2)
-    offsets = later_steps(hulls, [E, E])
-    for n, most in zip((1, 2), excess, strict=True):
-        ours = shapely.Polygon(offsets[n])
-        chosen = []
-        for regions in itertools.product(parts, repeat=n):
-            ends = [np.zeros((1, 2))]  # after 0, 1, 2 steps
-            for k in range(n):
-                step = E ** (k + 1) * regions[k][k]
-                ends.append((ends[-1][:, None] + step).reshape(-1, 2))
-            # Of longer steps, all that is in between.
-            chosen.append(shapely.MultiPoint(np.vstack(ends)).convex_hull)
-        true = shapely.union_all(chosen)
-        assert ours.buffer(1e-9).covers(true)
-        edge = ours.exterior.segmentize(2e-4)
-        gaps = [true.distance(shapely.Point(p)) for p in edge.coords]
-        assert 1e3 * max(gaps) == pytest.approx(most, abs=0.06)
-
-
 def test_discs_grow_as_koolen_says():
     """Oracle: d_N = (d_N-1 + l_max) e^-wT, by Koolen et al."""
     length, E, expected = 0.7, math.exp(-3.0 * 0.6), 0.0
@@ -194,14 +153,3 @@ def test_discs_grow_as_koolen_says():
         assert distances == pytest.approx(expected, rel=1e-12)
         expected = (expected + length) * E
     assert expected == pytest.approx(length * E / (1.0 - E), rel=1e-3)
-
-
-def test_without_the_stance_foot_the_paper_s_regions_do_not_nest():
-    """Oracle: by hand: w_min times E is lost on the inner side."""
-    reach = convex_hull(in_world(base_region(REACH), FootPose(), Side.RIGHT))
-    one_step = one_step_region(np.array([0.1, 0.06]), FOOT, OMEGA, (0.3, 0.6))
-    printed = capture_region(one_step, 0.2 * reach)
-    ours = capture_region(one_step, later_steps([reach], [0.2])[1])
-    lost = printed[:, 1].min() - one_step[:, 1].min()
-    assert lost == pytest.approx(0.2 * 0.125)
-    assert all(contains(p, ours, 1e-12) for p in one_step)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import shapely
+from shapely.ops import nearest_points
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import (
@@ -137,12 +138,19 @@ def tower(x, depth):
     )
 
 
-def chosen(places, before=None, margin=0.0, late=None, on_ground=0):
-    """The goals in these places (name, ground, polygon); `late`: 0.7 m off."""
+def chosen(
+    places, before=None, margin=0.0, late=None, on_ground=0, arrival=None
+):
+    """The goals in these places (name, ground, polygon).
+
+    On arrival the capture region is `arrival`, or 0.7 m off where it is `late`.
+    """
 
     class Case(Given):
         def on_arrival(self, region, least, under_way=False):
             assert least == RULES.least_time_to_land
+            if arrival is not None:
+                return arrival
             return self.capture_region - [0.0, 0.7 * (region is late)]
 
     places = tuple(Place(*place) for place in places)
@@ -233,19 +241,9 @@ def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
 
     No corner of either is in the other, the next is 0.5 m off.
     """
-
-    class Case(Given):
-        def on_arrival(self, region, least, under_way=False):
-            return convex_hull(rectangle(40.0, 0.5) + [0.0, 2.25])
-
-    places = Place(FORWARD, 0, tower(2.0, -2.9)), Place(BASE, 0, tower(0, -1.5))
-    case = Case(
-        replace(GEOMETRY, places=places),
-        np.zeros(2),
-        (0.3, 0.8),
-        capture_region=ABOVE,
-    )
-    (goal,) = goals(case, unadjusted(IN_PLACE), replace(RULES, margin=0.0))
+    places = (FORWARD, 0, tower(2.0, -2.9)), (BASE, 0, tower(0.0, -1.5))
+    strip = convex_hull(rectangle(40.0, 0.5) + [0.0, 2.25])
+    (goal,) = chosen(places, arrival=strip)
     assert goal.place.reach == BASE
 
 
@@ -324,6 +322,31 @@ def test_the_foot_is_never_put_on_the_other_one(yaw):
         reach = found.regions[adjustment.region]
         p = adjustment.pose.p_WF[:2]
         assert contains(p, reach, 1e-9) or not adjustment.moved
+
+
+@pytest.mark.parametrize("captured", ["everything", "a spot out of reach"])
+def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
+    """Oracle: shapely: the reach but for |x| < 0.255 m and y > 0.
+
+    Nearest to the nominal foothold, or to the point that is next to the spot.
+    """
+    reach = GEOMETRY.regions[FORWARD]
+    found = replace(GEOMETRY, places=(Place(FORWARD, 0, reach),))
+    free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
+    pose = walking.FootPose([0.15, 0.02, 0.0])
+    nominal = replace(STEP, pose=pose)
+    region, wanted = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
+    if captured != "everything":
+        region = rectangle(0.02, 0.02) + [0.12, 0.12]
+        wanted, _ = nearest_points(
+            shapely.Polygon(reach), shapely.Polygon(region)
+        )
+    case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=region)
+    current = walking.Adjustment(nominal, pose, FORWARD)
+    found = adjust_foothold(current, case, PARAMS, TICK)
+    p = shapely.Point(found.pose.p_WF[:2])
+    assert free.distance(p) < 1e-9
+    assert p.distance(wanted) == pytest.approx(free.distance(wanted))
 
 
 def test_the_mirror_and_a_turned_world_change_nothing():
@@ -543,18 +566,6 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
     assert (moved_on is current) == (share == 0)
 
 
-def test_a_foothold_in_two_regions_is_in_the_wanted_one():
-    """Oracle: by hand; a foothold on the stance foot is in none."""
-    places = (Place(BASE, 0, strip(-0.5, 0.5)), Place(FORWARD, 1, strip(0, 1)))
-    found = replace(GEOMETRY, places=places)
-    point = np.array([0.3, -0.25])
-    assert found.place_at(point) is places[0]
-    assert found.place_at(point, FORWARD) is places[1]
-    assert found.place_at(point, BACKWARD) is places[0]
-    assert found.place_at(np.array([0.1, 0.12]), FORWARD) is None
-    assert found.place_at(np.array([0.8, -0.25]), BASE) is places[1]
-
-
 def test_if_all_goals_are_on_the_stance_foot_nothing_changes():
     """Oracle: the very same adjustment, although the goal is elsewhere."""
     small = rectangle(0.1, 0.05) + IN_PLACE.feet.left.p_WF[:2]
@@ -637,25 +648,6 @@ def test_steps_to_the_nearest_foothold_deep_enough_in_the_region(to):
     assert good.distance(p) < 1e-9
     assert p.distance(nominal) == pytest.approx(good.distance(nominal))
     assert holds[found.ground].distance(p) < 1e-9
-
-
-def test_a_foot_that_is_late_moves_on_along_a_stone_or_stays():
-    """Oracle: the sole's corners, and the times of the ways by hand."""
-    moved, current = 0, unadjusted(IN_PLACE)
-    for to in ([0.6, -0.25], [0.15, -0.3], [0.3, -0.6]):
-        case, ground = on_stones(to)
-        case = replace(case, foot=np.array([0.0, -0.125]))
-        wanted = adjust_foothold(current, case, ONE, TICK)
-        for time in np.arange(0.0, 0.3, 0.01):
-            found = in_time(current, wanted, case, float(time)).pose
-            assert ground.region_under(found) is not None
-            way = math.hypot(*(found.p_WF[:2] - case.foot))
-            least = 2.0 * math.sqrt(way / MODEL.detour.max_acceleration)
-            least += MODEL.detour.settling
-            stays = found == current.pose
-            assert stays or math.sqrt(0.5) * least <= time + 1e-9
-            moved += not stays and found != wanted.pose
-    assert moved
 
 
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])

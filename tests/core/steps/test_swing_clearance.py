@@ -155,6 +155,11 @@ def test_no_edge_is_on_level_ground_and_on_a_slope():
     schedule = swing(both, (0.0, -0.125), (0.5, -0.125))
     edges = edges_on_way(schedule, replace(MODEL, ground=both), 0.03)
     assert edges.top == pytest.approx(0.2)
+    # 3 cm above, but for the last 10 cm of 50.
+    s, there = np.linspace(0.0, 1.0, 41), edges.heights > 0.0
+    above = 0.2 + 0.03 * np.minimum(5.0 * (1.0 - s), 1.0)
+    assert there.sum() > 20
+    assert edges.heights[there] == pytest.approx(above[there])
     # The toe is 0.125 m ahead, the edge at x = 0.25 m.
     for x, z, held in (0.0, 0.0, False), (0.08, 0.2, True), (0.08, 0.22, False):
         assert edges.are_in_the_way(np.array([x, -0.125, z])) == held

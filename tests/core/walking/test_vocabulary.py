@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import given
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RotationMatrix
 from shapely import affinity
 
 from nadia_balance import core
@@ -34,6 +36,13 @@ def test_points_go_to_the_world_and_back():
     world = POSE.to_world(points)
     assert world == pytest.approx(np.array([[1.0, 2.2], [0.9, 2.0]]))
     assert POSE.to_sole(world) == pytest.approx(points)
+
+
+def test_a_tilted_sole_turns_the_shortest_way():
+    """Oracle: Drake's rotation about the level axis z x n, by its angle."""
+    turn = AngleAxis(math.acos(0.8), np.array([0.6, 0.8, 0.0]))
+    found = walking.tilt(np.array([0.48, -0.36, 0.8]))
+    assert found == pytest.approx(RotationMatrix(turn).matrix(), abs=1e-15)
 
 
 @pytest.mark.parametrize("support", list(walking.Side))

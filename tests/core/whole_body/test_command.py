@@ -70,20 +70,6 @@ def test_a_swing_sole_turns_from_its_ground_to_the_next_one():
         assert right == pytest.approx([math.sin(angle), 0.0, math.cos(angle)])
 
 
-@pytest.mark.parametrize(
-    ("phase", "support", "contacts"),
-    [
-        (Phase.STANDING, Side.LEFT, (True, True)),
-        (Phase.TRANSFER, Side.RIGHT, (True, True)),
-        (Phase.SWING, Side.LEFT, (True, False)),
-        (Phase.SWING, Side.RIGHT, (False, True)),
-    ],
-)
-def test_only_the_swing_foot_does_not_carry(phase, support, contacts):
-    """Oracle: a table."""
-    assert command(state(phase, support)).contacts == contacts
-
-
 def test_looks_ahead_between_the_feet():
     """Oracle: the mean, also across the cut of the circle at pi."""
     ahead = command(state(Phase.TRANSFER, yaws=(0.1, 0.5))).heading
@@ -131,20 +117,6 @@ def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
     swings = replace(now, schedule=replace(now.schedule, phase=Phase.SWING))
     for flat in swings, replace(now, steps_taken=0):
         assert command(flat).edges == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    "both_stay",
-    [
-        state(Phase.TRANSFER, steps=0, time_in_phase=1.0),
-        state(Phase.TRANSFER, time_in_phase=1.0, waiting=True),
-        state(Phase.STANDING, time_in_phase=1.0),
-    ],
-    ids=["last transfer", "waiting", "standing"],
-)
-def test_no_foot_unloads_that_is_not_about_to_leave(both_stay):
-    """Oracle: no bound."""
-    assert command(both_stay).max_normal_forces == (math.inf, math.inf)
 
 
 PARAMS = whole_body_params.CrossingTurnParams()

@@ -14,7 +14,7 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
-from tests.qp_examples import by_clarabel, by_quadprog, with_slack
+from tests.qp_examples import by_quadprog, with_slack
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -89,24 +89,6 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
         expected = np.concatenate([np.zeros(6), found.torques])
         by_drake = inverse_dynamics(kinematics().plant, state, found)
         assert by_drake == pytest.approx(expected, abs=ROUNDING)
-
-
-@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
-def test_agrees_with_independent_solvers(contacts):
-    """Oracles: quadprog and Clarabel on the same matrices, torques in N m."""
-    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
-    for seed in range(3):
-        terms = terms_at(random_state(seed))
-        wish = command(terms, contacts, (200.0, -100.0, 50.0))
-        found = qp.solve(terms, wish)
-        problem = qp.problem(terms, wish)
-        first = 6 * sum(contacts) + 6  # after the equalities
-        for solver, accuracy in (by_quadprog, 1e-7), (by_clarabel, 1e-3):
-            torques = problem.A[first : first + 23] @ solver(problem)
-            torques += terms.forces[6:, -1]
-            assert found.torques == pytest.approx(
-                nadia().mass * torques, abs=accuracy
-            )
 
 
 def test_a_still_robot_in_its_posture_needs_no_acceleration():
