@@ -173,7 +173,7 @@ def test_the_qp_steps_out(atlas_steps):
     ("name", "after", "length"),
     [
         ("backward_shove", 3, 0.1),
-        ("cross_over", 2, 0.0),
+        ("cross_over", 3, 0.0),
         ("atlas_steps", 4, 0.5),
     ],
 )
