@@ -71,12 +71,12 @@ def backward_shove() -> Story:
 
 @pytest.fixture(scope="module")
 def cross_over() -> Story:
-    return tell("cross_over", 3.3)
+    return tell("cross_over", 4.3)
 
 
 @pytest.fixture(scope="module")
 def atlas_steps() -> Story:
-    return tell("atlas_steps", 6.0)
+    return tell("atlas_steps", 7.0)
 
 
 def pushed_in(story: Story) -> tuple[Side, float]:
@@ -174,7 +174,7 @@ def test_the_qp_steps_out(atlas_steps):
     [
         ("backward_shove", 3, 0.1),
         ("cross_over", 3, 0.0),
-        ("atlas_steps", 4, 0.5),
+        ("atlas_steps", 5, 0.5),
     ],
 )
 def test_the_feet_go_back_to_their_footholds(name, after, length, request):
