@@ -16,6 +16,7 @@ from nadia_balance.diagrams.signal_log import MeasuredPoses
 from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
+from nadia_balance.results import estimate
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
@@ -283,6 +284,18 @@ class HumanoidDiagram(ClosedLoop):
         if is_uneven or schedule is None:
             return ""
         return foot_beside(ground, schedule)
+
+    def nees(self, context: Context) -> float:
+        """Squared error of the estimated state; 0 for one that is told."""
+        if self._sensors is None:
+            return 0.0
+        ports = self._measured | {"state": self.engine.GetOutputPort("state")}
+        now = {
+            name: port.Eval(port.get_system().GetMyContextFromRoot(context))
+            for name, port in ports.items()
+            if name in estimate.SIGNALS.split()
+        }
+        return float(estimate.nees({n: row[None] for n, row in now.items()})[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""

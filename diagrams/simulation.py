@@ -25,6 +25,7 @@ from pydrake.systems.framework import (
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
 from nadia_balance.diagrams.signal_log import SignalLog
+from nadia_balance.results.estimate import LostWatch
 from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
 from nadia_balance.results.measurements import CalmSteps
@@ -99,6 +100,10 @@ class ClosedLoop(Diagram):
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
         return ""
+
+    def nees(self, context: Context) -> float:
+        """Squared error of the estimated state; 0 for one that is told."""
+        return 0.0
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
@@ -243,7 +248,7 @@ def advance(
     stop_at_failure: bool = False,
     until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
-    """Simulates until `duration` [s], or until the robot falls.
+    """Simulates until `duration` [s], a fall, or the loss of the estimate.
 
     `stop_at_failure` ends the run at the first improper contact or exceeded
     limit: either means that the robot does not recover.  `until` is called
@@ -255,6 +260,7 @@ def advance(
     next_look, next_tick, message = 0.0, 0.0, ""
     period = diagram.push.period
     contacts: set[str] = set()
+    estimator = LostWatch()
     outcome: dict = {}
 
     def decided(now: float) -> bool:
@@ -272,7 +278,8 @@ def advance(
                 return True
         if not outcome and until(context):
             outcome["until"] = True
-        return bool(outcome)
+        lost = estimator.look(now, diagram.nees(context))
+        return lost or bool(outcome)
 
     def look(_: Context) -> EventStatus:
         nonlocal next_tick

@@ -37,16 +37,24 @@ def nees(log: Log) -> Array:
     return np.sum(e * np.linalg.solve(P, e[:, :, None])[:, :, 0], axis=1)
 
 
+class LostWatch:
+    """Tells, tick by tick, whether the NEES has been out for LOST_AFTER."""
+
+    _since = math.inf  # [s]
+
+    def look(self, time: float, squared_error: float) -> bool:
+        """True if it has, by the NEES at `time` [s]."""
+        out = squared_error > LOST_NEES
+        self._since = min(self._since, time) if out else math.inf
+        return time - self._since >= LOST_AFTER - 1e-9  # times are rounded
+
+
 def lost_at(log: Log) -> float | None:
-    """Time [s] at which the NEES had been out for LOST_AFTER; None: never."""
+    """Time [s] at which the estimator was lost (see LostWatch); None: never."""
     if not {*SIGNALS.split()} <= {*log}:
         return None
-    since, out = math.inf, nees(log) > LOST_NEES
-    for t, far in zip(log["t"].tolist(), out.tolist(), strict=True):
-        since = min(since, t) if far else math.inf
-        if t - since >= LOST_AFTER - 1e-9:  # times of ticks are rounded
-            return t
-    return None
+    watch, ticks = LostWatch(), zip(log["t"], nees(log), strict=True)
+    return next((float(t) for t, e in ticks if watch.look(t, e)), None)
 
 
 def measure(log: Log) -> dict[str, float] | None:

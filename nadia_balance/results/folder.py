@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.results.log import Log
 from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import effort, footsteps, timeline
+from nadia_balance.results.plots import effort, estimate, footsteps, timeline
 from nadia_balance.results.plots.style import RC
 
 PLOTS = {
@@ -24,6 +24,7 @@ PLOTS = {
     "footsteps.png": footsteps.draw,
     "icp.png": effort.draw_icp,
     "effort.png": effort.draw,
+    "estimate.png": estimate.draw,
 }
 
 # All files that a run may write.

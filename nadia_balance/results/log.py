@@ -285,6 +285,8 @@ def pushes(log: Log) -> list[PushSpan]:
 
     If pushes overlap, the signal shows only the one that began last.
     """
+    if "push_signal" not in log:
+        return []
     push = signal(log, "push_signal")
     numbers = dict.fromkeys(push.number[np.any(push.force != 0.0, axis=0)])
     spans = [np.flatnonzero(push.number == number) for number in numbers]

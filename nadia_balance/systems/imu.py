@@ -71,8 +71,7 @@ class Imu(LeafSystem):
         walk = s.gyro_walk * root, s.force_walk * root
         self._walk = np.repeat(walk, 3)
         self._bias = np.repeat((s.gyro_bias, s.force_bias), 3)
-        ranges = s.gyro_range, s.force_range, s.gyro_range
-        self._range = np.repeat(ranges, 3)
+        self._range = s.imu_range
         self._state = Input(self, "state", plant.num_multibody_states())
         self._scratch = declare_scratch(self, plant)
         Outcome(

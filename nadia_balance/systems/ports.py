@@ -86,21 +86,26 @@ class Input:
             if self._default is _REQUIRED or self._port.HasValue(context):
                 raise
             return self._default
-        return self._checked(value)
+        return self._checked(value, context)
 
-    def _value(self, value: Any) -> Any:
+    def _value(self, value: Any, _: framework.Context) -> Any:
         value = None if value is NOTHING else value
         if not isinstance(value, self._kind) and value is not self._default:
             got, needed = type(value).__name__, self._kind.__name__
             raise TypeError(self._message(f"got a {got}, needs a {needed}"))
         return value
 
-    def _vector(self, value: np.ndarray) -> Any:
+    def _vector(self, value: np.ndarray, context: framework.Context) -> Any:
         # The sum of squares is finite only if all entries are; `dot` is the
         # fastest way to compute it.
         if not math.isfinite(value.dot(value)):
-            raise RuntimeError(self._message("is not finite"))
+            raise self.error(context, "is not finite")
         return value if self._view is None else self._view(value)
+
+    def error(self, context: framework.Context, what: str) -> RuntimeError:
+        """The error that `what` is wrong with the port, and since when."""
+        at = f"at {context.get_time():.3f} s"
+        return RuntimeError(self._message(f"{what} {at}"))
 
     def _message(self, what: str) -> str:
         name = self._system.get_name() or type(self._system).__name__

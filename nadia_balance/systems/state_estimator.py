@@ -42,7 +42,8 @@ class StateEstimator(LeafSystem):
     measured, the pelvis from the IMU's pose.  `estimate_covariance` (81,) is
     that of (angle, velocity, position) of the pelvis, (9, 9) in W [rad], [m/s],
     [m].  A foot is trusted by its force, with hysteresis, until it slips.
-    The state is the Estimate, and which feet are trusted.
+    The state is the Estimate, and which feet are trusted.  RuntimeError: the
+    IMU is saturated, which says nothing of the motion.
 
     .. pydrake_system::
 
@@ -75,7 +76,7 @@ class StateEstimator(LeafSystem):
             (plant.GetFrameByName(name), robot.X_FootSole[side].translation())
             for side, name in robot.foot_bodies.items()
         ]
-        self._imu = Input(self, "imu", 9)
+        self._imu, self._range = Input(self, "imu", 9), sensors.imu_range
         self._joints = Input(self, "joints", 2 * self._nj)
         self._forces = Input(self, "foot_forces", len(Side))
         self._scratch = declare_scratch(self, plant)
@@ -101,6 +102,8 @@ class StateEstimator(LeafSystem):
 
     def _calc(self, context, last) -> tuple:
         joints, imu = self._joints(context), self._imu(context)
+        if (np.abs(imu) >= self._range).any():
+            raise self._imu.error(context, "is saturated")
         legs = self._legs(context, joints)
         loads = self._forces(context) / self._weight
         if last["begun"]:

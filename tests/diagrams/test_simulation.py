@@ -123,7 +123,7 @@ def test_a_number_that_is_none_stops_the_point_mass(when, row, where):
 
     diagram.fall_reason = poison
     run = advance(simulator, 2.0)
-    assert run.error == f"{where} is not finite"
+    assert run.error == f"{where} is not finite at {run.simulated_time:.3f} s"
     assert (run.fell_at, run.fall_reason) == (None, "")  # it did not fall
     # The fall is looked for, and so the number put in, every 0.01 s.
     assert run.simulated_time == pytest.approx(when, abs=0.013)

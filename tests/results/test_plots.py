@@ -10,7 +10,7 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.log import contacts, pushes
-from nadia_balance.results.plots import footsteps, timeline
+from nadia_balance.results.plots import estimate, footsteps, timeline
 from tests.results.made_up_run import HALF_WIDTH, Recipe, make_log, summary_of
 
 
@@ -68,6 +68,26 @@ def test_measured_contacts_are_those_of_the_forces(log):
     assert (start, duration) == pytest.approx((1.0, 1.002))
     ((start, duration),) = contacts(log, Side.LEFT)
     assert (start, duration) == pytest.approx((0.0, log["t"][-1]))
+
+
+def test_the_estimate_is_drawn_with_its_error_and_three_deviations():
+    """Oracle: by hand: 20 mm/s of 10 too fast to y, 0.01 rad about y."""
+    state = np.zeros((5, 15))
+    state[:, 0] = 1.0
+    told, P = state.copy(), np.zeros((5, 81))
+    told[:, 2], told[:, 12], P[:, [10, 40]] = 0.005, 0.02, [1e-6, 1e-4]
+    log = {"t": np.arange(5.0), "estimated_state": told, "state": state}
+    log["estimate_covariance"] = P
+    summary = {"robot": "r", "mechanisms": "m", "pushes": [], "fell_at": None}
+    figure = estimate.draw(log, summary)
+    x, y = (line.get_ydata() for line in figure.axes[1].lines)
+    assert (x[0], y[0]) == pytest.approx((0.0, 20.0))
+    band = figure.axes[1].collections[1].get_paths()[0].vertices[:, 1]
+    assert (band.min(), band.max()) == pytest.approx((-30.0, 30.0))
+    x, y = (line.get_ydata() for line in figure.axes[3].lines)
+    assert (x[0], y[0]) == pytest.approx((np.degrees(0.01), 0.0), rel=1e-4)
+    band = figure.axes[3].collections[0].get_paths()[0].vertices[:, 1]
+    assert band.max() == pytest.approx(np.degrees(0.003))
 
 
 def labelled(figure, start):

@@ -52,7 +52,7 @@ def test_names_system_and_port_of_what_is_not_finite(sink, bad):
     context = asked(sink, pair=[1e150, -1e-150])
     assert sink.pair(context).tolist() == [1e150, -1e-150]
     fix(sink, context, pair=bad)
-    message = "^my_sink: input port 'pair' is not finite$"
+    message = "^my_sink: input port 'pair' is not finite at 0.000 s$"
     with pytest.raises(RuntimeError, match=message):
         sink.pair(context)
 

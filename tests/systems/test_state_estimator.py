@@ -5,10 +5,11 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results import estimate
 from nadia_balance.systems.state_estimator import START, StateEstimator
-from tests.blocks import answer, asked
-from tests.diagrams.simulated import EARLY, simulated
+from tests.blocks import answer, asked, fix
+from tests.diagrams.simulated import EARLY, diagram_of, simulated
 from tests.whole_body_examples import nadia, standing_positions
 
 PERIOD, NJ = 0.004, 23
@@ -73,6 +74,36 @@ def test_walks_by_its_sensors(engine):
     assert max(found["last_horizontal_m"], found["max_height_m"]) < 0.03
     assert found["mean_nees"] < 25.0
     assert estimate.lost_at(run.logs) is None
+
+
+def test_a_saturated_imu_is_an_error_that_tells_when():
+    """Oracle: the range; just below it there is an estimate."""
+    q = standing_positions()
+    sensors = SensorParams(gyro_range=5.0, force_range=20.0)
+    block = StateEstimator(nadia(), sensors, PERIOD, q)
+    joints = np.concatenate((q[7:], np.zeros(NJ)))
+    inputs = {"joints": joints, "foot_forces": np.array([450.0, 450.0])}
+    for entry, limit in ((2, -5.0), (4, 20.0), (8, 5.0)):
+        imu = np.zeros(9)
+        imu[entry] = 0.999 * limit
+        context = asked(block, imu=imu, **inputs)
+        context.SetTime(1.2)
+        answer(block, context, "estimated_state")
+        imu[entry] = limit
+        fix(block, context, imu=imu)
+        message = "input port 'imu' is saturated at 1.200 s$"
+        with pytest.raises(RuntimeError, match=message):
+            answer(block, context, "estimated_state")
+
+
+def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
+    """Oracle: by hand: told a place 0.1 m off, 20 deviations, at once."""
+    step = np.eye(30)[4] * 0.1
+    monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
+    run = simulate(diagram_of("{sensors: consumer}"), 1.0)
+    assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
+    assert estimate.lost_at(run.logs) == pytest.approx(0.2)
+    assert (run.error, run.fell_at) == ("", None)
 
 
 def test_a_filter_that_is_wrong_of_itself_is_lost():

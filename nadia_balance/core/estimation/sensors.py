@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 
 
@@ -34,6 +37,12 @@ class SensorParams:
     load_bias: float = bounded(0.0, least=0.0, most=1.0)
     # From measurement to controller, which knows it [s].
     delay: float = bounded(0.0, least=0.0, most=0.1)
+
+    @property
+    def imu_range(self) -> Array:
+        """Largest values (9,) that an Imu tells: rate, force, latest rate."""
+        ranges = self.gyro_range, self.force_range, self.gyro_range
+        return np.repeat(ranges, 3)
 
     def validate_more(self) -> None:
         """Raises ValueError if the IMU's pose has not three numbers each."""
