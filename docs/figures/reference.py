@@ -51,6 +51,7 @@ SUMMARY = {
     "duration_s": ("s", "simulated time"),
     "switched_mechanisms": ("", "in Meshcat during the run: `time_s`, `on`"),
     "pushes": ("", "each push as it came, see below"),
+    "estimate": ("", "errors of the estimated state (docs/sensors.md)"),
     "body_sway_deg": (
         "deg",
         "largest tilt of the line from between the soles to the CoM",
