@@ -9,7 +9,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --only-binary :all: --editable
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: push test lint browser clean
+.PHONY: push test lint browser results clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -28,6 +28,24 @@ browser: .venv/installed-test
 	@$(BIN)/playwright --version || sh .ci/apt libatomic1
 	@command -v chromium || command -v google-chrome || sh .ci/apt chromium \
 		|| $(BIN)/playwright install chromium
+
+# Remakes the results and pictures of docs from this commit: the sweep begins
+# below the limits that are there, and goes on after an interruption.
+results: .venv/installed-test browser
+	mkdir -p build
+	test -e build/known || mv docs/results/fig10 build/known
+	$(BIN)/python scripts/envelope.py --replicas 3 --from build/known \
+		--out docs/results/fig10
+	$(BIN)/python scripts/push.py --out build/push
+	$(BIN)/python docs/figures/picture.py --run build/push --gif \
+		--width 440 --height 620 --out docs/push.gif
+	$(BIN)/python scripts/simulate.py --scenario_name cinder_blocks \
+		--out build/blocks
+	$(BIN)/python docs/figures/picture.py --run build/blocks \
+		--times 5.9 10.5 16.3 --azimuth 60 --elevation 18 --distance 4.6 \
+		--width 270 --height 300 --out docs/ground.png
+	$(BIN)/python docs/figures/reference.py
+	rm -r build/known
 
 clean:
 	rm -rf .venv build dist *.egg-info
