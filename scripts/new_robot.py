@@ -19,7 +19,7 @@ import numpy as np
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import run_info, simulate
-from nadia_balance.new_robot import Named, Notes
+from nadia_balance.new_robot import Named
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.results.summary import summarize
 from nadia_balance.robot.margins import margins
@@ -29,6 +29,7 @@ from nadia_balance.scripts import command_line
 
 # Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
+NAMES = fields(Named)
 
 
 @command_line.program
@@ -36,7 +37,6 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     parser = _parser()
     args = parser.parse_args(argv)
-    named = Named(**{f.name: getattr(args, f.name) for f in fields(Named)})
     robot = args.out / "robot.yaml"
     with parser.refusing():
         roots = args.package_root or []
@@ -45,22 +45,25 @@ def main(argv: list[str] | None = None) -> int:
                 raise ValueError(f"package-root = {root}: must be a folder")
         if robot.exists() and not args.force:
             raise ValueError(f"{robot}: exists; --force overwrites it")
-        notes = _make_robot(
+        try:
+            from nadia_balance.new_robot.make import make_robot
+        except ImportError as error:
+            install = "pip install 'nadia_balance[robots]'"
+            raise ValueError(f"{error.name} is missing: {install}") from None
+        notes = make_robot(
             args.file,
             args.out,
             fix=args.fix or [],
             package_roots=roots,
             armature=args.armature,
-            named=named,
+            named=Named(**{f.name: getattr(args, f.name) for f in NAMES}),
         )
         command_line.say(*notes.lines())
-        command_line.say(
-            _fit_reach(load_robot(str(robot), args.fidelity), args.out)
-        )
+        made = load_robot(str(robot), args.fidelity)
+        command_line.say(_fit_reach(made, args.out))
     command_line.say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
-    if args.no_walk:
-        return command_line.DONE
-    return _walk(str(robot), args.fidelity)
+    walk = not args.no_walk
+    return _walk(str(robot), args.fidelity) if walk else command_line.DONE
 
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
@@ -82,17 +85,6 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
         f"{reach.width_max:.2f} m out, {reach.width_forward:.2f} and "
         f"{reach.width_backward:.2f} m across, by inverse kinematics"
     )
-
-
-def _make_robot(*args, **options) -> Notes:
-    """Calls make_robot, whose dependencies are the extra `robots`."""
-    try:
-        from nadia_balance.new_robot.make import make_robot
-    except ImportError as error:
-        raise ValueError(
-            f"{error.name} is missing: pip install 'nadia_balance[robots]'"
-        ) from None
-    return make_robot(*args, **options)
 
 
 _FLAGS: command_line.Flags = {
@@ -134,44 +126,36 @@ def _parser() -> command_line.CommandLine:
     for flag, options in _FLAGS.items():
         parser.add_argument(f"--{flag}", **options)
     group = parser.add_argument_group("names", "Default: they are found.")
-    for field in fields(Named):
-        joint = field.name in ("hip_pitch", "knee", "ankle_pitch")
-        group.add_argument(
-            f"--{field.name.replace('_', '-')}",
-            default="",
-            metavar="JOINT,JOINT" if joint else "LINK",
-            help="of both legs" if joint else None,
+    for i, field in enumerate(NAMES):
+        flag = f"--{field.name.replace('_', '-')}"
+        kind, legs = (
+            ("JOINT,JOINT", "of both legs") if i > 3 else ("LINK", None)
         )
+        group.add_argument(flag, default="", metavar=kind, help=legs)
     return parser
 
 
 def _walk(robot: str, fidelity: str) -> int:
-    """Simulates walking in place and prints the result; returns the exit code.
-
-    The robot may be too small for the parameters of the scenario.
-    """
+    """Simulates walking in place and prints the result; returns the code."""
     scenario = load_scenario(
         "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
     )
     try:
         diagram = HumanoidDiagram(scenario)
-    except ValueError as error:
+    except ValueError as error:  # it may be too small for the parameters
         command_line.say(f"DID NOT WALK: {error}")
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
-    info = run_info(scenario, run, "humanoid", "walk_in_place")
-    found, log = summarize(run, info), run.logs
-    walked = found["recovered"]
+    found = summarize(run, run_info(scenario, run, "humanoid", "walk_in_place"))
+    loads = torque_ratio(run.logs), joint_speed_ratio(run.logs)
+    failed = "" if found["recovered"] else f": {found['reason']}"
     command_line.say(
-        f"{'WALKED' if walked else 'DID NOT WALK'}: {found['steps_taken']} "
+        f"{'DID NOT WALK' if failed else 'WALKED'}: {found['steps_taken']} "
         f"steps in place, max ICP error {1e3 * found['max_icp_error_m']:.1f} "
-        f"mm, max torque {100 * found['max_torque_ratio']:.0f} %"
-        + ("" if walked else f": {found['reason']}")
+        f"mm, max torque {100 * found['max_torque_ratio']:.0f} %{failed}",
+        *margins(diagram.robot, *np.max(loads, axis=1, initial=0.0)),
     )
-    loads = torque_ratio(log), joint_speed_ratio(log)
-    largest = np.max(loads, axis=1, initial=0.0)
-    command_line.say(*margins(diagram.robot, *largest))
-    return command_line.DONE if walked else command_line.FAILED
+    return command_line.FAILED if failed else command_line.DONE
 
 
 if __name__ == "__main__":

@@ -1,20 +1,22 @@
-"""Measurement of the lengths and the standing posture for robot.yaml."""
+"""Measurement of the fields of robot.yaml, and the standing posture."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
-from pydrake.math import RotationMatrix
+from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import least_squares
 
-from nadia_balance.core.body.com_height import LegReach, leg_reach
+from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
-from nadia_balance.core.math.size import Size
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.size import Size, scaled
+from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.description import Description
-from nadia_balance.new_robot.shapes import Array
-from nadia_balance.new_robot.soles import SolePlane, largest_rectangle
+from nadia_balance.new_robot.soles import find_sole, largest_rectangle
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -24,129 +26,146 @@ _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
 # Smallest gap between the standing soles [leg length].
 _GAP = 0.05
+_SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
 _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
-
-@dataclass
-class Sole:
-    """The field `sole` of RobotParams [m]."""
-
-    x_min: float
-    x_max: float
-    half_width: float
-    z: float
+Fields = dict[str, Any]  # of robot.yaml [m, rad]
 
 
-@dataclass
-class Measurements:
-    """The measured fields of RobotParams; lengths in m, angles in rad."""
+def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
+    """Returns the fields of robot.yaml; sets the frames of `robot`.
 
-    sole: Sole
-    legs: LegGeometry
-    reach: LegReach
-    com_height: float
-    step_width: float
-    posture: dict[str, float]
-    # Lower and upper joint limits that keep the knees bent.
-    knee_limits: dict[str, tuple[float, float]]
-
-    @property
-    def size(self) -> Size:
-        """The size that scales Nadia's values to parameters not measured."""
-        leg, sole = self.legs.length + self.legs.ankle_height, self.sole
-        return Size(leg, sole.x_max - sole.x_min, 2.0 * sole.half_width)
-
-
-def set_frames(
-    robot: Description, anatomy: Anatomy, soles: Mapping[Side, SolePlane]
-) -> dict[Side, Array]:
-    """Rotates the frames of pelvis, torso and feet: x forward, z up.
-
-    The frames of the feet are parallel to the soles; origins do not move.
-    Returns the points (k, 2) [m] of the soles in the frames of the feet.
+    Raises ValueError: a foot has no sole, or it cannot stand on level ones with
+    bent knees.
     """
-    poses = robot.poses()
-    turns = {}
-    for side, foot in anatomy.feet.items():
-        z = -soles[side].down
-        y = np.cross(z, poses[foot].rotation().inverse() @ anatomy.axes[:, 0])
-        y /= np.linalg.norm(y)
-        turns[foot] = np.stack([np.cross(y, z), y, z], axis=1)
-    for link in anatomy.pelvis, anatomy.torso:
-        turns[link] = poses[link].rotation().inverse().matrix() @ anatomy.axes
-    for link, turn in turns.items():
-        robot.turn(link, RotationMatrix.ProjectToRotationMatrix(turn))
-    anatomy.axes = np.eye(3)
-    return {
-        side: (soles[side].points @ turns[foot])[:, :2]
-        for side, foot in anatomy.feet.items()
+    legs, feet = list(anatomy.legs.values()), list(anatomy.feet.values())
+    forward, _, up = anatomy.axes.T
+    R_RL = {link: pose.rotation() for link, pose in robot.poses().items()}
+    soles = [find_sole(robot.links[f], R_RL[f].inverse() @ -up) for f in feet]
+    depths = [sole.depth for sole in soles]
+    # Frames of pelvis, torso and feet get x forward and z up, the feet's along
+    # their soles; origins stay.
+    ups = dict.fromkeys((robot.root, anatomy.torso), up)
+    ups |= {
+        f: R_RL[f] @ -sole.down for f, sole in zip(feet, soles, strict=True)
     }
-
-
-def measure(
-    robot: Description,
-    anatomy: Anatomy,
-    soles: Mapping[Side, Array],
-    depth: float,
-) -> Measurements:
-    """Returns measured lengths and the posture of `robot`, after set_frames.
-
-    `soles` are points (k, 2) [m] in the frames of the feet, at z = -`depth`.
-
-    Raises:
-        ValueError: the robot cannot stand with bent knees on level soles.
-    """
-    legs = list(anatomy.legs.values())
-    heel, toe, half_width = largest_rectangle(list(soles.values()))
+    for link, z in ups.items():
+        y = np.cross(z, forward)
+        y /= np.linalg.norm(y)
+        axes = np.stack([np.cross(y, z), y, z])
+        R_NR = RotationMatrix.ProjectToRotationMatrix(axes)
+        R_RL[link] = R_NR @ R_RL[link]  # now R_NL
+        robot.move(link, RigidTransform(R_RL[link]))
+    flat = [
+        (R_RL[foot] @ sole.points.T)[:2].T
+        for foot, sole in zip(feet, soles, strict=True)
+    ]
+    extents = [np.ptp(points, axis=0) for points in flat]
+    for foot, (x, y) in zip(feet, extents, strict=True):
+        if y > x:
+            line = f"is wider than long, {y:.3f} and {x:.3f} m: is it turned?"
+            notes.add("warning", f"the sole of {foot} {line}")
+    heel, toe, half_width = largest_rectangle(flat)
     knees = {leg.knee: _knee(robot, leg) for leg in legs}
-    length = _length(anatomy, knees.values())
+    lengths = [knee.longest() for knee in knees.values()]
+    length, depth = float(np.mean(lengths)), float(np.mean(depths))
+    for what, (left, right), most, where in (
+        ("soles of", depths, _SAME_DEPTH, "under the ankles"),
+        ("legs to", lengths, _SAME_LENGTH * length, "long"),
+    ):
+        if abs(left - right) > most:
+            raise ValueError(
+                f"{what} {' and '.join(feet)}: must be alike; they are "
+                f"{left:.3f} and {right:.3f} m {where}"
+            )
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
     posture = _posture(robot, legs, knees, p_FS)
-    com, poses = robot.com(posture), robot.poses(posture)
-
-    def height(names: list[str]) -> float:
-        """Mean height [m] of joints."""
-        links = [robot.joints[name].child for name in names]
-        return float(np.mean([poses[link].translation()[2] for link in links]))
-
-    left, right = (poses[leg.foot] @ p_FS for leg in legs)
+    poses = robot.poses(posture)
+    left, right = (poses[foot] @ p_FS for foot in feet)
     ground, across = float(0.5 * (left + right)[2]), float(left[1] - right[1])
+    hips, _, ankles = (
+        float(robot.hinges(names, poses)[0][:, 2].mean())
+        for names in zip(*(leg.pitches for leg in legs), strict=True)
+    )
+    com = float(robot.com(poses)[2])
     geometry = LegGeometry(
         length=length,
-        ankle_height=height([leg.ankle_pitch for leg in legs]) - ground,
-        com_above_hip=float(com[2]) - height([leg.hip_pitch for leg in legs]),
+        ankle_height=ankles - ground,
+        com_above_hip=com - hips,
         hip_width=across,
     )
-    com_height = float(com[2]) - ground
-    return Measurements(
-        sole=Sole(heel, toe, half_width, -depth),
-        legs=geometry,
-        reach=leg_reach(geometry, com_height, _lean(robot, anatomy)),
-        com_height=com_height,
-        step_width=max(across, 2.0 * half_width + _GAP * length),
-        posture=posture,
-        knee_limits={name: knee.limits() for name, knee in knees.items()},
-    )
+    able = leg_reach(geometry, com - ground, _lean(robot, anatomy))
+    step_width = max(across, 2.0 * half_width + _GAP * length)
+    sole = {"x_min": heel, "x_max": toe, "half_width": half_width, "z": -depth}
+    fields: Fields = {
+        "name": robot.name,
+        "urdf": "robot.urdf",
+        "pelvis_body": robot.root,
+        "torso_body": anatomy.torso,
+        "left_foot_body": feet[0],
+        "right_foot_body": feet[1],
+        "sole": sole,
+        "com_height": com - ground,
+        "step_width": step_width,
+        "posture": posture,
+        "legs": asdict(geometry),
+        "whole_body": {"joint_lower_limits": {}, "joint_upper_limits": {}},
+    }
+    for name, knee in knees.items():
+        if knee.least < _NEVER_STRAIGHT:
+            which = "lower" if knee.sense > 0.0 else "upper"
+            limits = fields["whole_body"][f"joint_{which}_limits"]
+            limits[name] = knee.angle(_NEVER_STRAIGHT)
+    # Nadia's lengths and widths, scaled, at most the legs' reach.
+    nadias = scaled(ReachabilityParams(), size_of(fields))
+    forward = min(nadias.length_forward, able.length)
+    fields["reachability"] = widths(nadias) | {
+        "length_forward": forward,
+        "length_backward": forward,
+        "width_nominal": step_width,
+        "width_max": min(nadias.width_max, able.width_max),
+    }
+    x, y = extents[0]
+    for line in (
+        f"sole {toe - heel:.3f} x {2.0 * half_width:.3f} m, of {x:.3f} x "
+        f"{y:.3f} m that the {soles[0].source} shapes have",
+        f"legs {length:.3f} m, hips {across:.3f} m apart, ankles "
+        f"{ankles - ground:.3f} m high",
+        f"CoM {com - ground:.3f} m high, soles {step_width:.3f} m apart; arms "
+        "and spine at 0, or near it",
+        f"legs reach {able.length:.3f} m forward and back, "
+        f"{able.width_max:.3f} m to the side; used up to Nadia's, by size",
+    ):
+        notes.add("guessed", line)
+    return fields
+
+
+def size_of(fields: Fields) -> Size:
+    """The size that scales Nadia's values to parameters not measured."""
+    legs, sole = fields["legs"], fields["sole"]
+    leg, width = legs["length"] + legs["ankle_height"], 2.0 * sole["half_width"]
+    return Size(leg, sole["x_max"] - sole["x_min"], width)
+
+
+def widths(reach: ReachabilityParams) -> dict[str, float]:
+    """The lengths and widths [m] of a reach that robot.yaml has."""
+    kinds = ("length_", "width_")
+    return {k: v for k, v in vars(reach).items() if k.startswith(kinds)}
 
 
 def _lean(robot: Description, anatomy: Anatomy) -> float:
-    """Largest outward angle [rad] of both legs by the ranges of roll joints.
-
-    The sole stays level if the ankle has a roll joint; without one the ankle
-    does not limit the angle, and the sole tilts.
-    """
+    """Largest outward angle [rad] of both legs, by the ranges of rolls."""
     poses, most = robot.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
-        knee = leg.joints.index(leg.knee)
+        _, axes = robot.hinges(leg.joints, poses)
+        above = leg.joints.index(leg.knee)
         for i, name in enumerate(leg.joints):
-            joint = robot.joints[name]
-            axis = poses[joint.child].rotation() @ robot.axis(joint)
-            along = float(axis[0])
-            if abs(along) > ALONG:
+            if abs(axes[i, 0]) > ALONG:
                 # Hips rotate the leg outward, ankles the foot back inward.
-                outward = side.sign * np.sign(along) * (1 if i < knee else -1)
+                outward = side.sign * axes[i, 0] * (1 if i < above else -1)
+                joint = robot.joints[name]
                 most = min(most, joint.upper if outward > 0 else -joint.lower)
     return max(most, 0.0)
 
@@ -163,7 +182,6 @@ class _Knee:
     most: float  # largest bend [rad]
 
     def angle(self, bend: float) -> float:
-        """The joint angle [rad] of a `bend` [rad]."""
         return self.sense * (bend - self.at_zero)
 
     def longest(self) -> float:
@@ -172,43 +190,16 @@ class _Knee:
         product = self.thigh * self.shin * np.cos(bend)
         return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
 
-    def limits(self) -> tuple[float, float]:
-        """Limits [rad] of the joint angle that keep it bent, +-inf if none."""
-        if self.least >= _NEVER_STRAIGHT:
-            return -np.inf, np.inf
-        angle = self.angle(_NEVER_STRAIGHT)
-        return (angle, np.inf) if self.sense > 0.0 else (-np.inf, angle)
-
-
-def _length(anatomy: Anatomy, knees: Iterable[_Knee]) -> float:
-    """Mean length of the legs [m]; raises ValueError if they differ."""
-    left, right = (knee.longest() for knee in knees)
-    length = 0.5 * (left + right)
-    if abs(left - right) > _SAME_LENGTH * length:
-        raise ValueError(
-            f"legs to {' and '.join(anatomy.feet.values())}: must be alike; "
-            f"they are {left:.3f} and {right:.3f} m long"
-        )
-    return length
-
 
 def _knee(robot: Description, leg: Leg) -> _Knee:
-    poses = robot.poses(dict.fromkeys(leg.joints, 0.0))
-    hip, knee, ankle = (
-        poses[robot.joints[name].child].translation()[[0, 2]]
-        for name in (leg.hip_pitch, leg.knee, leg.ankle_pitch)
-    )
-    thigh, shin = knee - hip, ankle - knee
+    poses, joint = robot.poses(dict.fromkeys(leg.joints, 0.0)), leg.knee
+    points, axes = robot.hinges(leg.pitches, poses)
+    thigh, shin = np.diff(points[:, [0, 2]], axis=0)
     at_zero = np.arctan2(thigh[1] * shin[0] - thigh[0] * shin[1], thigh @ shin)
-    joint = robot.joints[leg.knee]
-    sense = np.sign((poses[joint.child].rotation() @ robot.axis(joint))[1])
-    least, most = sorted(
-        at_zero + sense * angle for angle in (joint.lower, joint.upper)
-    )
-    return _Knee(
-        *map(float, map(np.linalg.norm, (thigh, shin))),
-        *map(float, (at_zero, sense, least, most)),
-    )
+    sense, knee = np.sign(axes[1, 1]), robot.joints[joint]
+    bends = sorted(at_zero + sense * end for end in (knee.lower, knee.upper))
+    lengths = map(np.linalg.norm, (thigh, shin))
+    return _Knee(*map(float, (*lengths, at_zero, sense, *bends)))
 
 
 def _posture(
@@ -217,28 +208,22 @@ def _posture(
     knees: Mapping[str, _Knee],
     p_FS: Array,
 ) -> dict[str, float]:
-    """Angles [rad] of all joints with bent knees and level soles under the CoM.
-
-    Raises:
-        ValueError: the ranges of the legs' joints are too small.
-    """
+    """Angles [rad] of all joints: knees bent, soles level under the CoM."""
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
         for name, joint in robot.joints.items()
     }
-    searched = [n for leg in legs for n in (leg.hip_pitch, leg.ankle_pitch)]
-    joints = [robot.joints[name] for name in searched]
+    searched = [name for leg in legs for name in leg.pitches[::2]]
     bounds = [
-        [joint.nearest(end, _LEG_MARGIN) for joint in joints]
+        [robot.joints[name].nearest(end, _LEG_MARGIN) for name in searched]
         for end in (-np.inf, np.inf)
     ]
 
     def off(values: Array) -> Array:
-        """Distances [m] of the soles from the CoM, and their slopes [rad]."""
         angles.update(zip(searched, map(float, values), strict=True))
-        com, poses = robot.com(angles), robot.poses(angles)
-        feet = [poses[leg.foot] for leg in legs]
+        poses = robot.poses(angles)
+        com, feet = robot.com(poses), [poses[leg.foot] for leg in legs]
         return np.array(
             [(X_RF @ p_FS - com)[0] for X_RF in feet]
             + [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
@@ -246,15 +231,14 @@ def _posture(
 
     for name, knee in knees.items():
         if knee.most < _BENDS[-1]:
-            raise ValueError(
-                f"joint {name}: must bend the knee, so that the foot goes back,"
-                f" by {_BENDS[-1]:.2f} rad; it does by {knee.most:.2f} rad"
-            )
+            why = f"by {_BENDS[-1]:.2f} rad; it does by {knee.most:.2f} rad"
+            goal = "must bend the knee, so that the foot goes back"
+            raise ValueError(f"joint {name}: {goal}, {why}")
     for bend in _BENDS:
         for name, knee in knees.items():
             nearest = robot.joints[name].nearest
             angles[name] = nearest(knee.angle(bend), _LEG_MARGIN)
-        start = np.clip(np.zeros(len(joints)), *bounds)
+        start = np.clip(np.zeros(len(searched)), *bounds)
         found = least_squares(off, start, bounds=bounds)
         if np.abs(off(found.x)).max() < _LEVEL:
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}

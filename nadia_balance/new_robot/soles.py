@@ -4,16 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, QhullError
 
-from nadia_balance.new_robot.shapes import Array, Shape
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
 
 # Tolerances for points on the plane, of meshes and of round solids [m].
 _ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
 _ON_PLANE_EXACT = 0.0025
 _SAME_NORMAL = np.cos(np.deg2rad(3.0))
 _DOWNWARD = np.cos(np.deg2rad(50.0))
+_WIDTHS = 10001  # of rectangles that are compared
 
 
 @dataclass
@@ -27,19 +28,22 @@ class SolePlane:
     source: str
 
 
-def larger_sole(
-    colliding: Sequence[Shape], visual: Sequence[Shape], down: Array
-) -> SolePlane | None:
+def find_sole(foot: Link, down: Array) -> SolePlane:
     """Returns the plane of the sole; `down` (3,) is its approximate normal.
 
     The plane is that of the collision shapes, or of the visual ones if their
     sole is more than twice as large, or the only flat one.
+
+    Raises ValueError: no shape is flat below.
     """
-    first = sole_plane(colliding, down, "collision")
-    second = sole_plane(visual, down, "visual")
-    if first and second:
-        return second if second.area > 2.0 * first.area else first
-    return first or second
+    roles = (COLLIDING, VISUAL)
+    found = [sole_plane(foot.of(role), down, role) for role in roles]
+    if not any(found):
+        why = "must have a shape with a flat side below"
+        also = f"; {foot.missing}" if foot.missing else ""
+        raise ValueError(f"foot {foot.name}: {why}{also}")
+    weight = {COLLIDING: 2.0, VISUAL: 1.0}
+    return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
 
 
 def sole_plane(
@@ -61,7 +65,13 @@ def sole_plane(
     near = alike[int((alike @ areas).argmax())]
     normal = areas[near] @ normals[near]
     normal /= np.linalg.norm(normal)
-    lowest = [_lowest(shape, normal) for shape in shapes]
+    # Of a ball's points, the farthest along the normal.
+    lowest = [
+        s.spine(2).T + s.size["radius"] * normal
+        if s.kind in ("sphere", "capsule")
+        else s.points()
+        for s in shapes
+    ]
     depth = max(float((points @ normal).max()) for points in lowest)
     on_plane = [
         p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
@@ -76,51 +86,23 @@ def sole_plane(
     return SolePlane(normal, depth, flat, area, source)
 
 
-def _lowest(shape: Shape, normal: Array) -> Array:
-    """Points (k, 3) of a shape; of a ball's, the farthest along `normal`."""
-    if shape.kind not in ("sphere", "capsule"):
-        return shape.points()
-    radius, length = (
-        float(shape.size.get(key, "0")) for key in ("radius", "length")
-    )
-    ends = 0.5 * length * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    return (shape.X_LG @ ends.T).T + radius * normal
-
-
 def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
     """Returns x_min, x_max and half-width [m] of the largest rectangle.
 
     It is symmetric about y = 0 and within the hulls of all `soles`, points
-    (k, 2) [m].  Its length is a concave function of its width, so that the area
-    has one maximum.
-
-    Raises:
-        ValueError: no such rectangle exists.
+    (k, 2) [m].  Raises ValueError: no such rectangle exists.
     """
     sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
     a_x, a_y, c = sides.T
     ahead, behind = a_x > 1e-9, a_x < -1e-9
     beside = ~(ahead | behind)
-
-    def ends(width: float) -> tuple[float, float]:
-        """Heel and toe at y = +-width; heel > toe if the hulls are narrower."""
-        room = -c - np.abs(a_y) * width  # a_x x <= room
-        heel = (room[behind] / a_x[behind]).max()
-        toe = (room[ahead] / a_x[ahead]).min()
-        return float(heel), float(toe)
-
     widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
     widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
-
-    def lost(width: float) -> float:
-        heel, toe = ends(width)
-        return -width * (toe - heel)
-
-    if widest <= 0.0 or ends(0.0)[0] >= ends(0.0)[1]:
+    widths = np.linspace(0.0, max(widest, 0.0), _WIDTHS)
+    room = -c[:, None] - np.abs(a_y)[:, None] * widths  # a_x x <= room
+    heels = (room[behind] / a_x[behind, None]).max(axis=0)
+    toes = (room[ahead] / a_x[ahead, None]).min(axis=0)
+    i = int((widths * (toes - heels)).argmax())
+    if not toes[i] > heels[i] or not widest > 0.0:
         raise ValueError("soles: must have a part on y = 0 in common")
-    found = minimize_scalar(
-        lost, bounds=(0.0, widest), method="bounded", options={"xatol": 1e-7}
-    )
-    # The maximum may be at the bound `widest`, which the search excludes.
-    width = min(float(found.x), widest, key=lost)
-    return *ends(width), width
+    return float(heels[i]), float(toes[i]), float(widths[i])

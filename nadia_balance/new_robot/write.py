@@ -1,113 +1,107 @@
 """Writer of a robot folder: robot.urdf, meshes and robot.yaml."""
 
-import itertools
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
 import yaml
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.body.reachability import ReachabilityParams
-from nadia_balance.core.math.size import scaled
-from nadia_balance.new_robot.anatomy import Anatomy
-from nadia_balance.new_robot.capsules import Capsules, Pairs
-from nadia_balance.new_robot.description import Description, Joint
-from nadia_balance.new_robot.measure import Measurements
-from nadia_balance.new_robot.shapes import VISUAL, Shape
-from nadia_balance.new_robot.urdf import (
-    DRAKE,
-    add_pose,
-    add_transmission,
-    inertia_attributes,
-    text_of,
-)
+from nadia_balance.new_robot import description as robots
+from nadia_balance.new_robot.capsules import Pairs
+from nadia_balance.new_robot.measure import Fields, widths
+from nadia_balance.new_robot.urdf import DRAKE, MOMENTS
 
 _FRICTION = "0.8"
-_SPHERE = 0.005  # radius of the spheres at the soles' corners [m]
 # Meshes with more faces are simplified; vertices are merged on a grid [m].
 _FACES, _GRID = 2000, 0.006
 _OF_URDF = ("box", "sphere", "cylinder", "mesh")
 _HEADER = "# Made by nadia-new-robot from the robot's description.\n"
+ElementTree.register_namespace("drake", DRAKE[1:-1])
 
 
-def write_urdf(
-    robot: Description,
-    anatomy: Anatomy,
-    measured: Measurements,
-    shapes: tuple[Capsules, Pairs],
-    folder: Path,
-) -> None:
-    """Writes robot.urdf and, beside it, the visual meshes."""
-    capsules, ignored = shapes
-    top = Element("robot", name=robot.name)
-    poses = robot.poses(dict.fromkeys(robot.joints, 0.0))
+def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
+    """Writes robot.urdf and, beside it, the visual meshes.
+
+    The collisions of the pairs `ignored` are filtered.
+    """
+    top = _tag("robot", name=robot.name)
     for name in robot.below(robot.root):
-        if name != robot.root:
-            _joint(top, robot, robot.joint_to(name), poses)
-        link = SubElement(top, "link", name=name)
-        _inertial(link, robot)
-        for i, shape in enumerate(robot.shapes(name, VISUAL)):
-            _visual(link, shape, folder, re.sub(r"\W", "_", f"{name}_{i}"))
-        for capsule in capsules.get(name, []):
-            size = {"radius": capsule.radius, "length": capsule.length}
-            _collision(link, capsule.X_LG, "capsule", size)
-        if name in anatomy.feet.values():
-            sole = measured.sole
-            ends, side = (sole.x_min, sole.x_max), sole.half_width
-            for x, y in itertools.product(ends, (side, -side)):
-                centre = RigidTransform([x, y, sole.z + _SPHERE])
-                _collision(link, centre, "sphere", {"radius": _SPHERE})
-    for joint in robot.joints.values():
-        add_transmission(top, joint.name, rotor_inertia=joint.rotor_inertia)
+        top.extend(_joint(joint) for joint in robot.chain(name)[-1:])
+        link = robot.links[name]
+        shapes = [
+            _shape(shape, folder, re.sub(r"\W", "_", f"{name}_{i}"))
+            for role in (robots.VISUAL, robots.COLLIDING)
+            for i, shape in enumerate(link.of(role))
+        ]
+        top.append(_tag("link", _inertial(link), *shapes, name=name))
+    top.extend(_transmission(joint) for joint in robot.joints.values())
     for i, pair in enumerate(sorted(map(sorted, ignored))):
-        group = {"name": f"may_touch_{i}"}
-        filtered = SubElement(top, f"{DRAKE}collision_filter_group", group)
-        for link in pair:
-            SubElement(filtered, f"{DRAKE}member", link=link)
-        SubElement(filtered, f"{DRAKE}ignored_collision_filter_group", group)
+        group = f"may_touch_{i}"
+        members = [_tag(f"{DRAKE}member", link=link) for link in pair]
+        other = _tag(f"{DRAKE}ignored_collision_filter_group", name=group)
+        kind = f"{DRAKE}collision_filter_group"
+        top.append(_tag(kind, *members, other, name=group))
     ElementTree.indent(top)
-    text = ElementTree.tostring(top, encoding="unicode")
-    file = folder / "robot.urdf"
-    file.write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
+    file = ElementTree.ElementTree(top)
+    file.write(folder / "robot.urdf", encoding="utf-8", xml_declaration=True)
 
 
-def _solid(parent: Element, kind: str, size: Mapping[str, str]) -> None:
-    tag = kind if kind in _OF_URDF else DRAKE + kind
-    SubElement(SubElement(parent, "geometry"), tag, size)
+def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
+    """A tag whose attributes are texts, or numbers."""
+    texts = {
+        key: value
+        if isinstance(value, str)
+        else " ".join(f"{number:.9g}" for number in np.ravel(value))
+        for key, value in attributes.items()
+    }
+    element = Element(tag, texts)
+    element.extend(children)
+    return element
 
 
-def _inertial(link: Element, robot: Description) -> None:
-    inertia = robot.inertia(link.get("name", ""))
-    com = inertia.get_com()
-    central = inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
-    inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=text_of(com))
-    SubElement(inertial, "mass", value=text_of(inertia.get_mass()))
-    SubElement(inertial, "inertia", inertia_attributes(central))
+def _origin(X: RigidTransform) -> Element:
+    rpy = RollPitchYaw(X.rotation()).vector()
+    return _tag("origin", xyz=X.translation(), rpy=rpy)
 
 
-def _visual(link: Element, shape: Shape, folder: Path, name: str) -> None:
-    visual = SubElement(link, "visual", name=name)
-    add_pose(visual, shape.X_LG)
+def _inertial(link: robots.Link) -> Element:
+    central = link.central()
+    # All digits, which Drake needs to find it possible.
+    moments = [*central.get_moments(), *central.get_products()]
+    texts = [repr(float(moment)) for moment in moments]
+    return _tag(
+        "inertial",
+        _tag("origin", xyz=link.M.get_com()),
+        _tag("mass", value=link.M.get_mass()),
+        _tag("inertia", **dict(zip(MOMENTS, texts, strict=True))),
+    )
+
+
+def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
+    size: Mapping[str, Any] = shape.size
     if shape.kind == "mesh":
         file = folder / "meshes" / f"{name}.obj"
         file.parent.mkdir(exist_ok=True)
         coarse = _coarse(shape.mesh)
         coarse.export(file, include_normals=False, include_texture=False)
         size = {"filename": f"meshes/{file.name}"}
-    else:
-        size = shape.size
-    _solid(visual, shape.kind, size)
-    if shape.colour:
-        material = SubElement(visual, "material", name=f"{name}_colour")
-        SubElement(material, "color", rgba=shape.colour)
+    kind = shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind
+    parts = [_origin(shape.X_LG), _tag("geometry", _tag(kind, **size))]
+    if shape.role == robots.COLLIDING:
+        tags = f"{DRAKE}mu_static", f"{DRAKE}mu_dynamic"
+        friction = [_tag(tag, value=_FRICTION) for tag in tags]
+        parts.append(_tag(f"{DRAKE}proximity_properties", *friction))
+    elif shape.colour:
+        colour = _tag("color", rgba=shape.colour)
+        parts.append(_tag("material", colour, name=f"{name}_colour"))
+    return _tag(shape.role, *parts, name=name)
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -123,86 +117,47 @@ def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices[first], faces, process=False)
 
 
-def _collision(
-    link: Element, X_LG: RigidTransform, kind: str, size: Mapping[str, float]
-) -> None:
-    number = len(link.findall("collision"))
-    name = f"{link.get('name')}_{number}"
-    collision = SubElement(link, "collision", name=name)
-    add_pose(collision, X_LG)
-    _solid(collision, kind, {k: text_of(v) for k, v in size.items()})
-    ground = SubElement(collision, f"{DRAKE}proximity_properties")
-    for friction in ("mu_static", "mu_dynamic"):
-        SubElement(ground, f"{DRAKE}{friction}", value=_FRICTION)
-
-
-def _joint(
-    top: Element,
-    robot: Description,
-    joint: Joint,
-    poses: Mapping[str, RigidTransform],
-) -> None:
-    """Appends a joint; `poses` are those of the links with all joints at 0."""
-    element = SubElement(top, "joint", name=joint.name, type="revolute")
-    add_pose(element, poses[joint.parent].InvertAndCompose(poses[joint.child]))
-    SubElement(element, "parent", link=joint.parent)
-    SubElement(element, "child", link=joint.child)
-    SubElement(element, "axis", xyz=text_of(robot.axis(joint)))
+def _joint(joint: robots.Joint) -> Element:
     limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
         limits["velocity"] = joint.speed
-    SubElement(element, "limit", {k: text_of(v) for k, v in limits.items()})
+    parts = [
+        _origin(joint.X_PC),
+        _tag("parent", link=joint.parent),
+        _tag("child", link=joint.child),
+        _tag("axis", xyz=joint.axis),
+        _tag("limit", **limits),
+    ]
     if joint.damping:
-        SubElement(element, "dynamics", damping=text_of(joint.damping))
+        parts.append(_tag("dynamics", damping=joint.damping))
+    return _tag("joint", *parts, name=joint.name, type="revolute")
 
 
-def robot_fields(
-    name: str, anatomy: Anatomy, m: Measurements, max_joint_speed: float | None
-) -> dict[str, Any]:
-    """Returns the fields of robot.yaml [m, rad, rad/s]."""
-    left, right = anatomy.feet.values()
-    fields = {
-        "name": name,
-        "urdf": "robot.urdf",
-        "pelvis_body": anatomy.pelvis,
-        "torso_body": anatomy.torso,
-        "left_foot_body": left,
-        "right_foot_body": right,
-        "sole": asdict(m.sole),
-        "com_height": m.com_height,
-        "step_width": m.step_width,
-        "posture": m.posture,
-        "legs": asdict(m.legs),
-        "reachability": _widths(_reach(m)),
-        "max_joint_speed": max_joint_speed,
-        # Knees that are never straight.
-        "whole_body": {
-            f"joint_{which}_limits": {
-                knee: limits[i]
-                for knee, limits in m.knee_limits.items()
-                if np.isfinite(limits[i])
-            }
-            for i, which in enumerate(("lower", "upper"))
-        },
-    }
-    return {k: v for k, v in fields.items() if v is not None}
-
-
-def write_yaml(folder: Path, fields: Mapping[str, Any]) -> None:
-    """Writes robot.yaml, with lengths and angles to four decimals."""
-    text = yaml.safe_dump(
-        _rounded(fields),
-        default_flow_style=None,
-        sort_keys=False,
-        allow_unicode=True,
+def _transmission(joint: robots.Joint) -> Element:
+    kind = Element("type")
+    kind.text = "transmission_interface/SimpleTransmission"
+    rotor = _tag(f"{DRAKE}rotor_inertia", value=joint.rotor_inertia)
+    actuator = rotor, _tag(f"{DRAKE}gear_ratio", value="1")
+    return _tag(
+        "transmission",
+        kind,
+        _tag("joint", name=joint.name),
+        _tag("actuator", *actuator, name=joint.name),
+        name=f"{joint.name}_drive",
     )
+
+
+def write_yaml(folder: Path, fields: Fields) -> None:
+    """Writes robot.yaml, with lengths and angles to four decimals."""
+    style = {"default_flow_style": None, "allow_unicode": True}
+    text = yaml.safe_dump(_rounded(fields), sort_keys=False, **style)
     (folder / "robot.yaml").write_text(_HEADER + text, encoding="utf-8")
 
 
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     """Replaces the lengths and widths of `reach` in robot.yaml of `folder`."""
     text = (folder / "robot.yaml").read_text(encoding="utf-8")
-    fields = {**yaml.safe_load(text), "reachability": _widths(reach)}
+    fields = {**yaml.safe_load(text), "reachability": widths(reach)}
     write_yaml(folder, fields)
 
 
@@ -210,20 +165,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {k: _rounded(v) for k, v in value.items()}
     return round(float(value), 4) if isinstance(value, float) else value
-
-
-def _reach(m: Measurements) -> ReachabilityParams:
-    """Lengths and widths [m]: Nadia's, scaled, at most the legs' reach."""
-    nadias = scaled(ReachabilityParams(), m.size)
-    length = min(nadias.length_forward, m.reach.length)
-    width = min(nadias.width_max, m.reach.width_max)
-    lengths = {"length_forward": length, "length_backward": length}
-    widths = {"width_nominal": m.step_width, "width_max": width}
-    return replace(nadias, **lengths, **widths)
-
-
-def _widths(reach: ReachabilityParams) -> dict[str, float]:
-    lengths = "length_forward", "length_backward"
-    widths = "min", "nominal", "max", "forward", "backward"
-    names = (*lengths, *(f"width_{name}" for name in widths))
-    return {name: getattr(reach, name) for name in names}

@@ -195,7 +195,7 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
         (
             '"waist" axis="0 0 1" range="-1 1"',
             '"waist" type="ball"',
-            "joint waist: must not be",
+            "joint waist: ball: must be revolute or",
         ),
         (
             "<actuator>",

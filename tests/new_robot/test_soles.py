@@ -1,13 +1,15 @@
 """Soles of shapes whose flat side is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.new_robot.shapes import COLLIDING, Shape
+from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
 from nadia_balance.new_robot.soles import (
-    larger_sole,
+    find_sole,
     largest_rectangle,
     sole_plane,
 )
@@ -20,12 +22,12 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 def shape(kind, at, turned=UPRIGHT, **size) -> Shape:
     X = TILT @ RigidTransform(turned, np.array(at))
-    sizes = {name: str(value) for name, value in size.items()}
+    sizes = {name: np.atleast_1d(value) for name, value in size.items()}
     return Shape(COLLIDING, kind, sizes, X)
 
 
 def box(x, y, z, at=(0.0, 0.0, 0.0)) -> Shape:
-    return shape("box", at, size=f"{x} {y} {z}")
+    return shape("box", at, size=(x, y, z))
 
 
 def sphere(radius, at) -> Shape:
@@ -42,7 +44,7 @@ def rounded() -> Shape:
     ball = trimesh.creation.icosphere(4, 0.02).vertices
     points = np.concatenate([ball + corner for corner in corners])
     mesh = trimesh.convex.convex_hull(points)
-    return Shape(COLLIDING, "mesh", {}, TILT, given=mesh)
+    return Shape(COLLIDING, "mesh", {}, TILT, mesh=mesh)
 
 
 @pytest.mark.parametrize(
@@ -97,8 +99,9 @@ def test_collision_comes_before_visual_unless_it_is_small():
     large, small = box(0.2, 0.1, 0.04), box(0.1, 0.09, 0.04)
     half = box(0.15, 0.09, 0.04)
     for colliding, source in (small, "visual"), (half, "collision"):
-        found = larger_sole([colliding], [large], DOWN)
-        assert found.source == source
+        shown = replace(large, role=VISUAL)
+        foot = Link("foot", shapes=[colliding, shown])
+        assert find_sole(foot, DOWN).source == source
 
 
 def test_the_largest_rectangle_in_an_ellipse_and_in_two_soles():

@@ -98,7 +98,7 @@ def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
     """Oracle: without trimesh, one line."""
     monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.make")
-    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.shapes")
+    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.description")
     monkeypatch.setitem(sys.modules, "trimesh", None)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     message = "trimesh is missing: pip install 'nadia_balance[robots]'"
