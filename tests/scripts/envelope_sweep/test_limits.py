@@ -1,7 +1,10 @@
 """Oracle: lipm_limit_nadia.csv of the founders, through all that is above."""
 
+import re
+
 import pytest
 
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.envelope_sweep.limits import known_limits, limits_of
@@ -40,10 +43,16 @@ def test_every_robot_has_its_own():
 
 
 def test_knows_the_limits_of_a_folder(tmp_path):
-    """Oracle: the published picture's largest push forward."""
-    known = known_limits(ROOT / "docs" / "results" / "fig10")
+    """Oracle: the table of the published page, rounded to 0.01 m/s."""
+    results = ROOT / "docs" / "results"
+    known = known_limits(results / "fig10")
     assert len(known) == 60
-    assert known[Cell(*AT, "all_with_cross_over", 0.0)] == 1.76
+    page = (results / "README.md").read_text(encoding="utf-8")
+    for name in MECHANISMS:
+        (row,) = re.findall(rf"^\| `{name}` \|(.*)\|$", page, re.MULTILINE)
+        *told, _ = map(float, row.split("|"))
+        limits = [known[Cell(*AT, name, 30.0 * i)] for i in range(12)]
+        assert told == pytest.approx(limits, abs=0.005)
     (tmp_path / "limits.csv").write_text("a,b\n1,2\n")
     with pytest.raises(ValueError, match="^from = .*: must have a limits.csv"):
         known_limits(tmp_path)
