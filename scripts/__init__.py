@@ -13,7 +13,7 @@ from pathlib import Path
 
 INTERRUPTED = 130  # exit code after Ctrl-C, or SIGTERM
 _PROGRAMS = (
-    *("benchmark", "envelope", "new_robot", "push", "simulate"),
+    *("benchmark", "envelope", "estimate", "new_robot", "push", "simulate"),
     "_m",  # of `python -m`
 )
 

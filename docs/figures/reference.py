@@ -31,7 +31,7 @@ from nadia_balance.results.log import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 
 PAGE = Path(__file__).parents[1] / "reference.md"
-SCRIPTS = "push", "simulate", "envelope", "new_robot", "benchmark"
+SCRIPTS = "push", "simulate", "envelope", "estimate", "new_robot", "benchmark"
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {
     "outcome": ("", "recovered (also stood, walked), failed or undecided"),
@@ -127,6 +127,16 @@ ARRAYS = {
     "mechanisms": (
         "(n, 4) 0 or 1",
         ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
+    ),
+    "imu": (
+        "(n, 9) rad/s, m/s^2, rad/s",
+        "mean angular velocity and specific force, latest angular velocity",
+    ),
+    "joints": ("(n, 2 nj) rad, rad/s", "angles and speeds, by the encoders"),
+    "estimated_state": ("(n, nq + nv)", "`state` as the estimator says"),
+    "estimate_covariance": (
+        "(n, 81) rad, m/s, m",
+        "(9, 9), of the pelvis's angle, velocity and position, in W",
     ),
     "sole": ("(4, 2) m", "corners of a sole, in its frame"),
     "weight": ("() N", "of the robot"),

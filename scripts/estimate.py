@@ -1,0 +1,147 @@
+"""Estimates a robot's state from a log of its sensors, and draws it.
+
+Example:
+    python scripts/estimate.py mine.csv --robot g1 --sensors industrial
+"""
+
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
+import contextlib
+import sys
+import zipfile
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+
+from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.results import estimate
+from nadia_balance.results.folder import appearing, new_folder
+from nadia_balance.results.log import Log
+from nadia_balance.results.plots.estimate import draw
+from nadia_balance.results.plots.style import RC
+from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.robot.params import load_sensors
+from nadia_balance.scripts import command_line
+from nadia_balance.systems.state_estimator import StateEstimator
+
+SENSED = "imu", "joints", "foot_forces"
+FILES = "estimate.npz", "estimate.png"
+_CSV = {"delimiter": ",", "names": True, "deletechars": ""}
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`; returns the exit code of --help."""
+    parser = command_line.CommandLine(
+        prog="estimate.py",
+        description=__doc__.partition("\n")[0],
+        epilog="Exit code: 0 estimated, 1 lost, 2 bad input, 4 cannot write.",
+    )
+    path, about = command_line.place, "npz or CSV, see docs/sensors.md"
+    parser.add_argument("log", type=path, help=about)
+    parser.add_argument("--robot", default="nadia", help="or a robot.yaml")
+    pick = {"choices": SENSORS[1:], "default": "consumer"}
+    parser.add_argument("--sensors", **pick, help="how wrong they are")
+    parser.add_argument("--uneven", action="store_true", help="rough ground")
+    parser.add_argument("--out", type=path, help="folder for the results")
+    args = parser.parse_args(argv)
+    with contextlib.ExitStack() as held:
+        with parser.refusing():
+            robot, sensors = load_robot(args.robot), load_sensors(args.sensors)
+            log = read_sensed(args.log, robot)
+            period = float(log["t"][-1]) / (len(log["t"]) - 1)
+            height = None if args.uneven else 0.0
+            q = standing(log["joints"][0], robot)
+            block = StateEstimator(robot, sensors, period, q, height)
+            folder = new_folder(args.out, "estimate", FILES)
+            folder = held.enter_context(folder)
+            log = estimated(log, block, period)
+        what = {"robot": args.robot, "mechanisms": args.log.name}
+        with appearing(folder) as drafts, mpl.rc_context(RC):
+            np.savez(drafts / FILES[0], **log)
+            figure = draw(log, what | {"pushes": [], "fell_at": None})
+            figure.savefig(drafts / FILES[1])
+    found = (estimate.measure(log) if "state" in log else None) or {}
+    lost = estimate.lost_at(log)
+    command_line.say(
+        *(f"{name}: {value:.4g}" for name, value in found.items()),
+        *([] if lost is None else [f"ESTIMATOR LOST at {lost:.2f} s"]),
+        f"wrote {folder}/{{{', '.join(FILES)}}}",
+    )
+    return command_line.DONE if lost is None else command_line.FAILED
+
+
+def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
+    """Returns `t` (n,) from 0, SENSED and, if it is there, `state` of a log.
+
+    Raises ValueError: one is missing, not of its size, or `t` is uneven.
+    """
+    joints = robot.control_plant().GetPositionNames(False, False)[7:]
+    imu = [f"{of}_{axis}" for of in ("gyro", "force") for axis in "xyz"]
+    speeds = [f"{joint}_speed" for joint in joints]
+    columns = imu, [*joints, *speeds], ["left_force", "right_force"]
+    sizes = dict(zip(SENSED, (9, 2 * len(joints), 2), strict=True))
+    try:
+        if path.suffix == ".csv":
+            table = np.genfromtxt(path, **_CSV)
+            parts = [np.array([table[c] for c in of]).T for of in columns]
+            log = dict(zip(SENSED, parts, strict=True)) | {"t": table["t"]}
+        else:
+            with np.load(path, allow_pickle=False) as data:
+                names = {"t", *SENSED, *({"state"} & {*data})}
+                log = {name: data[name].astype(float) for name in names}
+        t = log["t"] = log["t"] - log["t"][0]
+        log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
+        for name, size in (sizes | {"state": 13 + sizes["joints"]}).items():
+            if name in log and log[name].shape != (len(t), size):
+                raise ValueError(f"{name} must be ({len(t)}, {size})")
+        if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
+            raise ValueError("t must rise in equal steps")
+    except (LookupError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        what = f"a CSV or npz as in docs/sensors.md ({error})"
+        raise ValueError(f"log = {path}: must be {what}") from None
+    return log
+
+
+def standing(joints: np.ndarray, robot: RobotModel) -> np.ndarray:
+    """Positions (nq,) with these joint angles, level soles about W's origin."""
+    plant = robot.control_plant()
+    own, n = plant.CreateDefaultContext(), plant.num_positions() - 7
+    q = np.array([1.0, *np.zeros(6), *joints[:n]])
+    plant.SetPositions(own, q)
+    left, right = (
+        plant.GetFrameByName(foot).CalcPoseInWorld(own) @ robot.X_FootSole[side]
+        for side, foot in robot.foot_bodies.items()
+    )
+    middle = 0.5 * (left.translation() + right.translation())
+    X_WB = RigidTransform(left.rotation(), middle).inverse()
+    q[:7] = *X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()
+    return q
+
+
+def estimated(log: Log, block: StateEstimator, period: float) -> Log:
+    """Returns `log` with what the estimator tells of it, tick by tick.
+
+    Raises ValueError: a value is not finite, or the IMU is saturated.
+    """
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    told = {"estimated_state": [], "estimate_covariance": []}
+    try:
+        for i in range(len(log["t"])):
+            for name in SENSED:
+                block.GetInputPort(name).FixValue(context, log[name][i])
+            for name, rows in told.items():
+                rows.append(block.GetOutputPort(name).Eval(context))
+            simulator.AdvanceTo((i + 1) * period)
+    except RuntimeError as error:
+        raise ValueError(str(error)) from None
+    return {**log, **{name: np.array(rows) for name, rows in told.items()}}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""One's own log through the filter, as a user sees it."""
+
+import re
+
+import numpy as np
+import pytest
+
+from nadia_balance.results.estimate import measure
+from nadia_balance.scripts import estimate
+from nadia_balance.scripts.estimate import FILES, SENSED
+from tests.diagrams.simulated import EARLY, simulated
+from tests.scripts.running import assert_refused, run_script
+from tests.whole_body_examples import nadia
+
+
+@pytest.fixture(scope="module")
+def log():
+    """What the sensors told in a short walk, and the plant's state."""
+    run = simulated(
+        f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, sensors: consumer, "
+        "seed: 3, engine: drake}"
+    )
+    return {name: run.logs[name] for name in ("t", *SENSED, "state")}
+
+
+def outcome(log, folder, capsys, *flags):
+    """Writes `log`, estimates, and returns what the user sees."""
+    np.savez(folder / "log.npz", **log)
+    argv = [folder / "log.npz", "--out", folder / "out", *flags]
+    return run_script(estimate, argv, capsys)
+
+
+def test_the_log_of_a_run_is_estimated_as_in_its_loop(log, tmp_path, capsys):
+    """Oracle: the plant's state, in the bars of the estimator in the loop."""
+    found = outcome(log, tmp_path, capsys)
+    assert (found.code, found.err) == (0, [])
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*FILES]
+    with np.load(tmp_path / "out" / "estimate.npz") as data:
+        told = dict(data)
+    errors = measure(told)
+    assert errors["rms_velocity_m_s"] < 0.012
+    assert errors["max_tilt_deg"] < 0.8
+    assert max(errors["last_horizontal_m"], errors["max_height_m"]) < 0.03
+    assert f"mean_nees: {errors['mean_nees']:.4g}" in found.out
+
+
+def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
+    """Oracle: the same numbers by another way, columns back to front."""
+    rows = {name: log[name][:50] for name in ("t", *SENSED)}
+    rows["imu"], rows["t"] = rows["imu"][:, :6], rows["t"] + 7.0
+    joints = nadia().control_plant().GetPositionNames(False, False)[7:]
+    head = ["t", *(f"{of}_{x}" for of in ("gyro", "force") for x in "xyz")]
+    head += [*joints, *(f"{joint}_speed" for joint in joints)]
+    head += ["left_force", "right_force"]
+    table = np.column_stack([*rows.values()])[:, ::-1]
+    csv = tmp_path / "log.csv"
+    look = {"delimiter": ",", "comments": "", "fmt": "%.17g"}
+    np.savetxt(csv, table, header=",".join(head[::-1]), **look)
+    outcome(rows, tmp_path, capsys)
+    found = run_script(estimate, [csv, "--out", tmp_path / "csv"], capsys)
+    assert (found.code, found.err) == (0, [])
+    told = []
+    for folder in ("out", "csv"):
+        with np.load(tmp_path / folder / "estimate.npz") as data:
+            told.append(data["estimated_state"])
+    assert told[0].shape == (50, log["state"].shape[1])
+    assert np.array_equal(*told)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "message"),
+    [
+        ("imu", lambda a: a[:, :5], r"log = .*imu must be [(]\d+, 9[)]"),
+        ("joints", lambda a: a[:-1], r"log = .*joints must be [(]\d+, 46[)]"),
+        ("t", lambda a: a**2, "log = .*t must rise in equal steps"),
+        (
+            "foot_forces",
+            lambda a: np.where(np.arange(len(a))[:, None] == 5, np.nan, a),
+            "StateEstimator: input port 'foot_forces' is not finite at 0.020 s",
+        ),
+    ],
+)
+def test_a_log_that_is_wrong_is_refused(
+    log, tmp_path, capsys, name, spoil, message
+):
+    """Oracle: the one line, and that nothing is written."""
+    found = outcome({**log, name: spoil(log[name])}, tmp_path, capsys)
+    assert found.code == 2
+    (line,) = found.err
+    assert re.search(f"^estimate.py: {message}", line), line
+    assert not any((tmp_path / "out").glob("*"))
+
+
+def test_a_log_without_an_imu_is_refused(log, tmp_path, capsys):
+    """Oracle: the one line names the array."""
+    log = {name: log[name] for name in log if name != "imu"}
+    found = outcome(log, tmp_path, capsys)
+    assert_refused(found, f"log = {tmp_path}/log.npz: must be a CSV or npz")
+    assert "imu" in found.err[0]
