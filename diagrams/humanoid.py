@@ -286,7 +286,7 @@ class HumanoidDiagram(ClosedLoop):
         return foot_beside(ground, schedule)
 
     def nees(self, context: Context) -> float:
-        """Squared error of the estimated state; 0 for one that is told."""
+        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}

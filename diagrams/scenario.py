@@ -63,7 +63,7 @@ class Scenario:
     # Control period of the point mass.  At 0.01 the largest pushes are those at
     # controller.control_period, and the simulation is faster.
     lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
-    # Of the physics engine.
+    # Time step of the physics engine; it divides controller.control_period.
     time_step: float = bounded(0.001, least=1e-5, most=0.1, unit="s", of="")
     # Model errors and measurement errors unknown to the controller.
     imperfections: Imperfections = field(default_factory=Imperfections)

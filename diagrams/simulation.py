@@ -102,7 +102,7 @@ class ClosedLoop(Diagram):
         return ""
 
     def nees(self, context: Context) -> float:
-        """Squared error of the estimated state; 0 for one that is told."""
+        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
         return 0.0
 
     def improper_contacts(self, context: Context) -> set[str]:

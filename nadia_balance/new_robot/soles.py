@@ -65,7 +65,7 @@ def sole_plane(
     near = alike[int((alike @ areas).argmax())]
     normal = areas[near] @ normals[near]
     normal /= np.linalg.norm(normal)
-    # Of a ball's points, the farthest along the normal.
+    # A round shape touches the ground with its point farthest along the normal.
     lowest = [
         s.spine(2).T + s.size["radius"] * normal
         if s.kind in ("sphere", "capsule")

@@ -21,7 +21,7 @@ class SensorParams:
     gyro_bias: float = bounded(0.0, least=0.0, most=0.5)  # [rad/s]
     gyro_walk: float = bounded(0.0, least=0.0, most=0.1)  # [rad/s/sqrt(s)]
     gyro_range: float = bounded(35.0, above=0.0)  # [rad/s]
-    # Of the specific force a - g.
+    # Errors of the specific force a - g, and its range.
     force_noise: float = bounded(0.0, least=0.0, most=1.0)  # [m/s^2/sqrt(Hz)]
     force_bias: float = bounded(0.0, least=0.0, most=5.0)  # [m/s^2]
     force_walk: float = bounded(0.0, least=0.0, most=1.0)  # [m/s^2/sqrt(s)]
@@ -29,13 +29,14 @@ class SensorParams:
     imu_body: str = ""  # empty: the pelvis
     imu_position: list[float] = field(default_factory=lambda: [0.0] * 3)  # [m]
     imu_rpy_deg: list[float] = field(default_factory=lambda: [0.0] * 3)
-    # Of each tick.
+    # White noise of joint angles and speeds, a new sample each tick.
     joint_noise: float = bounded(0.0, least=0.0, most=0.1)  # [rad]
     joint_speed_noise: float = bounded(0.0, least=0.0, most=10.0)  # [rad/s]
-    # Of the force on a foot: a share of the reading, and one of the weight.
+    # Errors of a foot force: white noise as a share of the reading, and an
+    # offset as a share of the robot's weight.
     load_noise: float = bounded(0.0, least=0.0, most=1.0)
     load_bias: float = bounded(0.0, least=0.0, most=1.0)
-    # From measurement to controller, which knows it [s].
+    # Delay from measurement to controller, which knows it [s].
     delay: float = bounded(0.0, least=0.0, most=0.1)
 
     @property

@@ -68,7 +68,8 @@ class Push:
     """
 
     body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    # Pushed here instead (3,) [m], in the frame of the body: with a moment.
+    # Point (3,) [m] of the body, in its frame, at which the force acts instead,
+    # so that it has a moment about the centre of mass.
     point: list[float] | None = None
     # Velocity change of the total mass.
     delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")

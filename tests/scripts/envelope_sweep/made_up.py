@@ -67,7 +67,7 @@ def made_up_rows(
 
 @dataclass(frozen=True)
 class MadeUpLimit:
-    """That of any controller, the same all around."""
+    """The limit of any controller, the same in all directions."""
 
     largest: float  # [m/s]
     on: object = None
