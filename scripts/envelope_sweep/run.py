@@ -1,5 +1,6 @@
 """Parallel execution of the trials of a sweep, by Dask."""
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -8,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 
 from distributed import Client, KilledWorker, LocalCluster
+from distributed.comm import connect
 from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
@@ -38,7 +40,14 @@ def open_workers(
     if scheduler is None and workers < 1:
         raise ValueError(f"workers = {workers}: must be >= 1")
     where = scheduler
-    if where is None:
+    if scheduler is not None:
+        try:
+            asyncio.run(_greet(scheduler))
+        except (OSError, ValueError, TypeError) as error:
+            raise ValueError(
+                f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
+            ) from None
+    else:
         where = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -47,18 +56,22 @@ def open_workers(
             memory_limit=None,
             silence_logs=logging.CRITICAL,
         )
-    try:
-        client = Client(where, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise ValueError(
-            f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
-        ) from None
+    client = Client(where, timeout=CONNECT_TIMEOUT, set_as_default=False)
     with where if scheduler is None else contextlib.nullcontext(), client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
         if scheduler is None:
             client.run(os.setsid)  # Ctrl-C interrupts only this process
         yield client.get_executor(pure=False), len(client.nthreads())
+
+
+async def _greet(scheduler: str) -> None:
+    """Connects once, as a Client that fails to start may hang when freed.
+
+    Raises OSError, ValueError or TypeError: nothing of Dask's answers.
+    """
+    comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
+    await comm.close()
 
 
 def urgent(sweep: Sweep, rows: Rows, running: Collection[Trial]) -> list[Trial]:
