@@ -6,7 +6,13 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 
 from distributed import Client, KilledWorker, LocalCluster
 from distributed.comm import connect
@@ -42,7 +48,7 @@ def open_workers(
     where = scheduler
     if scheduler is not None:
         try:
-            asyncio.run(_greet(scheduler))
+            _greet(scheduler)
         except (OSError, ValueError, TypeError) as error:
             raise ValueError(
                 f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
@@ -65,13 +71,19 @@ def open_workers(
         yield client.get_executor(pure=False), len(client.nthreads())
 
 
-async def _greet(scheduler: str) -> None:
+def _greet(scheduler: str) -> None:
     """Connects once, as a Client that fails to start may hang when freed.
 
     Raises OSError, ValueError or TypeError: nothing of Dask's answers.
     """
-    comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
-    await comm.close()
+
+    async def greet() -> None:
+        comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
+        await comm.close()
+
+    # In a thread of its own: that of the caller may have an event loop.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(lambda: asyncio.run(greet())).result()
 
 
 def urgent(sweep: Sweep, rows: Rows, running: Collection[Trial]) -> list[Trial]:
