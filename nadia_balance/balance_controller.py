@@ -131,7 +131,7 @@ class BalanceController(Diagram):
                 StatePredictor, robot, period, delay, lead
             ),
             "centroidal_estimator": partial(
-                CentroidalEstimator, robot, whole_body.avoidance
+                CentroidalEstimator, robot, whole_body.avoidance, lead
             ),
             "capture_point_controller": partial(
                 CapturePointController, params, model, start=start, **planners

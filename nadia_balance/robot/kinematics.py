@@ -9,7 +9,12 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body import command
-from nadia_balance.core.whole_body.command import BASE, TORSO, WholeBodyModel
+from nadia_balance.core.whole_body.command import (
+    BASE,
+    PELVIS,
+    TORSO,
+    WholeBodyModel,
+)
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import (
@@ -29,9 +34,14 @@ class WholeBodyKinematics:
     one degree of freedom, each with one actuator (see robot.checks).
     """
 
-    def __init__(self, robot: RobotModel, plant: MultibodyPlant):
-        """Computes in a context of `plant`, of the `robot` alone."""
-        self.plant = plant
+    def __init__(
+        self, robot: RobotModel, plant: MultibodyPlant, lead: float = 0.0
+    ):
+        """Computes in a context of `plant`, of the `robot` alone.
+
+        The positions are a `lead` [s] ahead of the velocities.
+        """
+        self.plant, self._lead = plant, lead
         num_joints = plant.num_velocities() - 6
         pelvis = plant.GetBodyByName(robot.pelvis_body)
         self._damping = np.zeros(plant.num_velocities())
@@ -56,7 +66,7 @@ class WholeBodyKinematics:
         self._mass = robot.mass
         # Constant rows: the base's angular velocity is that of the pelvis.
         self._rows = np.zeros((24 + num_joints, 7 + num_joints))
-        self._rows[command.PELVIS, :3] = np.eye(3)
+        self._rows[PELVIS, :3] = np.eye(3)
 
     def calc(self, context: Context) -> command.WholeBodyTerms:
         """Returns the terms of the state in the plant's `context`."""
@@ -67,6 +77,8 @@ class WholeBodyKinematics:
         self._fill_motions(context, rows)
         poses = body_poses(plant, context, self._bodies) @ self._X_BodyFrame
         velocities = rows[:, :-1] @ v
+        if self._lead:
+            self._take_back(rows, v, velocities)
         return command.WholeBodyTerms(
             rows=rows,
             velocities=velocities,
@@ -76,6 +88,21 @@ class WholeBodyKinematics:
             v=v,
             com_state=_com_state(state[4:7], rows, velocities),
         )
+
+    def _take_back(self, rows, v, velocities):
+        """Makes the `velocities` of soles, torso and momentum those of now.
+
+        A(q) v, with q a lead L ahead of v, is too large by L dA/dt v: for soles
+        and torso Jdot v; for the momentum the bias force without gravity, less
+        the moment due to the motion of the base's origin.
+        """
+        turns = rows[:, -1].copy()
+        turns[PELVIS] = 0.0
+        turns[BASE] += rows[BASE, 3:6] @ self._gravity
+        moved = np.cross(v[3:6], velocities[BASE][3:])
+        turns[BASE.start : BASE.start + 3] -= moved
+        turns[BASE.stop : TORSO.start] = 0.0
+        velocities -= self._lead * turns
 
     def _fill_forces(self, context, v, forces):
         """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""

@@ -39,16 +39,18 @@ class CentroidalEstimator(LeafSystem):
         self,
         robot: RobotModel,
         avoidance: CollisionAvoidanceParams | None = None,
+        lead: float = 0.0,
     ):
         """Estimates with a private plant of `robot`.
 
-        The terms have the rows of `avoidance`, if given.
+        The terms have the rows of `avoidance`, if given.  The positions of the
+        state are a `lead` [s] ahead of its velocities (see StatePredictor).
         """
         super().__init__()
         # A private plant for the terms and the distances of the shapes.
         diagram, plant, scene_graph = robot.control_diagram()
         self._plant = plant
-        self._kinematics = WholeBodyKinematics(robot, plant)
+        self._kinematics = WholeBodyKinematics(robot, plant, lead)
         self._avoidance = avoidance and CollisionAvoidance(
             avoidance, robot, plant, scene_graph
         )

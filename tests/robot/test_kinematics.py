@@ -51,6 +51,28 @@ def test_base_rows_are_the_momentum(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_velocities_of_a_state_that_is_ahead_are_those_of_now(seed):
+    """Oracle: finite difference: at twice the lead, four times the error."""
+    state, plant = random_state(seed), kinematics().plant
+    context, nq = context_at(state), plant.num_positions()
+    rates = plant.MapVelocityToQDot(context, state[nq:])
+    now, errors = terms_at(state).velocities, []
+    for lead in (1e-3, 2e-3):
+        ahead = state.copy()
+        ahead[:nq] += lead * rates
+        ahead[:4] /= np.linalg.norm(ahead[:4])
+        plant.SetPositionsAndVelocities(context, ahead)
+        terms = WholeBodyKinematics(nadia(), plant, lead).calc(context)
+        missed = (terms.velocities - now)[[*range(18), *range(-6, 0)]]
+        assert (
+            abs(missed).max()
+            < 0.05 * abs(terms.rows @ np.append(terms.v, 0) - now)[:18].max()
+        )
+        errors.append(missed)
+    assert errors[1] == pytest.approx(4.0 * errors[0], rel=0.05, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_equations_of_motion_hold(seed):
     """Oracle: Drake's inverse dynamics, gravity being the only force."""
     state, plant = random_state(seed), kinematics().plant

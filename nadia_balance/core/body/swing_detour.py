@@ -46,11 +46,11 @@ class SwingDetourParams:
     # Mean horizontal speed of a swing.
     max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
     # Mean velocity of the descent to the ground.
-    max_descent: float = bounded(0.6, above=0.0, finite=False, unit="m/s")
+    max_descent: float = bounded(0.9, above=0.0, finite=False, unit="m/s")
     # Deceleration of the descent to the touchdown velocity.
-    max_braking: float = bounded(20.0, above=0.0, finite=False, unit="m/s^2")
+    max_braking: float = bounded(30.0, above=0.0, finite=False, unit="m/s^2")
     # Time above the foothold before touchdown, so that the foot does not slide.
-    settling: float = bounded(0.03, least=0.0, most=0.2, unit="s")
+    settling: float = bounded(0.01, least=0.0, most=0.2, unit="s")
 
     def time_from_rest(self, length: float) -> float:
         """Returns the least time [s] for a path of `length` [m] and landing.

@@ -72,7 +72,8 @@ class WholeBodyTerms(NamedTuple):
     `rows` (24 + nj, nv + 1) are [A, a] of the quantities A vdot + a: the
     accelerations of the left and of the right sole ([w, v] at its centre), the
     generalised forces on base and joints, and the angular accelerations of
-    torso and pelvis, all in W.  `velocities` (24 + nj,) are A v.  The forces,
+    torso and pelvis, all in W.  `velocities` (24 + nj,) are A v, those of
+    soles, torso and momentum at the time of v if q is ahead of it.  The forces,
     M vdot + bias with gravity and damping, are per unit of the robot's mass.
 
     `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.

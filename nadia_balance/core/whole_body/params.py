@@ -34,7 +34,7 @@ class WholeBodyQpParams:
     # Soft tasks: direction of the force, vertical momentum / mass, angular
     # momentum about the CoM / mass, orientation of pelvis and torso.
     momentum_weight: float = bounded(1e3, least=0.0)
-    height_weight: float = bounded(300.0, least=0.0)
+    height_weight: float = bounded(600.0, least=0.0)
     angular_momentum_weight: float = bounded(0.1, least=0.0, unit="1/m^2")
     angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
     pelvis_weight: float = bounded(0.5, least=0.0, unit="m^2")
@@ -84,7 +84,7 @@ class WholeBodyQpParams:
     unloaded_force: float = bounded(50.0, least=0.0, unit="N")
     # Time in which the force bound of a landed foot rises to the weight: full
     # load while it bounces causes impacts.
-    loading_time: float = bounded(0.02, least=0.0, unit="s")
+    loading_time: float = bounded(0.01, least=0.0, unit="s")
     # Joint limits [rad] by name, tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)
     joint_upper_limits: dict[str, float] = field(default_factory=dict)
