@@ -73,15 +73,12 @@ class WalkingStateMachine(LeafSystem):
         return context.get_abstract_state(self._state).get_value()
 
     def _advance(self, context, state):
-        measured = walking_state_machine.Measurement(
-            self._foot_poses(context),
-            self._foot_forces(context) / self._weight,
-            self._icp(context),
-        )
         now = self._machine.advance(
             self._walking_state(context),
             self._icp_plan(context),
-            measured,
+            self._foot_poses(context),
+            self._foot_forces(context) / self._weight,
+            self._icp(context),
             float(self._time(context)[0]),
             self._adjustment(context),
         )

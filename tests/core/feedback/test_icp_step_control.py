@@ -53,7 +53,9 @@ def next_tick(state, adjustment):
     ).advance(
         state,
         plan_of(state),
-        machine.Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
+        state.schedule.feet,
+        np.ones(2),
+        np.zeros(2),
         adjustment=adjustment,
     )
 
