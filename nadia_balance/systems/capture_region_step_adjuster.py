@@ -6,15 +6,8 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.steps.foothold_adjustment import (
-    CaptureRegions,
-    Landing,
-    capture_regions,
-    current_adjustment,
-    propose_adjustment,
-    touchdown_interval,
-    unadjusted,
-)
+from nadia_balance.core.steps import foothold_adjustment as rules
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     geometry_key,
@@ -39,16 +32,10 @@ class Tick(NamedTuple):
 class CaptureRegionStepAdjuster(LeafSystem):
     """Computes the swing foot's foothold from capture regions.
 
-    Nadia paper, Sec. IV and V.  Inputs: `alip_icp` (2,) [m] in W;
-    `walking_state`, a WalkingState; `time_adjustment` (2,) [s] of a
-    TimingAdapter, 0 if not connected; `foot_poses`, measured FootPoses: without
-    them the time that the foot needs to a foothold is ignored; `mechanisms`
-    (4,), all on if not connected.  Outputs: `adjustment`, an Adjustment:
-    outside of a swing the unchanged next foothold, NOTHING (see ports) while
-    `step` is off; `capture_regions`, CaptureRegions, empty outside of a swing.
-
-    The block has no state: its memory is the Adjustment that it reads back
-    from the walking state.
+    Nadia paper, Sec. IV and V.  Without `foot_poses` the time that the foot
+    needs to a foothold is ignored.  Outside of a swing `adjustment` is the
+    unchanged next foothold, and `capture_regions` are empty.  The block has no
+    state: its memory is the Adjustment in the walking state.
 
     .. pydrake_system::
 
@@ -94,7 +81,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[geometry.swing].p_WF[:2]
         clock_gain = float(self._time(context)[1])
-        touchdown = touchdown_interval(state, clock_gain, self._params)
+        touchdown = rules.touchdown_interval(state, clock_gain, self._params)
         landing = Landing(geometry, self._icp(context), touchdown, foot)
         return Tick(state, on, landing)
 
@@ -103,8 +90,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if not on.step:
             return None
         if landing is None:
-            return unadjusted(state.schedule)
-        return propose_adjustment(state, landing, self._params, self._period)
+            return rules.unadjusted(state.schedule)
+        adjustment = rules.propose_adjustment
+        return adjustment(state, landing, self._params, self._period)
 
     def _calc_regions(self, context) -> CaptureRegions:
         state, _, landing = self._tick.Eval(context)
@@ -112,4 +100,5 @@ class CaptureRegionStepAdjuster(LeafSystem):
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
         proposed = self._adjustment.Eval(context)
-        return capture_regions(landing, proposed or current_adjustment(state))
+        now = proposed or rules.current_adjustment(state)
+        return rules.capture_regions(landing, now)
