@@ -1,7 +1,5 @@
 """Step adjustment: moves the swing foot's foothold into capture regions."""
 
-from typing import NamedTuple
-
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
@@ -14,19 +12,7 @@ from nadia_balance.core.steps.swing_geometry import (
     swing_geometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.systems import ports
-
-
-class Tick(NamedTuple):
-    """The inputs of one tick; `landing` is None outside of a swing."""
-
-    state: walking.WalkingState
-    on: Mechanisms
-    landing: Landing | None = None
-
-    def __deepcopy__(self, memo: object) -> "Tick":
-        return self
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -59,21 +45,21 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._icp, self._walking_state, self._time, self._feet, self._on = (
             ports.inputs(self, names)
         )
-        self._tick = ports.declare_cache(self, "tick", self._calc_tick)
+        self._landing = ports.declare_cache(self, "landing", self._calc_landing)
         self._adjustment = ports.declare_output(
-            self, "adjustment", self._calc_adjustment, [self._tick]
+            self, "adjustment", self._calc_adjustment, [self._landing]
         )
         ports.declare_output(
-            self, "capture_regions", self._calc_regions, [self._tick]
+            self, "capture_regions", self._calc_regions, [self._landing]
         )
 
-    def _calc_tick(self, context, last: Tick | tuple[()]) -> Tick:
+    def _calc_landing(self, context, last) -> Landing | tuple[()]:
+        """The Landing of this tick; outside of a swing (), which is false."""
         state, on = self._walking_state(context), self._on(context)
         if state.schedule.phase is not walking.Phase.SWING:
-            return Tick(state, on)
-        key = geometry_key(state.schedule, on)
-        if last and last.landing and key == last.landing.geometry.key:
-            geometry = last.landing.geometry
+            return ()
+        if last and last.geometry.key == geometry_key(state.schedule, on):
+            geometry = last.geometry
         else:
             of = state.schedule, self._params, self._model, on
             geometry = swing_geometry(*of)
@@ -82,23 +68,23 @@ class CaptureRegionStepAdjuster(LeafSystem):
             foot = feet[geometry.swing].p_WF[:2]
         clock_gain = float(self._time(context)[1])
         touchdown = rules.touchdown_interval(state, clock_gain, self._params)
-        landing = Landing(geometry, self._icp(context), touchdown, foot)
-        return Tick(state, on, landing)
+        return Landing(geometry, self._icp(context), touchdown, foot)
 
     def _calc_adjustment(self, context) -> walking.Adjustment | None:
-        state, on, landing = self._tick.Eval(context)
-        if not on.step:
+        if not self._on(context).step:
             return None
-        if landing is None:
+        state = self._walking_state(context)
+        if not (landing := self._landing.Eval(context)):
             return rules.unadjusted(state.schedule)
-        adjustment = rules.propose_adjustment
-        return adjustment(state, landing, self._params, self._period)
+        return rules.propose_adjustment(
+            state, landing, self._params, self._period
+        )
 
     def _calc_regions(self, context) -> CaptureRegions:
-        state, _, landing = self._tick.Eval(context)
-        if landing is None:
+        if not (landing := self._landing.Eval(context)):
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
-        proposed = self._adjustment.Eval(context)
-        now = proposed or rules.current_adjustment(state)
+        now = self._adjustment.Eval(context) or rules.current_adjustment(
+            self._walking_state(context)
+        )
         return rules.capture_regions(landing, now)
