@@ -3,6 +3,7 @@
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body import com_height
+from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math.arrays import Array
@@ -26,10 +27,7 @@ class ComHeightController(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: com_height.ComHeightParams,
-        model: PointMassModel,
-        period: float,
+        self, params: ComHeightParams, model: PointMassModel, period: float
     ):
         super().__init__()
         check(params)

@@ -4,7 +4,7 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.plan import time_adjustment as timing
+from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.systems import ports
 
 
@@ -23,18 +23,15 @@ class TimingAdapter(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: timing.TimingAdapterParams,
-        model: PointMassModel,
-        period: float,
+        self, params: TimingAdapterParams, model: PointMassModel, period: float
     ):
         super().__init__()
         check(params)
-        self._timing = timing.Timing(params, model, period)
+        self._timing = Timing(params, model, period)
         names = "walking_state icp_plan icp foot_poses mechanisms"
         self._inputs = list(ports.inputs(self, names))
         ports.declare_output(self, "time_adjustment", self._calc)
 
-    def _calc(self, context) -> timing.TimeAdjustment:
+    def _calc(self, context) -> tuple[float, float]:
         signals = [read(context) for read in self._inputs]
         return self._timing.adjustment(*signals)
