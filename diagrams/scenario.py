@@ -8,8 +8,7 @@ from pydrake.common.yaml import yaml_load_file
 
 from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.math.size import scaled
+from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
@@ -40,7 +39,7 @@ class Scenario:
     description: str = ""  # a line for the user
     robot: str = "nadia"  # a folder of models, or a robot.yaml
     # Units of the values in its file: SI, or "froude": for a robot of Nadia's
-    # size (core/math/size.py).  Defaults are always in froude units.
+    # size (core/math/bounds.py).  Defaults are always in froude units.
     units: str = bounded("si", one_of=UNITS)
     # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)

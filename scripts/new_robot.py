@@ -22,9 +22,8 @@ from nadia_balance.diagrams.simulation import run_info, simulate
 from nadia_balance.new_robot import Named
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.results.summary import summarize
-from nadia_balance.robot.margins import margins
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
-from nadia_balance.robot.reach import reach_within
+from nadia_balance.robot.reach import margins, reach_within
 from nadia_balance.scripts import command_line
 
 # Twenty seconds of steps, with standing before and after them.

@@ -25,7 +25,6 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     plan_atlas_icp,
 )
 from nadia_balance.core.plan.icp_plan import IcpPlan
-from nadia_balance.core.plan.time_adjustment import fraction_done, time_ahead
 from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 from nadia_balance.results.plots.style import FAINT, TEXT, draw_sole
 from nadia_balance.robot.model import load_robot
@@ -41,6 +40,8 @@ CASES = (
     ("fast steps, error forward", FAST, FORWARD),
     ("fast steps, error to the side", FAST, ASIDE),
 )
+# Least length [m] of the way in Eq. 10: it vanishes as a transfer ends.
+_SHORT_WAY = 0.01
 _STEPS = 6  # steps of the walk; its end has no effect on the figures
 # Limits of the axes for one step in a row, and for two in a column [m].
 _STEP = {"x": (-0.2, 0.75), "y": (-0.24, 0.24)}
@@ -124,6 +125,29 @@ def swing_plan(
     schedule = right_swing(feet, footholds, swing, transfer)
     params = AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS)
     return plan_atlas_icp(schedule, params, MODEL), 0.5 * swing
+
+
+def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
+    """Returns the share in [0, 1] of icp_r -> icp_end that the ICP has passed.
+
+    Points (2,) [m] in W.  The share goes to 0 as icp_end approaches icp_r.
+    Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
+    """
+    way = icp_end - icp_r
+    length2 = max(float(way @ way), _SHORT_WAY**2)
+    return min(max(float((icp - icp_r) @ way) / length2, 0.0), 1.0)
+
+
+def time_ahead(fraction: float, remaining: float, omega: float) -> float:
+    """Returns the time [s] by which the ICP leads, in [0, remaining] (Eq. 16).
+
+    `fraction` in [0, 1] is the result of `fraction_done` for the plan's ICP at
+    the end of the phase, which is `remaining` [s] away; omega [rad/s].
+    Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
+    of two collinear vectors.  With the constant eCMP that leads from icp_r to
+    icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
+    """
+    return math.log1p(fraction * math.expm1(omega * remaining)) / omega
 
 
 def projected(plan: IcpPlan, time: float, icp: Array) -> Array:

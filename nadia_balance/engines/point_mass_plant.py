@@ -17,12 +17,8 @@ class PointMassPlant(LeafSystem):
     within a tick.  A foot carries weight if it is in contact by the plan, or if
     it is the swing foot and has come down to the ground.
 
-    Inputs: `ecmp_command`, an EcmpCommand; `swing_foot_reference`, a
-    SwingFootReference; `walking_state`, a WalkingState; `push_force` (3,) [N]
-    in W.  Outputs: `com_state`, a ComState; `icp` (2,) [m] in W; `foot_poses`,
-    FootPoses; `foot_forces` (2,) [N], left and right.  Discrete states:
-    [p_WC(3), v_WC(3)], exact between ticks for a constant eCMP and push, and
-    [p(3), yaw] of the swing foot.
+    Discrete states: [p_WC(3), v_WC(3)], exact between ticks for a constant eCMP
+    and push, and [p(3), yaw] of the swing foot.
 
     .. pydrake_system::
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 from pydrake.multibody.tree import SpatialInertia
 
-from nadia_balance.core.math.size import NADIA
+from nadia_balance.core.math.bounds import NADIA
 from nadia_balance.new_robot import Named, Notes
 from nadia_balance.new_robot.anatomy import Anatomy, Leg, find_anatomy, two_legs
 from nadia_balance.new_robot.capsules import fit_capsules

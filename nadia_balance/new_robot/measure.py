@@ -12,7 +12,7 @@ from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.size import Size, scaled
+from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
 from nadia_balance.new_robot.description import Description

@@ -9,8 +9,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.whole_body import collision_avoidance as core
+from nadia_balance.core.math.arrays import SegmentPairs, cross
 from nadia_balance.core.whole_body.command import Avoidance
+from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import body_poses, joints
 
@@ -35,7 +36,7 @@ class CollisionAvoidance:
 
     def __init__(
         self,
-        params: core.CollisionAvoidanceParams,
+        params: CollisionAvoidanceParams,
         robot: RobotModel,
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
@@ -78,7 +79,7 @@ class CollisionAvoidance:
         self._sides = np.array(numbers, dtype=int)
         self._pair_bodies = self._owner[self._sides]
         lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        self._pairs = core.SegmentPairs(lengths[self._sides])
+        self._pairs = SegmentPairs(lengths[self._sides])
         radii = np.array([s.radius for s in shapes])
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
@@ -119,7 +120,7 @@ class CollisionAvoidance:
         # shift of the point along n, from axis to surface, has no effect.
         W = np.empty((6, 2, distance.size))
         W[3:, 0], W[3:, 1] = normal, -normal
-        W[:3] = core.cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
         V = np.empty((len(self._bodies), 6))
         for i in set(bodies.ravel().tolist()):
             V_WB = plant.EvalBodySpatialVelocityInWorld(

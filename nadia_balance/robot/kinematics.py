@@ -16,13 +16,8 @@ from nadia_balance.core.whole_body.command import (
     WholeBodyModel,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot import plants
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.robot.plants import (
-    body_poses,
-    effort_limits,
-    joints,
-    joints_above,
-)
 
 _V, _ORIGIN = JacobianWrtVariable.kV, np.zeros(3)
 
@@ -31,7 +26,7 @@ class WholeBodyKinematics:
     """Computes the terms of the whole-body QP from a plant's context.
 
     The plant contains one robot: the pelvis as floating base, then joints of
-    one degree of freedom, each with one actuator (see robot.checks).
+    one degree of freedom, each with one actuator (see check_plant).
     """
 
     def __init__(
@@ -45,7 +40,7 @@ class WholeBodyKinematics:
         num_joints = plant.num_velocities() - 6
         pelvis = plant.GetBodyByName(robot.pelvis_body)
         self._damping = np.zeros(plant.num_velocities())
-        for joint in joints(plant):
+        for joint in plants.joints(plant):
             if joint.num_velocities() == 1:  # neither welded nor floating
                 (damping,) = joint.default_damping_vector()
                 self._damping[joint.velocity_start()] = damping
@@ -75,7 +70,9 @@ class WholeBodyKinematics:
         v = state[-self._damping.size :]
         self._fill_forces(context, v, rows[BASE.start : TORSO.start])
         self._fill_motions(context, rows)
-        poses = body_poses(plant, context, self._bodies) @ self._X_BodyFrame
+        poses = (
+            plants.body_poses(plant, context, self._bodies) @ self._X_BodyFrame
+        )
         velocities = rows[:, :-1] @ v
         if self._lead:
             self._take_back(rows, v, velocities)
@@ -155,8 +152,17 @@ def whole_body_model(
     def values(named: Mapping[str, float], others: float) -> np.ndarray:
         found = np.full(n, others)
         for joint, value in named.items():
-            found[_joint_index(plant, joint)] = value
+            if not plant.HasJointNamed(joint):
+                raise ValueError(
+                    f"joint = {joint!r}: the robot has no such joint"
+                )
+            found[plant.GetJointByName(joint).velocity_start() - 6] = value
         return found
+
+    is_leg_joint = np.zeros(n, dtype=bool)
+    for foot in robot.foot_bodies.values():
+        leg = plants.joints_above(plant, foot)
+        is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
 
     lower = values(params.joint_lower_limits, -np.inf)
     upper = values(params.joint_upper_limits, np.inf)
@@ -167,23 +173,8 @@ def whole_body_model(
         posture=values(robot.posture, 0.0),
         position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
         position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),
-        max_torque=effort_limits(plant)[6:],
+        max_torque=plants.effort_limits(plant)[6:],
         max_speed=robot.max_joint_speeds,
-        is_leg_joint=_is_leg_joint(robot, plant),
+        is_leg_joint=is_leg_joint,
         drives=robot.drives,
     )
-
-
-def _is_leg_joint(robot: RobotModel, plant: MultibodyPlant) -> np.ndarray:
-    """Marks (nj,) the joints between the pelvis and either foot."""
-    moves = np.zeros(plant.num_velocities(), dtype=bool)
-    for foot in robot.foot_bodies.values():
-        moves[[j.velocity_start() for j in joints_above(plant, foot)]] = True
-    return moves[6:]
-
-
-def _joint_index(plant: MultibodyPlant, name: str) -> int:
-    """Index of a joint among those of the robot."""
-    if not plant.HasJointNamed(name):
-        raise ValueError(f"joint = {name!r}: the robot has no such joint")
-    return plant.GetJointByName(name).velocity_start() - 6

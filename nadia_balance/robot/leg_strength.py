@@ -1,4 +1,4 @@
-"""What the joints of the legs can do: the foot in the air, and the ankle."""
+"""What the joints of the legs can do: to stand, in the air, at the ankle."""
 
 from collections.abc import Mapping
 
@@ -12,12 +12,14 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.plants import (
+    actuators,
     context_at,
     effort_limits,
     is_pitch,
     joints_above,
     sole_jacobian,
 )
+from nadia_balance.robot.urdf import require
 
 Feet = Mapping[Side, str]
 Soles = Mapping[Side, RigidTransform]
@@ -27,6 +29,48 @@ _WAYS = np.eye(6)[:, 3:5]  # [w, v] of a foot that moves along x, along y
 # joints' speed for the way over the ground: the rest lifts the foot.
 _PEAK, _SHARE = 1.875, 0.7
 _DIGITS = 4  # of lengths [m], more than any drive is known to
+
+
+def check_standing(
+    plant: MultibodyPlant, q: Array, feet: Feet, X_FootSole: Soles
+) -> None:
+    """Raises ValueError if a joint is too weak for the robot to stand.
+
+    The robot of `plant` stands at `q` (nq,), with half of its weight at the
+    centre of either sole.
+    """
+    shares = dict.fromkeys(feet, 0.5)
+    torques = standing_torques(plant, q, feet, X_FootSole, shares)
+    for drive in actuators(plant):
+        joint, limit = drive.joint(), drive.effort_limit()
+        needed = abs(torques[joint.velocity_start()])
+        require(
+            needed <= limit,
+            f"effort limit of {joint.name()} = {limit:g}: must be >= "
+            f"{needed:.0f} N m, for the robot to stand",
+        )
+
+
+def standing_torques(
+    plant: MultibodyPlant,
+    q: Array,
+    feet: Feet,
+    X_FootSole: Soles,
+    shares: Mapping[Side, float],
+) -> Array:
+    """Returns the torques (nv,) [N m] that hold the robot at `q` (nq,).
+
+    `shares` of its weight are at the centres of the soles.
+    """
+    context = context_at(plant, q)
+    gravity = plant.gravity_field().gravity_vector()
+    weight = -plant.CalcTotalMass(context) * gravity
+    torques = -plant.CalcGravityGeneralizedForces(context)
+    for side, share in shares.items():
+        p_FS = X_FootSole[side].translation()
+        J = sole_jacobian(plant, context, feet[side], p_FS)
+        torques -= share * weight @ J[3:]
+    return torques
 
 
 def foot_limits(

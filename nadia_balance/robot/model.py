@@ -19,26 +19,18 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.math.bounds import check
-from nadia_balance.core.math.size import scaled
+from nadia_balance.core.math.bounds import check, scaled
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.robot import checks as robot_checks
-from nadia_balance.robot import plants
-from nadia_balance.robot.leg_strength import cop_area, foot_limits
+from nadia_balance.robot import leg_strength, plants
+from nadia_balance.robot import urdf as robot_urdf
 from nadia_balance.robot.params import (
     MODELS,
     RobotParams,
     idealised,
     overridden,
 )
-from nadia_balance.robot.urdf import (
-    add_urdf,
-    check_urdf,
-    foot_width,
-    naming,
-    with_lengths,
-)
+from nadia_balance.robot.urdf import add_urdf, naming
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 # realistic: limits of a real robot.  ideal: any torque at any joint speed, any
@@ -73,9 +65,9 @@ class RobotModel:
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         shaped, q = self.control_diagram()[1], self.standing_positions()
-        self.remarks = robot_checks.remarks_on(shaped, set(feet))
+        self.remarks = robot_urdf.remarks_on(shaped, set(feet))
         with naming(f"urdf = {urdf}"):
-            robot_checks.check_standing(
+            leg_strength.check_standing(
                 self.control_plant(), q, self.foot_bodies, self.X_FootSole
             )
 
@@ -102,7 +94,7 @@ class RobotModel:
         """The robot's model for capture-point control."""
         plant, q = self.control_plant(), self.standing_positions()
         legs = plant, q, self.foot_bodies, self.X_FootSole
-        a, v = foot_limits(*legs, self.max_joint_speeds)
+        a, v = leg_strength.foot_limits(*legs, self.max_joint_speeds)
         detour = self.params.swing_detour
         detour = replace(
             detour,
@@ -113,7 +105,9 @@ class RobotModel:
         if avoidance := self.params.whole_body.avoidance:
             _, shaped, scene_graph = self.control_diagram()
             inspector = scene_graph.model_inspector()
-            width = foot_width(shaped, inspector, self.foot_bodies.values())
+            width = robot_urdf.foot_width(
+                shaped, inspector, self.foot_bodies.values()
+            )
             width = max(width, self.sole_width)
             apart = width + avoidance.clearance
             beside = max(detour.beside, apart + 0.5 * avoidance.clearance)
@@ -124,7 +118,7 @@ class RobotModel:
             com_height=self.com_height,
             step_width=self.params.step_width,
             sole=self.sole,
-            held=cop_area(*legs, self.sole),
+            held=leg_strength.cop_area(*legs, self.sole),
             legs=self.params.legs,
             reach=reach,
             sole_clearance=max(apart - self.sole_width, 0.0),
@@ -236,12 +230,10 @@ class RobotModel:
     def improper_contacts(
         self, plant: MultibodyPlant, contact_results: mbp.ContactResults
     ) -> set[str]:
-        """Calls checks.improper_contacts for this robot in `plant`."""
+        """Calls plants.improper_contacts for this robot in `plant`."""
         robot = plant.GetBodyByName(self.pelvis_body).model_instance()
         feet = set(self.foot_bodies.values())
-        return robot_checks.improper_contacts(
-            plant, contact_results, robot, feet
-        )
+        return plants.improper_contacts(plant, contact_results, robot, feet)
 
     def standing_positions(self, step_width: float | None = None) -> np.ndarray:
         """Returns q (nq,) of the robot, standing about the origin of W.
@@ -394,8 +386,9 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
 def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
     """Returns `params` with lengths of the URDF, checked but for numbers."""
     with naming(f"urdf = {urdf}"):
-        check_urdf(urdf)
+        robot_urdf.check_urdf(urdf)
     _, plant, scene_graph = _shaped(urdf)
-    robot_checks.check_plant(plant, params)
+    robot_urdf.check_plant(plant, params)
     with naming(f"urdf = {urdf}"):
-        return with_lengths(params, given, plant, scene_graph.model_inspector())
+        inspector = scene_graph.model_inspector()
+        return robot_urdf.with_lengths(params, given, plant, inspector)

@@ -11,8 +11,7 @@ from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.math.size import Size
+from nadia_balance.core.math.bounds import Size, bounded, check
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.typed_yaml import load_typed
 

@@ -13,7 +13,9 @@ from pydrake.multibody.tree import (
     JacobianWrtVariable,
     Joint,
     JointActuator,
+    ModelInstanceIndex,
     RigidBody,
+    world_index,
 )
 from pydrake.systems.framework import Context
 
@@ -138,3 +140,31 @@ def scale_friction(
             mu = mbp.CoulombFriction(*values)
             properties.UpdateProperty("material", "coulomb_friction", mu)
             scene_graph.AssignRole(source, shape, properties, replaces)
+
+
+def improper_contacts(
+    plant: MultibodyPlant,
+    results: mbp.ContactResults,
+    robot: ModelInstanceIndex,
+    feet: set[str],
+) -> set[str]:
+    """Returns the pairs of bodies in contact that are not foot and ground.
+
+    Pairs are named, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK
+    - ground".  A foot may touch all bodies that are not of the `robot`.
+    """
+    improper = set()
+    points = range(results.num_point_pair_contacts())
+    infos = map(results.point_pair_contact_info, points)
+    for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
+        bodies = [plant.get_body(BodyIndex(body)) for body in pair]
+        own = {b.name() for b in bodies if b.model_instance() == robot}
+        # Two robots may have bodies of the same name.
+        others = {
+            "ground" if b.index() == world_index() else str(b.scoped_name())
+            for b in bodies
+            if b.model_instance() != robot
+        }
+        if own and not (others and own <= feet):
+            improper.add(" - ".join([*sorted(own), *others]))
+    return improper

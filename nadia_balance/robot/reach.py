@@ -1,4 +1,4 @@
-"""Reachable footholds of a robot by whole-body inverse kinematics."""
+"""What a robot's legs can reach, and how near they come to their limits."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,10 @@ from nadia_balance.core.body.reachability import (
     ReachabilityParams,
     step_regions,
 )
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.robot import plants
+from nadia_balance.robot.leg_strength import standing_torques
 from nadia_balance.robot.model import RobotModel, StandingKinematics
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
@@ -21,9 +24,11 @@ _BESIDE = 0.05  # the CoM is in the feet's bounding box, grown by this [m]
 _LESS = 0.95  # factor on the lengths in each iteration
 _NARROWER = 0.04  # reduction of widths in each iteration [leg length]
 _TURNS = 24  # largest number of iterations
+_NEAR = 0.9  # share of a limit from which a margin is short [-]
+_HELD = 0.6  # share of the sole below which it is short [-]
 
 
-def stride(robot: RobotModel, foothold: np.ndarray) -> np.ndarray | None:
+def stride(robot: RobotModel, foothold: Array) -> Array | None:
     """Positions (nq,), the left foot at `foothold` (2,) [m], the right at 0.
 
     None if the legs do not get there.  Both soles are flat, the CoM is between
@@ -51,7 +56,7 @@ def stride(robot: RobotModel, foothold: np.ndarray) -> np.ndarray | None:
     return ik.nearest(guess, [*middle, height], weight=0.01)
 
 
-def reaches(robot: RobotModel, foothold: np.ndarray) -> bool:
+def reaches(robot: RobotModel, foothold: Array) -> bool:
     """True if a `stride` gets to the `foothold` (2,) [m]."""
     return stride(robot, foothold) is not None
 
@@ -67,13 +72,18 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     the last iteration.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
-    missed: list[tuple[str, np.ndarray]] = []
+    detour = robot.point_mass.detour
+
+    def is_beside(p: Array) -> bool:
+        return abs(p[0]) < detour.ahead and p[1] < detour.beside
+
+    missed: list[tuple[str, Array]] = []
     for _ in range(_TURNS):
         missed = [
             (name, point)
             for name, polygon in step_regions(reach, True).items()
             for point in _around(polygon)
-            if not (_beside_stance(robot, point) or reaches(robot, point))
+            if not (is_beside(point) or reaches(robot, point))
         ]
         if not missed:
             break
@@ -91,7 +101,7 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     return reach, {name for name, _ in missed}
 
 
-def _around(polygon: np.ndarray) -> np.ndarray:
+def _around(polygon: Array) -> Array:
     """Corners and midpoints (2 n, 2) of the edges: the reach is not convex."""
     return np.vstack([polygon, 0.5 * (polygon + np.roll(polygon, 1, axis=0))])
 
@@ -105,6 +115,71 @@ def _shorter(reach: ReachabilityParams) -> ReachabilityParams:
     )
 
 
-def _beside_stance(robot: RobotModel, corner: np.ndarray) -> bool:
-    detour = robot.point_mass.detour
-    return abs(corner[0]) < detour.ahead and corner[1] < detour.beside
+def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
+    """Returns a table of the legs' margins, and a warning of each short one.
+
+    `torques` and `speeds` (nu,) are the largest of the drives in a walk, over
+    their limits.  The CoP that an ankle holds is that of `cop_area`; a knee at
+    the reach carries the robot alone, the feet at the ends of a longest step.
+    """
+    plant, lines, short = robot.control_plant(), [], []
+    drives = [drive.joint().name() for drive in plants.actuators(plant)]
+    left, right = (
+        [joint.name() for joint in plants.joints_above(plant, foot)[::-1]]
+        for foot in robot.foot_bodies.values()
+    )
+    lines.append(f"{'margins, in place':40} torque  speed")
+    for pair in zip(left, right, strict=True):
+        i = max(map(drives.index, pair), key=torques.__getitem__)
+        name, torque, speed = drives[i], torques[i], speeds[i]
+        lines.append(f"  {name:38} {torque:5.0%}  {speed:5.0%}")
+        if torque > _NEAR:
+            short.append(f"torque of {name}, {torque:.0%} in place")
+        if speed > _NEAR:
+            short.append(f"speed of {name}, {speed:.0%} in place")
+    model = robot.point_mass
+    for what, i in (("ahead and behind", 0), ("aside", 1)):
+        ends = [
+            [100.0 * sole[:, i].max(), -100.0 * sole[:, i].min()]
+            for sole in (model.cop_area, model.sole)
+        ]
+        (ahead, behind), (toe, heel) = ends
+        lines.append(
+            f"  ankles hold the CoP {what}: {ahead:.1f} and {behind:.1f} cm, "
+            f"of the sole's {toe:.1f} and {heel:.1f} cm"
+        )
+        if min(ahead / toe, behind / heel) < _HELD:
+            short.append(f"torque of the ankles, CoP {what}")
+    asked, able = robot.params.swing_detour.max_speed, model.detour.max_speed
+    lines.append(f"  feet go {able:.2f} m/s, asked for: {asked:.2f} m/s")
+    if able < asked:
+        short.append("speed of the leg joints for the feet asked for")
+    name, knee = _knee_at_reach(robot)
+    lines.append(f"  one knee carries all, feet at the reach: {knee:.0%}")
+    if knee > 1.0:
+        short.append(f"torque of {name} to rise from the reach on one leg")
+    return lines + [f"warning: short: {each}" for each in short]
+
+
+def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
+    """The knee with the largest torque over its limit, and that."""
+    plant, reach = robot.control_plant(), robot.point_mass.reach
+    foothold = np.array([reach.length_forward, reach.width_nominal])
+    q = stride(robot, foothold)
+    if q is None:
+        return "the knees", np.inf
+    found, limits = [], plants.effort_limits(plant)
+    legs = plant, q, robot.foot_bodies, robot.X_FootSole
+    for side, foot in robot.foot_bodies.items():
+        torques = standing_torques(*legs, {side: 1.0})
+        context = plants.context_at(plant, q)
+        pitches = [
+            j
+            for j in plants.joints_above(plant, foot)
+            if plants.is_pitch(j, context)
+        ]
+        if len(pitches) > 1:
+            i = pitches[1].velocity_start()
+            found.append((abs(torques[i]) / limits[i], pitches[1].name()))
+    ratio, name = max(found, default=(np.inf, "the knees"))
+    return name, float(ratio)

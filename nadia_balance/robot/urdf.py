@@ -1,4 +1,4 @@
-"""A robot's URDF: its strict reader, and lengths that are measured in it."""
+"""A robot's URDF: its strict reader, its checks, and lengths measured in it."""
 
 import contextlib
 import itertools
@@ -13,11 +13,11 @@ from pydrake import geometry
 from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
 from nadia_balance.robot.params import RobotParams
-from nadia_balance.robot.plants import actuators, is_pitch, joints_above
+from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
 
 _MESHES = (".obj", ".gltf", ".vtk", ".stl", ".dae")
 _JOINTS = ("revolute", "continuous", "fixed")
@@ -129,6 +129,93 @@ def _add_actuators(
         limit = effort_limits.get(joint.name())
         if limit and joint.num_positions() and joint.index() not in driven:
             plant.AddJointActuator(joint.name(), joint, limit)
+
+
+def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
+    """Raises ValueError if `plant` lacks parts that `params` name."""
+    for part in ("pelvis", "torso", "left_foot", "right_foot"):
+        name = getattr(params, f"{part}_body")
+        require(
+            plant.HasBodyNamed(name),
+            f"{part}_body = {name!r}: must be a link of the URDF",
+        )
+    bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
+    floating = sorted(body.name() for body in bodies)
+    require(
+        floating == [params.pelvis_body],
+        f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
+        f"joint holds; these are: {', '.join(floating) or 'none'}",
+    )
+    context = plant.CreateDefaultContext()
+    left, right = (
+        plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
+        for foot in (params.left_foot_body, params.right_foot_body)
+    )
+    require(
+        left > right,
+        f"left_foot_body = {params.left_foot_body!r}: must be left of "
+        f"right_foot_body = {params.right_foot_body!r}",
+    )
+    # Joints of one degree of freedom by name, without the floating base.
+    by_name = {j.name(): j for j in joints(plant) if j.num_positions() == 1}
+    _check_drives(plant, params, by_name)
+    for field, angles in (
+        ("posture", params.posture),
+        ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
+        ("whole_body.joint_upper_limits", params.whole_body.joint_upper_limits),
+    ):
+        for name, angle in angles.items():
+            what = f"{field}.{name} = {angle}: must be"
+            known = ", ".join(sorted(by_name))
+            require(name in by_name, f"{what} one of the joints {known}")
+            low = by_name[name].position_lower_limits()[0]
+            high = by_name[name].position_upper_limits()[0]
+            require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
+
+
+def _check_drives(
+    plant: MultibodyPlant, params: RobotParams, by_name: dict
+) -> None:
+    where = f"urdf = {params.urdf}"
+    drives = {drive.joint().name(): drive for drive in actuators(plant)}
+    for name, joint in by_name.items():
+        speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+        require(
+            speed < math.inf,
+            f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
+            "a max_joint_speed",
+        )
+        drive = drives.get(name)
+        require(
+            drive is not None and drive.effort_limit() < math.inf,
+            f"{where}: joint {name}: must have an effort limit",
+        )
+        inertia = drive.default_reflected_inertia()
+        require(
+            inertia >= 0.0,
+            f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
+            "must be >= 0 kg m^2",
+        )
+
+
+def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
+    """Warnings about legal but suspicious settings of a plant with shapes."""
+    remarks = []
+    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
+    shaped = filter(plant.GetCollisionGeometriesForBody, bodies)
+    if {body.name() for body in shaped} == feet:
+        remarks.append(
+            "only the feet have collision shapes: a fall, or legs in each "
+            "other, are not noticed"
+        )
+    light = [
+        drive.joint().name()
+        for drive in actuators(plant)
+        if not drive.default_reflected_inertia()
+    ]
+    if light:
+        remarks.append(f"no rotor inertia: {', '.join(light)}")
+    return remarks
 
 
 def with_lengths(

@@ -1,1 +1,1 @@
-"""Drake LeafSystems: one per file, one algorithm per LeafSystem."""
+"""Drake LeafSystems, one per file; signals.py has the units of their ports."""

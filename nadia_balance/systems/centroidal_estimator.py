@@ -7,10 +7,8 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
 from nadia_balance.core.walking.vocabulary import FootPose, FootPoses
-from nadia_balance.core.whole_body.collision_avoidance import (
-    CollisionAvoidanceParams,
-)
 from nadia_balance.core.whole_body.command import WholeBodyTerms
+from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.kinematics import WholeBodyKinematics
 from nadia_balance.robot.model import RobotModel
@@ -24,9 +22,8 @@ class CentroidalEstimator(LeafSystem):
     icp = c + c_dot / omega; in alip_icp, c_dot is the velocity of a pendulum
     with the robot's angular momentum about its contact (`alip_velocity`), which
     a leg that is swung does not change.  `predicted_state` is [q, v] of the
-    robot's `control_plant`.  `whole_body_terms` are WholeBodyTerms, from which
-    the other outputs follow: `com_state`, a ComState, `icp` and `alip_icp`
-    (2,) [m] in W, and `foot_poses`, FootPoses (as if level).
+    robot's `control_plant`.  The other outputs follow from `whole_body_terms`;
+    `foot_poses` are as if level.
 
     .. pydrake_system::
 

@@ -2,12 +2,8 @@
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.body.com_height import (
-    ComHeightParams,
-    plan_com_height,
-    stance_limit,
-    vertical_acceleration,
-)
+from nadia_balance.core.body import com_height
+from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math.arrays import Array
@@ -21,9 +17,7 @@ class ComHeightController(LeafSystem):
 
     z_ddot = k_d clip(z_dot_d + k_p / k_d (z_d - z)) - k_d z_dot is a PD law on
     the planned height, limited; the horizontal part is the pendulum's (Nadia
-    paper, Eqs. 1 and 5).  Inputs: `com_state`, a ComState; `ecmp_command`, an
-    EcmpCommand; `walking_state`, a WalkingState.  Output: `momentum_rate` (3,)
-    [N] in W.  The block has no state.
+    paper, Eqs. 1 and 5).  The block has no state.
 
     .. pydrake_system::
 
@@ -44,7 +38,9 @@ class ComHeightController(LeafSystem):
         self._height = declare_plan(
             self,
             self._walking_state,
-            lambda state: plan_com_height(state.schedule, params, model),
+            lambda state: com_height.plan_com_height(
+                state.schedule, params, model
+            ),
         )
         declare_output(self, "momentum_rate", self._calc_rate)
 
@@ -53,7 +49,7 @@ class ComHeightController(LeafSystem):
         state, plan = self._walking_state(context), self._height.Eval(context)
         wanted = plan[1].at(state.time_in_phase)
         if state.schedule.phase is Phase.SWING:
-            most = stance_limit(
+            most = com_height.stance_limit(
                 com.position[:2],
                 com.velocity[:2],
                 state.schedule,
@@ -61,7 +57,7 @@ class ComHeightController(LeafSystem):
                 self._model,
             )
             wanted = min(wanted, most)
-        acceleration = vertical_acceleration(
+        acceleration = com_height.vertical_acceleration(
             float(com.z), float(com.vz), *wanted, self._params
         )
         ecmp = self._ecmp_command(context).ecmp

@@ -13,8 +13,8 @@ from nadia_balance.robot.model import RobotModel
 class FootForceSensor(LeafSystem):
     """Computes the mean vertical contact force on each foot over a period.
 
-    `foot_forces`, a FootForces [N], is the component along z of W (the normal
-    force on level ground), clipped at 0 in every step.  Contacts among the
+    `foot_forces` are the components along z of W (the normal forces on level
+    ground), clipped at 0 in every step.  Contacts among the
     robot's own bodies are left out.  After a hard touchdown a foot bounces
     within one step of the plant, so every step is measured.  The first group
     of the discrete state is the output, the second holds the forces in the

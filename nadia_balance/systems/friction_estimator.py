@@ -6,7 +6,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.whole_body.command import SOLES
-from nadia_balance.core.whole_body.friction import (
+from nadia_balance.core.whole_body.limits import (
     FrictionEstimate,
     friction_after,
 )
@@ -17,10 +17,8 @@ from nadia_balance.systems import ports
 class FrictionEstimator(LeafSystem):
     """Lowers the friction coefficient when a loaded sole slips.
 
-    `whole_body_terms` are WholeBodyTerms, `foot_wrenches` (12,) [N m, N] the
-    commanded wrenches of the soles, both of this tick; `friction` (1,) is the
-    coefficient of the friction pyramid, one tick late.  The discrete state is
-    a FrictionEstimate.
+    `foot_wrenches` are the commanded ones of this tick; `friction` is one tick
+    late.  The discrete state is a FrictionEstimate.
 
     .. pydrake_system::
 

@@ -12,10 +12,9 @@ from nadia_balance.systems import ports
 class IcpPlanner(LeafSystem):
     """Plans the ICP for each new contact schedule.
 
-    The plan is that of the Nadia paper (Eq. 4) or of the Atlas paper (Sec.
-    II-A).  `walking_state` is a WalkingState, `icp_plan` the IcpPlan of its
-    schedule (an AtlasIcpPlan with AtlasIcpPlanParams), `icp_reference` an
-    IcpReference; `has_reference` says whether that port exists.
+    The plan is that of the Nadia paper (Eq. 4) or, with AtlasIcpPlanParams, of
+    the Atlas paper (Sec. II-A), an AtlasIcpPlan.  `icp_reference` exists only
+    if it `has_reference`.
 
     .. pydrake_system::
 

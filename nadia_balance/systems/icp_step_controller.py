@@ -5,8 +5,11 @@ from dataclasses import replace
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.feedback import icp_step_control
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.feedback.icp_step_control import (
+    IcpStepControl,
+    StepFeedback,
+)
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.polygon import shrink
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
@@ -21,20 +24,10 @@ class IcpStepController(LeafSystem):
     """Computes CMP and footholds by one QP (Atlas paper, Sec. IV).
 
     It replaces a step adjuster and a MomentumQp.  The ICP reference follows
-    from the plan with the adjusted footholds, at the time to which the clock is
-    about to be advanced.
-
-    Inputs: `icp` (2,) [m] in W; `walking_state`, a
-    WalkingState; `icp_plan`, the AtlasIcpPlan of its schedule;
-    `time_adjustment` (2,) [s] of a TimingAdapter, 0 if not connected;
-    `mechanisms` (4,), all on if not connected.
-
-    Outputs: `adjustment`, an Adjustment, NOTHING (see ports) while `step` is
-    off; `capture_regions`, CaptureRegions without regions, in a swing with
-    reach and footholds; `ecmp_command`, an EcmpCommand with two equal points;
-    `momentum_qp_status`, a QpStatus, its violation in [m]; `icp_reference`, an
-    IcpReference.  The discrete state holds the last three outputs, as of the
-    last tick.
+    from the plan, an AtlasIcpPlan, with the adjusted footholds, at the time to
+    which the clock is about to be advanced.  `capture_regions` have no regions,
+    in a swing reach and footholds; CoP and eCMP of `ecmp_command` are equal.
+    The discrete state holds the last three outputs, as of the last tick.
 
     .. pydrake_system::
 
@@ -56,8 +49,7 @@ class IcpStepController(LeafSystem):
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
-        self._params = params
-        self._qp = IcpStepQp(params)
+        self._control = IcpStepControl(params, model)
         self._icp, self._walking_state = ports.inputs(
             self, "icp", "walking_state"
         )
@@ -65,13 +57,8 @@ class IcpStepController(LeafSystem):
         self._time, self._mechanisms = ports.inputs(
             self, "time_adjustment", "mechanisms"
         )
-        reach = icp_step_control.uncrossed_reach(params, model)
         self._phase = ports.declare_plan(
-            self,
-            self._walking_state,
-            lambda state: icp_step_control.step_phase(
-                state, reach, self._qp, params, model
-            ),
+            self, self._walking_state, self._control.phase
         )
         self._feedback = ports.declare_cache(
             self, "feedback", self._calc_feedback
@@ -90,18 +77,16 @@ class IcpStepController(LeafSystem):
             needs,
         )
 
-    def _calc_feedback(self, context, _) -> icp_step_control.StepFeedback:
+    def _calc_feedback(self, context, _) -> StepFeedback:
         state = self._walking_state(context)
         if (gain := float(self._time(context)[0])) > 0.0:  # t+
             time = min(state.time_in_phase + gain, state.schedule.duration)
             state = replace(state, time_in_phase=time)
-        return icp_step_control.step_feedback(
+        return self._control.feedback(
             state,
             self._phase.Eval(context)[1],
             self._icp_plan(context),
             self._icp(context),
-            self._qp,
-            self._params,
             self._mechanisms(context).step,
         )
 

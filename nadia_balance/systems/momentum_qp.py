@@ -16,10 +16,8 @@ class MomentumQp(LeafSystem):
 
     delta, of the CoP, and kappa, of the angular momentum, minimise the error of
     k_p (icp - icp_r) = delta + kappa with the CoP in the soles (Nadia paper,
-    Eqs. 6-8).  Inputs: `icp` (2,) [m] in W; `icp_reference`, an IcpReference;
-    `walking_state`, a WalkingState.  Outputs: `ecmp_command`, an EcmpCommand;
-    `momentum_qp_status`, a QpStatus, its violation in [m].  The discrete state
-    holds the outputs of the last tick, and its [delta, kappa].
+    Eqs. 6-8).  The discrete state holds the outputs of the last tick, and its
+    [delta, kappa].
 
     .. pydrake_system::
 

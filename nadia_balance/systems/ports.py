@@ -1,8 +1,9 @@
 """Ports that check their values, and what a block computes in a tick.
 
-A port that is not finite, or of another type than its signal (see SIGNALS),
-raises an error as soon as the block reads it; a block whose parameters are out
-of range is not made (ValueError).  The `period` of a block is in [s].
+SIGNALS has types and units of all ports.  A port that is not finite, or of
+another type, raises an error as soon as the block reads it; a block whose
+parameters are out of range is not made (ValueError).  The `period` of a block
+is in [s].
 
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of

@@ -32,9 +32,7 @@ class PushSource(framework.LeafSystem):
     A push whose phase ends before the push is due, because the clock was
     advanced or the foot landed early, begins in the first tick after the phase.
     The force acts at the centre of mass of the pushed body, or at its `point`.
-    `push_force` (3,) is the sum of the forces [N] in W; `push_signal` is a
-    PushSignal.  Whenever the count in the optional input `live_push`, [count,
-    delta_v [m/s], direction [deg], duration [s]], increases, a live push
+    Whenever the count in the optional input `live_push` increases, a live push
     begins, with a number of its own; it replaces the previous live push.
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that

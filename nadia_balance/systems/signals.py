@@ -1,7 +1,4 @@
-"""Vector signals: what the entries of each are.
-
-A signal has the name of its port.
-"""
+"""The signals between blocks: a signal has the name of its port."""
 
 import itertools
 
@@ -131,29 +128,30 @@ class MeasuredFeet(
 TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
 
 # What blocks tell each other, by the names of the ports: the size of a vector,
-# its namedview, or the type of a Python value.  Those that a robot's number of
-# joints determines are not here.
+# its namedview, or the type of a Python value.  Points and forces are in W, and
+# left comes before right.  Those that a robot's number of joints determines are
+# not here.
 SIGNALS: dict[str, int | type] = {
-    "adjustment": walking.Adjustment,
-    "alip_icp": 2,
+    "adjustment": walking.Adjustment,  # None while `step` is off
+    "alip_icp": 2,  # the icp with the momentum about the contact [m]
     "capture_regions": CaptureRegions,
     "com_state": ComState,
     "ecmp_command": EcmpCommand,
-    "foot_forces": 2,
-    "foot_poses": walking.FootPoses,
-    "foot_wrenches": 12,
-    "friction": 1,
-    "icp": 2,
-    "icp_plan": IcpPlan,
+    "foot_forces": 2,  # vertical forces on the feet [N]
+    "foot_poses": walking.FootPoses,  # measured
+    "foot_wrenches": 12,  # [tau, f] on each sole, at its centre [N m, N]
+    "friction": 1,  # coefficient of the friction pyramid [-]
+    "icp": 2,  # measured [m]
+    "icp_plan": IcpPlan,  # of the schedule of `walking_state`
     "icp_reference": IcpReference,
-    "live_push": 4,
-    "mechanisms": 4,
-    "momentum_qp_status": QpStatus,
-    "momentum_rate": 3,
-    "push_force": 3,
+    "live_push": 4,  # count, delta_v [m/s], direction [deg], duration [s]
+    "mechanisms": 4,  # see Mechanisms; all on if not connected
+    "momentum_qp_status": QpStatus,  # its violation in [m]
+    "momentum_rate": 3,  # of the linear momentum [N]
+    "push_force": 3,  # sum of all pushes [N]
     "push_signal": PushSignal,
     "swing_foot_reference": SwingFootReference,
-    "time_adjustment": 2,
+    "time_adjustment": 2,  # see TimeAdjustment [s]; 0 if not connected
     "walking_signal": WalkingSignal,
     "walking_state": walking.WalkingState,
     "whole_body_qp_status": QpStatus,

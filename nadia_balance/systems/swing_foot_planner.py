@@ -14,9 +14,8 @@ class SwingFootPlanner(LeafSystem):
     """Computes the swing foot's reference, continued from its last value.
 
     The reference clears the edges of uneven ground that the model contains.
-    `walking_state` is a WalkingState; `swing_foot_reference` is the
-    SwingFootReference of the foot that swings, or swings next: like the state
-    of a StatePredictor, positions a `lead` ahead, velocities not.  The discrete
+    It is that of the foot that swings, or swings next: like the state of a
+    StatePredictor, positions a `lead` ahead, velocities not.  The discrete
     state is the output of the last tick, and the motion without the lead.
 
     .. pydrake_system::

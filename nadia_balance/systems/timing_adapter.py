@@ -4,23 +4,16 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.plan.time_adjustment import (
-    TimeAdjustment,
-    Timing,
-    TimingAdapterParams,
-)
+from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.systems import ports
 
 
 class TimingAdapter(LeafSystem):
     """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
 
-    `walking_state` is a WalkingState, `icp_plan` the IcpPlan of its schedule;
-    `icp` (2,) [m] in W; `foot_poses` are measured FootPoses; `mechanisms`
-    (4,), all on if not connected.  `time_adjustment` (2,) [s] is the time to
-    add to the clock in this tick, besides the control period, and the present
-    estimate of the total over this and the next ticks; the clock is held while
-    it is negative.
+    `time_adjustment` is the time to add to the clock in this tick, besides the
+    control period, and the present estimate of the total over this and the next
+    ticks; the clock is held while it is negative.
 
     .. pydrake_system::
 
@@ -39,6 +32,6 @@ class TimingAdapter(LeafSystem):
         self._inputs = list(ports.inputs(self, names))
         ports.declare_output(self, "time_adjustment", self._calc)
 
-    def _calc(self, context) -> TimeAdjustment:
+    def _calc(self, context) -> tuple[float, float]:
         signals = [read(context) for read in self._inputs]
         return self._timing.adjustment(*signals)

@@ -18,15 +18,10 @@ from nadia_balance.systems.signals import PHASES
 class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
-    `foot_poses` are measured FootPoses; `foot_forces` (2,) [N] are those of
-    the left and the right foot; `icp` (2,) [m] in W; `icp_plan` is the IcpPlan
-    of the schedule.  `time_adjustment` (2,) [s], of a TimingAdapter, and
-    `adjustment`, an Adjustment or None, are optional proposals.  Without an
+    `time_adjustment` and `adjustment` are optional proposals.  Without an
     adjustment the footholds are those of the plan, and the wait before
-    lift-off has no limit (`max_wait` is ignored).
-
-    `walking_state` is the WalkingState before the update of a tick, and
-    `walking_signal` the same as a WalkingSignal.
+    lift-off has no limit (`max_wait` is ignored).  `walking_state`, and the
+    same as numbers, `walking_signal`, are those before the update of a tick.
 
     .. pydrake_system::
 
@@ -73,15 +68,12 @@ class WalkingStateMachine(LeafSystem):
         return context.get_abstract_state(self._state).get_value()
 
     def _advance(self, context, state):
-        measured = walking_state_machine.Measurement(
-            self._foot_poses(context),
-            self._foot_forces(context) / self._weight,
-            self._icp(context),
-        )
         now = self._machine.advance(
             self._walking_state(context),
             self._icp_plan(context),
-            measured,
+            self._foot_poses(context),
+            self._foot_forces(context) / self._weight,
+            self._icp(context),
             float(self._time(context)[0]),
             self._adjustment(context),
         )

@@ -21,14 +21,9 @@ GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 class WholeBodyInverseDynamics(LeafSystem):
     """Computes joint torques by the whole-body QP once a tick and holds them.
 
-    Inputs: `whole_body_terms`, WholeBodyTerms, see CentroidalEstimator;
-    `momentum_rate` (3,) [N] of the linear momentum, in W;
-    `swing_foot_reference`, a SwingFootReference; `walking_state`, a
-    WalkingState; `friction` (1,), the coefficient of the friction pyramid, by
-    default that of the parameters.  Outputs: `actuation` [N m] in the order of
-    the plant's actuators; `foot_wrenches` (12,), [tau, f] [N m, N] of the left
-    and the right sole, at its centre, in W; `whole_body_qp_status`, a QpStatus;
-    `generalized_acceleration` (nv,), the vdot of the solution.
+    `friction` is by default that of the parameters; `actuation` [N m] is in the
+    order of the plant's actuators; `generalized_acceleration` (nv,) is the vdot
+    of the solution.
 
     Before the update of a tick the outputs are computed from the inputs; from
     then on to the next tick they are those of the state, independent of the

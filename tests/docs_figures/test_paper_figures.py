@@ -18,6 +18,8 @@ from nadia_balance.core.body.reachability import (
     cross_over_region,
     step_regions,
 )
+from nadia_balance.core.math.lipm import icp_after
+from tests.example_walks import OMEGA
 from tests.scripts.running import assert_refused, run_script
 
 
@@ -205,3 +207,29 @@ def test_the_atlas_papers_figure_3_is_farther_from_the_foot_the_faster():
         x, y = dot(ax, "half-way through a swing")
         away.append(np.hypot(x, y - 0.125))
     assert away[0] < away[1] < away[2]
+
+
+@pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
+def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
+    """Oracle: move the ICP along Eq. 3 by a known time, ask for it back.
+
+    A displacement at right angles to the way does not count (Eq. 15).
+    """
+    ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
+    end = icp_after(icp_r, ecmp, OMEGA, 0.7)
+    normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
+    icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
+    found = atlas_paper.time_ahead(
+        atlas_paper.fraction_done(icp, icp_r, end), 0.7, OMEGA
+    )
+    assert found == pytest.approx(advance, abs=1e-12)
+
+
+def test_a_way_that_vanishes_is_not_followed():
+    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
+    for length in 0.0, 1e-9, 1e-5:
+        way = np.array([length, 0.0])
+        found = atlas_paper.fraction_done(
+            np.array([0.1, 0.0]), np.zeros(2), way
+        )
+        assert found == pytest.approx(0.1 * length / 0.01**2)

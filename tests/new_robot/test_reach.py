@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.body.reachability import ReachabilityParams
-from nadia_balance.core.math.size import scaled
+from nadia_balance.core.math.bounds import scaled
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.reach import reaches

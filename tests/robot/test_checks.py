@@ -8,7 +8,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.robot.checks import improper_contacts
+from nadia_balance.robot.plants import improper_contacts
 from tests.boxes import ground, register
 
 FEET = {"left", "right"}

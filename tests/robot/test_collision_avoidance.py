@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from pydrake.geometry import Capsule, Sphere
 
-from nadia_balance.core.whole_body.collision_avoidance import (
-    CollisionAvoidanceParams,
-)
 from nadia_balance.core.whole_body.command import Avoidance
-from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.core.whole_body.params import (
+    CollisionAvoidanceParams,
+    WholeBodyQpParams,
+)
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.robot import collision_avoidance
 from nadia_balance.robot.collision_avoidance import (

@@ -15,10 +15,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.core.whole_body.collision_avoidance import (
+from nadia_balance.core.whole_body.params import (
     CollisionAvoidanceParams,
+    WholeBodyQpParams,
 )
-from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
 from nadia_balance.robot.plants import add_ground, default_plant_config

@@ -5,12 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback.icp_step_control import (
-    step_feedback,
-    step_phase,
-    uncrossed_reach,
-)
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
+from nadia_balance.core.feedback.icp_step_control import IcpStepControl
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
@@ -44,14 +40,13 @@ def inputs(state=IN_AIR, icp=OUT):
 
 
 def expected_of(state, icp=OUT):
-    reach, qp = uncrossed_reach(PARAMS, MODEL), IcpStepQp(PARAMS)
-    phase = step_phase(state, reach, qp, PARAMS, MODEL)
-    return step_feedback(state, phase, plan_of(state), icp, qp, PARAMS)
+    control = IcpStepControl(PARAMS, MODEL)
+    return control.feedback(state, control.phase(state), plan_of(state), icp)
 
 
 @pytest.mark.parametrize("gain, later", [(0.0, 0.3), (0.1, 0.4), (-0.1, 0.3)])
 def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
-    """Oracle: step_feedback() with the clock advanced."""
+    """Oracle: IcpStepControl.feedback() with the clock advanced."""
     context = asked(controller, time_adjustment=[gain, 0.5], **inputs())
     expected = expected_of(replace(IN_AIR, time_in_phase=later))
     found = answer(controller, context, "adjustment")

@@ -6,7 +6,6 @@ import pytest
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
 from nadia_balance.core.plan.walking_state_machine import (
-    Measurement,
     StateMachine,
     WalkingStateMachineParams,
 )
@@ -52,7 +51,9 @@ def test_advances_once_a_period(time):
     expected = StateMachine(PARAMS, MODEL, PERIOD).advance(
         state,
         inputs(state)["icp_plan"],
-        Measurement(FEET, FORCES / (MODEL.mass * GRAVITY), ICP),
+        FEET,
+        FORCES / (MODEL.mass * GRAVITY),
+        ICP,
     )
     now = walking_state(machine, context)
     assert now.time_in_phase == expected.time_in_phase

@@ -359,16 +359,13 @@ def believed(
         up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()
         slope = math.tan(math.radians(error.tilt_deg))
         x, y, z = region.normal
+        vertices = [
+            [u + dx * error.place, v + dy * error.place]
+            for u, v in region.vertices
+        ]
+        normal = [x + tilt_x * slope * z, y + tilt_y * slope * z, z]
+        height = region.height + up * error.height
         found.append(
-            Region(
-                name=region.name,
-                vertices=[
-                    [u + dx * error.place, v + dy * error.place]
-                    for u, v in region.vertices
-                ],
-                height=region.height + up * error.height,
-                normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
-                obstacle=region.obstacle,
-            )
+            replace(region, vertices=vertices, height=height, normal=normal)
         )
     return tuple(found)

@@ -1,7 +1,7 @@
 """Limits of the joint drives: torque-speed line, lag, torque rate."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,15 +21,7 @@ class JointDriveParams:
     # Largest rate of a commanded torque, in shares of its limit.
     max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
     # Torque limits [N m] by joint, in place of those of the URDF.
-    max_torque: dict[str, float] = field(default_factory=dict)
-
-    def validate_more(self) -> None:
-        """Raises ValueError if a torque limit is not positive."""
-        for joint, torque in self.max_torque.items():
-            if not torque > 0.0:
-                raise ValueError(
-                    f"max_torque.{joint} = {torque}: must be > 0 N m"
-                )
+    max_torque: dict[str, float] = bounded(dict, above=0.0, unit="N m")
 
     @property
     def lag(self) -> float:

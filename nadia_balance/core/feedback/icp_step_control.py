@@ -1,8 +1,4 @@
-"""A tick of the Atlas paper's controller: feedback and footholds from one plan.
-
-The reference is always that of the plan with the executed footholds, those of
-the QP or those kept by a dead band.
-"""
+"""The Atlas paper's controller: feedback and footholds from one plan."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,8 +18,8 @@ from nadia_balance.core.steps.foothold_adjustment import unadjusted
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import (
     Adjustment,
+    Phase,
     WalkingState,
-    support_polygon,
 )
 
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
@@ -103,101 +99,104 @@ def reach_room(
     return rows.reshape(n * k, 2 * n), bounds.reshape(n * k)
 
 
-def step_phase(
-    state: WalkingState,
-    reach: Array,
-    qp: icp_step_qp.IcpStepQp,
-    params: icp_step_qp.IcpStepQpParams,
-    model: PointMassModel,
-) -> StepPhase:
-    """Returns the StepPhase of the schedule of `state`.
+class IcpStepControl:
+    """Feedback and footholds of one tick, from one QP (Atlas paper, Sec. IV).
 
-    `reach` (n, 2) [m] is the result of `uncrossed_reach`.
+    The reference is always that of the plan with the executed footholds, those
+    of the QP or those kept by a dead band.
     """
-    schedule = state.schedule
-    stance = schedule.feet[schedule.support_side]
-    steps = _in_force(state, params.num_steps)
-    nominal = tuple(a.nominal for a in steps)
-    support = support_polygon(schedule, model.cop_area)
-    room = polygon.shrink(
-        support, params.cop_safe_distance, "cop_safe_distance"
-    )
-    weights = icp_step_qp.StepWeights.of(params, stance)
-    return StepPhase(
-        steps,
-        _shifts(steps),
-        _chain(steps) or unadjusted(schedule),
-        in_world(reach, stance, schedule.support_side.other),
-        qp.limits(
-            weights,
-            polygon.halfspaces(room),
-            reach_room(stance, nominal, reach),
-        ),
-        icp_step_qp.AnkleFeedback(room, weights, params.feedback_gain),
-    )
+
+    def __init__(
+        self, params: icp_step_qp.IcpStepQpParams, model: PointMassModel
+    ):
+        """Raises ValueError: see `uncrossed_reach`."""
+        self._params, self._model = params, model
+        self.qp = icp_step_qp.IcpStepQp(params)
+        self._reach = uncrossed_reach(params, model)
+
+    def phase(self, state: WalkingState) -> StepPhase:
+        """Returns the StepPhase of the schedule of `state`."""
+        schedule, params = state.schedule, self._params
+        stance = schedule.feet[schedule.support_side]
+        steps = _in_force(state, params.num_steps)
+        nominal = tuple(a.nominal for a in steps)
+        support = walking.support_polygon(schedule, self._model.cop_area)
+        margin = params.cop_safe_distance
+        room = polygon.shrink(support, margin, "cop_safe_distance")
+        weights = icp_step_qp.StepWeights.of(params, stance)
+        return StepPhase(
+            steps,
+            _shifts(steps),
+            _chain(steps) or unadjusted(schedule),
+            in_world(self._reach, stance, schedule.support_side.other),
+            self.qp.limits(
+                weights,
+                polygon.halfspaces(room),
+                reach_room(stance, nominal, self._reach),
+            ),
+            icp_step_qp.AnkleFeedback(room, weights, params.feedback_gain),
+        )
+
+    def may_move(self, state: WalkingState) -> bool:
+        """True if footholds may change: steps remain, no phase change near."""
+        schedule, params = state.schedule, self._params
+        if schedule.phase is Phase.STANDING or not schedule.footsteps:
+            return False
+        in_time = (
+            schedule.phase is Phase.TRANSFER
+            or state.remaining_time >= params.freeze_time
+        )
+        return in_time and state.elapsed >= params.settling_time
+
+    def feedback(
+        self,
+        state: WalkingState,
+        phase: StepPhase,
+        plan: AtlasIcpPlan,
+        icp: Array,
+        on: bool = True,
+    ) -> StepFeedback:
+        """Returns feedback and footholds for the measured `icp` (2,) [m] in W.
+
+        `state` is at t+, with its clock already advanced; `phase` and `plan`
+        are those of its schedule.  If step adjustment is not `on`, or the QP is
+        not solved, footholds are kept and only the CMP feedback acts.
+        """
+        reference = reference_of(plan, state)
+        steps, result = phase.steps, _NO_QP
+        if on and self.may_move(state):
+            moves = plan.moves_of(state)[:, : len(steps)]
+            back = moves @ phase.offsets  # to the nominal footholds
+            shifts, result = self.qp.solve(
+                icp - reference.icp + back[0],
+                reference.ecmp - back[1],
+                moves,
+                phase.limits,
+            )
+            if result.solved:
+                steps = _moved(phase, shifts, self._params.dead_band)
+            if steps is not phase.steps:
+                dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
+                omega = plan.omega
+                reference = _shifted(reference, dcm, cmp, omega, state.waiting)
+        adjustment = None
+        if on:
+            kept = steps is phase.steps
+            adjustment = phase.adjustment if kept else _chain(steps)
+        # Equal to the QP's delta if the footholds are the QP's.
+        delta = phase.ankles.delta(icp - reference.icp, reference.ecmp)
+        ecmp = reference.ecmp + delta
+        return StepFeedback(adjustment, reference, ecmp, result)
 
 
 def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
     """Returns the adjustments of the next steps; none while standing."""
-    if state.schedule.phase is walking.Phase.STANDING:
+    if state.schedule.phase is Phase.STANDING:
         return ()
     steps, made = state.schedule.footsteps[:num_steps], state.adjustment
     found = (replace(made, later=()), *made.later) if made else ()
     more = (Adjustment(step, step.pose) for step in steps[len(found) :])
     return (*found, *more)[: len(steps)]
-
-
-def may_move(state: WalkingState, params: icp_step_qp.IcpStepQpParams) -> bool:
-    """True if footholds may change: steps remain, no phase change is near."""
-    schedule = state.schedule
-    if schedule.phase is walking.Phase.STANDING or not schedule.footsteps:
-        return False
-    left = state.remaining_time
-    in_time = (
-        schedule.phase is walking.Phase.TRANSFER or left >= params.freeze_time
-    )
-    return in_time and state.elapsed >= params.settling_time
-
-
-def step_feedback(
-    state: WalkingState,
-    phase: StepPhase,
-    plan: AtlasIcpPlan,
-    icp: Array,
-    qp: icp_step_qp.IcpStepQp,
-    params: icp_step_qp.IcpStepQpParams,
-    on: bool = True,
-) -> StepFeedback:
-    """Returns feedback and footholds for the measured `icp` (2,) [m] in W.
-
-    `state` is at t+, with its clock already advanced; `phase` and `plan` are
-    those of its schedule.  If step adjustment is not `on`, or the QP is not
-    solved, footholds are kept and only the CMP feedback acts.
-    """
-    reference = reference_of(plan, state)
-    steps, result = phase.steps, _NO_QP
-    if on and may_move(state, params):
-        moves = plan.moves_of(state)[:, : len(steps)]
-        back = moves @ phase.offsets  # to the nominal footholds
-        shifts, result = qp.solve(
-            icp - reference.icp + back[0],
-            reference.ecmp - back[1],
-            moves,
-            phase.limits,
-        )
-        if result.solved:
-            steps = _moved(phase, shifts, params.dead_band)
-        if steps is not phase.steps:
-            dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
-            omega = plan.omega
-            reference = _shifted(reference, dcm, cmp, omega, state.waiting)
-    adjustment = None
-    if on:
-        kept = steps is phase.steps
-        adjustment = phase.adjustment if kept else _chain(steps)
-    # Equal to the QP's delta if the footholds are the QP's.
-    delta = phase.ankles.delta(icp - reference.icp, reference.ecmp)
-    return StepFeedback(adjustment, reference, reference.ecmp + delta, result)
 
 
 def _moved(

@@ -1,15 +1,21 @@
-"""The bounds of a parameter, written beside its default and checked together.
+"""Bounds and unit of a parameter, written beside its default.
 
-@dataclass(kw_only=True)
-class Params:
-gain: float = bounded(3.0, above=1.0)
+    @dataclass(kw_only=True)
+    class Params:
+        gain: float = bounded(3.0, above=1.0)
 
-check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+    check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+
+Parameters are tuned on Nadia.  For another robot they are `scaled` by Froude
+similarity at constant gravity: lengths scale with the leg, times with its
+square root, forces with its cube; parameters of the sole scale with the sole.
 """
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
+
+T = TypeVar("T")
 
 # Largest magnitude of a parameter without a bound, by unit, and for all others.
 LARGEST = {"s": 10.0, "m": 10.0}
@@ -30,7 +36,7 @@ class Bounds(NamedTuple):
     one_of: tuple[str, ...] = ()
     finite: bool = True
     unit: str = ""
-    of: str = "leg"  # length that it scales with (see size.py); empty: none
+    of: str = "leg"  # length that it scales with (see Size); empty: none
 
     def allow(self, value: float) -> bool:
         """True if the number is within these bounds."""
@@ -85,10 +91,12 @@ UNBOUNDED = Bounds()
 def bounded(default: Any, **bounds: Any) -> Any:
     """Returns a dataclass field with this default and `Bounds` for `check`.
 
-    None is always allowed.
+    The default may be a factory, such as `dict`.  None is always allowed.
     """
-    metadata = {"bounds": Bounds(**bounds)}
-    return dataclasses.field(default=default, metadata=metadata)
+    kind = "default_factory" if callable(default) else "default"
+    return dataclasses.field(
+        metadata={"bounds": Bounds(**bounds)}, **{kind: default}
+    )
 
 
 def check(params: object, name: str = "") -> None:
@@ -132,3 +140,67 @@ def _check(value: object, name: str, bounds: Bounds) -> None:
 
 def _join(name: str, part: str) -> str:
     return f"{name}.{part}" if name else part
+
+
+class Size(NamedTuple):
+    """Lengths [m] that determine the scaling."""
+
+    leg: float  # hip pitch axis to sole, the knee straight
+    sole_length: float
+    sole_width: float
+
+
+NADIA = Size(0.782 + 0.098, 0.178 + 0.072, 2.0 * 0.06)
+
+# Power of the length with which a quantity of each unit scales; none for
+# angles, shares, accelerations.
+_POWERS = {
+    "m": 1.0,
+    "m^2": 2.0,
+    "1/m^2": -2.0,
+    "s": 0.5,
+    "1/s": -0.5,
+    "1/s^2": -1.0,
+    "m/s": 0.5,
+    "N": 3.0,
+    "rad/s^2": -1.0,
+    "rad/m^3": -3.0,
+}
+
+
+def scaled(params: T, size: Size, given: object = None) -> T:
+    """Returns the dataclass `params`, tuned on Nadia, for a robot of `size`.
+
+    Each number with a unit (`bounded`) is multiplied; for Nadia by exactly 1.
+    Values in `given`, a tree of mappings and lists as from YAML, are not
+    scaled.
+    """
+    tree = given if isinstance(given, dict) else {}
+    return dataclasses.replace(  # type: ignore[type-var]
+        params,
+        **{
+            field.name: _scaled(
+                getattr(params, field.name),
+                size,
+                tree.get(field.name),
+                field.metadata.get("bounds", UNBOUNDED),
+            )
+            for field in dataclasses.fields(params)  # type: ignore[arg-type]
+        },
+    )
+
+
+def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:
+    if dataclasses.is_dataclass(value):
+        return scaled(value, size, given)
+    if isinstance(value, list):
+        known = given if isinstance(given, list) else [given] * len(value)
+        return [
+            _scaled(item, size, part, bounds)
+            for item, part in zip(value, known, strict=True)
+        ]
+    power = _POWERS.get(bounds.unit, 0.0)
+    if value is None or given is not None or not power or not bounds.of:
+        return value
+    ratio = getattr(size, bounds.of) / getattr(NADIA, bounds.of)
+    return value * ratio**power

@@ -71,26 +71,16 @@ class IcpPlanParams:
     num_previewed_steps: int = bounded(3, least=1)
 
 
-@dataclass(frozen=True, eq=False)
 class Sole:
-    """A sole and the part of it that the CoP reference may use.
+    """A sole and its `inner` part, `margin` [m] from the edge, for the CoP."""
 
-    `corners` (k, 2) and `inner` (m, 2) [m] counter-clockwise, `centroid` (2,),
-    all in the sole frame.
-    """
-
-    corners: Array
-    inner: Array
-    centroid: Array
-
-    @classmethod
-    def with_margin(cls, corners: Array, margin: float) -> "Sole":
-        """Returns a sole with the CoP kept `margin` [m] from its edge.
+    def __init__(self, corners: Array, margin: float) -> None:
+        """Takes `corners` (k, 2) [m] in the sole frame, counter-clockwise.
 
         Raises ValueError: the margin leaves no area of the sole.
         """
-        inner = polygon.shrink(corners, margin, "margin")
-        return cls(corners, inner, polygon.centroid(corners))
+        self.corners, self.centroid = corners, polygon.centroid(corners)
+        self.inner = polygon.shrink(corners, margin, "margin")
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Returns the distance [m] from toe to toe by which `other` leads."""
@@ -112,7 +102,7 @@ class Sole:
 
 @dataclass(frozen=True, eq=False)
 class CopWaypoints:
-    """N linear CoP segments; the first `num_present` are the present phase.
+    """N linear CoP segments.
 
     They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
     `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
@@ -122,7 +112,6 @@ class CopWaypoints:
 
     points: Array
     durations: Array
-    num_present: int
     start_time: float
     supports: list[Array]
 
@@ -151,7 +140,7 @@ def cop_waypoints(
     if schedule.phase is walking.Phase.STANDING:
         steps = ()
     unseen = steps[params.num_previewed_steps :]
-    stance = _Stance(params, Sole.with_margin(sole, params.margin))
+    stance = _Stance(params, Sole(sole, params.margin))
     phases = []
     for i, step in enumerate(steps[: params.num_previewed_steps]):
         if i > 0 or schedule.phase is walking.Phase.TRANSFER:
@@ -176,7 +165,6 @@ def cop_waypoints(
     return CopWaypoints(
         np.array([schedule.start.cop, *points[over:], points[-1]]),
         np.append(left, lasts[over + 1 :]),
-        present - over,
         schedule.start_time,
         [part for phase in phases[:2] for part in phase.supports][over:],
     )

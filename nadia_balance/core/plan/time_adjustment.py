@@ -1,10 +1,7 @@
 """Timing adaptation: the walking clock advances until the plan meets the ICP.
 
 Nadia paper, Sec. VI: Eq. 15 in swing and in transfer, solved on the planned
-ICP trajectory.  With a constant eCMP the solution is Eq. 16.
-Erratum: its logarithm is of the scalar ratio of two collinear vectors, which is
-1 + f (e^(w T) - 1) for the fraction f of the way to the end of the phase, the
-time T away (and in Eq. 10 of the Atlas paper f has the squared norm below it).
+ICP trajectory.
 """
 
 import math
@@ -26,10 +23,6 @@ from nadia_balance.core.walking.vocabulary import (
     support_polygon,
 )
 
-# Least distance [m] along the plan to the end of the phase in Eq. 16: at the
-# end of a transfer it vanishes, and noise, which does not scale with the
-# robot, would be amplified.
-_SHORT_WAY = 0.01
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
 
@@ -85,29 +78,6 @@ def gamma(time_constant: float, period: float) -> float:
     if time_constant == 0.0:
         return 1.0
     return -math.expm1(-period / time_constant)
-
-
-def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
-    """Returns the share in [0, 1] of icp_r -> icp_end that the ICP has passed.
-
-    Points (2,) [m] in W.  The share goes to 0 as icp_end approaches icp_r.
-    Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
-    """
-    way = icp_end - icp_r
-    length2 = max(float(way @ way), _SHORT_WAY**2)
-    return min(max(float((icp - icp_r) @ way) / length2, 0.0), 1.0)
-
-
-def time_ahead(fraction: float, remaining: float, omega: float) -> float:
-    """Returns the time [s] by which the ICP leads, in [0, remaining] (Eq. 16).
-
-    `fraction` in [0, 1] is the result of `fraction_done` for the plan's ICP at
-    the end of the phase, which is `remaining` [s] away; omega [rad/s].
-    Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
-    of two collinear vectors.  With the constant eCMP that leads from icp_r to
-    icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
-    """
-    return math.log1p(fraction * math.expm1(omega * remaining)) / omega
 
 
 def is_leaving(

@@ -15,16 +15,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.plan.gait import within_reach
 from nadia_balance.core.plan.icp_plan import IcpPlan
-from nadia_balance.core.walking.vocabulary import (
-    Adjustment,
-    ContactSchedule,
-    FootPoses,
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-    support_polygon,
-)
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import FootPoses, Phase, WalkingState
 
 _HUGE = 700.0  # largest exponent: e^700 is finite [-]
 
@@ -72,15 +64,6 @@ class WalkingStateMachineParams:
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
-    """Measured sole poses, normal forces and ICP, in W."""
-
-    feet: FootPoses
-    forces: Array  # (2,) normal, left and right, as a share of the weight [-]
-    icp: Array  # (2,) [m]
-
-
-@dataclass(frozen=True, eq=False)
 class StateMachine:
     """The walking state machine of a robot, advanced once per `period` [s]."""
 
@@ -92,44 +75,42 @@ class StateMachine:
         self,
         state: WalkingState,
         plan: IcpPlan,
-        measured: Measurement,
+        feet: FootPoses,
+        forces: Array,
+        icp: Array,
         time_gain: float = 0.0,
-        adjustment: Adjustment | None = None,
+        adjustment: walking.Adjustment | None = None,
     ) -> WalkingState:
         """Returns the walking state one period later.
 
         `plan` is the ICP plan of `state.schedule`: its reference at the end of
-        a phase is the start of the next plan.  The clock advances by
-        `time_gain` [s] on top of the period; it is held if that is negative.
-        Without an `adjustment` footholds cannot be adjusted.
+        a phase is the start of the next plan.  Measured are the soles `feet`,
+        the normal `forces` (2,) on (left, right) as shares of the weight, and
+        the `icp` (2,) [m] in W.  The clock advances by `time_gain` [s] on top
+        of the period; it is held if that is negative.  Without an `adjustment`
+        footholds cannot be adjusted.
         """
-        state = _adjusted(state, plan, measured.icp, adjustment, self.model)
-        state = self._tick(state, measured, time_gain)
+        state = self._adjusted(state, plan, icp, adjustment)
+        state = self._tick(state, forces, time_gain)
         match state.schedule.phase:
             case Phase.STANDING if state.waiting:
-                return _start_transfer(state, plan, measured, self.model)
+                return self._start_transfer(state, plan, feet)
             case Phase.TRANSFER if state.waiting:
-                lift_off = self.params.lift_off
-                if adjustment is None:  # only waiting reduces it
-                    lift_off = replace(lift_off, max_wait=math.inf)
-                if may_lift(state, plan, measured.icp, lift_off, self.model):
-                    return _end_transfer(state, plan, measured)
+                # Without adjustment, only waiting reduces the ICP error.
+                most = self.params.lift_off.max_wait if adjustment else math.inf
+                if self.may_lift(state, plan, icp, most):
+                    return _end_transfer(state, plan, feet)
             case Phase.SWING if (
                 state.contact_impulse > self.params.contact_impulse
             ):
-                commanded = state.commanded
-                landed = replace(
-                    state,
-                    commanded=commanded[1:],
-                    steps_taken=state.steps_taken + 1,
-                )
-                return _start_transfer(
-                    landed, plan, measured, self.model, *commanded[:1]
-                )
+                landed, commanded = state.commanded[:1], state.commanded[1:]
+                steps = state.steps_taken + 1
+                state = replace(state, commanded=commanded, steps_taken=steps)
+                return self._start_transfer(state, plan, feet, *landed)
         return state
 
     def _tick(
-        self, state: WalkingState, measured: Measurement, time_gain: float
+        self, state: WalkingState, forces: Array, time_gain: float
     ) -> WalkingState:
         """Returns the state one period later in the same phase."""
         schedule, period, params = state.schedule, self.period, self.params
@@ -144,8 +125,8 @@ class StateMachine:
             # before the foot has left the ground.
             whole = elapsed + schedule.duration - time
             may_land = elapsed >= params.earliest_touchdown * whole
-            left_swings = schedule.support_side is Side.RIGHT
-            force = float(measured.forces[0 if left_swings else 1])
+            left_swings = schedule.support_side is walking.Side.RIGHT
+            force = float(forces[0 if left_swings else 1])
             if may_land and force > params.contact_force:
                 impulse = state.contact_impulse + period * force
         return replace(
@@ -157,48 +138,93 @@ class StateMachine:
             contact_impulse=impulse,
         )
 
+    def may_lift(
+        self, state: WalkingState, plan: IcpPlan, icp: Array, max_wait: float
+    ) -> bool:
+        """True if the ICP is near its reference, or waiting cannot bring it.
 
-def may_lift(
-    state: WalkingState,
-    plan: IcpPlan,
-    icp: Array,
-    params: LiftOffParams,
-    model: PointMassModel,
-) -> bool:
-    """True if the ICP is near its reference, or waiting cannot bring it there.
+        `icp` (2,) [m] in W is measured after the transfer of `state`.  In
+        double support, the eCMP can be held beyond the ICP, on the far side of
+        the support.  If this cannot return the ICP within `max_wait` [s], the
+        foot is lifted at once.  Crossed legs are always uncrossed at once, as
+        the rear thigh approaches the other shin while the CoM moves on.
+        """
+        schedule, waited = state.schedule, state.waited
+        params = self.params.lift_off
+        if schedule.legs_crossed or not schedule.footsteps:
+            return True
+        error = icp - plan.at(schedule.duration).icp
+        excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
+        if excess < 0.0:
+            return True
+        length = math.hypot(*error)
+        support = walking.support_polygon(schedule, self.model.cop_area)
+        room = float(np.max((support - icp) @ (error / length)))
+        left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
+        if (
+            room >= params.held_room
+            and waited < params.max_held_wait
+            and math.dist(left[:2], right[:2]) <= params.held_stance
+        ):
+            return False
+        room += params.ecmp_outside
+        # Eq. 3: the ICP moves back by room (e^wt - 1) in the remaining wait.
+        growth = math.expm1(min(self.model.omega * (max_wait - waited), _HUGE))
+        return room <= 0.0 or room * growth < length * excess
 
-    `icp` (2,) [m] in W is measured after the transfer of `state`.  In double
-    support, the eCMP can be held beyond the ICP, on the far side of the
-    support.  If this cannot return the ICP in the remaining wait, the foot is
-    lifted at once.  Crossed legs are always uncrossed at once, as the rear
-    thigh approaches the other shin while the CoM moves on.
-    """
-    schedule, waited = state.schedule, state.waited
-    if schedule.legs_crossed or not schedule.footsteps:
-        return True
-    error = icp - plan.at(schedule.duration).icp
-    excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
-    if excess < 0.0:
-        return True
-    length = math.hypot(*error)
-    support = support_polygon(schedule, model.cop_area)
-    room = float(np.max((support - icp) @ (error / length)))
-    left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
-    if (
-        room >= params.held_room
-        and waited < params.max_held_wait
-        and math.dist(left[:2], right[:2]) <= params.held_stance
-    ):
-        return False
-    room += params.ecmp_outside
-    # Eq. 3: the ICP moves back by room (e^wt - 1) in the remaining wait.
-    wt = model.omega * (params.max_wait - waited)
-    growth = math.expm1(min(wt, _HUGE))
-    return room <= 0.0 or room * growth < length * excess
+    def _adjusted(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        icp: Array,
+        adjustment: walking.Adjustment | None,
+    ) -> WalkingState:
+        """Returns the state with the footholds of `adjustment`."""
+        schedule = state.schedule
+        steps = list(schedule.footsteps)
+        if adjustment is None or not steps or schedule.phase is Phase.STANDING:
+            return state
+        moved = False
+        for i, new in enumerate((adjustment, *adjustment.later)):
+            if new.pose != steps[i].pose:
+                steps[i], moved = replace(steps[i], pose=new.pose), True
+        if moved:
+            time = state.time_in_phase
+            schedule = plan.moved(schedule, tuple(steps), time, icp, self.model)
+        return replace(state, schedule=schedule, adjustment=adjustment)
+
+    def _start_transfer(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        feet: FootPoses,
+        landed: walking.Footstep | None = None,
+    ) -> WalkingState:
+        old, model = state.schedule, self.model
+        wanted = old.feet
+        if old.phase is Phase.SWING:
+            step = old.footsteps[0]
+            wanted = wanted.with_foot(step.side, step.pose)
+        feet = _tilted(feet, wanted)
+        steps = within_reach(
+            state.commanded, feet, model.reach, landed, model.ground
+        )
+        side, duration = old.support_side.other, old.final_transfer_duration
+        if steps:
+            side, duration = steps[0].side.other, steps[0].transfer_duration
+        return _begin(
+            state,
+            plan,
+            feet,
+            phase=Phase.TRANSFER,
+            support_side=side,
+            duration=duration,
+            footsteps=steps,
+        )
 
 
 def _size(
-    error: Array, schedule: ContactSchedule, params: LiftOffParams
+    error: Array, schedule: walking.ContactSchedule, params: LiftOffParams
 ) -> float:
     """Returns the norm [-] of the ICP `error`: 1 on the lift-off ellipse."""
     side = schedule.support_side
@@ -208,59 +234,8 @@ def _size(
     return math.hypot(x / params.icp_error_forward, y / width)
 
 
-def _adjusted(
-    state: WalkingState,
-    plan: IcpPlan,
-    icp: Array,
-    adjustment: Adjustment | None,
-    model: PointMassModel,
-) -> WalkingState:
-    """Returns the state with the footholds of `adjustment`."""
-    schedule = state.schedule
-    steps = list(schedule.footsteps)
-    if adjustment is None or not steps or schedule.phase is Phase.STANDING:
-        return state
-    moved = False
-    for i, new in enumerate((adjustment, *adjustment.later)):
-        if new.pose != steps[i].pose:
-            steps[i], moved = replace(steps[i], pose=new.pose), True
-    if moved:
-        time = state.time_in_phase
-        schedule = plan.moved(schedule, tuple(steps), time, icp, model)
-    return replace(state, schedule=schedule, adjustment=adjustment)
-
-
-def _start_transfer(
-    state: WalkingState,
-    plan: IcpPlan,
-    measured: Measurement,
-    model: PointMassModel,
-    landed: Footstep | None = None,
-) -> WalkingState:
-    old = state.schedule
-    wanted = old.feet
-    if old.phase is Phase.SWING:
-        step = old.footsteps[0]
-        wanted = wanted.with_foot(step.side, step.pose)
-    feet = _tilted(measured.feet, wanted)
-    steps = within_reach(
-        state.commanded, feet, model.reach, landed, ground=model.ground
-    )
-    return _begin(
-        state,
-        plan,
-        feet,
-        phase=Phase.TRANSFER,
-        support_side=steps[0].side.other if steps else old.support_side.other,
-        duration=(
-            steps[0].transfer_duration if steps else old.final_transfer_duration
-        ),
-        footsteps=steps,
-    )
-
-
 def _end_transfer(
-    state: WalkingState, plan: IcpPlan, measured: Measurement
+    state: WalkingState, plan: IcpPlan, feet: FootPoses
 ) -> WalkingState:
     """Lifts the foot, or comes to rest if there are no more steps."""
     old = state.schedule
@@ -268,7 +243,7 @@ def _end_transfer(
     begun = _begin(
         state,
         plan,
-        _tilted(measured.feet, old.feet),
+        _tilted(feet, old.feet),
         phase=Phase.SWING if steps else Phase.STANDING,
         duration=steps[0].swing_duration if steps else math.inf,
     )
@@ -278,7 +253,7 @@ def _end_transfer(
 
 def _tilted(feet: FootPoses, wanted: FootPoses) -> FootPoses:
     """Returns the measured `feet` with the normals of the `wanted` ones."""
-    for side in Side:
+    for side in walking.Side:
         normal = wanted[side].normal
         if feet[side].normal is not normal:
             feet = feet.with_foot(side, replace(feet[side], normal=normal))

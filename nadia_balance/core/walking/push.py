@@ -54,8 +54,8 @@ class Moment:
 
 # Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
 # (quasi-static, if it is slow); sin(2 pi f t).
-SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
-    *("rectangle", "half_sine", "ramp", "sine"),
+SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = tuple(
+    "rectangle half_sine ramp sine".split()
 )
 
 

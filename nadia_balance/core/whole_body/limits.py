@@ -1,8 +1,12 @@
-"""Hard limits of the whole-body QP: drives, joints, soles, near links."""
+"""Hard limits of the whole-body QP: drives, joints, soles, near links.
+
+The friction of the soles is lowered after a slip.
+"""
 
 import itertools
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +17,7 @@ from nadia_balance.core.whole_body.command import PELVIS, TORSO
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
 from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
+from nadia_balance.core.whole_body.params import SlipParams
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 
 NUM_CONE_ROWS = 16
@@ -50,6 +55,8 @@ _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
 # (rad/s^2)^2.
 _JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
+_LOADED = 0.2  # share of the weight below which slips are ignored [-]
+_LESS = 0.9  # new estimate over the friction used in a slip [-]
 _SIGNS = np.array([[-1.0], [1.0]])
 
 
@@ -244,3 +251,44 @@ class WholeBodyLimits:
         room /= self._params.speed_limit_horizon
         np.clip(room, -most, most, out=room)
         return np.asarray(np.minimum(np.maximum(bounds, room[0]), room[1]))
+
+
+class FrictionEstimate(NamedTuple):
+    """The assumed `friction`, and the time [s] under load of each sole."""
+
+    friction: float
+    left_loaded: float
+    right_loaded: float
+
+
+def friction_after(
+    last: FrictionEstimate,
+    forces: Array,
+    velocities: Array,
+    usual: float,
+    params: SlipParams,
+    period: float,
+) -> FrictionEstimate:
+    """Returns the estimate a tick later.
+
+    `forces` (2, 3), as shares of the weight, are the desired forces on the
+    (left, right) sole in the tick of `period` [s], `velocities` (2, 3) [m/s]
+    its velocities, both in the sole frame.  A slip lowers the estimate to _LESS
+    times the friction that the desired force needed; then it returns to the
+    `usual` one.
+    """
+    least = min(params.least_friction, usual)
+    friction = min(last.friction + params.recovery * period, usual)
+    loaded = []
+    for (x, y, z), velocity, time in zip(
+        forces.tolist(), velocities, last[1:], strict=True
+    ):
+        loaded.append(time + period if z > _LOADED else 0.0)
+        used = max(abs(x), abs(y)) / max(z, _LOADED)  # of the pyramid
+        if (
+            loaded[-1] > params.settling_time
+            and used > least
+            and np.hypot(*velocity[:2]) > params.speed
+        ):
+            friction = max(min(friction, _LESS * used), least)
+    return FrictionEstimate(friction, *loaded)

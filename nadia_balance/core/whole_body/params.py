@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.whole_body.collision_avoidance import (
-    CollisionAvoidanceParams,
-)
-from nadia_balance.core.whole_body.friction import SlipParams
 
 
 @dataclass(kw_only=True)
@@ -19,6 +16,47 @@ class CrossingTurnParams:
     gain: float = bounded(20.0, least=0.0, unit="rad/m^3")
     # Asymptotic bound of the turn.
     max_turn_deg: float = bounded(30.0, above=0.0, most=60.0, unit="deg")
+
+
+@dataclass(kw_only=True)
+class SlipParams:
+    """Slip detection and the reaction to it."""
+
+    # Sole speed of a slip, above noise and the motion of a tilting foot.
+    speed: float = bounded(0.2, above=0.0, unit="m/s")
+    # Time after touchdown in which sliding is no slip.
+    settling_time: float = bounded(0.03, least=0.0, unit="s")
+    # Lower bound of the estimate; slips at less friction are ignored.
+    least_friction: float = bounded(0.3, above=0.0)
+    # Rate at which the estimate returns, as the next ground may be better.
+    recovery: float = bounded(0.05, least=0.0, unit="1/s")
+
+
+@dataclass(kw_only=True)
+class CollisionAvoidanceParams:
+    """Avoidance of self-collisions.
+
+    Links closer than `attention` are kept `clearance` apart, as a hard limit:
+    their distance d decreases no faster than with the dynamics
+    (d/dt + rate)^2 (d - clearance) = 0.
+    """
+
+    attention: float = bounded(0.08, above=0.0, unit="m")
+    # Upper body links closer than this brake early, by a soft task: late
+    # braking saturates the arm torques and disturbs the legs.
+    arm_attention: float = bounded(0.4, above=0.0, unit="m")
+    arm_weight: float = bounded(3.0, least=0.0)
+    clearance: float = bounded(0.02, least=0.0, unit="m")
+    rate: float = bounded(25.0, above=0.0, unit="1/s")
+
+    def braking(self, distances: Array, rates: Array) -> Array:
+        """Returns the least accelerations (k,) [m/s^2] of link distances.
+
+        They solve (d/dt + rate)^2 (d - clearance) = 0 for the `distances` d
+        (k,) [m] of links and their `rates` (k,) [m/s].
+        """
+        room = self.rate * (distances - self.clearance)
+        return -self.rate * (2.0 * rates + room)
 
 
 @dataclass(kw_only=True)

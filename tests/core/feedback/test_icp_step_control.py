@@ -8,10 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nadia_balance.core.feedback.icp_step_control import (
-    may_move,
+    IcpStepControl,
     reach_room,
-    step_feedback,
-    step_phase,
     uncrossed_reach,
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
@@ -32,7 +30,6 @@ from nadia_balance.core.walking.vocabulary import (
 from tests.example_walks import MODEL, random_walks, standing, swing, walk
 
 PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
-REACH = uncrossed_reach(PARAMS, MODEL)
 GAIN, MIDDLE = PARAMS.feedback_gain, 0.35  # [-], of the swing [s]
 
 
@@ -41,9 +38,10 @@ def plan_of(state):
 
 
 def feedback(state, icp, params=PARAMS, on=True, qp=None):
-    qp = qp or IcpStepQp(params)
-    phase = step_phase(state, REACH, qp, params, MODEL)
-    return step_feedback(state, phase, plan_of(state), icp, qp, params, on)
+    control = IcpStepControl(params, MODEL)
+    control.qp = qp or control.qp
+    phase = control.phase(state)
+    return control.feedback(state, phase, plan_of(state), icp, on)
 
 
 def next_tick(state, adjustment):
@@ -53,7 +51,9 @@ def next_tick(state, adjustment):
     ).advance(
         state,
         plan_of(state),
-        machine.Measurement(state.schedule.feet, np.ones(2), np.zeros(2)),
+        state.schedule.feet,
+        np.ones(2),
+        np.zeros(2),
         adjustment=adjustment,
     )
 
@@ -207,6 +207,7 @@ def test_a_foothold_moves_only_while_the_foot_can_follow(
 ):
     """Oracle: settling and freeze time, by hand."""
     schedule = swing() if phase is Phase.SWING else replace(walk(), phase=phase)
-    assert may_move(WalkingState(schedule, t, elapsed), PARAMS) is may
+    control = IcpStepControl(PARAMS, MODEL)
+    assert control.may_move(WalkingState(schedule, t, elapsed)) is may
     last = replace(schedule, footsteps=())
-    assert not may_move(WalkingState(last, t, elapsed), PARAMS)
+    assert not control.may_move(WalkingState(last, t, elapsed))

@@ -6,8 +6,7 @@ import math
 import pytest
 
 from nadia_balance.capture_point_controller import ControllerParams
-from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.size import NADIA, Size, scaled
+from nadia_balance.core.math.bounds import NADIA, Size, bounded, scaled
 from nadia_balance.robot.model import load_robot_params
 
 DOUBLE = Size(*(2.0 * length for length in NADIA))

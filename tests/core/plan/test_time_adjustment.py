@@ -11,9 +11,7 @@ from nadia_balance.core.plan.icp_plan import IcpReference
 from nadia_balance.core.plan.time_adjustment import (
     Timing,
     TimingAdapterParams,
-    fraction_done,
     is_leaving,
-    time_ahead,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests import example_walks as walks
@@ -55,28 +53,6 @@ def adjustment(
     feet = feet or state.schedule.feet
     timing = timing_of(params, detour)
     return timing.adjustment(state, plan, np.array(icp), feet, on).now
-
-
-@pytest.mark.parametrize("advance", [0.0, 0.1, 0.7])
-def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
-    """Oracle: move the ICP along Eq. 3 by a known time, ask for it back.
-
-    A displacement at right angles to the way does not count (Eq. 15).
-    """
-    ecmp, icp_r = np.array([0.3, 0.7]), np.array([0.5, 1.0])
-    end = icp_after(icp_r, ecmp, walks.OMEGA, 0.7)
-    normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
-    icp = icp_after(icp_r, ecmp, walks.OMEGA, advance) + aside * normal
-    found = time_ahead(fraction_done(icp, icp_r, end), 0.7, walks.OMEGA)
-    assert found == pytest.approx(advance, abs=1e-12)
-
-
-def test_a_way_that_vanishes_is_not_followed():
-    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
-    for length in 0.0, 1e-9, 1e-5:
-        way = np.array([length, 0.0])
-        found = fraction_done(np.array([0.1, 0.0]), np.zeros(2), way)
-        assert found == pytest.approx(0.1 * length / 0.01**2)
 
 
 def test_an_icp_that_no_ecmp_can_hold_is_leaving():

@@ -12,10 +12,8 @@ from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.plan.walking_state_machine import (
     LiftOffParams,
-    Measurement,
     StateMachine,
     WalkingStateMachineParams,
-    may_lift,
 )
 from nadia_balance.core.walking.vocabulary import (
     Adjustment,
@@ -72,9 +70,10 @@ def step(
 ):
     """One period later."""
     shares = np.array(forces) / WEIGHT
-    measured = Measurement(feet, shares, np.array(icp))
-    machine = StateMachine(PARAMS, MODEL, period)
-    return machine.advance(state, FakePlan(), measured, **proposal)
+    machine, measured = StateMachine(PARAMS, MODEL, period), (feet, shares)
+    return machine.advance(
+        state, FakePlan(), *measured, np.array(icp), **proposal
+    )
 
 
 def until(state, phase, **measured):
@@ -271,7 +270,9 @@ def lifts(offset, waited=0.0, params=LIFT_OFF, feet=None):
     schedule, plan, end = transfer()
     schedule = replace(schedule, feet=feet or schedule.feet)
     state = WalkingState(schedule, waited=waited)
-    return may_lift(state, plan, end + np.array(offset), params, MODEL)
+    machine = StateMachine(replace(PARAMS, lift_off=params), MODEL, PERIOD)
+    icp = end + np.array(offset)
+    return machine.may_lift(state, plan, icp, params.max_wait)
 
 
 def test_lifts_within_the_ellipse():

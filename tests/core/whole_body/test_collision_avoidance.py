@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.whole_body.collision_avoidance import (
-    SegmentPairs,
-    cross,
-)
+from nadia_balance.core.math.arrays import SegmentPairs, cross
 
 NUM_PAIRS = 200  # of each kind
 

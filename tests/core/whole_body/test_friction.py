@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.whole_body import friction
+from nadia_balance.core.whole_body import limits as friction
+from nadia_balance.core.whole_body.params import SlipParams
 
 PERIOD = 0.002
 USUAL = 0.6
-SLIP = friction.SlipParams()
+SLIP = SlipParams()
 STANDING = friction.FrictionEstimate(USUAL, 1.0, 1.0)
 STILL, FAST = (0.0, 0.0, 0.0), (0.0, 0.5, 0.0)
 
