@@ -67,14 +67,19 @@ class HumanoidDiagram(ClosedLoop):
         params = scenario.controller
         period = params.control_period
         self.robot = load_robot(scenario.robot, scenario.fidelity)
-        self._ground = scenario.terrain.ground(self.robot.sole)
-        start = scenario.start(scenario.point_mass(self.robot))
+        self._ground = scenario.terrain.ground(
+            self.robot.sole, self.robot.params.size
+        )
+        model = scenario.point_mass(self.robot)
+        start = scenario.start(model)
         # The controller's friction coefficient: a margin below the ground's.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
         friction = slip * self.robot.whole_body(params.whole_body).friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
-        self._standing = self.robot.standing_positions(scenario.gait.step_width)
+        self._standing = self.robot.standing_positions(
+            scenario.gait.step_width, scenario.place.pose
+        )
         builder = DiagramBuilder()
         self._add_plant(builder)
         if controller is None:
@@ -82,7 +87,7 @@ class HumanoidDiagram(ClosedLoop):
                 params,
                 self.robot,
                 start=start,
-                ground=scenario.terrain.known(self._ground),
+                ground=model.ground,
                 delay=scenario.delay,
                 **blocks,
             )
@@ -105,6 +110,7 @@ class HumanoidDiagram(ClosedLoop):
         self._close_loop(builder, meshcat)
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
+            scene.move_floor(meshcat, scenario.place.pose.p_WF)
         self._finish(
             builder,
             meshcat,
@@ -143,9 +149,8 @@ class HumanoidDiagram(ClosedLoop):
         """Adds the engine: the plant itself, or a MujocoPlant."""
         step = self.scenario.time_step
         if self.scenario.engine == "mujoco":
-            self.scenario.terrain.level_ground(self.robot.sole, "MuJoCo")
             self.engine, self.plant, self.scene_graph = add_mujoco_plant(
-                builder, self.robot, step
+                builder, self.robot, step, self._ground
             )
         else:
             self.plant, self.scene_graph = self.robot.add_plant_to(

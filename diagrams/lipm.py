@@ -54,9 +54,16 @@ class LipmDiagram(ClosedLoop):
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
-        self._ground = scenario.terrain.level_ground(
-            self.robot.sole, "a point mass"
+        self._ground = scenario.terrain.ground(
+            self.robot.sole, self.robot.params.size
         )
+        if not all(
+            g is None or g.is_level for g in (self._ground, model.ground)
+        ):
+            raise ValueError(
+                f"terrain.name = {scenario.terrain.name!r}: must be level, at "
+                "height 0, with an error of its place only, for a point mass"
+            )
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         builder = DiagramBuilder()

@@ -1,9 +1,11 @@
 """Scenarios: robot, walking command, pushes and all parameters of a run."""
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydrake.common.yaml import yaml_load_file
 
 from nadia_balance.capture_point_controller import ControllerParams
@@ -14,6 +16,7 @@ from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.vocabulary import (
+    FootPose,
     Side,
     WalkingState,
     whole_ticks,
@@ -30,6 +33,21 @@ STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 ENGINES = ("drake", "mujoco")
 SENSORS = ("perfect", "industrial", "consumer")
+
+
+@dataclass(kw_only=True)
+class Place:
+    """Where the robot stands at the start: its middle, in W."""
+
+    x: float = bounded(0.0, least=-4e3, most=4e3, unit="m", of="")
+    y: float = bounded(0.0, least=-4e3, most=4e3, unit="m", of="")
+    yaw_deg: float = bounded(0.0, least=-360.0, most=360.0)  # to the left
+
+    @property
+    def pose(self) -> FootPose:
+        """The level frame between the feet."""
+        p_WF = np.array([self.x, self.y, 0.0])
+        return FootPose(p_WF, math.radians(self.yaw_deg))
 
 
 @dataclass(kw_only=True)
@@ -67,6 +85,7 @@ class Scenario:
     # Model errors and measurement errors unknown to the controller.
     imperfections: Imperfections = field(default_factory=Imperfections)
     terrain: Terrain = field(default_factory=Terrain)
+    place: Place = field(default_factory=Place)
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
@@ -76,8 +95,9 @@ class Scenario:
 
         Raises ValueError: the terrain is invalid, see `Terrain.ground`.
         """
-        terrain = self.terrain
-        ground = terrain.known(terrain.ground(robot.sole))
+        terrain, place = self.terrain, self.place.pose
+        ground = terrain.ground(robot.sole, robot.params.size)
+        ground = terrain.known(ground, place.p_WF[:2])
         return replace(robot.point_mass, ground=ground)
 
     @property
@@ -89,7 +109,7 @@ class Scenario:
 
     def start(self, model: PointMassModel) -> WalkingState:
         """The walking state of the standing `model` at the start."""
-        return walking_start(self.gait, model)
+        return walking_start(self.gait, model, self.place.pose)
 
     def validate_more(self) -> None:
         """Raises ValueError if fields contradict each other."""

@@ -1,6 +1,6 @@
 """The ground, and the controller's model of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nadia_balance.core.body import ground as core
@@ -11,7 +11,7 @@ from nadia_balance.core.body.ground import (
     standing_on,
 )
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.math.bounds import NADIA, Size, bounded, check
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.typed_yaml import load_typed
 
@@ -29,6 +29,8 @@ class Terrain:
 
     # "flat": level ground everywhere; a course; or a YAML file with `regions`.
     name: str = FLAT
+    # Height of a step of courses that have one; None: as in the file.
+    rise: float | None = bounded(None, above=0.0, most=0.5, unit="m")
     seed: int = bounded(0, least=0)  # of the error
     # Distance from a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
@@ -44,44 +46,35 @@ class Terrain:
                 "seen = False"
             )
 
-    def ground(self, sole: Array) -> Ground | None:
-        """The true ground for soles (n, 2) [m]; None if it is flat.
+    def ground(self, sole: Array, size: Size = NADIA) -> Ground | None:
+        """The true ground for soles (n, 2) [m] of a robot of that `size`.
 
-        Raises ValueError: the course or file does not exist, or regions are not
-        convex, upside down, too small, or overlap.
+        None if it is flat.
+
+        Raises ValueError: the course or file does not exist, or has no rise, or
+        regions are not convex, upside down, too small, or overlap.
         """
         if self.name == FLAT:
             return None
-        ground = Ground(self._regions(), sole, self.margin)
+        ground = Ground(self._regions(size), sole, self.margin)
         for region in ground.regions:
             check(region)
         core.check_ground(ground)
         return ground
 
-    def level_ground(self, sole: Array, what: str) -> Ground | None:
-        """The true ground, for `what`, which supports level ground only.
+    def known(self, truth: Ground | None, start: Array) -> Ground | None:
+        """The controller's model of the ground, with its error.
 
-        Raises ValueError: as `ground`; or the true ground or the controller's
-        model of it is not level at z = 0.
+        The region at the robot's `start` (2,) [m] has none.
         """
-        truth = self.ground(sole)
-        if not all(g is None or g.is_level for g in (truth, self.known(truth))):
-            raise ValueError(
-                f"terrain.name = {self.name!r}: must be level, at height 0, "
-                f"with an error of its place only, for {what}"
-            )
-        return truth
-
-    def known(self, truth: Ground | None) -> Ground | None:
-        """The controller's model of the ground, with its error."""
         if truth is None or not self.seen:
             return None
         if self.error == GroundError():
             return truth
-        regions = core.believed(truth.regions, self.error, self.seed)
+        regions = core.believed(truth.regions, self.error, self.seed, start)
         return Ground(regions, truth.sole, truth.margin)
 
-    def _regions(self) -> tuple[Region, ...]:
+    def _regions(self, size: Size) -> tuple[Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
         if not path.is_file():
             raise ValueError(
@@ -89,7 +82,28 @@ class Terrain:
                 f"{', '.join((FLAT, *COURSES))}"
             )
         what = f"terrain {self.name}"
-        return tuple(load_typed(RegionFile, what, filename=path).regions)
+        file = load_typed(RegionFile, what, filename=path)
+        check(file)
+        along = leg = 1.0
+        if file.along:
+            along = getattr(size, file.along) / getattr(NADIA, file.along)
+            leg = size.leg / NADIA.leg
+        up = leg
+        if self.rise is not None:
+            if file.rise is None:
+                raise ValueError(
+                    f"terrain.rise = {self.rise}: must be null, as "
+                    f"{self.name} has no rise of its own"
+                )
+            up = self.rise / file.rise
+        return tuple(
+            replace(
+                region,
+                vertices=[[along * x, leg * y] for x, y in region.vertices],
+                height=up * region.height,
+            )
+            for region in file.regions
+        )
 
 
 def check_start(
@@ -127,4 +141,9 @@ def foot_beside(
 class RegionFile:
     """The contents of a YAML file of regions."""
 
+    # For a robot of Nadia's size: x scales with this length of a robot, y and
+    # heights with its leg (core/math/bounds.py).  Empty: as it is, for all.
+    along: str = bounded("", one_of=("", "leg", "tread"))
+    # Height of its steps, which `terrain.rise` replaces.
+    rise: float | None = bounded(None, above=0.0, unit="m")
     regions: list[Region] = field(default_factory=list)

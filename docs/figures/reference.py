@@ -22,6 +22,7 @@ from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.push import Push
 from nadia_balance.diagrams.scenario import (
+    Place,
     Scenario,
     load_scenario,
     scenario_names,
@@ -248,6 +249,7 @@ def page() -> str:
         ("pushes[].", Push),
         ("imperfections.", Imperfections),
         ("terrain.", Terrain),
+        ("place.", Place),
     )
     lines = [
         "# Reference\n",

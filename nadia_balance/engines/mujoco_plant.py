@@ -13,6 +13,7 @@ from pydrake.multibody.plant import (
 from pydrake.systems import framework
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from nadia_balance.core.body.ground import Ground
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, declare_cache
 
@@ -123,18 +124,20 @@ def add_mujoco_plant(
     builder: framework.DiagramBuilder,
     robot: RobotModel,
     time_step: float = 0.001,
+    ground: Ground | None = None,
 ) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
-    """Adds a MujocoPlant in which `robot` stands on flat ground.
+    """Adds a MujocoPlant in which `robot` stands on the `ground`.
 
-    `time_step` [s].  The MultibodyPlant that it replaces is not part of the
-    diagram; the SceneGraph is, with all poses.
+    `time_step` [s]; without `ground` it is flat.  The MultibodyPlant that the
+    engine replaces is not part of the diagram; the SceneGraph is, with all
+    poses.
 
     Raises ValueError: MuJoCo is not installed, or cannot express the robot.
     """
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
     plant = MultibodyPlant(time_step)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    robot.stand_in(plant, scene_graph)
+    robot.stand_in(plant, scene_graph, ground)
     engine = builder.AddNamedSystem(
         "mujoco_plant", MujocoPlant(plant, scene_graph)
     )

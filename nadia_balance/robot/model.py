@@ -1,5 +1,6 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody import inverse_kinematics as ik
@@ -20,7 +22,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.bounds import check, scaled
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import leg_strength, plants
 from nadia_balance.robot import urdf as robot_urdf
@@ -235,11 +237,13 @@ class RobotModel:
         feet = set(self.foot_bodies.values())
         return plants.improper_contacts(plant, contact_results, robot, feet)
 
-    def standing_positions(self, step_width: float | None = None) -> np.ndarray:
-        """Returns q (nq,) of the robot, standing about the origin of W.
+    def standing_positions(
+        self, step_width: float | None = None, place: FootPose = ORIGIN
+    ) -> np.ndarray:
+        """Returns q (nq,) of the robot, standing about the `place` in W.
 
         Both soles are level on z = 0, `step_width` [m] apart, the pelvis is
-        upright, the CoM over the origin at `com_height`, the joints as near
+        upright, the CoM over the place at `com_height`, the joints as near
         to the posture as that allows.
 
         Raises ValueError: no posture fulfils this.
@@ -258,6 +262,11 @@ class RobotModel:
         for joint, angle in self.posture.items():
             nominal[plant.GetJointByName(joint).position_start()] = angle
         if (q := found.nearest(nominal, com)) is not None:
+            turn = Quaternion(
+                math.cos(place.yaw / 2), 0, 0, math.sin(place.yaw / 2)
+            )
+            q[:4] = turn.multiply(Quaternion(q[:4])).wxyz()
+            q[4:6] = place.to_world(q[None, 4:6])[0]
             return q
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip

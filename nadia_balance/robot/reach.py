@@ -13,6 +13,8 @@ from nadia_balance.core.body.reachability import (
     step_regions,
 )
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.bounds import scaled
+from nadia_balance.core.plan.gait import Gait
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.robot import plants
 from nadia_balance.robot.leg_strength import standing_torques
@@ -150,10 +152,11 @@ def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
         )
         if min(ahead / toe, behind / heel) < _HELD:
             short.append(f"torque of the ankles, CoP {what}")
-    asked, able = robot.params.swing_detour.max_speed, model.detour.max_speed
-    lines.append(f"  feet go {able:.2f} m/s, asked for: {asked:.2f} m/s")
-    if able < asked:
-        short.append("speed of the leg joints for the feet asked for")
+    swing = scaled(Gait(), robot.params.size).swing_duration
+    least = model.detour.time_from_rest(model.reach.length_forward)
+    lines.append(f"  a foot is at the reach in {least:.2f} s of {swing:.2f} s")
+    if least > swing:
+        short.append("speed of the leg joints, to be at the reach in a swing")
     name, knee = _knee_at_reach(robot)
     lines.append(f"  one knee carries all, feet at the reach: {knee:.0%}")
     if knee > 1.0:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
-from nadia_balance.core.body.ground import GroundError
+from nadia_balance.core.body.ground import Ground, GroundError, Region
+from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.core.plan.gait import Gait, StepVector, walking_start
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -59,6 +61,46 @@ def test_heights_and_slopes_are_as_they_are_told(name, rise, tilt_deg):
     assert max(r.height for r in regions) == pytest.approx(rise, abs=1e-3)
     steepest = max(math.degrees(math.atan(r.slope)) for r in regions)
     assert steepest == pytest.approx(tilt_deg, abs=0.1)
+
+
+def test_stairs_fit_the_robot_that_climbs_them():
+    """Oracle: by hand; T1's leg of 0.558 m and sole of 0.223 m, and its rise.
+
+    The footholds of the scenario are scaled alike: in the middle of treads.
+    """
+    size = Size(leg=0.558, sole_length=0.223, sole_width=0.1)
+    sole = rectangle(size.sole_length, size.sole_width)
+    stairs = load_scenario("stairs")
+    stairs.terrain.rise = 0.08
+    regions = stairs.terrain.ground(sole, size).regions
+    assert [r.height for r in regions[:3]] == pytest.approx([0.0, 0.08, 0.16])
+    across, along = np.ptp(regions[1].polygon, axis=0)[::-1]
+    assert along == pytest.approx(0.32 * 0.223 / 0.25)
+    assert across == pytest.approx(1.2 * 0.558 / 0.88)
+    stairs.terrain.rise = None
+    regions = stairs.terrain.ground(sole, size).regions
+    assert regions[1].height == pytest.approx(0.18 * 0.558 / 0.88)
+    for hold, region in zip(
+        scaled(stairs.gait, size).footholds[1:5], regions[1:5], strict=True
+    ):
+        assert hold.x == pytest.approx(region.polygon[:, 0].mean(), abs=2e-3)
+
+
+@pytest.mark.parametrize(("hole", "crossed"), [(0.7, True), (0.8, False)])
+def test_a_hole_wider_than_the_reach_is_said_before_the_run(hole, crossed):
+    """Oracle: by hand: half a sole and 2 cm on each side make 1 m of 0.71 m."""
+    regions = [
+        Region(name=f"{x}", vertices=[[x, -1], [x + 2, -1], [x + 2, 1], [x, 1]])
+        for x in (-1.0, 1.0 + hole)
+    ]
+    model = replace(MODEL, ground=Ground(tuple(regions), SOLE))
+    gait = Gait(num_steps=9, step=StepVector(length=0.3))
+    if crossed:
+        last = walking_start(gait, model).schedule.footsteps[-1]
+        assert last.pose.p_WF[0] > 1.0 + hole
+        return
+    with pytest.raises(ValueError, match=r"a hole of 1.090 m, .* reach of 1.0"):
+        walking_start(gait, model)
 
 
 def pushed(direction_deg, delta_v):
@@ -121,10 +163,12 @@ def test_what_cannot_be_walked_is_refused(tmp_path):
     scenario.terrain.name = "stairs"
     with pytest.raises(ValueError, match="'stairs': must be level.*point mass"):
         LipmDiagram(scenario)
-    scenario.engine = "mujoco"
-    with pytest.raises(ValueError, match="'stairs': must be level.*for MuJoCo"):
+    scenario.terrain.name, scenario.terrain.rise = "gap", 0.1
+    with pytest.raises(
+        ValueError, match="rise = 0.1: must be null, as gap has"
+    ):
         HumanoidDiagram(scenario)
-    scenario.engine = "drake"
+    scenario.terrain.rise = None
     (tmp_path / "high.yaml").write_text(LARGE[:-2] + ", height: 0.1}")
     scenario.terrain.name = str(tmp_path / "high.yaml")
     with pytest.raises(ValueError, match="left foot at the start: its region"):

@@ -223,7 +223,7 @@ def steps_on(
     its stance foot, the first at `feet`.
 
     Raises ValueError: a step is not on a single region, or there is no foothold
-    within reach.
+    within reach, or the ground has a hole wider than the reach.
     """
     found = []
     for number, step in enumerate(steps, start=1):
@@ -241,6 +241,16 @@ def steps_on(
                 f"{what}: must fit on a region within reach of the other foot; "
                 f"{_beside(ground, step.pose)}"
             )
+        if reach is not None:
+            x, y, _ = placed.pose.p_WF.tolist()
+            goal = ground.nearest(step.pose.p_WF[:2], step.pose.yaw)
+            assert goal is not None
+            if (wide := math.dist(goal, (x, y))) > reach.length_forward:
+                raise ValueError(
+                    f"{what}: from x = {x:.3f}, y = {y:.3f} m a hole of "
+                    f"{wide:.3f} m, between footholds, must be within the "
+                    f"reach of {reach.length_forward:.3f} m"
+                )
         feet = feet.with_foot(step.side, placed.pose)
         found.append(placed)
     return tuple(found)
@@ -342,18 +352,18 @@ class GroundError:
 
 
 def believed(
-    regions: tuple[Region, ...], error: GroundError, seed: int
+    regions: tuple[Region, ...], error: GroundError, seed: int, start: Array
 ) -> tuple[Region, ...]:
     """Returns the regions with random errors, determined by `seed`.
 
-    The region at the origin of W, where the robot starts, has no error.
+    The region at the robot's `start` (2,) [m] has no error.
     """
     if error == GroundError():
         return regions
     rng = np.random.default_rng(seed)
     found = []
     for region in regions:
-        if contains(np.zeros(2), region.polygon):
+        if contains(start, region.polygon):
             found.append(region)
             continue
         up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()

@@ -8,7 +8,8 @@
 
 Parameters are tuned on Nadia.  For another robot they are `scaled` by Froude
 similarity at constant gravity: lengths scale with the leg, times with its
-square root, forces with its cube; parameters of the sole scale with the sole.
+square root, forces with its cube; parameters of the sole scale with the sole,
+those of treads with what is larger for its size.
 """
 
 import dataclasses
@@ -148,6 +149,11 @@ class Size(NamedTuple):
     leg: float  # hip pitch axis to sole, the knee straight
     sole_length: float
     sole_width: float
+
+    @property
+    def tread(self) -> float:
+        """Depth of a tread over Nadia's: it fits the sole and the shin."""
+        return max(self.leg / NADIA.leg, self.sole_length / NADIA.sole_length)
 
 
 NADIA = Size(0.782 + 0.098, 0.178 + 0.072, 2.0 * 0.06)

@@ -49,7 +49,7 @@ class Foothold:
     """A foothold in the frame between the feet at the start."""
 
     side: str = bounded("left", one_of=_SIDES)  # the foot that moves
-    x: float = bounded(0.0, unit="m")  # sole centre, forward
+    x: float = bounded(0.0, unit="m", of="tread")  # sole centre, forward
     y: float = bounded(0.0, unit="m")  # sole centre, to the left
     yaw_deg: float = bounded(0.0, least=-3600.0, most=3600.0)  # [deg]
 
@@ -121,19 +121,20 @@ def make_footsteps(
     return steps
 
 
-def walking_start(gait: Gait, model: PointMassModel) -> walking.WalkingState:
+def walking_start(
+    gait: Gait, model: PointMassModel, place: FootPose = walking.ORIGIN
+) -> walking.WalkingState:
     """Returns the initial walking state of a standing robot.
 
-    The feet are side by side about the origin of W, the gait's or else the
-    robot's `step_width` apart; the first transfer begins after the gait's
+    The feet are side by side about `place`, the gait's or else the robot's
+    `step_width` apart; the first transfer begins after the gait's
     `standing_duration`, or a tick later.  Without steps, standing does not end.
 
     Raises ValueError: see `make_footsteps`.
     """
     width = model.step_width if gait.step_width is None else gait.step_width
     feet = FootPoses(
-        FootPose(np.array([0.0, 0.5 * width, 0.0])),
-        FootPose(np.array([0.0, -0.5 * width, 0.0])),
+        *(_offset(place, 0.0, 0.5 * side.sign * width, 0.0) for side in Side)
     )
     if model.ground is not None:
         feet = standing_on(model.ground, feet)

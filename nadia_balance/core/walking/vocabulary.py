@@ -119,6 +119,9 @@ class FootPose(Immutable):
         return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
 
 
+ORIGIN = FootPose()
+
+
 @dataclass(frozen=True)
 class FootPoses(Immutable):
     """The poses of both soles in W."""

@@ -149,12 +149,15 @@ def test_no_foot_is_put_on_an_obstacle():
     assert ground.nearest(np.array([1.0, 0.0]), 0.0)[0] < 0.25
 
 
+HERE = np.zeros(2)
+
+
 def test_what_is_believed_is_wrong_by_no_more_than_asked_for():
     """Oracle: differences, within the bounds, and some near to them."""
     true = tuple(square(f"{i}", 1.0 * i) for i in range(50))
     error = GroundError(height=0.03, tilt_deg=3.0, place=0.05)
-    assert believed(true, GroundError(), 0) is true
-    found = believed(true, error, 1)
+    assert believed(true, GroundError(), 0, HERE) is true
+    found = believed(true, error, 1, HERE)
     off = np.array([f.vertices for f in found])
     off -= [t.vertices for t in true]
     assert 0.04 < np.max(np.abs(off)) <= 0.05 + 1e-12
@@ -162,4 +165,4 @@ def test_what_is_believed_is_wrong_by_no_more_than_asked_for():
     slopes = [np.abs(f.normal[:2]).max() for f in found]
     assert 0.9 < max(slopes) / math.tan(math.radians(3.0)) <= 1.0
     assert found[0] is true[0]  # where the robot stands
-    assert found[9].vertices == believed(true, error, 1)[9].vertices
+    assert found[9].vertices == believed(true, error, 1, HERE)[9].vertices
