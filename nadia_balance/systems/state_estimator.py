@@ -16,9 +16,10 @@ from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.imu import imu_place
 from nadia_balance.systems.ports import Input, Outcome, declare_scratch
 
-# A foot stands above this share of the weight on it; one that stands is let go
-# below the second, before it is lifted and rolls.
-TRUSTED, RELEASED = 0.4, 0.3
+# A foot has landed above this share of the weight on it; it is let go below the
+# second, before it is lifted and rolls.  It stands when it has settled.
+LANDED, RELEASED = 0.4, 0.3
+SETTLING = 0.02  # [s]
 # Errors of what the robot is told of its pose at the start (see `begin`).
 START = 0.005, 1e-3, 0.005  # [rad], [m/s], [m]
 
@@ -31,7 +32,8 @@ class _Legs(NamedTuple):
     X_BI: RigidTransform
     V_BI: np.ndarray  # angular, linear velocity of I in B (2, 3)
     soles: np.ndarray  # in I (2, 3) [m]
-    J: np.ndarray  # their Jacobians by joint angles (2, 3, nj)
+    up: np.ndarray  # their normals in I (2, 3)
+    J: np.ndarray  # Jacobians of rotation, place by joint angles (2, 6, nj)
 
 
 class StateEstimator(LeafSystem):
@@ -41,9 +43,9 @@ class StateEstimator(LeafSystem):
     `estimated_state` is [q, v] of the robot's `control_plant`: the joints as
     measured, the pelvis from the IMU's pose.  `estimate_covariance` (81,) is
     that of (angle, velocity, position) of the pelvis, (9, 9) in W [rad], [m/s],
-    [m].  A foot is trusted by its force, with hysteresis, until it slips.
-    The state is the Estimate, and which feet are trusted.  RuntimeError: the
-    IMU is saturated, which says nothing of the motion.
+    [m].  A foot stands by its force, with hysteresis, once it has settled.
+    The state is the Estimate, and since how many ticks each foot is loaded.
+    RuntimeError: the IMU is saturated, which says nothing of the motion.
 
     .. pydrake_system::
 
@@ -70,10 +72,11 @@ class StateEstimator(LeafSystem):
         self._plant = plant = robot.control_plant()
         self._filter = ekf.InvariantEkf(sensors, period)
         self._height, self._weight = height, robot.mass * GRAVITY
+        self._settling = round(SETTLING / period)  # [ticks]
         self._q0, self._nj = q, plant.num_velocities() - 6
         self._body, self._X_BodyI = imu_place(plant, robot, sensors)
         self._soles = [
-            (plant.GetFrameByName(name), robot.X_FootSole[side].translation())
+            (plant.GetFrameByName(name), robot.X_FootSole[side])
             for side, name in robot.foot_bodies.items()
         ]
         self._imu, self._range = Input(self, "imu", 9), sensors.imu_range
@@ -84,7 +87,7 @@ class StateEstimator(LeafSystem):
         Outcome(
             self,
             {"estimated_state": size, "estimate_covariance": 81},
-            {"R": 9, "x": 12, "bias": 6, "cov": 441, "trusted": 2, "begun": 1},
+            {"R": 9, "x": 12, "bias": 6, "cov": 441, "loaded": 2},
             self._calc,
             period,
             [self._imu, self._joints, self._forces],
@@ -106,25 +109,26 @@ class StateEstimator(LeafSystem):
             raise self._imu.error(context, "is saturated")
         legs = self._legs(context, joints)
         loads = self._forces(context) / self._weight
-        if last["begun"]:
-            was = last["trusted"] > 0.5
-            trusted = loads > np.where(was, RELEASED, TRUSTED)
-            estimate = self._after(last, imu, legs, was, trusted)
+        if last["cov"].any():
+            least = np.where(last["loaded"] > 0.0, RELEASED, LANDED)
+            loaded = (last["loaded"] + 1.0) * (loads > least)
+            estimate = self._moved(last, imu)
         else:
-            trusted = np.ones(2, dtype=bool)
+            loaded = np.full(2, self._settling + 1.0)
             estimate = self._begin(legs)
+        was, stands = last["loaded"] > self._settling, loaded > self._settling
+        estimate = self._standing(estimate, legs, was, stands)
         pelvis, covariance = self._pelvis(estimate, imu, legs)
         return (
             self._state(*pelvis, joints),
             covariance.ravel(),
             *(part.ravel() for part in estimate),
-            trusted,
-            (1.0,),
+            loaded,
         )
 
-    def _after(self, last, imu, legs, was, trusted) -> ekf.Estimate:
-        """The estimate of this tick."""
-        estimate = self._filter.predict(
+    def _moved(self, last, imu) -> ekf.Estimate:
+        """The estimate of this tick by the IMU alone."""
+        return self._filter.predict(
             ekf.Estimate(
                 last["R"].reshape(3, 3),
                 last["x"].reshape(4, 3),
@@ -133,19 +137,26 @@ class StateEstimator(LeafSystem):
             ),
             imu[:6],
         )
-        soles, J = legs.soles, legs.J
-        estimate, _ = self._filter.correct(estimate, was & trusted, soles, J)
-        for i in np.flatnonzero(trusted & ~was):
-            estimate = self._filter.touch(estimate, i, soles[i], J[i])
-            if self._height is not None:
-                estimate = self._filter.land(estimate, i, self._height)
+
+    def _standing(self, estimate, legs, was, stands) -> ekf.Estimate:
+        """The estimate with the feet that stand; some `was` before."""
+        f, soles, J = self._filter, legs.soles, legs.J
+        estimate, _ = f.correct(estimate, was & stands, soles, J[:, 3:])
+        new = np.flatnonzero(stands & ~was)
+        for i in new:
+            estimate = f.touch(estimate, i, soles[i], J[i, 3:])
+        # One has settled: the other, with all of the weight until now, is flat.
+        if self._height is not None:
+            for i in 1 - new[stands[1 - new]]:
+                more = self._height, legs.up[i], J[i, :3]
+                estimate = f.level(estimate, i, *more)
         return estimate
 
     def _begin(self, legs: _Legs) -> ekf.Estimate:
         q = self._q0
         X_WI = RigidTransform(_rotation(q), q[4:7]) @ legs.X_BI
         R = X_WI.rotation().matrix()
-        return self._filter.begin(R, X_WI.translation(), legs.soles, START)
+        return self._filter.begin(R, X_WI.translation(), START)
 
     def _legs(self, context, joints) -> _Legs:
         plant, own, n = self._plant, self._scratch.Eval(context), self._nj
@@ -154,19 +165,19 @@ class StateEstimator(LeafSystem):
         plant.SetPositionsAndVelocities(own, state)
         X_IB = self._X_BodyI.inverse()
         R_IB, body = X_IB.rotation().matrix(), self._body.body_frame()
-        soles, J = np.empty((2, 3)), np.empty((2, 3, n))
-        for i, (frame, p) in enumerate(self._soles):
-            p_B = plant.CalcPointsPositions(own, frame, p, body)[:, 0]
-            soles[i] = X_IB @ p_B
-            J_B = plant.CalcJacobianTranslationalVelocity(
-                own, _V, frame, p, body, body
+        soles, up, J = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 6, n))
+        for i, (frame, X) in enumerate(self._soles):
+            X_IF = X_IB @ frame.CalcPose(own, body) @ X
+            soles[i], up[i] = X_IF.translation(), X_IF.rotation().col(2)
+            J_B = plant.CalcJacobianSpatialVelocity(
+                own, _V, frame, X.translation(), body, body
             )
-            J[i] = R_IB @ J_B[:, 6:]
+            J[i] = (R_IB @ J_B[:, 6:].reshape(2, 3, n)).reshape(6, n)
         X_BBody = plant.EvalBodyPoseInWorld(own, self._body)
         V = plant.EvalBodySpatialVelocityInWorld(own, self._body)
         V = V.Shift(X_BBody.rotation() @ self._X_BodyI.translation())
         V_BI = np.array((V.rotational(), V.translational()))
-        return _Legs(X_BBody @ self._X_BodyI, V_BI, soles, J)
+        return _Legs(X_BBody @ self._X_BodyI, V_BI, soles, up, J)
 
     def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Legs) -> tuple:
         """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""

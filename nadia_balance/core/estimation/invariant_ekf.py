@@ -12,9 +12,9 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 
 # Standard deviations of what the sensors do not tell.
-STANCE_NOISE = 0.003  # of a standing foot's position [m/sqrt(s)]
-SINKING = 0.001  # of a sole on the legs' end, white [m]
-GROUND_NOISE = 0.005  # of a landed sole's height above known ground [m]
+STANCE_NOISE = 0.0005  # a standing sole creeps and sinks [m/sqrt(s)]
+SINKING = 0.0005  # into level ground, once a step [m]
+FLATNESS = 0.001  # of a sole that stands on it, once a step [rad]
 GATE = 21.1  # of a foot's squared innovation: 1e-4 of chi^2 of 3 [-]
 
 THETA, V, P, BIAS = slice(0, 3), slice(3, 6), slice(6, 9), slice(15, 21)
@@ -99,13 +99,13 @@ class InvariantEkf:
         self._Phi[P, THETA] = skew(_G) * (0.5 * T**2)
         self._Phi[P, V] = np.eye(3) * T
 
-    def begin(self, R: Array, p: Array, feet: Array, error: Array) -> Estimate:
-        """The estimate of a robot at rest, told where it stands.
+    def begin(self, R: Array, p: Array, error: Array) -> Estimate:
+        """The estimate of a robot at rest, told where it is; soles: see touch.
 
         `error` (3,) are standard deviations of the rotation [rad], of velocity
-        [m/s] and position [m]; `feet` (2, 3) [m] the soles in I.
+        [m/s] and position [m].
         """
-        x = np.vstack((np.zeros(3), p, p + feet @ R.T))
+        x = np.vstack((np.zeros(3), p, p, p))
         cov = np.diag(
             np.square(np.repeat((*error, 0.0, 0.0, *self._biases), 3))
         )
@@ -154,20 +154,29 @@ class InvariantEkf:
         x[2 + i] = x[1] + last.R @ p_IF
         cov[foot] = cov[P]
         cov[:, foot] = cov[:, P]
-        cov[foot, foot] += self._leg_noise(last.R @ J)
+        RJ = last.R @ J
+        cov[foot, foot] += self._joint_var * (RJ @ RJ.T)
         return last._replace(x=x, cov=cov)
 
-    def land(self, last: Estimate, i: int, height: float) -> Estimate:
-        """The estimate with sole `i` on ground of known `height` [m], Eq. (7).
+    def level(
+        self, last: Estimate, i: int, height: float, up: Array, J: Array
+    ) -> Estimate:
+        """The estimate with sole `i` flat on ground of known `height` [m].
 
-        Once a step: what the ground deviates does not change within one.
+        Eq. (7), once a step: how the sole lies does not change within one.
+        `up` (3,) is the normal of the sole in I, `J` (3, nj) the Jacobian of
+        its rotation.  A sole above GATE stands on an edge: it tells nothing.
         """
-        d, row = last.x[2 + i], np.zeros(SIZE)
-        row[0], row[1], row[FEET[i].stop - 1] = d[1], -d[0], 1.0
-        HP = row @ last.cov
-        variance = HP @ row + GROUND_NOISE**2
-        cov = last.cov - np.outer(HP / variance, HP)
-        return _moved(last, HP * ((height - d[2]) / variance), cov)
+        d, H = last.x[2 + i], np.zeros((3, SIZE))
+        H[0, :2], H[0, FEET[i].stop - 1] = (d[1], -d[0]), 1.0
+        H[1, 1], H[2, 0] = 1.0, -1.0
+        RJ = last.R @ J
+        noise = np.diag(np.square((SINKING, FLATNESS, FLATNESS)))
+        noise[1:, 1:] += self._joint_var * (H[1:, :3] @ RJ @ RJ.T @ H[1:, :3].T)
+        r = np.array((height - d[2], *(-last.R @ up)[:2]))
+        HP = H @ last.cov
+        found, distance = _corrected(last, HP, HP @ H.T + noise, r)
+        return found if distance <= GATE else last
 
     def correct(
         self, last: Estimate, stands: Array, p_IF: Array, J: Array
@@ -202,22 +211,19 @@ class InvariantEkf:
         r = (p_IF[rows] @ R.T - (x[2:][rows] - x[1])).ravel()
         HP = np.concatenate([cov[FEET[i]] - cov[P] for i in rows])
         S = np.concatenate([HP[:, FEET[i]] - HP[:, P] for i in rows], axis=1)
-        S += self._leg_noise((R @ J[rows]).reshape(len(r), -1))
-        K = np.linalg.solve(S, np.column_stack((HP, r)))
-        cov = cov - HP.T @ K[:, :-1]
-        moved = _moved(last, r @ K[:, :-1], 0.5 * (cov + cov.T))
-        return moved, float(r @ K[:, -1])
-
-    def _leg_noise(self, RJ: Array) -> Array:
-        """Covariance [m^2] of measured soles, of Jacobians (3n, nj) in W."""
-        noise = self._joint_var * (RJ @ RJ.T)
-        noise.ravel()[:: len(noise) + 1] += SINKING**2
-        return noise
+        RJ = (R @ J[rows]).reshape(len(r), -1)
+        S += self._joint_var * (RJ @ RJ.T)
+        return _corrected(last, HP, S, r)
 
 
-def _moved(last: Estimate, xi: Array, cov: Array) -> Estimate:
-    """The estimate exp(xi) `last`, with another covariance."""
+def _corrected(
+    last: Estimate, HP: Array, S: Array, r: Array
+) -> tuple[Estimate, float]:
+    """The estimate exp(K r) `last`, and r' S^-1 r of the innovation `r`."""
+    K = np.linalg.solve(S, np.column_stack((HP, r)))
+    xi, cov = r @ K[:, :-1], last.cov - HP.T @ K[:, :-1]
     turned, mean, _ = gammas(xi[THETA])
     x = last.x @ turned.T + xi[3:15].reshape(4, 3) @ mean.T
     bias = last.bias + xi[BIAS].reshape(2, 3)
-    return Estimate(turned @ last.R, x, bias, cov)
+    moved = Estimate(turned @ last.R, x, bias, 0.5 * (cov + cov.T))
+    return moved, float(r @ K[:, -1])

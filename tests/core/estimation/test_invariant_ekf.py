@@ -79,8 +79,10 @@ def moved(state, imu, steps=400):
 
 def start(params=BLIND):
     R = expm(cross(np.array([0.1, -0.2, 0.5])))
-    p, soles = np.array([3.0, -1.0, 0.9]), np.array([[0.1, 0.1, -0.9]] * 2)
-    begun = InvariantEkf(params, T).begin(R, p, soles, ERROR)
+    filter_ = InvariantEkf(params, T)
+    begun = filter_.begin(R, np.array([3.0, -1.0, 0.9]), ERROR)
+    for i in (0, 1):
+        begun = filter_.touch(begun, i, np.array([0.1, 0.1, -0.9]), LEG[i])
     x = begun.x.copy()
     x[0] = 0.4, -0.3, 0.2
     return begun._replace(x=x)
@@ -154,7 +156,7 @@ def test_a_filter_without_process_noise_is_least_squares(monkeypatch):
         estimate, _ = filter_.correct(
             estimate, both, np.array(measured[-1]), LEG
         )
-    S = 1e-6 * np.concatenate(LEG) @ np.concatenate(LEG).T + 1e-6 * np.eye(6)
+    S = 1e-6 * np.concatenate(LEG) @ np.concatenate(LEG).T
     weight = np.linalg.inv(np.linalg.cholesky(S))
 
     def misfit(z):
@@ -195,7 +197,9 @@ def test_errors_are_as_large_as_the_filter_says():
             bias = truth.bias.ravel()
             truth = moved(truth, ideal + bias, 2)
             x = truth.x.copy()
-            x[2:] += 0.003 * math.sqrt(T) * rng.standard_normal((2, 3))
+            x[2:] += (
+                ekf.STANCE_NOISE * math.sqrt(T) * rng.standard_normal((2, 3))
+            )
             if k % 25 == 0:
                 x[2 + k // 25 % 2, :2] += 0.3
             truth = truth._replace(
@@ -205,7 +209,6 @@ def test_errors_are_as_large_as_the_filter_says():
             estimate = filter_.predict(estimate, imu)
             noise = 1e-3 * rng.standard_normal(6)
             soles = np.array([legs_of(truth, i, noise) for i in (0, 1)])
-            soles += 1e-3 * rng.standard_normal((2, 3))
             stands = np.ones(2, dtype=bool)
             if k % 25 == 0:
                 foot = k // 25 % 2
@@ -234,12 +237,22 @@ def test_a_foot_that_slips_is_not_believed():
     assert found.x[2] == pytest.approx(found.x[1] + found.R @ soles[0])
 
 
-def test_ground_of_known_height_bounds_the_height():
+def test_a_flat_sole_on_known_ground_bounds_height_and_tilt():
     """Oracle: variances of parallel measurements, without a lever arm."""
-    last = start()._replace(cov=np.diag(np.full(21, 1e-4)))
+    last = start()._replace(cov=np.diag(np.full(21, 1e-4)), R=np.eye(3))
     x = np.zeros((4, 3))
     x[2, 2] = 0.03
-    found = InvariantEkf(BLIND, T).land(last._replace(x=x), 0, 0.01)
-    share = 1e-4 / (1e-4 + ekf.GROUND_NOISE**2)
-    assert found.x[2] == pytest.approx([0.0, 0.0, 0.03 - share * 0.02])
+    turn, J = 0.01, np.diag([1.0, 2.0, 3.0])
+    up = expm(cross(np.array([turn, 0.0, 0.0])))[:, 2]
+    filter_, last = InvariantEkf(BLIND, T), last._replace(x=x)
+    found = filter_.level(last, 0, 0.01, up, J)
+    share = 1e-4 / (1e-4 + ekf.SINKING**2)
+    assert found.x[2, 2] == pytest.approx(0.03 - share * 0.02, abs=1e-5)
     assert found.cov[11, 11] == pytest.approx(1e-4 * (1.0 - share))
+    noise = ekf.FLATNESS**2 + np.square([1e-3, 2e-3])
+    share = 1e-4 / (1e-4 + noise)
+    assert np.diag(found.cov)[:2] == pytest.approx(1e-4 * (1.0 - share))
+    tilt = np.arcsin((found.R @ up)[:2])
+    assert tilt == pytest.approx([0.0, -turn * (1.0 - share[0])], abs=1e-6)
+    on_edge = expm(cross(np.array([0.05, 0.0, 0.0])))[:, 2]
+    assert filter_.level(last, 0, 0.01, on_edge, J) is last
