@@ -11,12 +11,11 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import MeasuredPoses
-from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
-from nadia_balance.results import estimate
+from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
@@ -293,9 +292,9 @@ class HumanoidDiagram(ClosedLoop):
         now = {
             name: port.Eval(port.get_system().GetMyContextFromRoot(context))
             for name, port in ports.items()
-            if name in estimate.SIGNALS.split()
+            if name in ESTIMATE.split()
         }
-        return float(estimate.nees({n: row[None] for n, row in now.items()})[0])
+        return float(nees({n: row[None] for n, row in now.items()})[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
@@ -321,7 +320,7 @@ class HumanoidDiagram(ClosedLoop):
         return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.diagrams.signal_log)."""
+        """All logged signals (see nadia_balance.results.log)."""
         logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
         return {

@@ -9,8 +9,8 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.point_mass_plant import PointMassPlant
 from nadia_balance.robot.model import load_robot
@@ -24,6 +24,8 @@ FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
 
 class LipmDiagram(ClosedLoop):
     """Closes the loop of CapturePointController and PointMassPlant."""
+
+    PLANT = "lipm"
 
     def __init__(
         self,

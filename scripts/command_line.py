@@ -19,17 +19,13 @@ from pydrake.systems.analysis import Simulator
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams import simulation
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless
-from nadia_balance.diagrams.policy import policy_of
 from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
-from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
 from nadia_balance.results.story import telling_lines
-from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
@@ -269,8 +265,11 @@ def main_job(
             if args.live:
                 scenario = endless(scenario)
             meshcat = _meshcat(args.port) if shown else None
-            make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
-            diagram = make(scenario, meshcat, *_policy(args, scenario))
+            if args.controller is not None:
+                refuse_with_policy(args)
+            diagram = simulation.closed_loop(
+                scenario, args.plant, args.controller or "", meshcat
+            )
             if not args.live:
                 simulator = simulation.start(diagram)
                 folder = new_folder(args.out, args.scenario_name)
@@ -296,16 +295,7 @@ def _run(
         start_recording(meshcat, live=args.open or args.hold)
     watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
     run = simulation.advance(simulator, scenario.duration, until=watch)
-    summary = summarize(
-        run,
-        simulation.run_info(
-            scenario,
-            run,
-            args.plant,
-            args.scenario_name,
-            args.controller.name if args.controller else "",
-        ),
-    )
+    summary = run.summary | {"scenario": args.scenario_name}
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
         written = write_run(folder, run.logs, summary, text, meshcat)
@@ -315,16 +305,6 @@ def _run(
     if args.hold:
         _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
-
-
-def _policy(
-    args: argparse.Namespace, scenario: Scenario
-) -> list[PolicyController]:
-    """The controller of --controller, if any (see `policy_of`)."""
-    if args.controller is None:
-        return []
-    refuse_with_policy(args)
-    return [policy_of(scenario, args.controller)]
 
 
 def refuse_with_policy(args: argparse.Namespace) -> None:
@@ -368,7 +348,7 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: simulation.ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
     session = LiveSession(diagram, meshcat, say)
     with LivePage(meshcat) as page:

@@ -26,7 +26,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
 from nadia_balance.scripts.command_line import (
@@ -40,7 +40,6 @@ from nadia_balance.scripts.envelope_sweep import limits, report, run
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
 from nadia_balance.scripts.envelope_sweep.sweep import AT, HEADROOM, Sweep
-from nadia_balance.scripts.envelope_sweep.trial import diagram_of
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -115,7 +114,7 @@ def main(argv: list[str] | None = None) -> int:
         # Building a diagram checks the robot and the blocks, too.
         for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
             walk = sweep.walk(cell, replica=0)
-            diagram_of(walk, sweep.plant, sweep.controller)
+            closed_loop(walk, sweep.plant, sweep.controller)
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     with contextlib.ExitStack() as stack:

@@ -18,9 +18,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
-from nadia_balance.results import estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
+from nadia_balance.results.measurements import lost_at, measure_estimate
 from nadia_balance.results.plots.estimate import draw
 from nadia_balance.results.plots.style import RC
 from nadia_balance.robot.model import RobotModel, load_robot
@@ -65,8 +65,8 @@ def main(argv: list[str] | None = None) -> int:
             np.savez(drafts / FILES[0], **log)
             figure = draw(log, what | {"pushes": [], "fell_at": None})
             figure.savefig(drafts / FILES[1])
-    found = (estimate.measure(log) if "state" in log else None) or {}
-    lost = estimate.lost_at(log)
+    found = (measure_estimate(log) if "state" in log else None) or {}
+    lost = lost_at(log)
     command_line.say(
         *(f"{name}: {value:.4g}" for name, value in found.items()),
         *([] if lost is None else [f"ESTIMATOR LOST at {lost:.2f} s"]),

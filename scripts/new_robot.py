@@ -18,10 +18,9 @@ import numpy as np
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import run_info, simulate
+from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.new_robot import Named
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
-from nadia_balance.results.summary import summarize
 from nadia_balance.robot.margins import margins
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import reach_within
@@ -146,7 +145,7 @@ def _walk(robot: str, fidelity: str) -> int:
         command_line.say(f"DID NOT WALK: {error}")
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
-    found = summarize(run, run_info(scenario, run, "humanoid", "walk_in_place"))
+    found = run.summary
     loads = torque_ratio(run.logs), joint_speed_ratio(run.logs)
     failed = "" if found["recovered"] else f": {found['reason']}"
     command_line.say(

@@ -204,7 +204,7 @@ def limits_of(
     push = scenario.pushes[0]
     push.at, push.delta_v, push.force = situation[1], 0.0, None
     diagram = LipmDiagram(scenario)
-    context, run = walk_to_push(diagram, scenario.duration, lambda _: False)
+    context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
     robot = diagram.robot
