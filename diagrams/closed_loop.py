@@ -27,7 +27,6 @@ from nadia_balance.core.body.reachability import (
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
 # Signals that are logged, drawn and exported, of those that there are.
@@ -75,8 +74,9 @@ class ClosedLoop(Diagram):
         }
         if meshcat is not None and "walking_state" in of:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            drawn = [(of[n].get_system(), [n]) for n in DRAWN if n in of]
-            scene.add_drawings(builder, view, drawn)
+            builder.AddNamedSystem("balance_visualizer", view)
+            for name in filter(of.get, DRAWN):
+                builder.Connect(of[name], view.GetInputPort(name))
         logged = {name: of[name] for name in LOGGED if name in of} | ports
         self._sizes = {name: port.size() for name, port in logged.items()}
         multiplexer = builder.AddNamedSystem(

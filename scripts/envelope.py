@@ -29,13 +29,6 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.command_line import (
-    Flags,
-    add_flags,
-    finite,
-    place,
-    say,
-)
 from nadia_balance.scripts.envelope_sweep import limits, report, run
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
 from nadia_balance.scripts.envelope_sweep.search import SearchParams
@@ -45,7 +38,7 @@ SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
 _ABOUT = "Several may be named with commas; by default, the protocol's are."
-_SWEEP: Flags = {
+_SWEEP: command_line.Flags = {
     "protocol": {
         "choices": limits.PROTOCOLS,
         "default": "nadia_fig10",
@@ -60,17 +53,17 @@ _SWEEP: Flags = {
         'forward, 90 left; "90," for one), or how many all around'
     },
     "at": {"help": f"when the push begins, such as {AT.replace('%', '%%')}"},
-    "resolution": {"type": finite, "help": "of the limit [m/s]"},
+    "resolution": {"type": command_line.finite, "help": "of the limit [m/s]"},
     "stride": {"type": int, "help": "of the march upward, in resolutions"},
     "replicas": {
         "type": int,
         "help": "of a push at the limit; four in five must be recovered from",
     },
 }
-_RUNNING: Flags = {
+_RUNNING: command_line.Flags = {
     "from": {
         "dest": "known",
-        "type": place,
+        "type": command_line.place,
         "metavar": "FOLDER",
         "help": f"march up from {HEADROOM:g} m/s below the limits in "
         f"FOLDER/{limits.LIMITS}, which an earlier sweep found, not from zero",
@@ -82,12 +75,12 @@ _RUNNING: Flags = {
     },
     "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
     "out": {
-        "type": place,
+        "type": command_line.place,
         "help": f"folder for the results; one with a {TRIALS} goes on "
         "(default: envelopes/<date>_<protocol>)",
     },
     "plot-only": {
-        "type": place,
+        "type": command_line.place,
         "metavar": "FOLDER",
         "help": f"only write what follows from FOLDER/{TRIALS}",
     },
@@ -137,10 +130,10 @@ def parser_of() -> command_line.CommandLine:
         epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
         "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
     )
-    add_flags(parser, "sweep", _SWEEP, _ABOUT)
+    command_line.add_flags(parser, "sweep", _SWEEP, _ABOUT)
     command_line.scenario_flags(parser, name="the protocol's")
-    add_flags(parser, "policy", command_line.POLICY_FLAGS)
-    add_flags(parser, "running", _RUNNING)
+    command_line.add_flags(parser, "policy", command_line.POLICY_FLAGS)
+    command_line.add_flags(parser, "running", _RUNNING)
     return parser
 
 
@@ -151,7 +144,7 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
         for name, scenario in sweep.scenarios.items()
     )
     (rows.folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
-    say(
+    command_line.say(
         f"{len(sweep.cells())} limits to find, {slots} trials at a time; "
         f"{len(rows.all)} trials are there already",
         f"into {rows.folder}",
@@ -167,7 +160,9 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
         undecided = _report(rows, sweep.scenarios)
         code = code or undecided
         if code in (command_line.FAILED, INTERRUPTED):
-            say(f"the same flags and --out {rows.folder} go on from here")
+            command_line.say(
+                f"the same flags and --out {rows.folder} go on from here"
+            )
     return code
 
 
@@ -187,9 +182,9 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
     names = ", ".join([*report.write_report(found, rows), TRIALS])
     for situation in found.situations:
         table = report.table_of(found, situation, report.RECOVERED)
-        say("", ", ".join(situation), *table)
+        command_line.say("", ", ".join(situation), *table)
     trials = f"trials {report.outcomes(rows)}"
-    say(trials, f"wrote {rows.folder}/{{{names}}}")
+    command_line.say(trials, f"wrote {rows.folder}/{{{names}}}")
     tried = [r["recovered"] for r in found.records if r["trials"]]
     return command_line.UNDECIDED if None in tried else command_line.DONE
 

@@ -21,7 +21,7 @@ from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
 from nadia_balance.results.measurements import lost_at, measure_estimate
-from nadia_balance.results.plots.estimate import draw
+from nadia_balance.results.plots.effort import draw_estimate
 from nadia_balance.results.plots.style import RC
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
         what = {"robot": args.robot, "mechanisms": args.log.name}
         with appearing(folder) as drafts, mpl.rc_context(RC):
             np.savez(drafts / FILES[0], **log)
-            figure = draw(log, what | {"pushes": [], "fell_at": None})
+            figure = draw_estimate(log, what | {"pushes": [], "fell_at": None})
             figure.savefig(drafts / FILES[1])
     found = (measure_estimate(log) if "state" in log else None) or {}
     lost = lost_at(log)

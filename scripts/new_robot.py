@@ -67,7 +67,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
     """Writes the reach of the legs into `folder`; returns a line about it."""
-    from nadia_balance.new_robot.write import write_reach
+    from nadia_balance.new_robot.make import write_reach
 
     before = robot.point_mass.reach
     reach, missed = reach_within(robot)

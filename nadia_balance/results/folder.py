@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.results.log import Log
 from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import effort, estimate, footsteps, timeline
+from nadia_balance.results.plots import effort, footsteps, timeline
 from nadia_balance.results.plots.style import RC
 
 PLOTS = {
@@ -24,7 +24,7 @@ PLOTS = {
     "footsteps.png": footsteps.draw,
     "icp.png": effort.draw_icp,
     "effort.png": effort.draw,
-    "estimate.png": estimate.draw,
+    "estimate.png": effort.draw_estimate,
 }
 
 # All files that a run may write.
@@ -41,19 +41,29 @@ def new_folder(
         ValueError: one of the files exists, another run has the lock, or as
             prepare_folder.
     """
-    folder = prepare_folder(out, name)
+    with locked(prepare_folder(out, name)) as folder:
+        for file in files:
+            if (folder / file).exists():
+                raise ValueError(
+                    f"out = {str(out)!r}: must be a folder without {file}"
+                )
+        yield folder
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[Path]:
+    """Yields `folder`, which no other process has within the block.
+
+    Raises ValueError: another process has it.
+    """
     lock = os.open(folder, os.O_RDONLY)
     try:
-        there = [file for file in files if (folder / file).exists()]
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            there = ["another run that goes on"]
-        if there:
-            raise ValueError(
-                f"out = {str(out)!r}: must be a folder without {there[0]}"
-            )
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield folder
+    except BlockingIOError:
+        raise ValueError(
+            f"out = {str(folder)!r}: must be in use by no other run"
+        ) from None
     finally:
         os.close(lock)
 

@@ -1,7 +1,5 @@
 """Meshcat: its scene, and the parts of a closed loop that use it."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake import geometry
 from pydrake.geometry import Meshcat, MeshcatParams, SceneGraph
@@ -16,7 +14,6 @@ from nadia_balance import palette
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.wiring import connect
-from nadia_balance.view.balance_visualizer import BalanceVisualizer
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0
@@ -129,17 +126,6 @@ def add_mechanisms(
     controls = builder.AddNamedSystem(CONTROLS, LiveControls(meshcat, on))
     connect(builder, controls, push, "live_push")
     return controls.GetOutputPort("mechanisms")
-
-
-def add_drawings(
-    builder: DiagramBuilder,
-    view: BalanceVisualizer,
-    sources: Sequence[tuple[System, Sequence[str]]],
-) -> None:
-    """Adds `view` and connects it to the signals that the `sources` have."""
-    builder.AddNamedSystem("balance_visualizer", view)
-    for system, names in sources:
-        connect(builder, system, view, *filter(system.HasOutputPort, names))
 
 
 def add_mouse(

@@ -6,13 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 
 from distributed import Client, KilledWorker, LocalCluster
 from distributed.comm import connect
@@ -34,7 +28,7 @@ Trial = tuple[Cell, Attempt]
 @contextlib.contextmanager
 def open_workers(
     workers: int, scheduler: str | None = None
-) -> Iterator[tuple[Executor, int]]:
+) -> Iterator[tuple[futures.Executor, int]]:
     """Yields an Executor, and how many trials it runs at a time.
 
     They are `workers` processes of this machine, or all workers of the Dask
@@ -82,7 +76,7 @@ def _greet(scheduler: str) -> None:
         await comm.close()
 
     # In a thread of its own: that of the caller may have an event loop.
-    with ThreadPoolExecutor(1) as thread:
+    with futures.ThreadPoolExecutor(1) as thread:
         thread.submit(lambda: asyncio.run(greet())).result()
 
 
@@ -112,7 +106,7 @@ def urgent(sweep: Sweep, rows: Rows, running: Collection[Trial]) -> list[Trial]:
 def run_sweep(
     sweep: Sweep,
     rows: Rows,
-    executor: Executor,
+    executor: futures.Executor,
     slots: int,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool:
@@ -124,7 +118,7 @@ def run_sweep(
 
     Raises RuntimeError: a worker fails; errors of a trial are in its row.
     """
-    running: dict[Future, Trial] = {}
+    running: dict[futures.Future, Trial] = {}
     seldom = 0.5 if sys.stderr.isatty() else 30.0
     with tqdm(initial=len(rows.all), unit="trial", mininterval=seldom) as bar:
         while not stopped():
@@ -138,7 +132,9 @@ def run_sweep(
                     running[executor.submit(*task)] = trial
             if not running:
                 return True
-            for future in wait(running, LOOK, FIRST_COMPLETED).done:
+            for future in futures.wait(
+                running, LOOK, futures.FIRST_COMPLETED
+            ).done:
                 cell, (delta_v, replica) = running.pop(future)
                 trial = {"delta_v": delta_v, "replica": replica}
                 seed = {"seed": sweep.one.seed + replica}
@@ -147,7 +143,7 @@ def run_sweep(
     return False
 
 
-def _result(future: Future) -> dict:
+def _result(future: futures.Future) -> dict:
     """What a trial returned, or that its process died, after some tries."""
     try:
         return future.result()

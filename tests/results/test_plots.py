@@ -10,7 +10,7 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.log import contacts, pushes
-from nadia_balance.results.plots import estimate, footsteps, timeline
+from nadia_balance.results.plots import effort, footsteps, timeline
 from tests.results.made_up_run import HALF_WIDTH, Recipe, make_log, summary_of
 
 
@@ -79,7 +79,7 @@ def test_the_estimate_is_drawn_with_its_error_and_three_deviations():
     log = {"t": np.arange(5.0), "estimated_state": told, "state": state}
     log["estimate_covariance"] = P
     summary = {"robot": "r", "mechanisms": "m", "pushes": [], "fell_at": None}
-    figure = estimate.draw(log, summary)
+    figure = effort.draw_estimate(log, summary)
     x, y = (line.get_ydata() for line in figure.axes[1].lines)
     assert (x[0], y[0]) == pytest.approx((0.0, 20.0))
     band = figure.axes[1].collections[1].get_paths()[0].vertices[:, 1]

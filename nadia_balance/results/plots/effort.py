@@ -1,4 +1,4 @@
-"""Over time: the ICP and its error; torques, speeds, forces, QPs."""
+"""Over time: torques, speeds, forces, QPs; the ICP; the estimate."""
 
 import re
 
@@ -7,13 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from nadia_balance import palette
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import QP_STATUS, Log, icp_error, signal
-from nadia_balance.results.measurements import (
-    ICP_BACK,
-    joint_speed,
-    torque_ratio,
-)
 from nadia_balance.results.plots.style import FAINT, TEXT, time_axes
 
 # Patterns of joint names per group, for robots of several manufacturers.
@@ -27,13 +24,15 @@ GROUPS = {
 _GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
 _QP_COLORS = dict(zip(QP_STATUS, ("#7a5ba6", "#2b8a5f"), strict=True))
 SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
+_AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
+_BAND = 0.2  # opacity of 3 standard deviations
 
 
 def draw(log: Log, summary: dict) -> Figure | None:
     """Draws the available signals; None if the log has none."""
     rows = {
-        _draw_torques: 2.2 * (torque_ratio(log).size > 0),
-        _draw_speed: 1.3 * (joint_speed(log).size > 0),
+        _draw_torques: 2.2 * (measured.torque_ratio(log).size > 0),
+        _draw_speed: 1.3 * (measured.joint_speed(log).size > 0),
         _draw_forces: 1.8 * ("foot_forces" in log),
         _draw_qps: 1.5 * any(name in log for name in QP_STATUS),
     }
@@ -57,7 +56,7 @@ def joint_groups(names: np.ndarray) -> dict[str, np.ndarray]:
 
 def _draw_torques(ax: Axes, log: Log) -> None:
     """Draws the largest torque ratio of each group of joints."""
-    ratio = 100.0 * torque_ratio(log)
+    ratio = 100.0 * measured.torque_ratio(log)
     groups = joint_groups(log["actuator_names"])
     looks = zip(groups.items(), _GROUP_COLORS, strict=False)
     for (group, members), color in looks:
@@ -71,7 +70,7 @@ def _draw_torques(ax: Axes, log: Log) -> None:
 
 
 def _draw_speed(ax: Axes, log: Log) -> None:
-    speed = np.max(joint_speed(log), axis=1)
+    speed = np.max(measured.joint_speed(log), axis=1)
     ax.plot(log["t"], speed, color=TEXT, linewidth=1.1)
     ax.set(ylabel="fastest joint\n[rad/s]", ylim=(0.0, None))
 
@@ -147,7 +146,7 @@ def _draw_icp(ax: Axes, log: Log, axis: int) -> None:
 
 def _draw_icp_error(ax: Axes, log: Log) -> None:
     error = 1000.0 * icp_error(log)
-    limit = 1000.0 * ICP_BACK
+    limit = 1000.0 * measured.ICP_BACK
     ax.fill_between(log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0)
     ax.plot(log["t"], error, color=palette.ICP)
     ax.set(ylabel="ICP error [mm]", ylim=(0.0, None))
@@ -158,3 +157,57 @@ def _draw_icp_error(ax: Axes, log: Log) -> None:
         look = {"fontsize": 8, "color": FAINT}
         text = f"{limit:.0f} mm: recovered below"
         ax.annotate(text, (1.0, limit), **where, **look)
+
+
+def draw_estimate(log: Log, summary: dict) -> Figure | None:
+    """Draws the estimate, and its error if the truth is in the log.
+
+    Bands are 3 standard deviations.  None if nothing was estimated.
+    """
+    if "estimate_covariance" not in log:
+        return None
+    known, told = "state" in log, log["estimated_state"]
+    heights = [1.8, 1.3] if known else [1.8]
+    fig, axes = time_axes(log, summary, "Estimate", 2 * heights, label=True)
+    variances = log["estimate_covariance"][:, ::10]  # the diagonal of (9, 9)
+    for kind, unit, value, columns in (
+        ("velocity", "mm/s", _velocity, (3, 4)),
+        ("tilt", "deg", _tilt, (1, 0)),
+    ):
+        scale = 1e3 if kind == "velocity" else np.degrees(1.0)
+        band = 3.0 * scale * np.sqrt(variances[:, columns])
+        rows, axes = axes[: len(heights)], axes[len(heights) :]
+        estimated = value(told)
+        if known:
+            truth = value(log["state"])
+            look = {"color": FAINT, "lw": 3.0, "alpha": 0.6}
+            rows[0].plot(log["t"], truth, label=["truth", None], **look)
+            _draw_estimate(rows[1], log, estimated - truth, 0.0 * truth, band)
+            rows[1].set_ylabel(f"error and\n3 sigma [{unit}]")
+        _draw_estimate(rows[0], log, estimated, estimated, band)
+        rows[0].set_ylabel(f"{kind} [{unit}]")
+        rows[0].legend(ncols=3, loc="upper right")
+    return fig
+
+
+def _draw_estimate(
+    ax: Axes, log: Log, line: Array, middle: Array, band: Array
+) -> None:
+    """Draws both parts of `line` (n, 2), and `band` about `middle`."""
+    for axis, (label, color) in enumerate(_AXES.items()):
+        low, high = middle[:, axis] - band[:, axis], (middle + band)[:, axis]
+        ax.fill_between(log["t"], low, high, color=color, alpha=_BAND, lw=0)
+        ax.plot(log["t"], line[:, axis], color=color, lw=1.1, label=label)
+
+
+def _velocity(state: Array) -> Array:
+    """Horizontal velocity (n, 2) [mm/s] of the pelvis, of `state` (n, nx)."""
+    nq = (state.shape[1] + 1) // 2
+    return 1e3 * state[:, nq + 3 : nq + 5]
+
+
+def _tilt(state: Array) -> Array:
+    """Lean (n, 2) [deg] of the pelvis's z axis towards x and y of W."""
+    w, x, y, z = state[:, :4].T
+    lean = 2.0 * np.column_stack((w * y + x * z, y * z - w * x))
+    return np.degrees(np.arcsin(np.clip(lean, -1.0, 1.0)))

@@ -10,12 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from nadia_balance import palette
-from nadia_balance.core.body.reachability import (
-    BACKWARD,
-    BASE,
-    FORWARD,
-    in_world,
-)
+from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import contains
 from nadia_balance.core.walking.vocabulary import FootPose, Side
@@ -33,9 +28,9 @@ _MARGIN = 0.12  # margin of the axes [m]
 _ARROW, _BESIDE = 0.12, 0.03  # push arrow: length, distance from the ICP [m]
 _FILL = 0.16  # opacity of a foothold
 _MEANING = {
-    BASE: "feet side by side",
-    FORWARD: "crossing in front",
-    BACKWARD: "crossing behind",
+    reachability.BASE: "feet side by side",
+    reachability.FORWARD: "crossing in front",
+    reachability.BACKWARD: "crossing behind",
 }
 
 
@@ -208,7 +203,7 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
     step = max(moved, key=lambda s: float(np.linalg.norm(s.adjustment)))
     stance = sole_pose(log, step.swing.last, step.side.other)
     for name, meaning in _MEANING.items():
-        region = in_world(log[f"region_{name}"], stance, step.side)
+        region = reachability.in_world(log[f"region_{name}"], stance, step.side)
         if contains(step.adjusted.p_WF[:2], region, _ON_EDGE):
             label = f"reach of step {step.number} (sole centre),\n{meaning}"
             edge = {"edgecolor": (*palette.rgb(palette.REACH), 0.7)}
