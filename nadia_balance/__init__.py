@@ -5,7 +5,6 @@ The public names are available here; each is imported at its first use, so that
 """
 
 import importlib
-import re
 
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
 # they are links to the folders of the same names beside it.
@@ -45,7 +44,8 @@ _SYSTEMS = """CaptureRegionStepAdjuster CentroidalEstimator ComHeightController
     WalkingStateMachine WholeBodyInverseDynamics"""
 _HOME = {name: home for home, names in _PUBLIC.items() for name in names}
 for _name in _SYSTEMS.split():
-    _HOME[_name] = "systems." + re.sub("(?<!^)([A-Z])", r"_\1", _name).lower()
+    _words = "".join(f"_{c.lower()}" if c.isupper() else c for c in _name)
+    _HOME[_name] = f"systems.{_words[1:]}"
 __all__ = sorted(_HOME)
 
 

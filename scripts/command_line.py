@@ -10,7 +10,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
@@ -148,70 +148,8 @@ class CommandLine(argparse.ArgumentParser):
             self.error(str(error))
 
 
-Flags = dict[str, dict[str, Any]]  # name -> arguments of add_argument
-
-_SCENARIO_FLAGS: Flags = {
-    "scenario_file": {"type": place, "help": "YAML with named scenarios"},
-    "scenario_name": {"help": "one of the package, or of --scenario_file"},
-    "scenario_text": {"help": "YAML that overrides single fields"},
-    "robot": {"help": "a model's name, or a robot.yaml"},
-    "fidelity": {
-        "help": "realistic, or ideal: drives and feet as fast as need be"
-    },
-    "engine": {"help": "drake, or mujoco: what moves the robot"},
-    "sensors": {
-        "help": f"{', '.join(SENSORS)}: whether it is given the state, or "
-        "estimates it from noisy sensors"
-    },
-    "mechanisms": {},
-    "terrain": {
-        "help": f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
-        "push.py takes the scenario of this name, if there is one"
-    },
-    "duration": {"type": finite, "help": "[s]"},
-    "seed": {"type": int, "help": "shifts the start by <= 10 um"},
-    "plant": {
-        "choices": ("humanoid", "lipm"),
-        "default": "humanoid",
-        "help": "the robot, or the point mass it stands for",
-    },
-}
 # Fields of a Scenario that a flag of the same name replaces.
-_FIELDS = (
-    *("robot", "fidelity", "engine", "sensors", "mechanisms", "duration"),
-    "seed",
-)
-POLICY_FLAGS: Flags = {
-    "controller": {
-        "type": place,
-        "metavar": "ONNX",
-        "help": "file of the policy (docs/policy.md)",
-    }
-}
-_OUTPUT_FLAGS: Flags = {
-    "out": {
-        "type": place,
-        "help": "folder for the results (default: "
-        "runs/<date>_<time>_<scenario>)",
-    },
-    "no-meshcat": {"action": "store_true", "help": "and no replay.html"},
-    "port": {"type": int, "help": "of Meshcat, from 7000 on"},
-    "open": {"action": "store_true", "help": "show Meshcat in a browser"},
-    "hold": {"action": "store_true", "help": "keep Meshcat until Enter"},
-    "live": {
-        "action": "store_true",
-        "help": "walk until it is stopped, pushed by the user; writes nothing",
-    },
-}
-
-
-def add_flags(
-    parser: argparse.ArgumentParser, group: str, flags: Flags, about: str = ""
-) -> None:
-    """Adds a group of flags to the `parser`; "a --b" is --a, or --b."""
-    added = parser.add_argument_group(group, about or None)
-    for name, options in flags.items():
-        added.add_argument(*f"--{name}".split(), **options)
+_FIELDS = "robot fidelity engine sensors mechanisms duration seed".split()
 
 
 def scenario_flags(
@@ -222,13 +160,46 @@ def scenario_flags(
     `name` is what its help calls the default; None: the flag is required.
     `mechanisms` is the help of that flag.
     """
-    named = _SCENARIO_FLAGS["scenario_name"]
-    default = {"help": f"{named['help']} (default: {name})"}
-    flags = _SCENARIO_FLAGS | {
-        "scenario_name": named | (default if name else {"required": True}),
-        "mechanisms": {"help": mechanisms},
-    }
-    add_flags(parser, "scenario", flags)
+    add = parser.add_argument_group("scenario").add_argument
+    default = f" (default: {name})" if name else ""
+    add("--scenario_file", type=place, help="YAML with named scenarios")
+    about = f"one of the package, or of --scenario_file{default}"
+    add("--scenario_name", required=not name, help=about)
+    add("--scenario_text", help="YAML that overrides single fields")
+    add("--robot", help="a model's name, or a robot.yaml")
+    about = "realistic, or ideal: drives and feet as fast as need be"
+    add("--fidelity", help=about)
+    add("--engine", help="drake, or mujoco: what moves the robot")
+    about = "whether it is given the state, or estimates it from noisy sensors"
+    add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
+    add("--mechanisms", help=mechanisms)
+    about = "push.py takes the scenario of this name, if there is one"
+    places = ", ".join((FLAT, *COURSES))
+    add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
+    add("--duration", type=finite, help="[s]")
+    add("--seed", type=int, help="shifts the start by <= 10 um")
+    which = {"choices": ("humanoid", "lipm"), "default": "humanoid"}
+    about = "the robot, or the point mass it stands for"
+    add("--plant", **which, help=about)
+
+
+def policy_flag(parser: argparse.ArgumentParser, about: str = "") -> None:
+    """Adds the flag of a policy; `about` it is a line of the help."""
+    group = parser.add_argument_group("policy", about or None)
+    about = "file of the policy (docs/policy.md)"
+    group.add_argument("--controller", type=place, metavar="ONNX", help=about)
+
+
+def _output_flags(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("output").add_argument
+    about = "folder for the results (default: runs/<date>_<time>_<scenario>)"
+    add("--out", type=place, help=about)
+    add("--no-meshcat", action="store_true", help="and no replay.html")
+    add("--port", type=int, help="of Meshcat, from 7000 on")
+    add("--open", action="store_true", help="show Meshcat in a browser")
+    add("--hold", action="store_true", help="keep Meshcat until Enter")
+    about = "walk until it is stopped, pushed by the user; writes nothing"
+    add("--live", action="store_true", help=about)
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
@@ -254,9 +225,8 @@ def main_job(
 
     Returns the exit code; bad input exits.
     """
-    about = "Of a learned policy that walks, not our controller."
-    add_flags(parser, "policy", POLICY_FLAGS, about)
-    add_flags(parser, "output", _OUTPUT_FLAGS)
+    policy_flag(parser, "Of a learned policy that walks, not our controller.")
+    _output_flags(parser)
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:
         with parser.refusing():

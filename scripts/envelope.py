@@ -31,60 +31,16 @@ from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
 from nadia_balance.scripts.envelope_sweep import limits, report, run
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import AT, HEADROOM, Sweep
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    AT,
+    HEADROOM,
+    SearchParams,
+    Sweep,
+)
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
-_ABOUT = "Several may be named with commas; by default, the protocol's are."
-_SWEEP: command_line.Flags = {
-    "protocol": {
-        "choices": limits.PROTOCOLS,
-        "default": "nadia_fig10",
-        "help": "the paper's figure (default: %(default)s)",
-    },
-    "quick": {
-        "action": "store_true",
-        "help": f"unless given: {QUICK}, and the most mechanisms alone",
-    },
-    "directions": {
-        "help": 'degrees from the stance heading, such as "0,30,90" (0 '
-        'forward, 90 left; "90," for one), or how many all around'
-    },
-    "at": {"help": f"when the push begins, such as {AT.replace('%', '%%')}"},
-    "resolution": {"type": command_line.finite, "help": "of the limit [m/s]"},
-    "stride": {"type": int, "help": "of the march upward, in resolutions"},
-    "replicas": {
-        "type": int,
-        "help": "of a push at the limit; four in five must be recovered from",
-    },
-}
-_RUNNING: command_line.Flags = {
-    "from": {
-        "dest": "known",
-        "type": command_line.place,
-        "metavar": "FOLDER",
-        "help": f"march up from {HEADROOM:g} m/s below the limits in "
-        f"FOLDER/{limits.LIMITS}, which an earlier sweep found, not from zero",
-    },
-    "workers": {
-        "type": int,
-        "default": CPU_COUNT,
-        "help": "trials at a time on this machine (default: %(default)s)",
-    },
-    "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
-    "out": {
-        "type": command_line.place,
-        "help": f"folder for the results; one with a {TRIALS} goes on "
-        "(default: envelopes/<date>_<protocol>)",
-    },
-    "plot-only": {
-        "type": command_line.place,
-        "metavar": "FOLDER",
-        "help": f"only write what follows from FOLDER/{TRIALS}",
-    },
-}
 
 
 @command_line.program
@@ -130,10 +86,39 @@ def parser_of() -> command_line.CommandLine:
         epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
         "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
     )
-    command_line.add_flags(parser, "sweep", _SWEEP, _ABOUT)
+    about = "Several may be named with commas; by default, the protocol's are."
+    finite, place = command_line.finite, command_line.place
+    add = parser.add_argument_group("sweep", about).add_argument
+    which = {"choices": limits.PROTOCOLS, "default": "nadia_fig10"}
+    about = "the paper's figure (default: %(default)s)"
+    add("--protocol", **which, help=about)
+    about = f"unless given: {QUICK}, and the most mechanisms alone"
+    add("--quick", action="store_true", help=about)
+    about = 'degrees from the stance heading, such as "0,30,90" (0 forward, 90 '
+    about += 'left; "90," for one), or how many all around'
+    add("--directions", help=about)
+    about = f"when the push begins, such as {AT.replace('%', '%%')}"
+    add("--at", help=about)
+    add("--resolution", type=finite, help="of the limit [m/s]")
+    add("--stride", type=int, help="of the march upward, in resolutions")
+    about = "of a push at the limit; four in five must be recovered from"
+    add("--replicas", type=int, help=about)
     command_line.scenario_flags(parser, name="the protocol's")
-    command_line.add_flags(parser, "policy", command_line.POLICY_FLAGS)
-    command_line.add_flags(parser, "running", _RUNNING)
+    command_line.policy_flag(parser)
+    add = parser.add_argument_group("running").add_argument
+    about = f"march up from {HEADROOM:g} m/s below the limits in FOLDER/"
+    about += f"{limits.LIMITS}, which an earlier sweep found, not from zero"
+    folder = {"type": place, "metavar": "FOLDER"}
+    add("--from", dest="known", **folder, help=about)
+    about = "trials at a time on this machine (default: %(default)s)"
+    add("--workers", type=int, default=CPU_COUNT, help=about)
+    about = "of a Dask cluster to run on, tcp://host:port"
+    add("--scheduler", help=about)
+    about = f"folder for the results; one with a {TRIALS} goes on (default: "
+    about += "envelopes/<date>_<protocol>)"
+    add("--out", type=place, help=about)
+    about = f"only write what follows from FOLDER/{TRIALS}"
+    add("--plot-only", **folder, help=about)
     return parser
 
 

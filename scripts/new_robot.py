@@ -86,34 +86,6 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
     )
 
 
-_FLAGS: command_line.Flags = {
-    "out": {"type": command_line.place, "required": True, "help": "the folder"},
-    "force": {"action": "store_true", "help": "overwrite a robot.yaml in it"},
-    "fix": {
-        "action": "append",
-        "metavar": "REGEX",
-        "help": "weld the joints of these names; may come several times",
-    },
-    "package-root": {
-        "action": "append",
-        "type": command_line.place,
-        "metavar": "DIR",
-        "help": "has the packages of package://; so do the folders above FILE",
-    },
-    "armature": {
-        "type": command_line.place,
-        "metavar": "FILE",
-        "help": "an MJCF or URDF with the rotor inertias, by joint names",
-    },
-    "fidelity": {
-        "choices": FIDELITIES,
-        "default": "realistic",
-        "help": "of the walk",
-    },
-    "no-walk": {"action": "store_true", "help": "make the folder only"},
-}
-
-
 def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         prog="new_robot.py",
@@ -122,15 +94,26 @@ def _parser() -> command_line.CommandLine:
         "2 bad input.",
     )
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
-    for flag, options in _FLAGS.items():
-        parser.add_argument(f"--{flag}", **options)
+    add, path = parser.add_argument, command_line.place
+    add("--out", type=path, required=True, help="the folder")
+    add("--force", action="store_true", help="overwrite a robot.yaml in it")
+    about = "weld the joints of these names; may come several times"
+    add("--fix", action="append", metavar="REGEX", help=about)
+    several = {"action": "append", "type": path, "metavar": "DIR"}
+    about = "has the packages of package://; so do the folders above FILE"
+    add("--package-root", **several, help=about)
+    about = "an MJCF or URDF with the rotor inertias, by joint names"
+    add("--armature", type=path, metavar="FILE", help=about)
+    which = {"choices": FIDELITIES, "default": "realistic"}
+    add("--fidelity", **which, help="of the walk")
+    add("--no-walk", action="store_true", help="make the folder only")
     group = parser.add_argument_group("names", "Default: they are found.")
     for i, field in enumerate(NAMES):
         flag = f"--{field.name.replace('_', '-')}"
-        kind, legs = (
+        kind, about = (
             ("JOINT,JOINT", "of both legs") if i > 3 else ("LINK", None)
         )
-        group.add_argument(flag, default="", metavar=kind, help=legs)
+        group.add_argument(flag, default="", metavar=kind, help=about)
     return parser
 
 

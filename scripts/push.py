@@ -21,28 +21,6 @@ from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
-_FLAGS: command_line.Flags = {
-    "direction": {
-        "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
-        "outward, seen from the stance foot"
-    },
-    "delta-v": {
-        "type": command_line.finite,
-        "help": "change of the robot's velocity [m/s]",
-    },
-    "at": {
-        "help": 'when it begins: in a phase, such as "right swing 25 %%" (the '
-        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
-        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all'
-    },
-    "shape": {"help": f"of the force over time: {', '.join(SHAPES)}"},
-    "random": {
-        "type": int,
-        "metavar": "N",
-        "help": "N pushes instead, in directions at random, of up to "
-        "--delta-v, 1 to 3 s after each other; --seed gives others",
-    },
-}
 
 
 @command_line.program
@@ -54,7 +32,23 @@ def main(argv: list[str] | None = None) -> int:
         epilog=f"Exit code: 0 recovered, {command_line.EXIT_CODES}",
     )
     about = "Of the scenario's first push.  Default: as in the scenario."
-    command_line.add_flags(parser, "push", _FLAGS, about)
+    add = parser.add_argument_group("push", about).add_argument
+    about = (
+        "degrees (0 forward, 90 left), or forward, backward, inward, outward"
+    )
+    add("--direction", help=f"{about}, seen from the stance foot")
+    about = "change of the robot's velocity [m/s]"
+    add("--delta-v", type=command_line.finite, help=about)
+    add(
+        "--at",
+        help='when it begins: in a phase, such as "right swing 25 %%" (the '
+        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
+        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
+    )
+    add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
+    about = "N pushes instead, in directions at random, of up to --delta-v, 1 "
+    about += "to 3 s after each other; --seed gives others"
+    add("--random", type=int, metavar="N", help=about)
     command_line.scenario_flags(
         parser, name="push", mechanisms=command_line.ONE_OF
     )

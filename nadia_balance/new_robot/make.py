@@ -20,8 +20,7 @@ from nadia_balance.new_robot import description as robots
 from nadia_balance.new_robot.anatomy import Anatomy, Leg, find_anatomy, two_legs
 from nadia_balance.new_robot.capsules import Pairs, fit_capsules
 from nadia_balance.new_robot.measure import Fields, measure, size_of, widths
-from nadia_balance.new_robot.mjcf import read_mjcf
-from nadia_balance.new_robot.urdf import DRAKE, MOMENTS, read_urdf
+from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
 
 # Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
 # for Nadia and Atlas at 90.9 kg.

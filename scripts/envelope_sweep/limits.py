@@ -26,8 +26,13 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     recovered,
     results_of,
 )
-from nadia_balance.scripts.envelope_sweep.search import SearchParams, limit
-from nadia_balance.scripts.envelope_sweep.sweep import AT, Cell, Situation
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    AT,
+    Cell,
+    SearchParams,
+    Situation,
+    limit,
+)
 from nadia_balance.scripts.envelope_sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records

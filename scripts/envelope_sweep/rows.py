@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from nadia_balance.results.folder import appearing, locked
-from nadia_balance.scripts.envelope_sweep.search import Attempt
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import Attempt, Cell
 from nadia_balance.scripts.envelope_sweep.trial import FROM_SUMMARY
 
 TRIALS = "trials.csv"

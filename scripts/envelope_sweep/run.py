@@ -14,8 +14,13 @@ from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
 from nadia_balance.scripts.envelope_sweep.rows import Rows, by_cell, results_of
-from nadia_balance.scripts.envelope_sweep.search import Attempt, next_attempts
-from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Cell, Sweep
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    HEADROOM,
+    Attempt,
+    Cell,
+    Sweep,
+    next_attempts,
+)
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 
 CONNECT_TIMEOUT = 5.0  # [s]
