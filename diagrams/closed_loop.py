@@ -125,8 +125,8 @@ class ClosedLoop(Diagram):
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
         logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
-        logs |= {"sole": self.robot.sole}
         logs |= region_logs(self.robot.point_mass.reach)
+        logs["sole"] = self.robot.sole
         if self._ground is not None:
             logs["ground"] = np.concatenate(
                 [
@@ -143,10 +143,7 @@ class ClosedLoop(Diagram):
 
 
 def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:
-    """Returns all regions (n, 2) [m] of possible footholds.
-
-    They include those for crossed legs, which may be switched on in a run.
-    """
+    """All regions (n, 2) [m] of footholds, those of crossed legs, too."""
     regions = step_regions(reach, cross_over=True)
     return {f"region_{name}": region for name, region in regions.items()}
 
@@ -166,11 +163,7 @@ class MeasuredPoses:
         self._trunk = [plant.GetBodyByName(name) for name in trunk]
 
     def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        """Returns the signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
-
-        Rows are MeasuredFeet and TrunkTilt (see systems.signals) of
-        the `states` (n, nq + nv).
-        """
+        """Signals `foot_poses`, `trunk_tilt` of the `states` (n, nq + nv)."""
         feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))
         for row, state in enumerate(states):
             tilts[row] = self.trunk_tilt(state)

@@ -192,13 +192,13 @@ class HumanoidDiagram(ClosedLoop):
         forces = self.sensor.GetOutputPort("foot_forces")
         self._state_sensor, self._measured = None, {}
         scenario, controller = self.scenario, self.controller
-        period, seed = scenario.controller.control_period, scenario.seed
         if self._sensors is not None:
-            self._estimate(builder, period, seed)
+            self._estimate(builder)
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
-            sensor = StateSensor(self.plant, errors, period, seed)
+            period = scenario.controller.control_period
+            sensor = StateSensor(self.plant, errors, period, scenario.seed)
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -208,10 +208,9 @@ class HumanoidDiagram(ClosedLoop):
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
 
-    def _estimate(
-        self, builder: DiagramBuilder, period: float, seed: int
-    ) -> None:
+    def _estimate(self, builder: DiagramBuilder) -> None:
         """Adds sensors, and the estimator that reads them."""
+        seed, period = self.scenario.seed, self.push.period
         common, height = (self.robot, self._sensors, period), None
         if self.scenario.terrain.seen and (
             self._ground is None or self._ground.is_level

@@ -177,10 +177,8 @@ def load_scenario(
     values, and those of a file whose `units` are "froude", have been scaled
     from Nadia's size to that of the robot.
 
-    Raises:
-        ValueError: unknown name or field, malformed YAML, a value out of
-            range; the message names it.
-        FileNotFoundError: the file does not exist.
+    Raises ValueError: unknown name or field, malformed YAML, a value out of
+    range; FileNotFoundError: the file does not exist.
     """
     what = f"scenario_file = {filename}"
     if filename is None:
@@ -231,8 +229,7 @@ def set_push(
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
 
-    Raises:
-        ValueError: the scenario has no push, or a value is invalid.
+    Raises ValueError: the scenario has no push, or a value is invalid.
     """
     if not scenario.pushes:
         raise ValueError("pushes = []: must have a push")

@@ -161,11 +161,7 @@ def tick_time(simulator: Simulator, root: Context) -> float:
 
 
 def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
-    """Adds a row with versions, machine and `figures` to CSV `path`.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Adds a row with versions, machine and `figures` to CSV `path`."""
     found = versions()
     row = {
         "commit": _commit(),

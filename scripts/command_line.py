@@ -291,8 +291,7 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
 
     With --live it is always shown.
 
-    Raises:
-        ValueError: an output flag has no effect.
+    Raises ValueError: an output flag has no effect.
     """
     if args.live:
         for name in _NOT_LIVE:

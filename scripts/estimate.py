@@ -1,8 +1,4 @@
-"""Estimates a robot's state from a log of its sensors, and draws it.
-
-Example:
-    python scripts/estimate.py mine.csv --robot g1 --sensors industrial
-"""
+"""Estimates a robot's state from a log of its sensors, and draws it."""
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 

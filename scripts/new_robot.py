@@ -1,11 +1,4 @@
-"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks.
-
-Examples:
-    python scripts/new_robot.py robot.urdf --out my_robot
-    python scripts/new_robot.py robot.urdf --out my_robot --fix ".*_finger_.*"
-    python scripts/simulate.py --robot my_robot/robot.yaml \
-        --scenario_name walk_in_place
-"""
+"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 
@@ -110,10 +103,9 @@ def _parser() -> command_line.CommandLine:
     group = parser.add_argument_group("names", "Default: they are found.")
     for i, field in enumerate(NAMES):
         flag = f"--{field.name.replace('_', '-')}"
-        kind, about = (
-            ("JOINT,JOINT", "of both legs") if i > 3 else ("LINK", None)
-        )
-        group.add_argument(flag, default="", metavar=kind, help=about)
+        named = {"metavar": "JOINT,JOINT", "help": "of both legs"}
+        named = named if i > 3 else {"metavar": "LINK"}
+        group.add_argument(flag, default="", **named)
     return parser
 
 

@@ -1,13 +1,4 @@
-"""Pushes the walking robot, and shows whether and how it recovers.
-
-Examples:
-    python scripts/push.py
-    python scripts/push.py --direction inward --delta-v 0.2 --open --hold
-    python scripts/push.py --direction 210 --at "left swing 50 %"
-    python scripts/push.py --plant lipm --terrain stepping_stones
-    python scripts/push.py --random 8 --seed 1
-    python scripts/push.py --live --open
-"""
+"""Pushes the walking robot, and shows whether and how it recovers."""
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 
@@ -33,10 +24,8 @@ def main(argv: list[str] | None = None) -> int:
     )
     about = "Of the scenario's first push.  Default: as in the scenario."
     add = parser.add_argument_group("push", about).add_argument
-    about = (
-        "degrees (0 forward, 90 left), or forward, backward, inward, outward"
-    )
-    add("--direction", help=f"{about}, seen from the stance foot")
+    about = "degrees (0 forward, 90 left), or forward, backward, inward, "
+    add("--direction", help=f"{about}outward, seen from the stance foot")
     about = "change of the robot's velocity [m/s]"
     add("--delta-v", type=command_line.finite, help=about)
     add(
@@ -60,8 +49,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
     With --live the scenario is unchanged: only the user pushes.
 
-    Raises:
-        ValueError: a flag is invalid, or the scenario has no push.
+    Raises ValueError: a flag is invalid, or the scenario has no push.
     """
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()

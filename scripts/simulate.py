@@ -1,9 +1,4 @@
-"""Simulates any scenario, and shows and writes what happened.
-
-Examples:
-    python scripts/simulate.py --scenario_name walk_forward --hold
-    python scripts/simulate.py --scenario_name walk_in_place --plant lipm
-"""
+"""Simulates any scenario, and shows and writes what happened."""
 
 import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
 

@@ -37,9 +37,7 @@ def new_folder(
 ) -> Iterator[Path]:
     """Yields the folder `out` (see prepare_folder), locked, for new `files`.
 
-    Raises:
-        ValueError: one of the files exists, another run has the lock, or as
-            prepare_folder.
+    Raises ValueError: a file exists, another run has the lock, or as there.
     """
     with locked(prepare_folder(out, name)) as folder:
         for file in files:
@@ -71,8 +69,7 @@ def locked(folder: Path) -> Iterator[Path]:
 def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     """Creates the folder `out`, by default runs/<date>_<time>_<name>.
 
-    Raises:
-        ValueError: it cannot be created, or is not writable.
+    Raises ValueError: it cannot be created, or is not writable.
     """
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = Path(f"runs/{now}_{name}" if out is None else out)
@@ -106,8 +103,7 @@ def write_run(
     `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
     becomes the replay.
 
-    Raises:
-        OSError: a file cannot be written; then none is.
+    Raises OSError: a file cannot be written; then none is.
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
@@ -125,8 +121,7 @@ def write_run(
 def appearing(folder: Path) -> Iterator[Path]:
     """Yields a temporary folder whose files then move to `folder`, complete.
 
-    Raises:
-        OSError: a file cannot be written; then none appears in `folder`.
+    Raises OSError: a file cannot be written; then none appears in `folder`.
     """
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as place:
         drafts = Path(place)

@@ -122,11 +122,6 @@ def _changes(*columns: np.ndarray) -> list[int]:
     return (np.flatnonzero(differs) + 1).tolist()
 
 
-def span_at(log: Log, row: int) -> PhaseSpan:
-    """The phase at this row."""
-    return next(s for s in phase_spans(log) if s.first <= row <= s.last)
-
-
 @dataclass(frozen=True)
 class Step:
     """One foothold: commanded, adjusted, achieved."""

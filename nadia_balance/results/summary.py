@@ -91,7 +91,11 @@ class Run:
             "required_calm_steps": info.calm_steps,
             "missed_pushes": self.missed_pushes,
             "improper_contacts": list(self.improper_contacts),
-            "self_contacts": self_contacts(self),
+            "self_contacts": [
+                pair
+                for pair in self.improper_contacts
+                if not pair.endswith(" - ground") and "::" not in pair
+            ],
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
             "versions": versions(info.engine),
         }
@@ -186,15 +190,6 @@ def _gave_up(log: Log) -> bool:
     t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
     late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
     return not np.all(late) and not np.any(solved[late])
-
-
-def self_contacts(run: Run) -> list[str]:
-    """The improper contacts between two of the robot's own links."""
-    return [
-        pair
-        for pair in run.improper_contacts
-        if not pair.endswith(" - ground") and "::" not in pair
-    ]
 
 
 def versions(engine: str = "drake") -> dict[str, str]:

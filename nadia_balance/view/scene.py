@@ -37,8 +37,7 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
     Without a `port`, or if it is busy, Meshcat uses the first free port from
     7000 on.
 
-    Raises:
-        ValueError: `port` is not in [1024, 65535].
+    Raises ValueError: `port` is not in [1024, 65535].
     """
     if port is None:
         return Meshcat(MeshcatParams(host="localhost")), ""

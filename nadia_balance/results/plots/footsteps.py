@@ -77,7 +77,8 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     moved = filter(_is_moved, taken)
     end = max([recovered_at(log, push), *(s.swing.end for s in moved)])
     after = [s.swing.last + 1 for s in taken if s.swing.end > end]
-    return logs.span_at(log, push.first).first, min([*after[1:2], last_row])
+    starts = (s.first for s in logs.phase_spans(log) if s.first <= push.first)
+    return max(starts), min([*after[1:2], last_row])
 
 
 def _limits(
