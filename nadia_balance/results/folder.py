@@ -16,15 +16,15 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.results.log import Log
 from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import effort, footsteps, timeline
+from nadia_balance.results.plots import footsteps, over_time
 from nadia_balance.results.plots.style import RC
 
 PLOTS = {
-    "timeline.png": timeline.draw,
+    "timeline.png": over_time.draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": effort.draw_icp,
-    "effort.png": effort.draw,
-    "estimate.png": effort.draw_estimate,
+    "icp.png": over_time.draw_icp,
+    "effort.png": over_time.draw_effort,
+    "estimate.png": over_time.draw_estimate,
 }
 
 # All files that a run may write.
