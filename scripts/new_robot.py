@@ -1,8 +1,6 @@
 """Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import sys
 from dataclasses import fields
 from pathlib import Path

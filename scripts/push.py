@@ -1,8 +1,6 @@
 """Pushes the walking robot, and shows whether and how it recovers."""
 
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 

@@ -259,14 +259,9 @@ def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
     return {
         **versions(scenario.engine),
         **({"controller": policy} if controller else {}),
-        "code": _first_hash(),
+        "code": _first_hash(PACKAGE),
         "robot_files": robot_hash(scenario.robot),
     }
-
-
-@functools.cache  # the files may change later
-def _first_hash() -> str:
-    return code_hash(PACKAGE)
 
 
 def code_hash(package: Path = PACKAGE) -> str:
@@ -280,6 +275,9 @@ def code_hash(package: Path = PACKAGE) -> str:
         text = path.read_bytes()
         parts.append(without_words(text) if path.suffix == ".py" else text)
     return digest(parts)
+
+
+_first_hash = functools.cache(code_hash)  # the files may change later
 
 
 def code_files(package: Path) -> list[Path]:
@@ -314,7 +312,5 @@ def robot_hash(name: str) -> str:
 
 def digest(parts: Iterable[bytes]) -> str:
     """Returns a hash (16 hex digits) of the parts and their order."""
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(hashlib.sha256(part).digest())
-    return whole.hexdigest()[:16]
+    whole = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(whole).hexdigest()[:16]
