@@ -112,10 +112,7 @@ class ClosedLoop(Diagram):
         return False
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.results.log), and `t` [s].
-
-        The sole, the ground and the regions of footholds have no row per tick.
-        """
+        """All logged signals, and `t` [s] (see nadia_balance.results.log)."""
         log = self._log.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
         # A simulation from a cloned Context logs its first row a second time.

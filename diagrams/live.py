@@ -58,10 +58,7 @@ class LiveSession:
         self._begin(None)
 
     def run(self, show: Callable[[list[str]], None]) -> bool:
-        """Runs until Stop or Ctrl-C; returns True after Ctrl-C.
-
-        After each tick, `show` gets the lines of the status.
-        """
+        """Runs until Stop, or Ctrl-C (True); `show` gets each tick's status."""
         with simulation.until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
                 self.tick()

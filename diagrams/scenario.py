@@ -73,10 +73,7 @@ class Scenario:
     pushes: list[Push] = field(default_factory=list)
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
-        """The controller's model of `robot` and of the ground.
-
-        Raises ValueError: the terrain is invalid, see `Terrain.ground`.
-        """
+        """The controller's model of `robot` and of the ground (see Terrain)."""
         terrain = self.terrain
         ground = terrain.known(terrain.ground(robot.sole))
         return replace(robot.point_mass, ground=ground)

@@ -83,10 +83,9 @@ def start(diagram: ClosedLoop) -> Simulator:
 def pushed(
     diagram: ClosedLoop, walked: Context, delta_v: float, direction_deg: float
 ) -> Simulator:
-    """Returns a simulator that continues from a copy of `walked`.
+    """Returns a simulator that continues from a copy of `walked`, with its log.
 
-    Its first push has `delta_v` [m/s] and the given direction [deg].  The copy
-    contains the log until then.
+    The first push has `delta_v` [m/s] and the given direction [deg].
     """
     context = walked.Clone()
     push_context = diagram.push.GetMyMutableContextFromRoot(context)
@@ -137,7 +136,7 @@ class RecoveryWatch:
     """Detects, called once a tick, the recovery from all pushes.
 
     The robot has recovered after the complete steps with a small ICP error
-    that its scenario requires (see summarize), and `more_steps` like them.
+    that its scenario requires (see Run.summary), and `more_steps` like them.
     Without required steps, or an ICP, only the end of the run decides.
     """
 

@@ -54,10 +54,7 @@ def load_typed(
 
 
 def load_tree(text: str, child_name: str | None = None) -> dict:
-    """Returns the YAML `text`, or its child, as mappings and lists.
-
-    The text is one that `load_typed` has accepted.
-    """
+    """Returns YAML that `load_typed` has accepted as mappings and lists."""
     tree = _parse(text)
     tree = _child(tree, child_name) if child_name is not None else tree
     return tree if isinstance(tree, dict) else {}

@@ -120,10 +120,7 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Also refuses --flag=--, which argparse parses as an empty list.
-
-        So that it does with a present folder that is gone: Drake needs one.
-        """
+        """Refuses --flag=-- (an empty list), and a present folder that is gone."""
         found = super().parse_args(args, namespace)
         try:
             os.getcwd()
@@ -221,10 +218,7 @@ def main_job(
     argv: list[str] | None,
     make_scenario: Callable[[argparse.Namespace], Scenario],
 ) -> int:
-    """Adds the flags of the output, parses, simulates, prints and writes.
-
-    Returns the exit code; bad input exits.
-    """
+    """Parses, simulates, prints and writes; returns the exit code."""
     policy_flag(parser, "Of a learned policy that walks, not our controller.")
     _output_flags(parser)
     args = parser.parse_args(argv)
@@ -287,9 +281,7 @@ def refuse_with_policy(args: argparse.Namespace) -> None:
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
-    """True if Meshcat is shown: unless --no-meshcat, or --plant lipm.
-
-    With --live it is always shown.
+    """True with Meshcat: unless --no-meshcat, or --plant lipm without --live.
 
     Raises ValueError: an output flag has no effect.
     """

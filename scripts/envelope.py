@@ -150,10 +150,7 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
 
 
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
-    """Writes the report, prints the limits and the names of all files.
-
-    Returns the exit code: UNDECIDED if a cell has no limit.
-    """
+    """Writes and prints the limits; returns UNDECIDED if a cell has none."""
     if {row["outcome"] for row in rows.all} <= {"undecided"}:
         why = "; ".join({row["reason"] for row in rows.all})
         none = ValueError(
@@ -173,10 +170,7 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
 
 
 def sweep_from(args: argparse.Namespace) -> Sweep:
-    """Returns the checked sweep of the flags.
-
-    Raises ValueError: a flag is invalid; names it and what is allowed.
-    """
+    """Returns the sweep of the flags; ValueError names an invalid one."""
     asked = dict(vars(limits.PROTOCOLS[args.protocol]))
     controller = ""
     if args.controller is not None:

@@ -118,10 +118,7 @@ def standing(joints: np.ndarray, robot: RobotModel) -> np.ndarray:
 
 
 def estimated(log: Log, block: StateEstimator, period: float) -> Log:
-    """Returns `log` with what the estimator tells of it, tick by tick.
-
-    Raises ValueError: a value is not finite, or the IMU is saturated.
-    """
+    """Returns `log` with the estimates; ValueError: as the estimator raises."""
     simulator = Simulator(block)
     context = simulator.get_mutable_context()
     told = {"estimated_state": [], "estimate_covariance": []}

@@ -43,12 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
-    """The scenario with its first push changed by the flags.
-
-    With --live the scenario is unchanged: only the user pushes.
-
-    Raises ValueError: a flag is invalid, or the scenario has no push.
-    """
+    """The scenario with its first push changed by the flags; not for --live."""
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()
         args.scenario_name = args.terrain if has_own else "push"
@@ -67,8 +62,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
     """Replaces the scenario's pushes by --random ones.
 
-    Without --duration, the run is extended by the time of the last push; the
-    gait has steps for the whole run.
+    The gait has steps for all of them, and so has the run without --duration.
     """
     for name in ("at", "direction", "shape"):
         if (value := getattr(args, name)) is not None:

@@ -201,10 +201,7 @@ def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
 
 
 def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
-    """Writes robot.urdf and, beside it, the visual meshes.
-
-    The collisions of the pairs `ignored` are filtered.
-    """
+    """Writes robot.urdf, which filters `ignored` collisions, and its meshes."""
     top = _tag("robot", name=robot.name)
     for name in robot.below(robot.root):
         top.extend(_joint(joint) for joint in robot.chain(name)[-1:])

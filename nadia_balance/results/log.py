@@ -236,10 +236,7 @@ def support_side(walking: signals.WalkingSignal) -> Side:
 def push_direction(
     walking: signals.WalkingSignal | None, force: np.ndarray
 ) -> float:
-    """Direction of `force` (3,) in the support foot's frame, [0, 360) [deg].
-
-    In W without a walking signal.
-    """
+    """Direction [0, 360) [deg] of `force` (3,) to the support foot, or in W."""
     yaw = 0.0
     if walking is not None:
         yaw = getattr(walking, support_side(walking).value)[2]

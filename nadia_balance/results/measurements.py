@@ -36,10 +36,7 @@ class CalmSteps:
     def look(
         self, time: float, steps_taken: int, error: float, pushed: bool
     ) -> int:
-        """Returns the number of calm steps at `time` [s].
-
-        `error` [m] is the ICP error; `pushed` is true while a push acts.
-        """
+        """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
         if pushed or not error < ICP_BACK:
             self.since, self.taken = time, steps_taken
         return max(steps_taken - self.taken - 1, 0)
@@ -127,10 +124,7 @@ def com_height(log: Log) -> Array:
 
 
 def trunk_tilts(log: Log) -> Array:
-    """Angles (2, n) [deg] of torso and pelvis against the vertical.
-
-    Empty (2, 0) without them.
-    """
+    """Angles (2, n) [deg] of torso and pelvis to the vertical; n = 0: none."""
     if "trunk_tilt" not in log:
         return np.zeros((2, 0))
     return np.degrees(log["trunk_tilt"].T)
@@ -205,11 +199,7 @@ def _swing_speeds(log: Log) -> Array:
 
 
 def _sole_distance(log: Log) -> float:
-    """Least distance [m] in plan view of soles that pass each other.
-
-    Soles pass each other if their heights differ by less than PASSING; 0 if
-    one is above the other.
-    """
+    """Least distance [m] in plan view of PASSING soles; 0: one is above."""
     poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights, least = poses[:, :, 2], math.inf
     for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
@@ -222,10 +212,7 @@ def _sole_distance(log: Log) -> float:
 
 
 def _edge_distances(log: Log) -> list[float]:
-    """Distance [m] of each landed sole's nearest corner from its region's edge.
-
-    Negative outside of the region.
-    """
+    """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in logs.ground_regions(log)]
     soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
     return [

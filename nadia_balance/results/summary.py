@@ -26,10 +26,7 @@ STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 
 @dataclass(frozen=True, kw_only=True)
 class RunInfo:
-    """Conditions of a run, and the criteria of recovery.
-
-    `direction_deg` and `delta_v` are those of the scenario's first push.
-    """
+    """Conditions of a run, and the criteria of recovery."""
 
     robot: str
     mechanisms: str  # or the file of a policy
@@ -38,8 +35,9 @@ class RunInfo:
     fidelity: str = "realistic"  # or ideal
     engine: str = "drake"  # or mujoco
     seed: int = 0
-    direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
-    delta_v: float | None = None  # of the push [m/s]
+    # Of the scenario's first push: 0 forward, 90 left [deg]; [m/s].
+    direction_deg: float | None = None
+    delta_v: float | None = None
     commanded_steps: int = 0  # by the gait, without the one that closes it
     calm_steps: int = 0  # complete steps with small ICP error to recover
     is_long_enough: bool = True  # the run has time for a recovery

@@ -34,8 +34,7 @@ _FLOOR, _CELL, _LINE = 15.0, 0.5, 0.012  # half size, grid, line width [m]
 def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
     """Returns a Meshcat, and a message if the `port` is busy.
 
-    Without a `port`, or if it is busy, Meshcat uses the first free port from
-    7000 on.
+    Then, or without a `port`, it has the first free one from 7000 on.
 
     Raises ValueError: `port` is not in [1024, 65535].
     """
@@ -133,10 +132,9 @@ def add_mouse(
     scene_graph: SceneGraph,
     meshcat: Meshcat,
 ) -> OutputPort | None:
-    """Adds Drake's pushes with the mouse, which exist from Drake 1.57 on.
+    """Adds Drake's pushes with the mouse; returns the port of their forces.
 
-    Returns the output port of their forces, not connected; None in an older
-    Drake.
+    The port is not connected; None before Drake 1.57, which has no mouse.
     """
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None

@@ -170,10 +170,7 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 
 
 def mark(records: Iterable[Record]) -> str:
-    """Returns `~` for a number made of unsure limits, such as their mean.
-
-    The search of one has not ended, or no failed push of one is known.
-    """
+    """Returns `~` if a search has not ended, or knows no push that failed."""
     sure = all(r["complete"] and r["failed"] is not None for r in records)
     return "" if sure else "~"
 

@@ -73,10 +73,7 @@ class Rows:
 
 
 def read(folder: Path) -> Rows:
-    """Returns the rows in a folder.
-
-    Raises ValueError: there are none, or they are not of this program.
-    """
+    """Returns the rows in a folder; ValueError: none, or of another program."""
     path = folder / TRIALS
     try:
         text = path.read_text(encoding="utf-8")

@@ -71,10 +71,7 @@ def open_workers(
 
 
 def _greet(scheduler: str) -> None:
-    """Connects once, as a Client that fails to start may hang when freed.
-
-    Raises OSError, ValueError or TypeError: nothing of Dask's answers.
-    """
+    """Connects once, as a Client that fails to start may hang when freed."""
 
     async def greet() -> None:
         comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)

@@ -137,10 +137,7 @@ class Sweep:
         return scenario
 
     def identity(self) -> dict:
-        """Returns the JSON data that all trials of one folder share.
-
-        Cells are left out, so that more of them can be added to a folder.
-        """
+        """Returns what all trials of one folder share, as JSON; not the cells."""
         # The walks, without what differs between the cells.
         walks = (self.walk(Cell(n, "", "", 0.0), 0) for n in self.scenarios)
         common = [yaml_dump_typed(walk).encode() for walk in walks]
@@ -265,10 +262,7 @@ def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
 
 
 def code_hash(package: Path = PACKAGE) -> str:
-    """Returns a hash (16 hex digits) of the code that trials use.
-
-    Comments and docstrings do not count; the hash depends on Python's version.
-    """
+    """Returns a hash (16 hex digits) of the code of trials, without words."""
     parts = []
     for path in code_files(package):
         parts.append(path.relative_to(package).as_posix().encode())
@@ -301,10 +295,7 @@ def without_words(text: bytes) -> bytes:
 
 
 def robot_hash(name: str) -> str:
-    """Returns a hash (16 hex digits) of a robot's files, not of their paths.
-
-    Raises ValueError or FileNotFoundError: a file is invalid or missing.
-    """
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths."""
     robot = load_robot(name)
     params = yaml_dump_typed(robot.params).encode()
     return digest([params, robot.urdf.read_bytes()])

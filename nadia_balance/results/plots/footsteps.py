@@ -35,10 +35,7 @@ _MEANING = {
 
 
 def draw(log: Log, summary: dict) -> Figure | None:
-    """Draws the recovery from the last push, or the whole run without one.
-
-    None without an ICP.
-    """
+    """Draws the recovery from the last push, or the run; None: without ICP."""
     if "icp" not in log:
         return None
     pushed = logs.pushes(log)
@@ -67,8 +64,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
 def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     """First and last row to draw, from the push to after the recovery.
 
-    The last row is the touchdown of the second step after the recovery and
-    after all adjusted steps.
+    The last is the second touchdown after it and after all adjusted steps.
     """
     last_row = len(log["t"]) - 1
     if not pushed:

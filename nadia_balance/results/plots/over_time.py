@@ -173,10 +173,7 @@ def _draw_icp_error(ax: Axes, log: Log) -> None:
 
 
 def draw_estimate(log: Log, summary: dict) -> Figure | None:
-    """Draws the estimate, and its error if the truth is in the log.
-
-    Bands are 3 standard deviations.  None if nothing was estimated.
-    """
+    """Draws the estimate, 3 standard deviations and, if known, the error."""
     if "estimate_covariance" not in log:
         return None
     known, told = "state" in log, log["estimated_state"]
@@ -227,10 +224,7 @@ def _tilt(state: Array) -> Array:
 
 
 def draw_contacts(log: Log, summary: dict) -> Figure:
-    """Draws planned and measured contacts of both feet, with their durations.
-
-    Rows of about ten seconds are one below the other.
-    """
+    """Draws planned and measured contacts of both feet, with durations."""
     t = log["t"]
     total = max(t[-1] - t[0], 1e-3)
     rows = min(max(round(total / _ROW_SECONDS), 1), _MAX_ROWS)
