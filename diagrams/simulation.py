@@ -123,12 +123,11 @@ def simulate(
         if of_push:
             set_push(scenario, **of_push)
         diagram = HumanoidDiagram(scenario)
-    until = lambda _: False  # noqa: E731
+    ends: dict = {"stop_at_failure": stop_at_failure}
     if duration is None:
-        duration, until = diagram.scenario.duration, RecoveryWatch(diagram)
-    run = advance(
-        start(diagram), duration, stop_at_failure=stop_at_failure, until=until
-    )
+        duration = diagram.scenario.duration
+        ends["until"] = RecoveryWatch(diagram)
+    run = advance(start(diagram), duration, **ends)
     return replace(run, info=replace(run.info, scenario=name))
 
 

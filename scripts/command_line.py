@@ -120,7 +120,7 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Refuses --flag=-- (an empty list), and a present folder that is gone."""
+        """Refuses --flag=-- (an empty list), and a folder that is gone."""
         found = super().parse_args(args, namespace)
         try:
             os.getcwd()

@@ -60,7 +60,7 @@ class LiveStory:
         push: PushSignal,
         error: float,
     ) -> list[str]:
-        """Returns lines on what is new at `time` [s]; `error` [m]: the ICP's."""
+        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's."""
         taken, told = int(walking.steps_taken), self._look_at_step(walking)
         if push.number not in (0.0, self._number):
             newtons = float(np.linalg.norm(push.force))

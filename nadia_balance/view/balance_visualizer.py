@@ -76,7 +76,7 @@ class BalanceVisualizer(LeafSystem):
     def __init__(
         self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
     ):
-        """Adds all objects; `sole` (n, 2) [m]: corners of either, in its frame."""
+        """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
         self._walking_state, self._com, *self._on_ground, self._push = inputs(

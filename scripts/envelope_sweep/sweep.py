@@ -137,7 +137,7 @@ class Sweep:
         return scenario
 
     def identity(self) -> dict:
-        """Returns what all trials of one folder share, as JSON; not the cells."""
+        """Returns what all trials of a folder share, as JSON: no cells."""
         # The walks, without what differs between the cells.
         walks = (self.walk(Cell(n, "", "", 0.0), 0) for n in self.scenarios)
         common = [yaml_dump_typed(walk).encode() for walk in walks]
