@@ -10,20 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    OutputPort,
-    System,
-)
+from pydrake.systems import framework
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.body.reachability import (
-    ReachabilityParams,
-    step_regions,
-)
+from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
@@ -38,7 +29,7 @@ DRAWN = """walking_state com_state icp icp_reference ecmp_command
 EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
 
 
-class ClosedLoop(Diagram):
+class ClosedLoop(framework.Diagram):
     """A Diagram that can be simulated here.
 
     Each `context` is that of the whole diagram.  RecoveryWatch requires output
@@ -50,16 +41,16 @@ class ClosedLoop(Diagram):
     scenario: Scenario
     robot: RobotModel
     push: PushSource  # one of its systems
-    controller: System  # one of its systems
+    controller: framework.System  # one of its systems
     _ground: Ground | None  # the true one, if it is not flat
 
     def _finish(
         self,
-        builder: DiagramBuilder,
+        builder: framework.DiagramBuilder,
         meshcat: Meshcat | None,
         period: float,
-        systems: Sequence[System],
-        **ports: OutputPort,
+        systems: Sequence[framework.System],
+        **ports: framework.OutputPort,
     ) -> None:
         """Draws, logs and exports the signals of `systems`; builds the diagram.
 
@@ -92,26 +83,26 @@ class ClosedLoop(Diagram):
             builder.ExportOutput(of[name], name)
         builder.BuildInto(self)
 
-    def set_initial_state(self, context: Context) -> None:
+    def set_initial_state(self, context: framework.Context) -> None:
         """Sets the robot's initial state."""
 
-    def fall_reason(self, context: Context) -> str:
+    def fall_reason(self, context: framework.Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
         return ""
 
-    def nees(self, context: Context) -> float:
+    def nees(self, context: framework.Context) -> float:
         """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
         return 0.0
 
-    def improper_contacts(self, context: Context) -> set[str]:
+    def improper_contacts(self, context: framework.Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
         return set()
 
-    def passed_limit(self, context: Context) -> bool:
+    def passed_limit(self, context: framework.Context) -> bool:
         """True if a limit is exceeded that a recovery must not exceed."""
         return False
 
-    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
+    def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
         """All logged signals, and `t` [s] (see nadia_balance.results.log)."""
         log = self._log.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
@@ -122,7 +113,9 @@ class ClosedLoop(Diagram):
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
         logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
-        logs |= region_logs(self.robot.point_mass.reach)
+        # Of all footholds; legs may be let cross during a run.
+        regions = step_regions(self.robot.point_mass.reach, cross_over=True)
+        logs |= {f"region_{name}": region for name, region in regions.items()}
         logs["sole"] = self.robot.sole
         if self._ground is not None:
             logs["ground"] = np.concatenate(
@@ -134,15 +127,9 @@ class ClosedLoop(Diagram):
             )
         return logs
 
-    def forget_logs(self, context: Context) -> None:
+    def forget_logs(self, context: framework.Context) -> None:
         """Clears the log, which otherwise grows without bound."""
         self._log.FindMutableLog(context).Clear()
-
-
-def region_logs(reach: ReachabilityParams) -> dict[str, np.ndarray]:
-    """All regions (n, 2) [m] of footholds, those of crossed legs, too."""
-    regions = step_regions(reach, cross_over=True)
-    return {f"region_{name}": region for name, region in regions.items()}
 
 
 class MeasuredPoses:

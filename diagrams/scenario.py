@@ -11,14 +11,10 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.math.size import scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push
-from nadia_balance.core.walking.vocabulary import (
-    Side,
-    WalkingState,
-    whole_ticks,
-)
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
@@ -85,7 +81,7 @@ class Scenario:
             return self.imperfections.delay
         return self.imperfections.delay + load_sensors(self.sensors).delay
 
-    def start(self, model: PointMassModel) -> WalkingState:
+    def start(self, model: PointMassModel) -> walking.WalkingState:
         """The walking state of the standing `model` at the start."""
         return walking_start(self.gait, model)
 
@@ -98,9 +94,11 @@ class Scenario:
                 f"time_step = {self.time_step}: must divide "
                 f"controller.control_period = {period} s"
             )
-        whole_ticks("imperfections.delay", self.imperfections.delay, period)
+        walking.whole_ticks(
+            "imperfections.delay", self.imperfections.delay, period
+        )
         delay = f"sensors = {self.sensors!r}: its delay"
-        whole_ticks(delay, self.delay, period)
+        walking.whole_ticks(delay, self.delay, period)
         if self.sensors != "perfect" and self.imperfections.has_noise:
             raise ValueError(
                 f"sensors = {self.sensors!r}: must be 'perfect' with noise in "
@@ -239,7 +237,7 @@ def set_push(
     elif at is not None:
         push.at = str(Moment.parse(at))
     if direction in DIRECTIONS:
-        mirrored = push.moment.swing is Side.LEFT
+        mirrored = push.moment.swing is walking.Side.LEFT
         push.direction_deg = DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
     elif direction is not None:
         try:

@@ -297,7 +297,7 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     if "walking_signal" not in log:
         ends = felt[-1].end if felt else 0.0
         steps = min(scenario.calm_steps, len(start.footsteps))
-        return steps, bool(log["t"][-1:] >= ends + STEADY)
+        return steps, any(log["t"][-1:] >= ends + STEADY)
     if felt:
         begin = felt[-1].start
         walking = logged(log, "walking_signal", felt[-1].first)

@@ -15,14 +15,8 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.size import Size, scaled
 from nadia_balance.new_robot import Notes
+from nadia_balance.new_robot import description as robots
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
-from nadia_balance.new_robot.description import (
-    COLLIDING,
-    VISUAL,
-    Description,
-    Link,
-    Shape,
-)
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -46,7 +40,9 @@ _WIDTHS = 10001  # of rectangles that are compared
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
 
 
-def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
+def measure(
+    robot: robots.Description, anatomy: Anatomy, notes: Notes
+) -> Fields:
     """Returns the fields of robot.yaml; sets the frames of `robot`.
 
     Raises ValueError: a foot has no sole, or it cannot stand on level ones with
@@ -167,7 +163,7 @@ def widths(reach: ReachabilityParams) -> dict[str, float]:
     return {k: v for k, v in vars(reach).items() if k.startswith(kinds)}
 
 
-def _lean(robot: Description, anatomy: Anatomy) -> float:
+def _lean(robot: robots.Description, anatomy: Anatomy) -> float:
     """Largest outward angle [rad] of both legs, by the ranges of rolls."""
     poses, most = robot.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
@@ -203,7 +199,7 @@ class _Knee:
         return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
 
 
-def _knee(robot: Description, leg: Leg) -> _Knee:
+def _knee(robot: robots.Description, leg: Leg) -> _Knee:
     poses, joint = robot.poses(dict.fromkeys(leg.joints, 0.0)), leg.knee
     points, axes = robot.hinges(leg.pitches, poses)
     thigh, shin = np.diff(points[:, [0, 2]], axis=0)
@@ -215,7 +211,7 @@ def _knee(robot: Description, leg: Leg) -> _Knee:
 
 
 def _posture(
-    robot: Description,
+    robot: robots.Description,
     legs: Sequence[Leg],
     knees: Mapping[str, _Knee],
     p_FS: Array,
@@ -271,7 +267,7 @@ class SolePlane:
     source: str
 
 
-def find_sole(foot: Link, down: Array) -> SolePlane:
+def find_sole(foot: robots.Link, down: Array) -> SolePlane:
     """Returns the plane of the sole; `down` (3,) is its approximate normal.
 
     The plane is that of the collision shapes, or of the visual ones if their
@@ -279,18 +275,18 @@ def find_sole(foot: Link, down: Array) -> SolePlane:
 
     Raises ValueError: no shape is flat below.
     """
-    roles = (COLLIDING, VISUAL)
+    roles = (robots.COLLIDING, robots.VISUAL)
     found = [sole_plane(foot.of(role), down, role) for role in roles]
     if not any(found):
         why = "must have a shape with a flat side below"
         also = f"; {foot.missing}" if foot.missing else ""
         raise ValueError(f"foot {foot.name}: {why}{also}")
-    weight = {COLLIDING: 2.0, VISUAL: 1.0}
+    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
     return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
 
 
 def sole_plane(
-    shapes: Sequence[Shape], down: Array, source: str
+    shapes: Sequence[robots.Shape], down: Array, source: str
 ) -> SolePlane | None:
     """The supporting plane with the largest area of the convex hull."""
     if not shapes:
