@@ -113,7 +113,8 @@ def simulate(
     `changes` of its first push (see set_push) and of its fields:
     `simulate("push", direction="inward", robot="g1").summary`.
 
-    Raises ValueError: the scenario is unknown, or a change is invalid.
+    Raises ValueError: the scenario is unknown, or a change is invalid or of a
+    diagram.
     """
     name = ""
     if isinstance(diagram, str):
@@ -123,6 +124,8 @@ def simulate(
         if of_push:
             set_push(scenario, **of_push)
         diagram = HumanoidDiagram(scenario)
+    elif changes:
+        raise ValueError(f"{next(iter(changes))}: must be in the scenario")
     ends: dict = {"stop_at_failure": stop_at_failure}
     if duration is None:
         duration = diagram.scenario.duration

@@ -24,8 +24,11 @@ PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
 
 def test_zero_seconds_are_zero_seconds():
     """Oracle: the duration that was asked for, not that of the scenario."""
-    run = simulate(diagram_of(plant="lipm"), 0.0)
+    diagram = diagram_of(plant="lipm")
+    run = simulate(diagram, 0.0)
     assert (run.simulated_time, run.until) == (0.0, False)
+    with pytest.raises(ValueError, match="^seed: must be in the scenario"):
+        simulate(diagram, 0.0, seed=3)
     assert run.summary["plant"] == "lipm"
 
 
