@@ -56,12 +56,13 @@ def locked(folder: Path) -> Iterator[Path]:
     """
     lock = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(
+                f"out = {str(folder)!r}: must be in use by no other run"
+            ) from None
         yield folder
-    except BlockingIOError:
-        raise ValueError(
-            f"out = {str(folder)!r}: must be in use by no other run"
-        ) from None
     finally:
         os.close(lock)
 
