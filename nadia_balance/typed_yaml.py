@@ -132,9 +132,7 @@ def _check(schema: type, value: object, name: str) -> None:
     else:
         mapping = "a mapping of fields, or {}"
         _require(isinstance(value, dict), name, value, mapping)
-        fields = None
-        if base is not dict:
-            fields = {f.name: f.type for f in dataclasses.fields(schema)}
+        fields = None if base is dict else _fields(schema)
         for key, item in value.items():
             path = f"{name}.{key}" if name else str(key)
             if fields is None or key in fields:
@@ -144,6 +142,12 @@ def _check(schema: type, value: object, name: str) -> None:
                 raise ValueError(
                     f"{path}: unknown field, must be one of {known}"
                 )
+
+
+def _fields(schema: type) -> dict[str, type]:
+    """Name and type of every field of a dataclass, or of a Drake struct."""
+    fields = getattr(schema, "__fields__", None) or dataclasses.fields(schema)
+    return {field.name: field.type for field in fields}
 
 
 def _is_scalar(schema: type, value: object) -> bool:
