@@ -11,12 +11,11 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.signal_log import MeasuredPoses
-from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.mujoco_plant import add_mujoco_plant
-from nadia_balance.results import estimate
+from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
@@ -198,13 +197,13 @@ class HumanoidDiagram(ClosedLoop):
         forces = self.sensor.GetOutputPort("foot_forces")
         self._state_sensor, self._measured = None, {}
         scenario, controller = self.scenario, self.controller
-        period, seed = scenario.controller.control_period, scenario.seed
         if self._sensors is not None:
-            self._estimate(builder, period, seed)
+            self._estimate(builder)
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
-            sensor = StateSensor(self.plant, errors, period, seed)
+            period = scenario.controller.control_period
+            sensor = StateSensor(self.plant, errors, period, scenario.seed)
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -214,10 +213,9 @@ class HumanoidDiagram(ClosedLoop):
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
 
-    def _estimate(
-        self, builder: DiagramBuilder, period: float, seed: int
-    ) -> None:
+    def _estimate(self, builder: DiagramBuilder) -> None:
         """Adds sensors, and the estimator that reads them."""
+        seed, period = self.scenario.seed, self.push.period
         common, height = (self.robot, self._sensors, period), None
         if self.scenario.terrain.seen and (
             self._ground is None or self._ground.is_level
@@ -298,9 +296,9 @@ class HumanoidDiagram(ClosedLoop):
         now = {
             name: port.Eval(port.get_system().GetMyContextFromRoot(context))
             for name, port in ports.items()
-            if name in estimate.SIGNALS.split()
+            if name in ESTIMATE.split()
         }
-        return float(estimate.nees({n: row[None] for n, row in now.items()})[0])
+        return float(nees({n: row[None] for n, row in now.items()})[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
@@ -326,7 +324,7 @@ class HumanoidDiagram(ClosedLoop):
         return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.diagrams.signal_log)."""
+        """All logged signals (see nadia_balance.results.log)."""
         logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
         return {

@@ -9,8 +9,8 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.capture_point_controller import CapturePointController
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.diagrams.simulation import ClosedLoop
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.point_mass_plant import PointMassPlant
 from nadia_balance.robot.model import load_robot
@@ -24,6 +24,8 @@ FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
 
 class LipmDiagram(ClosedLoop):
     """Closes the loop of CapturePointController and PointMassPlant."""
+
+    PLANT = "lipm"
 
     def __init__(
         self,
@@ -39,15 +41,11 @@ class LipmDiagram(ClosedLoop):
         push, the engine is not Drake, or the terrain is not level.
         """
         super().__init__()
-        if scenario.engine != "drake":
-            raise ValueError(
-                f"engine = {scenario.engine!r}: must be drake for a point mass"
-            )
-        if scenario.sensors != "perfect":
-            raise ValueError(
-                f"sensors = {scenario.sensors!r}: must be perfect for a point "
-                "mass"
-            )
+        for name, only in ("engine", "drake"), ("sensors", "perfect"):
+            if (value := getattr(scenario, name)) != only:
+                raise ValueError(
+                    f"{name} = {value!r}: must be {only} for a point mass"
+                )
         self.scenario = scenario
         self.robot = load_robot(scenario.robot, scenario.fidelity)
         # Bodies of pushes are checked on the robot: a point mass has none.
@@ -94,15 +92,10 @@ class LipmDiagram(ClosedLoop):
         connect(builder, self.swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")
         connect(builder, plant, controller, "foot_poses", "foot_forces")
-        sensed = self._sensed(builder)
-        connect(builder, sensed, controller, "com_state", "icp")
+        connect(builder, plant, controller, "com_state", "icp")
         if controller.HasInputPort("alip_icp"):  # without a body the same
-            connect(builder, sensed, controller, icp="alip_icp")
+            connect(builder, plant, controller, icp="alip_icp")
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
-
-    def _sensed(self, builder: DiagramBuilder) -> System:
-        """The system that outputs the controller's com_state and icp."""
-        return self.plant
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""

@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 from nadia_balance.diagrams import simulation
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.signals import WalkingSignal
@@ -42,7 +43,7 @@ class LiveSession:
 
     def __init__(
         self,
-        diagram: simulation.ClosedLoop,
+        diagram: ClosedLoop,
         meshcat: Meshcat,
         tell: Callable[[str], None],
         speed: float = 1.0,
@@ -57,10 +58,7 @@ class LiveSession:
         self._begin(None)
 
     def run(self, show: Callable[[list[str]], None]) -> bool:
-        """Runs until Stop or Ctrl-C; returns True after Ctrl-C.
-
-        After each tick, `show` gets the lines of the status.
-        """
+        """Runs until Stop, or Ctrl-C (True); `show` gets each tick's status."""
         with simulation.until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
                 self.tick()

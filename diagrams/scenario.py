@@ -12,15 +12,10 @@ from nadia_balance.capture_point_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    Side,
-    WalkingState,
-    whole_ticks,
-)
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
@@ -44,10 +39,10 @@ class Place:
     yaw_deg: float = bounded(0.0, least=-360.0, most=360.0)  # to the left
 
     @property
-    def pose(self) -> FootPose:
+    def pose(self) -> walking.FootPose:
         """The level frame between the feet."""
         p_WF = np.array([self.x, self.y, 0.0])
-        return FootPose(p_WF, math.radians(self.yaw_deg))
+        return walking.FootPose(p_WF, math.radians(self.yaw_deg))
 
 
 @dataclass(kw_only=True)
@@ -91,10 +86,7 @@ class Scenario:
     pushes: list[Push] = field(default_factory=list)
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
-        """The controller's model of `robot` and of the ground.
-
-        Raises ValueError: the terrain is invalid, see `Terrain.ground`.
-        """
+        """The controller's model of `robot` and of the ground (see Terrain)."""
         terrain, place = self.terrain, self.place.pose
         ground = terrain.ground(robot.sole, robot.params.size)
         ground = terrain.known(ground, place.p_WF[:2])
@@ -107,7 +99,7 @@ class Scenario:
             return self.imperfections.delay
         return self.imperfections.delay + load_sensors(self.sensors).delay
 
-    def start(self, model: PointMassModel) -> WalkingState:
+    def start(self, model: PointMassModel) -> walking.WalkingState:
         """The walking state of the standing `model` at the start."""
         return walking_start(self.gait, model, self.place.pose)
 
@@ -120,9 +112,11 @@ class Scenario:
                 f"time_step = {self.time_step}: must divide "
                 f"controller.control_period = {period} s"
             )
-        whole_ticks("imperfections.delay", self.imperfections.delay, period)
+        walking.whole_ticks(
+            "imperfections.delay", self.imperfections.delay, period
+        )
         delay = f"sensors = {self.sensors!r}: its delay"
-        whole_ticks(delay, self.delay, period)
+        walking.whole_ticks(delay, self.delay, period)
         if self.sensors != "perfect" and self.imperfections.has_noise:
             raise ValueError(
                 f"sensors = {self.sensors!r}: must be 'perfect' with noise in "
@@ -196,10 +190,8 @@ def load_scenario(
     values, and those of a file whose `units` are "froude", have been scaled
     from Nadia's size to that of the robot.
 
-    Raises:
-        ValueError: unknown name or field, malformed YAML, a value out of
-            range; the message names it.
-        FileNotFoundError: the file does not exist.
+    Raises ValueError: unknown name or field, malformed YAML, a value out of
+    range; FileNotFoundError: the file does not exist.
     """
     what = f"scenario_file = {filename}"
     if filename is None:
@@ -250,8 +242,7 @@ def set_push(
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
 
-    Raises:
-        ValueError: the scenario has no push, or a value is invalid.
+    Raises ValueError: the scenario has no push, or a value is invalid.
     """
     if not scenario.pushes:
         raise ValueError("pushes = []: must have a push")
@@ -264,7 +255,7 @@ def set_push(
     elif at is not None:
         push.at = str(Moment.parse(at))
     if direction in DIRECTIONS:
-        mirrored = push.moment.swing is Side.LEFT
+        mirrored = push.moment.swing is walking.Side.LEFT
         push.direction_deg = DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
     elif direction is not None:
         try:

@@ -1,4 +1,4 @@
-"""Simulation of a closed diagram, and the criteria by which it is judged."""
+"""Closed loops of scenarios, their simulation, and how a run is judged."""
 
 import contextlib
 import itertools
@@ -6,120 +6,71 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from pathlib import Path
 
-import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    EventStatus,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Context, EventStatus
 
-from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.diagrams.closed_loop import ClosedLoop
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
-from nadia_balance.diagrams.signal_log import SignalLog
-from nadia_balance.results.estimate import LostWatch
+from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.log import Log, pushes
 from nadia_balance.results.log import signal as logged
-from nadia_balance.results.measurements import CalmSteps
+from nadia_balance.results.measurements import CalmSteps, LostWatch
 from nadia_balance.results.summary import STEADY, Run, RunInfo
-from nadia_balance.robot.model import RobotModel, load_robot
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.signals import IcpReference, PushSignal
-from nadia_balance.view import scene
-from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
-# Signals that are logged, drawn and exported, of those that there are.
-LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
-    momentum_qp_status whole_body_qp_status foot_wrenches swing_foot_reference
-    walking_signal actuation push_signal foot_forces state""".split()
-DRAWN = """walking_state com_state icp icp_reference ecmp_command
-    capture_regions push_force""".split()
-EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
 
 
-class ClosedLoop(Diagram):
-    """A Diagram that can be simulated here.
+def closed_loop(
+    scenario: Scenario,
+    plant: str = "humanoid",
+    policy: str | Path = "",
+    meshcat: Meshcat | None = None,
+) -> ClosedLoop:
+    """The diagram of a `scenario`: of the robot, or of the point mass (lipm).
 
-    Each `context` is that of the whole diagram.  RecoveryWatch requires output
-    ports walking_state, icp and icp_reference, sweeps swing_foot_reference, a
-    LiveSession the controller's port walking_signal.
+    The robot's controller is the `policy` in an ONNX file, if given.
     """
+    if policy:
+        controller = policy_of(scenario, policy)
+        return HumanoidDiagram(scenario, meshcat, controller)
+    make = LipmDiagram if plant == "lipm" else HumanoidDiagram
+    return make(scenario, meshcat)
 
-    scenario: Scenario
-    robot: RobotModel
-    push: PushSource  # one of its systems
-    controller: System  # one of its systems
-    _ground: Ground | None  # the true one, if it is not flat
-    _signal_log: SignalLog
 
-    def _finish(
-        self,
-        builder: DiagramBuilder,
-        meshcat: Meshcat | None,
-        period: float,
-        systems: Sequence[System],
-        **ports: OutputPort,
-    ) -> None:
-        """Draws, logs and exports the signals of `systems`; builds the diagram.
+def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
+    """Returns the policy in the file `onnx`; its clock times the pushes.
 
-        Where several have a signal, it is that of the first.  `ports` are
-        logged, too, every `period` [s].
-        """
-        of = {
-            name: system.GetOutputPort(name)
-            for system in reversed(systems)
-            for name in (*LOGGED, *DRAWN, *EXPORTED)
-            if system.HasOutputPort(name)
-        }
-        if meshcat is not None and "walking_state" in of:
-            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            drawn = [(of[n].get_system(), [n]) for n in DRAWN if n in of]
-            scene.add_drawings(builder, view, drawn)
-        logged = {name: of[name] for name in LOGGED if name in of} | ports
-        self._signal_log = SignalLog(
-            builder, period, logged, self.robot, self._ground
-        )
-        for name in filter(of.get, EXPORTED):
-            builder.ExportOutput(of[name], name)
-        builder.BuildInto(self)
+    It walks at the mean velocity of the gait, or stands if that has no steps.
+    The moments of the scenario's pushes become times.
 
-    def set_initial_state(self, context: Context) -> None:
-        """Sets the robot's initial state."""
-
-    def fall_reason(self, context: Context) -> str:
-        """The criterion by which the robot has fallen; empty if it has not."""
-        return ""
-
-    def nees(self, context: Context) -> float:
-        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
-        return 0.0
-
-    def improper_contacts(self, context: Context) -> set[str]:
-        """Names of all contacts except those of a foot and the ground."""
-        return set()
-
-    def passed_limit(self, context: Context) -> bool:
-        """True if a limit is exceeded that a recovery must not exceed."""
-        return False
-
-    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.results.log)."""
-        return self._signal_log.read(context)
-
-    def forget_logs(self, context: Context) -> None:
-        """Clears the log, which otherwise grows without bound."""
-        self._signal_log.forget(context)
+    Raises ValueError: the policy does not fit the robot or the scenario.
+    """
+    params, gait = PolicyParams(), scenario.gait
+    step, time = gait.step, gait.swing_duration + gait.transfer_duration
+    if gait.steps or gait.footholds:
+        raise ValueError("gait: must have num_steps with a policy")
+    way = step.length, step.sideways, math.radians(step.yaw_deg)
+    if not gait.num_steps or any(way):
+        params.command = tuple(part / time for part in way)
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    policy = PolicyController(robot, onnx, params)
+    for push in scenario.pushes:
+        push.at = str(Moment(time=policy.time_of(push.moment)))
+    check(scenario)
+    return policy
 
 
 def start(diagram: ClosedLoop) -> Simulator:
@@ -132,10 +83,9 @@ def start(diagram: ClosedLoop) -> Simulator:
 def pushed(
     diagram: ClosedLoop, walked: Context, delta_v: float, direction_deg: float
 ) -> Simulator:
-    """Returns a simulator that continues from a copy of `walked`.
+    """Returns a simulator that continues from a copy of `walked`, with its log.
 
-    Its first push has `delta_v` [m/s] and the given direction [deg].  The copy
-    contains the log until then.
+    The first push has `delta_v` [m/s] and the given direction [deg].
     """
     context = walked.Clone()
     push_context = diagram.push.GetMyMutableContextFromRoot(context)
@@ -163,34 +113,32 @@ def simulate(
     `changes` of its first push (see set_push) and of its fields:
     `simulate("push", direction="inward", robot="g1").summary`.
 
-    Raises:
-        ValueError: the scenario is unknown, or a change is invalid.
+    Raises ValueError: the scenario is unknown, or a change is invalid or of a
+    diagram.
     """
-    info = None
+    name = ""
     if isinstance(diagram, str):
-        # Here, as it imports this module.
-        from nadia_balance.diagrams.humanoid import HumanoidDiagram
-
         name, push = diagram, {*changes} & {"direction", "delta_v", "at"}
         of_push = {key: changes.pop(key) for key in push}
         scenario = load_scenario(name, **changes)
-        set_push(scenario, **of_push)
-        diagram, info = HumanoidDiagram(scenario), partial(run_info, name=name)
-    until = RecoveryWatch(diagram) if duration is None else lambda _: False
-    run = advance(
-        start(diagram),
-        duration or diagram.scenario.duration,
-        stop_at_failure=stop_at_failure,
-        until=until,
-    )
-    return replace(run, info=info and info(diagram.scenario, run))
+        if of_push:
+            set_push(scenario, **of_push)
+        diagram = HumanoidDiagram(scenario)
+    elif changes:
+        raise ValueError(f"{next(iter(changes))}: must be in the scenario")
+    ends: dict = {"stop_at_failure": stop_at_failure}
+    if duration is None:
+        duration = diagram.scenario.duration
+        ends["until"] = RecoveryWatch(diagram)
+    run = advance(start(diagram), duration, **ends)
+    return replace(run, info=replace(run.info, scenario=name))
 
 
 class RecoveryWatch:
     """Detects, called once a tick, the recovery from all pushes.
 
     The robot has recovered after the complete steps with a small ICP error
-    that its scenario requires (see summarize), and `more_steps` like them.
+    that its scenario requires (see Run.summary), and `more_steps` like them.
     Without required steps, or an ICP, only the end of the run decides.
     """
 
@@ -220,9 +168,7 @@ def gait_and_error(diagram: ClosedLoop, context: Context) -> tuple[int, float]:
     return state.steps_taken, math.dist(icp, IcpReference(reference).icp)
 
 
-def walk_to_push(
-    diagram: ClosedLoop, duration: float, until: Callable[[Context], bool]
-) -> tuple[Context, Run]:
+def walk_to_push(diagram: ClosedLoop) -> tuple[Context, Run]:
     """Simulates `diagram` from its start until just before its first push.
 
     `pushed` continues from this Context with any other push; the result is that
@@ -232,11 +178,9 @@ def walk_to_push(
     simulator, push = start(diagram), diagram.push
     run = advance(
         simulator,
-        duration,
+        diagram.scenario.duration,
         stop_at_failure=True,
-        until=lambda context: (
-            until(context) or push.begins(push.GetMyContextFromRoot(context))
-        ),
+        until=lambda all_: push.begins(push.GetMyContextFromRoot(all_)),
     )
     return simulator.get_context(), run
 
@@ -301,8 +245,10 @@ def advance(
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
             message = " ".join(str(error).split()) or type(error).__name__
         cpu_time = time.process_time() - began
+    logs = diagram.read_logs(context)
     return Run(
-        logs=diagram.read_logs(context),
+        logs=logs,
+        info=_run_info(diagram, logs),
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
         missed_pushes=int(push_signal(diagram, context).waiting),
@@ -354,7 +300,7 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     if "walking_signal" not in log:
         ends = felt[-1].end if felt else 0.0
         steps = min(scenario.calm_steps, len(start.footsteps))
-        return steps, bool(log["t"][-1:] >= ends + STEADY)
+        return steps, any(log["t"][-1:] >= ends + STEADY)
     if felt:
         begin = felt[-1].start
         walking = logged(log, "walking_signal", felt[-1].first)
@@ -371,31 +317,21 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     return required, not required or fitting >= min(PATIENCE, len(left))
 
 
-def run_info(
-    scenario: Scenario,
-    run: Run,
-    plant: str = "humanoid",
-    name: str = "",
-    policy: str = "",
-) -> RunInfo:
-    """Returns the RunInfo by which `run`, a run of `scenario`, is judged.
-
-    `plant` is humanoid or lipm, `name` is the scenario's name, `policy` the
-    file of the policy that walked.
-    """
+def _run_info(diagram: ClosedLoop, log: Log) -> RunInfo:
+    """The conditions of a run, by which it is judged."""
+    scenario = diagram.scenario
     same = "robot", "fidelity", "engine", "seed"
     push = scenario.pushes[0] if scenario.pushes else None
-    calm_steps, is_long_enough = required_calm_steps(scenario, run.logs)
+    calm_steps, is_long_enough = required_calm_steps(scenario, log)
     upright = {}
     if scenario.fidelity == "realistic":
         upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
-    gait = scenario.gait
+    gait, policy = scenario.gait, getattr(diagram.controller, "file", "")
     return RunInfo(
         **{field: getattr(scenario, field) for field in same},
         commanded_steps=gait.num_steps or len(gait.steps or gait.footholds),
         mechanisms=policy or scenario.mechanisms,
-        scenario=name,
-        plant=plant,
+        plant=diagram.PLANT,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
         calm_steps=calm_steps,

@@ -31,31 +31,21 @@ _PUBLIC = {
     "policy_controller": ("PolicyController", "PolicyParams"),
     "robot.model": ("RobotModel", "load_robot"),
     "robot.plants": ("add_ground",),
-    "systems.capture_region_step_adjuster": ("CaptureRegionStepAdjuster",),
-    "systems.centroidal_estimator": ("CentroidalEstimator",),
-    "systems.com_height_controller": ("ComHeightController",),
-    "systems.foot_force_sensor": ("FootForceSensor",),
-    "systems.friction_estimator": ("FrictionEstimator",),
-    "systems.icp_planner": ("IcpPlanner",),
-    "systems.icp_step_controller": ("IcpStepController",),
-    "systems.imu": ("Imu",),
-    "systems.joint_drives": ("JointDrives",),
-    "systems.joint_encoders": ("JointEncoders",),
-    "systems.momentum_qp": ("MomentumQp",),
     "systems.ports": ("NOTHING",),
-    "systems.push_source": ("PushSource",),
-    "systems.state_estimator": ("StateEstimator",),
-    "systems.state_predictor": ("StatePredictor",),
-    "systems.state_sensor": ("StateSensor",),
-    "systems.swing_foot_planner": ("SwingFootPlanner",),
-    "systems.timing_adapter": ("TimingAdapter",),
-    "systems.walking_state_machine": ("WalkingStateMachine",),
-    "systems.whole_body_inverse_dynamics": ("WholeBodyInverseDynamics",),
     "systems.wiring": ("connect",),
     "view.balance_visualizer": ("BalanceVisualizer",),
     "view.live_controls": ("LiveControls",),
 }
+# Each of these systems has a file of its name.
+_SYSTEMS = """CaptureRegionStepAdjuster CentroidalEstimator ComHeightController
+    FootForceSensor FrictionEstimator IcpPlanner IcpStepController Imu
+    JointDrives JointEncoders MomentumQp PushSource StateEstimator
+    StatePredictor StateSensor SwingFootPlanner TimingAdapter
+    WalkingStateMachine WholeBodyInverseDynamics"""
 _HOME = {name: home for home, names in _PUBLIC.items() for name in names}
+for _name in _SYSTEMS.split():
+    _words = "".join(f"_{c.lower()}" if c.isupper() else c for c in _name)
+    _HOME[_name] = f"systems.{_words[1:]}"
 __all__ = sorted(_HOME)
 
 

@@ -36,11 +36,7 @@ from nadia_balance.systems.wiring import fill, wire
 
 @dataclass(kw_only=True)
 class ControllerParams:
-    """The parameters of every algorithm.
-
-    A robot.yaml may override those of `whole_body` (see
-    `RobotModel.whole_body`).
-    """
+    """The parameters of every algorithm; robot.yaml overrides `whole_body`."""
 
     control_period: float = bounded(
         0.004, least=0.0005, most=0.02, unit="s", of=""

@@ -114,6 +114,7 @@ class PolicyController(LeafSystem):
         *velocity, yaw_rate = params.command
         self.stands = max(math.hypot(*velocity), abs(yaw_rate)) < _STILL
         what = f"controller = {str(onnx)!r}: must"
+        self.file = Path(onnx).name
         self._network = _session(Path(onnx), what)
         self.joints, self._kp, self._kd = _metadata(self._network, what)
         self._port = _checked_port(self._network, len(self.joints), what)

@@ -30,10 +30,9 @@ def load_typed(
     Only the child `child_name` is read, if given.  Fields that the YAML lacks
     are copied from `defaults`.
 
-    Raises:
-        ValueError: malformed YAML, an unknown field, or a value of the wrong
-            type: one line, which starts with `what`, then names the field.
-        OSError: the file cannot be read.
+    Raises ValueError: malformed YAML, an unknown field, or a value of the wrong
+    type: one line, which starts with `what`, then names the field; OSError: the
+    file cannot be read.
     """
     try:
         if filename is not None:
@@ -55,10 +54,7 @@ def load_typed(
 
 
 def load_tree(text: str, child_name: str | None = None) -> dict:
-    """Returns the YAML `text`, or its child, as mappings and lists.
-
-    The text is one that `load_typed` has accepted.
-    """
+    """Returns YAML that `load_typed` has accepted as mappings and lists."""
     tree = _parse(text)
     tree = _child(tree, child_name) if child_name is not None else tree
     return tree if isinstance(tree, dict) else {}
@@ -83,9 +79,8 @@ def _parse(text: str) -> object:
 def _check_nodes(text: str) -> None:
     """Refuses valid but misleading YAML.
 
-    Raises:
-        ValueError: a key twice in one mapping, of which the last would count;
-            1:30, which would be 90; or aliases that expand to too many nodes.
+    Raises ValueError: a key twice in one mapping, of which the last would
+    count; 1:30, which would be 90; or aliases that expand to too many nodes.
     """
     root, sizes = yaml.compose(text, Loader=yaml.CSafeLoader), {}
 
@@ -94,7 +89,10 @@ def _check_nodes(text: str) -> None:
             return sizes[id(node)]
         children = []
         if isinstance(node, yaml.MappingNode):
-            _check_keys([key for key, _ in node.value])
+            keys = [k.value for k, _ in node.value if k.id == "scalar"]
+            for name in keys:
+                if keys.count(name) > 1:
+                    raise ValueError(f"{name}: must be given only once")
             children = list(itertools.chain.from_iterable(node.value))
         elif isinstance(node, yaml.SequenceNode):
             children = node.value
@@ -107,13 +105,6 @@ def _check_nodes(text: str) -> None:
         return sizes[id(node)]
 
     size(root)
-
-
-def _check_keys(keys: list[yaml.Node]) -> None:
-    names = [key.value for key in keys if isinstance(key, yaml.ScalarNode)]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{name}: must be given only once")
 
 
 def _child(tree: object, name: str) -> object:

@@ -6,9 +6,7 @@ itself, and once more tick by tick, each after a tick of the closed loop, with
 the caches as the controller leaves them: an upper bound of the closed loop.
 """
 
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import csv
 import json
@@ -35,19 +33,6 @@ GAINS = PdControllerGains(p=3000.0, d=100.0)  # of the joints of a plant alone
 LONGEST = 3600  # [s]
 START = 1.0  # start of the measurement, while the robot steps [s]
 ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks one by one
-FLAGS = {
-    "scenario_name": {"default": "walk_in_place", "help": "one of the package"},
-    "scenario_text": {"help": "YAML that overrides single fields"},
-    "mechanisms": {"help": command_line.ONE_OF},
-    "seconds": {"default": 5.0, "type": command_line.finite, "help": "[s]"},
-    "json": {"action": "store_true", "help": "print JSON"},
-    "record": {
-        "nargs": "?",
-        "const": Path("docs/results/speed.csv"),
-        "type": command_line.place,
-        "help": "add a row to this CSV (default: %(const)s)",
-    },
-}
 
 
 @command_line.program
@@ -59,8 +44,15 @@ def main(argv: list[str] | None = None) -> int:
         epilog="Exit code: 0 done, 2 bad input, 4 the record cannot be "
         "written, 130 Ctrl-C.",
     )
-    for flag, options in FLAGS.items():
-        parser.add_argument(f"--{flag}", **options)
+    add = parser.add_argument
+    add("--scenario_name", default="walk_in_place", help="one of the package")
+    add("--scenario_text", help="YAML that overrides single fields")
+    add("--mechanisms", help=command_line.ONE_OF)
+    add("--seconds", default=5.0, type=command_line.finite, help="[s]")
+    add("--json", action="store_true", help="print JSON")
+    where = {"nargs": "?", "const": Path("docs/results/speed.csv")}
+    about = "add a row to this CSV (default: %(const)s)"
+    add("--record", **where, type=command_line.place, help=about)
     args = parser.parse_args(argv)
     with parser.refusing():
         scenario = load_scenario(
@@ -167,11 +159,7 @@ def tick_time(simulator: Simulator, root: Context) -> float:
 
 
 def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
-    """Adds a row with versions, machine and `figures` to CSV `path`.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Adds a row with versions, machine and `figures` to CSV `path`."""
     found = versions()
     row = {
         "commit": _commit(),

@@ -10,7 +10,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
@@ -19,17 +19,13 @@ from pydrake.systems.analysis import Simulator
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams import simulation
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless
-from nadia_balance.diagrams.policy import policy_of
 from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
-from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
 from nadia_balance.results.story import telling_lines
-from nadia_balance.results.summary import summarize
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
@@ -124,10 +120,7 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def parse_args(self, args=None, namespace=None):
-        """Also refuses --flag=--, which argparse parses as an empty list.
-
-        So that it does with a present folder that is gone: Drake needs one.
-        """
+        """Refuses --flag=-- (an empty list), and a folder that is gone."""
         found = super().parse_args(args, namespace)
         try:
             os.getcwd()
@@ -152,70 +145,8 @@ class CommandLine(argparse.ArgumentParser):
             self.error(str(error))
 
 
-Flags = dict[str, dict[str, Any]]  # name -> arguments of add_argument
-
-_SCENARIO_FLAGS: Flags = {
-    "scenario_file": {"type": place, "help": "YAML with named scenarios"},
-    "scenario_name": {"help": "one of the package, or of --scenario_file"},
-    "scenario_text": {"help": "YAML that overrides single fields"},
-    "robot": {"help": "a model's name, or a robot.yaml"},
-    "fidelity": {
-        "help": "realistic, or ideal: drives and feet as fast as need be"
-    },
-    "engine": {"help": "drake, or mujoco: what moves the robot"},
-    "sensors": {
-        "help": f"{', '.join(SENSORS)}: whether it is given the state, or "
-        "estimates it from noisy sensors"
-    },
-    "mechanisms": {},
-    "terrain": {
-        "help": f"{', '.join((FLAT, *COURSES))}, or a YAML file of regions; "
-        "push.py takes the scenario of this name, if there is one"
-    },
-    "duration": {"type": finite, "help": "[s]"},
-    "seed": {"type": int, "help": "shifts the start by <= 10 um"},
-    "plant": {
-        "choices": ("humanoid", "lipm"),
-        "default": "humanoid",
-        "help": "the robot, or the point mass it stands for",
-    },
-}
 # Fields of a Scenario that a flag of the same name replaces.
-_FIELDS = (
-    *("robot", "fidelity", "engine", "sensors", "mechanisms", "duration"),
-    "seed",
-)
-POLICY_FLAGS: Flags = {
-    "controller": {
-        "type": place,
-        "metavar": "ONNX",
-        "help": "file of the policy (docs/policy.md)",
-    }
-}
-_OUTPUT_FLAGS: Flags = {
-    "out": {
-        "type": place,
-        "help": "folder for the results (default: "
-        "runs/<date>_<time>_<scenario>)",
-    },
-    "no-meshcat": {"action": "store_true", "help": "and no replay.html"},
-    "port": {"type": int, "help": "of Meshcat, from 7000 on"},
-    "open": {"action": "store_true", "help": "show Meshcat in a browser"},
-    "hold": {"action": "store_true", "help": "keep Meshcat until Enter"},
-    "live": {
-        "action": "store_true",
-        "help": "walk until it is stopped, pushed by the user; writes nothing",
-    },
-}
-
-
-def add_flags(
-    parser: argparse.ArgumentParser, group: str, flags: Flags, about: str = ""
-) -> None:
-    """Adds a group of flags to the `parser`; "a --b" is --a, or --b."""
-    added = parser.add_argument_group(group, about or None)
-    for name, options in flags.items():
-        added.add_argument(*f"--{name}".split(), **options)
+_FIELDS = "robot fidelity engine sensors mechanisms duration seed".split()
 
 
 def scenario_flags(
@@ -226,13 +157,46 @@ def scenario_flags(
     `name` is what its help calls the default; None: the flag is required.
     `mechanisms` is the help of that flag.
     """
-    named = _SCENARIO_FLAGS["scenario_name"]
-    default = {"help": f"{named['help']} (default: {name})"}
-    flags = _SCENARIO_FLAGS | {
-        "scenario_name": named | (default if name else {"required": True}),
-        "mechanisms": {"help": mechanisms},
-    }
-    add_flags(parser, "scenario", flags)
+    add = parser.add_argument_group("scenario").add_argument
+    default = f" (default: {name})" if name else ""
+    add("--scenario_file", type=place, help="YAML with named scenarios")
+    about = f"one of the package, or of --scenario_file{default}"
+    add("--scenario_name", required=not name, help=about)
+    add("--scenario_text", help="YAML that overrides single fields")
+    add("--robot", help="a model's name, or a robot.yaml")
+    about = "realistic, or ideal: drives and feet as fast as need be"
+    add("--fidelity", help=about)
+    add("--engine", help="drake, or mujoco: what moves the robot")
+    about = "whether it is given the state, or estimates it from noisy sensors"
+    add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
+    add("--mechanisms", help=mechanisms)
+    about = "push.py takes the scenario of this name, if there is one"
+    places = ", ".join((FLAT, *COURSES))
+    add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
+    add("--duration", type=finite, help="[s]")
+    add("--seed", type=int, help="shifts the start by <= 10 um")
+    which = {"choices": ("humanoid", "lipm"), "default": "humanoid"}
+    about = "the robot, or the point mass it stands for"
+    add("--plant", **which, help=about)
+
+
+def policy_flag(parser: argparse.ArgumentParser, about: str = "") -> None:
+    """Adds the flag of a policy; `about` it is a line of the help."""
+    group = parser.add_argument_group("policy", about or None)
+    about = "file of the policy (docs/policy.md)"
+    group.add_argument("--controller", type=place, metavar="ONNX", help=about)
+
+
+def _output_flags(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("output").add_argument
+    about = "folder for the results (default: runs/<date>_<time>_<scenario>)"
+    add("--out", type=place, help=about)
+    add("--no-meshcat", action="store_true", help="and no replay.html")
+    add("--port", type=int, help="of Meshcat, from 7000 on")
+    add("--open", action="store_true", help="show Meshcat in a browser")
+    add("--hold", action="store_true", help="keep Meshcat until Enter")
+    about = "walk until it is stopped, pushed by the user; writes nothing"
+    add("--live", action="store_true", help=about)
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
@@ -254,13 +218,9 @@ def main_job(
     argv: list[str] | None,
     make_scenario: Callable[[argparse.Namespace], Scenario],
 ) -> int:
-    """Adds the flags of the output, parses, simulates, prints and writes.
-
-    Returns the exit code; bad input exits.
-    """
-    about = "Of a learned policy that walks, not our controller."
-    add_flags(parser, "policy", POLICY_FLAGS, about)
-    add_flags(parser, "output", _OUTPUT_FLAGS)
+    """Parses, simulates, prints and writes; returns the exit code."""
+    policy_flag(parser, "Of a learned policy that walks, not our controller.")
+    _output_flags(parser)
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:
         with parser.refusing():
@@ -269,8 +229,11 @@ def main_job(
             if args.live:
                 scenario = endless(scenario)
             meshcat = _meshcat(args.port) if shown else None
-            make = LipmDiagram if args.plant == "lipm" else HumanoidDiagram
-            diagram = make(scenario, meshcat, *_policy(args, scenario))
+            if args.controller is not None:
+                refuse_with_policy(args)
+            diagram = simulation.closed_loop(
+                scenario, args.plant, args.controller or "", meshcat
+            )
             if not args.live:
                 simulator = simulation.start(diagram)
                 folder = new_folder(args.out, args.scenario_name)
@@ -296,16 +259,7 @@ def _run(
         start_recording(meshcat, live=args.open or args.hold)
     watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
     run = simulation.advance(simulator, scenario.duration, until=watch)
-    summary = summarize(
-        run,
-        simulation.run_info(
-            scenario,
-            run,
-            args.plant,
-            args.scenario_name,
-            args.controller.name if args.controller else "",
-        ),
-    )
+    summary = run.summary | {"scenario": args.scenario_name}
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
         written = write_run(folder, run.logs, summary, text, meshcat)
@@ -315,16 +269,6 @@ def _run(
     if args.hold:
         _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
-
-
-def _policy(
-    args: argparse.Namespace, scenario: Scenario
-) -> list[PolicyController]:
-    """The controller of --controller, if any (see `policy_of`)."""
-    if args.controller is None:
-        return []
-    refuse_with_policy(args)
-    return [policy_of(scenario, args.controller)]
 
 
 def refuse_with_policy(args: argparse.Namespace) -> None:
@@ -337,12 +281,9 @@ def refuse_with_policy(args: argparse.Namespace) -> None:
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
-    """True if Meshcat is shown: unless --no-meshcat, or --plant lipm.
+    """True with Meshcat: unless --no-meshcat, or --plant lipm without --live.
 
-    With --live it is always shown.
-
-    Raises:
-        ValueError: an output flag has no effect.
+    Raises ValueError: an output flag has no effect.
     """
     if args.live:
         for name in _NOT_LIVE:
@@ -368,7 +309,7 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: simulation.ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
     session = LiveSession(diagram, meshcat, say)
     with LivePage(meshcat) as page:

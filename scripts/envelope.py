@@ -9,9 +9,7 @@ Example:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
 """
 
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
 import math
@@ -26,73 +24,21 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.command_line import (
-    Flags,
-    add_flags,
-    finite,
-    place,
-    say,
-)
 from nadia_balance.scripts.envelope_sweep import limits, report, run
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import AT, HEADROOM, Sweep
-from nadia_balance.scripts.envelope_sweep.trial import diagram_of
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    AT,
+    HEADROOM,
+    SearchParams,
+    Sweep,
+)
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
-_ABOUT = "Several may be named with commas; by default, the protocol's are."
-_SWEEP: Flags = {
-    "protocol": {
-        "choices": limits.PROTOCOLS,
-        "default": "nadia_fig10",
-        "help": "the paper's figure (default: %(default)s)",
-    },
-    "quick": {
-        "action": "store_true",
-        "help": f"unless given: {QUICK}, and the most mechanisms alone",
-    },
-    "directions": {
-        "help": 'degrees from the stance heading, such as "0,30,90" (0 '
-        'forward, 90 left; "90," for one), or how many all around'
-    },
-    "at": {"help": f"when the push begins, such as {AT.replace('%', '%%')}"},
-    "resolution": {"type": finite, "help": "of the limit [m/s]"},
-    "stride": {"type": int, "help": "of the march upward, in resolutions"},
-    "replicas": {
-        "type": int,
-        "help": "of a push at the limit; four in five must be recovered from",
-    },
-}
-_RUNNING: Flags = {
-    "from": {
-        "dest": "known",
-        "type": place,
-        "metavar": "FOLDER",
-        "help": f"march up from {HEADROOM:g} m/s below the limits in "
-        f"FOLDER/{limits.LIMITS}, which an earlier sweep found, not from zero",
-    },
-    "workers": {
-        "type": int,
-        "default": CPU_COUNT,
-        "help": "trials at a time on this machine (default: %(default)s)",
-    },
-    "scheduler": {"help": "of a Dask cluster to run on, tcp://host:port"},
-    "out": {
-        "type": place,
-        "help": f"folder for the results; one with a {TRIALS} goes on "
-        "(default: envelopes/<date>_<protocol>)",
-    },
-    "plot-only": {
-        "type": place,
-        "metavar": "FOLDER",
-        "help": f"only write what follows from FOLDER/{TRIALS}",
-    },
-}
 
 
 @command_line.program
@@ -115,7 +61,7 @@ def main(argv: list[str] | None = None) -> int:
         # Building a diagram checks the robot and the blocks, too.
         for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
             walk = sweep.walk(cell, replica=0)
-            diagram_of(walk, sweep.plant, sweep.controller)
+            closed_loop(walk, sweep.plant, sweep.controller)
         now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     with contextlib.ExitStack() as stack:
@@ -138,10 +84,39 @@ def parser_of() -> command_line.CommandLine:
         epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
         "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
     )
-    add_flags(parser, "sweep", _SWEEP, _ABOUT)
+    about = "Several may be named with commas; by default, the protocol's are."
+    finite, place = command_line.finite, command_line.place
+    add = parser.add_argument_group("sweep", about).add_argument
+    which = {"choices": limits.PROTOCOLS, "default": "nadia_fig10"}
+    about = "the paper's figure (default: %(default)s)"
+    add("--protocol", **which, help=about)
+    about = f"unless given: {QUICK}, and the most mechanisms alone"
+    add("--quick", action="store_true", help=about)
+    about = 'degrees from the stance heading, such as "0,30,90" (0 forward, 90 '
+    about += 'left; "90," for one), or how many all around'
+    add("--directions", help=about)
+    about = f"when the push begins, such as {AT.replace('%', '%%')}"
+    add("--at", help=about)
+    add("--resolution", type=finite, help="of the limit [m/s]")
+    add("--stride", type=int, help="of the march upward, in resolutions")
+    about = "of a push at the limit; four in five must be recovered from"
+    add("--replicas", type=int, help=about)
     command_line.scenario_flags(parser, name="the protocol's")
-    add_flags(parser, "policy", command_line.POLICY_FLAGS)
-    add_flags(parser, "running", _RUNNING)
+    command_line.policy_flag(parser)
+    add = parser.add_argument_group("running").add_argument
+    about = f"march up from {HEADROOM:g} m/s below the limits in FOLDER/"
+    about += f"{limits.LIMITS}, which an earlier sweep found, not from zero"
+    folder = {"type": place, "metavar": "FOLDER"}
+    add("--from", dest="known", **folder, help=about)
+    about = "trials at a time on this machine (default: %(default)s)"
+    add("--workers", type=int, default=CPU_COUNT, help=about)
+    about = "of a Dask cluster to run on, tcp://host:port"
+    add("--scheduler", help=about)
+    about = f"folder for the results; one with a {TRIALS} goes on (default: "
+    about += "envelopes/<date>_<protocol>)"
+    add("--out", type=place, help=about)
+    about = f"only write what follows from FOLDER/{TRIALS}"
+    add("--plot-only", **folder, help=about)
     return parser
 
 
@@ -152,7 +127,7 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
         for name, scenario in sweep.scenarios.items()
     )
     (rows.folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
-    say(
+    command_line.say(
         f"{len(sweep.cells())} limits to find, {slots} trials at a time; "
         f"{len(rows.all)} trials are there already",
         f"into {rows.folder}",
@@ -168,15 +143,14 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
         undecided = _report(rows, sweep.scenarios)
         code = code or undecided
         if code in (command_line.FAILED, INTERRUPTED):
-            say(f"the same flags and --out {rows.folder} go on from here")
+            command_line.say(
+                f"the same flags and --out {rows.folder} go on from here"
+            )
     return code
 
 
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
-    """Writes the report, prints the limits and the names of all files.
-
-    Returns the exit code: UNDECIDED if a cell has no limit.
-    """
+    """Writes and prints the limits; returns UNDECIDED if a cell has none."""
     if {row["outcome"] for row in rows.all} <= {"undecided"}:
         why = "; ".join({row["reason"] for row in rows.all})
         none = ValueError(
@@ -188,18 +162,15 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
     names = ", ".join([*report.write_report(found, rows), TRIALS])
     for situation in found.situations:
         table = report.table_of(found, situation, report.RECOVERED)
-        say("", ", ".join(situation), *table)
+        command_line.say("", ", ".join(situation), *table)
     trials = f"trials {report.outcomes(rows)}"
-    say(trials, f"wrote {rows.folder}/{{{names}}}")
+    command_line.say(trials, f"wrote {rows.folder}/{{{names}}}")
     tried = [r["recovered"] for r in found.records if r["trials"]]
     return command_line.UNDECIDED if None in tried else command_line.DONE
 
 
 def sweep_from(args: argparse.Namespace) -> Sweep:
-    """Returns the checked sweep of the flags.
-
-    Raises ValueError: a flag is invalid; names it and what is allowed.
-    """
+    """Returns the sweep of the flags; ValueError names an invalid one."""
     asked = dict(vars(limits.PROTOCOLS[args.protocol]))
     controller = ""
     if args.controller is not None:

@@ -1,12 +1,6 @@
-"""Estimates a robot's state from a log of its sensors, and draws it.
+"""Estimates a robot's state from a log of its sensors, and draws it."""
 
-Example:
-    python scripts/estimate.py mine.csv --robot g1 --sensors industrial
-"""
-
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import sys
 import zipfile
@@ -18,10 +12,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
-from nadia_balance.results import estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
-from nadia_balance.results.plots.estimate import draw
+from nadia_balance.results.measurements import lost_at, measure_estimate
+from nadia_balance.results.plots.over_time import draw_estimate
 from nadia_balance.results.plots.style import RC
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
@@ -63,10 +57,10 @@ def main(argv: list[str] | None = None) -> int:
         what = {"robot": args.robot, "mechanisms": args.log.name}
         with appearing(folder) as drafts, mpl.rc_context(RC):
             np.savez(drafts / FILES[0], **log)
-            figure = draw(log, what | {"pushes": [], "fell_at": None})
+            figure = draw_estimate(log, what | {"pushes": [], "fell_at": None})
             figure.savefig(drafts / FILES[1])
-    found = (estimate.measure(log) if "state" in log else None) or {}
-    lost = estimate.lost_at(log)
+    found = (measure_estimate(log) if "state" in log else None) or {}
+    lost = lost_at(log)
     command_line.say(
         *(f"{name}: {value:.4g}" for name, value in found.items()),
         *([] if lost is None else [f"ESTIMATOR LOST at {lost:.2f} s"]),
@@ -124,10 +118,7 @@ def standing(joints: np.ndarray, robot: RobotModel) -> np.ndarray:
 
 
 def estimated(log: Log, block: StateEstimator, period: float) -> Log:
-    """Returns `log` with what the estimator tells of it, tick by tick.
-
-    Raises ValueError: a value is not finite, or the IMU is saturated.
-    """
+    """Returns `log` with the estimates; ValueError: as the estimator raises."""
     simulator = Simulator(block)
     context = simulator.get_mutable_context()
     told = {"estimated_state": [], "estimate_covariance": []}

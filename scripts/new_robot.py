@@ -1,15 +1,6 @@
-"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks.
+"""Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
-Examples:
-    python scripts/new_robot.py robot.urdf --out my_robot
-    python scripts/new_robot.py robot.urdf --out my_robot --fix ".*_finger_.*"
-    python scripts/simulate.py --robot my_robot/robot.yaml \
-        --scenario_name walk_in_place
-"""
-
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -18,10 +9,9 @@ import numpy as np
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import run_info, simulate
+from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.new_robot import Named
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
-from nadia_balance.results.summary import summarize
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import margins, reach_within
 from nadia_balance.scripts import command_line
@@ -67,7 +57,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
     """Writes the reach of the legs into `folder`; returns a line about it."""
-    from nadia_balance.new_robot.write import write_reach
+    from nadia_balance.new_robot.make import write_reach
 
     before = robot.point_mass.reach
     reach, missed = reach_within(robot)
@@ -86,34 +76,6 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
     )
 
 
-_FLAGS: command_line.Flags = {
-    "out": {"type": command_line.place, "required": True, "help": "the folder"},
-    "force": {"action": "store_true", "help": "overwrite a robot.yaml in it"},
-    "fix": {
-        "action": "append",
-        "metavar": "REGEX",
-        "help": "weld the joints of these names; may come several times",
-    },
-    "package-root": {
-        "action": "append",
-        "type": command_line.place,
-        "metavar": "DIR",
-        "help": "has the packages of package://; so do the folders above FILE",
-    },
-    "armature": {
-        "type": command_line.place,
-        "metavar": "FILE",
-        "help": "an MJCF or URDF with the rotor inertias, by joint names",
-    },
-    "fidelity": {
-        "choices": FIDELITIES,
-        "default": "realistic",
-        "help": "of the walk",
-    },
-    "no-walk": {"action": "store_true", "help": "make the folder only"},
-}
-
-
 def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         prog="new_robot.py",
@@ -122,15 +84,25 @@ def _parser() -> command_line.CommandLine:
         "2 bad input.",
     )
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
-    for flag, options in _FLAGS.items():
-        parser.add_argument(f"--{flag}", **options)
+    add, path = parser.add_argument, command_line.place
+    add("--out", type=path, required=True, help="the folder")
+    add("--force", action="store_true", help="overwrite a robot.yaml in it")
+    about = "weld the joints of these names; may come several times"
+    add("--fix", action="append", metavar="REGEX", help=about)
+    several = {"action": "append", "type": path, "metavar": "DIR"}
+    about = "has the packages of package://; so do the folders above FILE"
+    add("--package-root", **several, help=about)
+    about = "an MJCF or URDF with the rotor inertias, by joint names"
+    add("--armature", type=path, metavar="FILE", help=about)
+    which = {"choices": FIDELITIES, "default": "realistic"}
+    add("--fidelity", **which, help="of the walk")
+    add("--no-walk", action="store_true", help="make the folder only")
     group = parser.add_argument_group("names", "Default: they are found.")
     for i, field in enumerate(NAMES):
         flag = f"--{field.name.replace('_', '-')}"
-        kind, legs = (
-            ("JOINT,JOINT", "of both legs") if i > 3 else ("LINK", None)
-        )
-        group.add_argument(flag, default="", metavar=kind, help=legs)
+        named = {"metavar": "JOINT,JOINT", "help": "of both legs"}
+        named = named if i > 3 else {"metavar": "LINK"}
+        group.add_argument(flag, default="", **named)
     return parser
 
 
@@ -145,7 +117,7 @@ def _walk(robot: str, fidelity: str) -> int:
         command_line.say(f"DID NOT WALK: {error}")
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
-    found = summarize(run, run_info(scenario, run, "humanoid", "walk_in_place"))
+    found = run.summary
     loads = torque_ratio(run.logs), joint_speed_ratio(run.logs)
     failed = "" if found["recovered"] else f": {found['reason']}"
     command_line.say(

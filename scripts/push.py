@@ -1,17 +1,6 @@
-"""Pushes the walking robot, and shows whether and how it recovers.
+"""Pushes the walking robot, and shows whether and how it recovers."""
 
-Examples:
-    python scripts/push.py
-    python scripts/push.py --direction inward --delta-v 0.2 --open --hold
-    python scripts/push.py --direction 210 --at "left swing 50 %"
-    python scripts/push.py --plant lipm --terrain stepping_stones
-    python scripts/push.py --random 8 --seed 1
-    python scripts/push.py --live --open
-"""
-
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 
@@ -21,28 +10,6 @@ from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
-_FLAGS: command_line.Flags = {
-    "direction": {
-        "help": "degrees (0 forward, 90 left), or forward, backward, inward, "
-        "outward, seen from the stance foot"
-    },
-    "delta-v": {
-        "type": command_line.finite,
-        "help": "change of the robot's velocity [m/s]",
-    },
-    "at": {
-        "help": 'when it begins: in a phase, such as "right swing 25 %%" (the '
-        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
-        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all'
-    },
-    "shape": {"help": f"of the force over time: {', '.join(SHAPES)}"},
-    "random": {
-        "type": int,
-        "metavar": "N",
-        "help": "N pushes instead, in directions at random, of up to "
-        "--delta-v, 1 to 3 s after each other; --seed gives others",
-    },
-}
 
 
 @command_line.program
@@ -54,7 +21,21 @@ def main(argv: list[str] | None = None) -> int:
         epilog=f"Exit code: 0 recovered, {command_line.EXIT_CODES}",
     )
     about = "Of the scenario's first push.  Default: as in the scenario."
-    command_line.add_flags(parser, "push", _FLAGS, about)
+    add = parser.add_argument_group("push", about).add_argument
+    about = "degrees (0 forward, 90 left), or forward, backward, inward, "
+    add("--direction", help=f"{about}outward, seen from the stance foot")
+    about = "change of the robot's velocity [m/s]"
+    add("--delta-v", type=command_line.finite, help=about)
+    add(
+        "--at",
+        help='when it begins: in a phase, such as "right swing 25 %%" (the '
+        'right foot swings) or "left transfer 50 %%" (the left one will), at a '
+        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
+    )
+    add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
+    about = "N pushes instead, in directions at random, of up to --delta-v, 1 "
+    about += "to 3 s after each other; --seed gives others"
+    add("--random", type=int, metavar="N", help=about)
     command_line.scenario_flags(
         parser, name="push", mechanisms=command_line.ONE_OF
     )
@@ -62,13 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:
-    """The scenario with its first push changed by the flags.
-
-    With --live the scenario is unchanged: only the user pushes.
-
-    Raises:
-        ValueError: a flag is invalid, or the scenario has no push.
-    """
+    """The scenario with its first push changed by the flags; not for --live."""
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()
         args.scenario_name = args.terrain if has_own else "push"
@@ -87,8 +62,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
     """Replaces the scenario's pushes by --random ones.
 
-    Without --duration, the run is extended by the time of the last push; the
-    gait has steps for the whole run.
+    The gait has steps for all of them, and so has the run without --duration.
     """
     for name in ("at", "direction", "shape"):
         if (value := getattr(args, name)) is not None:

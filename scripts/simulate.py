@@ -1,13 +1,6 @@
-"""Simulates any scenario, and shows and writes what happened.
+"""Simulates any scenario, and shows and writes what happened."""
 
-Examples:
-    python scripts/simulate.py --scenario_name walk_forward --hold
-    python scripts/simulate.py --scenario_name walk_in_place --plant lipm
-"""
-
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import sys
 
 from nadia_balance.diagrams.scenario import scenario_names

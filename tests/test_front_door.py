@@ -37,6 +37,9 @@ def test_a_scenario_is_simulated_by_its_name():
     run = nadia_balance.simulate("push", 0.012, direction="outward", seed=3)
     assert (run.info.direction_deg, run.info.seed) == (270.0, 3)
     assert run.summary["outcome"] == "undecided"
+    assert run.summary["scenario"] == "push"
+    still = nadia_balance.simulate("walk_in_place", 0.0)
+    assert (still.info.delta_v, still.summary["pushes"]) == (None, [])
     assert "array" not in repr(run)
     for change in {"direction": "up"}, {"sed": 3}:
         with pytest.raises(ValueError, match=f"^{next(iter(change))}"):

@@ -15,11 +15,10 @@ from pydrake.math import RollPitchYaw
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import run_info, simulate
+from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.folder import write_plots
 from nadia_balance.results.story import telling_lines
-from nadia_balance.results.summary import summarize
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import envelope, push
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
@@ -218,10 +217,9 @@ def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
     )
     diagram = HumanoidDiagram(scenario, None, PolicyController(ROBOT, path))
     run = simulate(diagram, 1.2)
-    info = run_info(scenario, run, policy="policy.onnx")
-    summary = summarize(run, info)
-    assert summary["mechanisms"] == "policy.onnx"
-    assert (summary["outcome"], info.is_long_enough) == ("failed", False)
+    summary = run.summary
+    assert summary["mechanisms"] == path.name
+    assert (summary["outcome"], run.info.is_long_enough) == ("failed", False)
     (felt,) = summary["pushes"]
     assert (felt["time_s"], felt["direction_deg"]) == pytest.approx((0.1, 90.0))
     for name in ("max_icp_error_m", "stance_slip_m", "recovery_time_s"):

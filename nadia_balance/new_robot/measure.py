@@ -1,4 +1,4 @@
-"""Measurement of the fields of robot.yaml, and the standing posture."""
+"""Measurement of the fields of robot.yaml: soles, legs, standing posture."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import least_squares
+from scipy.spatial import ConvexHull, QhullError
 
 from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
@@ -14,9 +15,8 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.new_robot import Notes
+from nadia_balance.new_robot import description as robots
 from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
-from nadia_balance.new_robot.description import Description
-from nadia_balance.new_robot.soles import find_sole, largest_rectangle
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
@@ -30,11 +30,19 @@ _SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
 _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
+# Tolerances for points on the plane, of meshes and of round solids [m].
+_ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
+_ON_PLANE_EXACT = 0.0025
+_SAME_NORMAL = np.cos(np.deg2rad(3.0))
+_DOWNWARD = np.cos(np.deg2rad(50.0))
+_WIDTHS = 10001  # of rectangles that are compared
 
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
 
 
-def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
+def measure(
+    robot: robots.Description, anatomy: Anatomy, notes: Notes
+) -> Fields:
     """Returns the fields of robot.yaml; sets the frames of `robot`.
 
     Raises ValueError: a foot has no sole, or it cannot stand on level ones with
@@ -155,7 +163,7 @@ def widths(reach: ReachabilityParams) -> dict[str, float]:
     return {k: v for k, v in vars(reach).items() if k.startswith(kinds)}
 
 
-def _lean(robot: Description, anatomy: Anatomy) -> float:
+def _lean(robot: robots.Description, anatomy: Anatomy) -> float:
     """Largest outward angle [rad] of both legs, by the ranges of rolls."""
     poses, most = robot.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
@@ -191,7 +199,7 @@ class _Knee:
         return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
 
 
-def _knee(robot: Description, leg: Leg) -> _Knee:
+def _knee(robot: robots.Description, leg: Leg) -> _Knee:
     poses, joint = robot.poses(dict.fromkeys(leg.joints, 0.0)), leg.knee
     points, axes = robot.hinges(leg.pitches, poses)
     thigh, shin = np.diff(points[:, [0, 2]], axis=0)
@@ -203,7 +211,7 @@ def _knee(robot: Description, leg: Leg) -> _Knee:
 
 
 def _posture(
-    robot: Description,
+    robot: robots.Description,
     legs: Sequence[Leg],
     knees: Mapping[str, _Knee],
     p_FS: Array,
@@ -246,3 +254,94 @@ def _posture(
         f"joints {', '.join(searched)}: must have the range to put level "
         f"soles under the CoM, the knees {_BENDS[-1]:.2f} rad from straight"
     )
+
+
+@dataclass
+class SolePlane:
+    """The plane of a sole in the frame of its link."""
+
+    down: Array  # (3,), its unit normal, out of the foot
+    depth: float  # distance of the plane from the link's origin [m]
+    points: Array  # (k, 3), on the plane
+    area: float  # of their convex hull [m^2]
+    source: str
+
+
+def find_sole(foot: robots.Link, down: Array) -> SolePlane:
+    """Returns the plane of the sole; `down` (3,) is its approximate normal.
+
+    The plane is that of the collision shapes, or of the visual ones if their
+    sole is more than twice as large, or the only flat one.
+
+    Raises ValueError: no shape is flat below.
+    """
+    roles = (robots.COLLIDING, robots.VISUAL)
+    found = [sole_plane(foot.of(role), down, role) for role in roles]
+    if not any(found):
+        why = "must have a shape with a flat side below"
+        also = f"; {foot.missing}" if foot.missing else ""
+        raise ValueError(f"foot {foot.name}: {why}{also}")
+    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
+    return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
+
+
+def sole_plane(
+    shapes: Sequence[robots.Shape], down: Array, source: str
+) -> SolePlane | None:
+    """The supporting plane with the largest area of the convex hull."""
+    if not shapes:
+        return None
+    hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
+    first, *others = hull.points[hull.simplices].swapaxes(0, 1)
+    sides = np.cross(*(corners - first for corners in others))
+    areas = 0.5 * np.linalg.norm(sides, axis=1)
+    normals = hull.equations[:, :3]
+    below = normals @ down > _DOWNWARD
+    areas, normals = areas[below], normals[below]
+    alike = normals @ normals.T > _SAME_NORMAL
+    if not len(areas):
+        return None
+    near = alike[int((alike @ areas).argmax())]
+    normal = areas[near] @ normals[near]
+    normal /= np.linalg.norm(normal)
+    # A round shape touches the ground with its point farthest along the normal.
+    lowest = [
+        s.spine(2).T + s.size["radius"] * normal
+        if s.kind in ("sphere", "capsule")
+        else s.points()
+        for s in shapes
+    ]
+    depth = max(float((points @ normal).max()) for points in lowest)
+    on_plane = [
+        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+        for p, shape in zip(lowest, shapes, strict=True)
+    ]
+    flat = np.concatenate(on_plane)
+    across = np.linalg.svd(normal[None])[2][1:]
+    try:
+        area = ConvexHull(flat @ across.T).volume
+    except (QhullError, ValueError):  # collinear, or too few
+        return None
+    return SolePlane(normal, depth, flat, area, source)
+
+
+def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
+    """Returns x_min, x_max and half-width [m] of the largest rectangle.
+
+    It is symmetric about y = 0 and within the hulls of all `soles`, points
+    (k, 2) [m].  Raises ValueError: no such rectangle exists.
+    """
+    sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
+    a_x, a_y, c = sides.T
+    ahead, behind = a_x > 1e-9, a_x < -1e-9
+    beside = ~(ahead | behind)
+    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
+    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
+    widths = np.linspace(0.0, max(widest, 0.0), _WIDTHS)
+    room = -c[:, None] - np.abs(a_y)[:, None] * widths  # a_x x <= room
+    heels = (room[behind] / a_x[behind, None]).max(axis=0)
+    toes = (room[ahead] / a_x[ahead, None]).min(axis=0)
+    i = int((widths * (toes - heels)).argmax())
+    if not toes[i] > heels[i] or not widest > 0.0:
+        raise ValueError("soles: must have a part on y = 0 in common")
+    return float(heels[i]), float(toes[i]), float(widths[i])

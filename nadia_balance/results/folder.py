@@ -16,15 +16,15 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance.results.log import Log
 from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import effort, estimate, footsteps, timeline
+from nadia_balance.results.plots import footsteps, over_time
 from nadia_balance.results.plots.style import RC
 
 PLOTS = {
-    "timeline.png": timeline.draw,
+    "timeline.png": over_time.draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": effort.draw_icp,
-    "effort.png": effort.draw,
-    "estimate.png": estimate.draw,
+    "icp.png": over_time.draw_icp,
+    "effort.png": over_time.draw_effort,
+    "estimate.png": over_time.draw_estimate,
 }
 
 # All files that a run may write.
@@ -37,22 +37,31 @@ def new_folder(
 ) -> Iterator[Path]:
     """Yields the folder `out` (see prepare_folder), locked, for new `files`.
 
-    Raises:
-        ValueError: one of the files exists, another run has the lock, or as
-            prepare_folder.
+    Raises ValueError: a file exists, another run has the lock, or as there.
     """
-    folder = prepare_folder(out, name)
+    with locked(prepare_folder(out, name)) as folder:
+        for file in files:
+            if (folder / file).exists():
+                raise ValueError(
+                    f"out = {str(out)!r}: must be a folder without {file}"
+                )
+        yield folder
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[Path]:
+    """Yields `folder`, which no other process has within the block.
+
+    Raises ValueError: another process has it.
+    """
     lock = os.open(folder, os.O_RDONLY)
     try:
-        there = [file for file in files if (folder / file).exists()]
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            there = ["another run that goes on"]
-        if there:
             raise ValueError(
-                f"out = {str(out)!r}: must be a folder without {there[0]}"
-            )
+                f"out = {str(folder)!r}: must be in use by no other run"
+            ) from None
         yield folder
     finally:
         os.close(lock)
@@ -61,8 +70,7 @@ def new_folder(
 def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     """Creates the folder `out`, by default runs/<date>_<time>_<name>.
 
-    Raises:
-        ValueError: it cannot be created, or is not writable.
+    Raises ValueError: it cannot be created, or is not writable.
     """
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = Path(f"runs/{now}_{name}" if out is None else out)
@@ -96,8 +104,7 @@ def write_run(
     `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
     becomes the replay.
 
-    Raises:
-        OSError: a file cannot be written; then none is.
+    Raises OSError: a file cannot be written; then none is.
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
@@ -115,8 +122,7 @@ def write_run(
 def appearing(folder: Path) -> Iterator[Path]:
     """Yields a temporary folder whose files then move to `folder`, complete.
 
-    Raises:
-        OSError: a file cannot be written; then none appears in `folder`.
+    Raises OSError: a file cannot be written; then none appears in `folder`.
     """
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as place:
         drafts = Path(place)

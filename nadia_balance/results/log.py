@@ -29,18 +29,7 @@ import numpy as np
 
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.systems.signals import (
-    PHASES,
-    ComState,
-    EcmpCommand,
-    FootForces,
-    IcpReference,
-    MeasuredFeet,
-    PushSignal,
-    QpStatus,
-    TrunkTilt,
-    WalkingSignal,
-)
+from nadia_balance.systems import signals
 
 Log = Mapping[str, np.ndarray]
 
@@ -52,15 +41,15 @@ BOUNCE = 0.06  # shortest swing that is measured [s]
 _FELT = 1
 
 _VIEWS = {
-    "com_state": ComState,
-    "ecmp_command": EcmpCommand,
-    "foot_forces": FootForces,
-    "foot_poses": MeasuredFeet,
-    "icp_reference": IcpReference,
-    "push_signal": PushSignal,
-    "trunk_tilt": TrunkTilt,
-    "walking_signal": WalkingSignal,
-    **dict.fromkeys(QP_STATUS, QpStatus),
+    "com_state": signals.ComState,
+    "ecmp_command": signals.EcmpCommand,
+    "foot_forces": signals.FootForces,
+    "foot_poses": signals.MeasuredFeet,
+    "icp_reference": signals.IcpReference,
+    "push_signal": signals.PushSignal,
+    "trunk_tilt": signals.TrunkTilt,
+    "walking_signal": signals.WalkingSignal,
+    **dict.fromkeys(QP_STATUS, signals.QpStatus),
 }
 
 
@@ -114,7 +103,7 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
     ]
     return [
         PhaseSpan(
-            phase=PHASES[int(walking.phase[first])],
+            phase=signals.PHASES[int(walking.phase[first])],
             support=support_side(signal(log, "walking_signal", first)),
             first=first,
             last=end - 1,
@@ -127,15 +116,10 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
     ]
 
 
-def _changes(*signals: np.ndarray) -> list[int]:
-    """The rows in which any of the `signals` (n,) has changed."""
-    differs = np.any(np.diff(np.stack(signals)) != 0.0, axis=0)
+def _changes(*columns: np.ndarray) -> list[int]:
+    """The rows in which any of the `columns` (n,) has changed."""
+    differs = np.any(np.diff(np.stack(columns)) != 0.0, axis=0)
     return (np.flatnonzero(differs) + 1).tolist()
-
-
-def span_at(log: Log, row: int) -> PhaseSpan:
-    """The phase at this row."""
-    return next(s for s in phase_spans(log) if s.first <= row <= s.last)
 
 
 @dataclass(frozen=True)
@@ -238,22 +222,21 @@ def to_pose(x_y_yaw: np.ndarray) -> FootPose:
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 
 
-def walking_at(log: Log, row: int) -> WalkingSignal | None:
+def walking_at(log: Log, row: int) -> signals.WalkingSignal | None:
     """The walking signal at this row, None if it is not logged."""
     has = "walking_signal" in log
     return signal(log, "walking_signal", row) if has else None
 
 
-def support_side(walking: WalkingSignal) -> Side:
+def support_side(walking: signals.WalkingSignal) -> Side:
     """The foot that carries, or that receives the weight, in one row."""
     return Side.LEFT if walking.support_side > 0 else Side.RIGHT
 
 
-def push_direction(walking: WalkingSignal | None, force: np.ndarray) -> float:
-    """Direction of `force` (3,) in the support foot's frame, [0, 360) [deg].
-
-    In W without a walking signal.
-    """
+def push_direction(
+    walking: signals.WalkingSignal | None, force: np.ndarray
+) -> float:
+    """Direction [0, 360) [deg] of `force` (3,) to the support foot, or in W."""
     yaw = 0.0
     if walking is not None:
         yaw = getattr(walking, support_side(walking).value)[2]

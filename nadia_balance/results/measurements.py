@@ -9,12 +9,16 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import estimate
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
+# The estimator is lost when the NEES of its 9 errors, 9 on average [-], has
+# been above LOST_NEES for LOST_AFTER [s].
+ESTIMATE = "state estimated_state estimate_covariance"
+LOST_NEES, LOST_AFTER = 90.0, 0.2
+_SETTLED = 1.0  # errors of the estimate count from here on [s]
 
 
 class CalmSteps:
@@ -32,10 +36,7 @@ class CalmSteps:
     def look(
         self, time: float, steps_taken: int, error: float, pushed: bool
     ) -> int:
-        """Returns the number of calm steps at `time` [s].
-
-        `error` [m] is the ICP error; `pushed` is true while a push acts.
-        """
+        """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
         if pushed or not error < ICP_BACK:
             self.since, self.taken = time, steps_taken
         return max(steps_taken - self.taken - 1, 0)
@@ -123,10 +124,7 @@ def com_height(log: Log) -> Array:
 
 
 def trunk_tilts(log: Log) -> Array:
-    """Angles (2, n) [deg] of torso and pelvis against the vertical.
-
-    Empty (2, 0) without them.
-    """
+    """Angles (2, n) [deg] of torso and pelvis to the vertical; n = 0: none."""
     if "trunk_tilt" not in log:
         return np.zeros((2, 0))
     return np.degrees(log["trunk_tilt"].T)
@@ -201,11 +199,7 @@ def _swing_speeds(log: Log) -> Array:
 
 
 def _sole_distance(log: Log) -> float:
-    """Least distance [m] in plan view of soles that pass each other.
-
-    Soles pass each other if their heights differ by less than PASSING; 0 if
-    one is above the other.
-    """
+    """Least distance [m] in plan view of PASSING soles; 0: one is above."""
     poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights, least = poses[:, :, 2], math.inf
     for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
@@ -218,15 +212,71 @@ def _sole_distance(log: Log) -> float:
 
 
 def _edge_distances(log: Log) -> list[float]:
-    """Distance [m] of each landed sole's nearest corner from its region's edge.
-
-    Negative outside of the region.
-    """
+    """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in logs.ground_regions(log)]
     soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
     return [
         float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
     ]
+
+
+def estimation_errors(log: Log) -> Array:
+    """Errors (n, 9) of the pelvis: angle [rad], velocity [m/s], position [m].
+
+    Truth less estimate in W; the angle is the small rotation between them.
+    """
+    truth, told = log["state"], log["estimated_state"]
+    nq = (truth.shape[1] + 1) // 2  # of 7 + nj positions, 6 + nj velocities
+    # Vector part of the quaternion q conj(q_told), twice.
+    (a, u), (b, w) = ((q[:, :1], q[:, 1:4]) for q in (truth, told))
+    turn = b * u - a * w - np.cross(u, w)
+    dot = np.sum(truth[:, :4] * told[:, :4], axis=1, keepdims=True)
+    turn *= 2.0 * np.sign(dot)  # q and -q are the same rotation
+    move = (truth - told)[:, 4:7]
+    speed = (truth - told)[:, nq + 3 : nq + 6]
+    return np.concatenate((turn, speed, move), axis=1)
+
+
+def nees(log: Log) -> Array:
+    """The NEES e' P^-1 e (n,) [-] of these errors; 9 on average."""
+    e = estimation_errors(log)
+    P = log["estimate_covariance"].reshape(-1, 9, 9)
+    return np.sum(e * np.linalg.solve(P, e[:, :, None])[:, :, 0], axis=1)
+
+
+class LostWatch:
+    """Tells, tick by tick, whether the NEES has been out for LOST_AFTER."""
+
+    _since = math.inf  # [s]
+
+    def look(self, time: float, squared_error: float) -> bool:
+        """True if it has, by the NEES at `time` [s]."""
+        out = squared_error > LOST_NEES
+        self._since = min(self._since, time) if out else math.inf
+        return time - self._since >= LOST_AFTER - 1e-9  # times are rounded
+
+
+def lost_at(log: Log) -> float | None:
+    """Time [s] at which the estimator was lost (see LostWatch); None: never."""
+    if not {*ESTIMATE.split()} <= {*log}:
+        return None
+    watch, ticks = LostWatch(), zip(log["t"], nees(log), strict=True)
+    return next((float(t) for t, e in ticks if watch.look(t, e)), None)
+
+
+def measure_estimate(log: Log) -> dict[str, float] | None:
+    """Errors of the estimate after the start; None for a run that short."""
+    late = log["t"] >= _SETTLED
+    if not late.any():
+        return None
+    error = estimation_errors(log)[late]
+    return {
+        "rms_velocity_m_s": math.sqrt(np.mean(error[:, 3:6] ** 2) * 3.0),
+        "max_tilt_deg": math.degrees(np.max(np.hypot(*error[:, :2].T))),
+        "last_horizontal_m": math.hypot(*error[-1, 6:8]),
+        "max_height_m": float(np.max(np.abs(error[:, 8]))),
+        "mean_nees": float(np.mean(nees(log)[late])),  # 9 if P is true
+    }
 
 
 def _qps(log: Log) -> list[Any]:
@@ -286,7 +336,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         "weight",
         lambda log: log["foot_forces"] / log["weight"],
     ),
-    "estimate": (estimate.SIGNALS, estimate.measure),
+    "estimate": (ESTIMATE, measure_estimate),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
     "qp_failures": ("t", _qp_failures),

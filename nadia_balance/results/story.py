@@ -23,10 +23,7 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
 
 
 def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
-    """Returns times [s] and lines of pushes, changed steps and the result.
-
-    The entries are sorted by time.
-    """
+    """Returns times [s] and lines of pushes, changed steps and the result."""
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
     for time, on in logs.switches(log):
@@ -63,10 +60,7 @@ class LiveStory:
         push: PushSignal,
         error: float,
     ) -> list[str]:
-        """Returns lines about the events since the last call.
-
-        `error` [m] is the ICP error at `time` [s].
-        """
+        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's."""
         taken, told = int(walking.steps_taken), self._look_at_step(walking)
         if push.number not in (0.0, self._number):
             newtons = float(np.linalg.norm(push.force))

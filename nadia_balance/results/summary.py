@@ -2,7 +2,7 @@
 
 import math
 import platform
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import log as logs
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.estimate import lost_at
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.signals import PHASES
@@ -23,6 +22,29 @@ EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
 ROUNDING = 1e-6  # of times [s]
 STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunInfo:
+    """Conditions of a run, and the criteria of recovery."""
+
+    robot: str
+    mechanisms: str  # or the file of a policy
+    scenario: str = ""
+    plant: str = "humanoid"  # or lipm
+    fidelity: str = "realistic"  # or ideal
+    engine: str = "drake"  # or mujoco
+    seed: int = 0
+    # Of the scenario's first push: 0 forward, 90 left [deg]; [m/s].
+    direction_deg: float | None = None
+    delta_v: float | None = None
+    commanded_steps: int = 0  # by the gait, without the one that closes it
+    calm_steps: int = 0  # complete steps with small ICP error to recover
+    is_long_enough: bool = True  # the run has time for a recovery
+    max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
+
+
+_CRITERIA = ("calm_steps", "is_long_enough", "max_torso_tilt_deg")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,95 +61,69 @@ class Run:
     improper_contacts: tuple[str, ...] = ()  # not of a foot and the ground
     error: str = ""  # error that ended the run early, such as NaN at an input
     until: bool = False  # `until` ended the run (see diagrams.simulation)
-    info: "RunInfo | None" = field(default=None, repr=False)
+    # By default, nothing is required.
+    info: RunInfo = field(default=RunInfo(robot="", mechanisms=""), repr=False)
 
     @property
     def summary(self) -> dict[str, Any]:
-        """The results of `summarize`; without `info`, nothing is required."""
-        return summarize(self, self.info or RunInfo(robot="", mechanisms=""))
+        """All results of the run as plain values, None if not available.
+
+        `outcome` is recovered (also of a run without a push), failed, or
+        undecided: no failure was found, but the run was too short.  `reason`
+        explains an outcome other than recovered.
+        """
+        outcome, reason = _judge(self)
+        recovered, log, info = outcome == "recovered", self.logs, self.info
+        measurements = measured.measure(log)
+        duration = measurements["duration_s"] or 0.0  # None without rows
+        recovery_time = measured.recovery_time(log) if recovered else None
+        summary = {
+            "outcome": outcome,
+            "recovered": recovered,
+            "reason": reason,
+            "fell_at": self.fell_at,
+            **{n: v for n, v in vars(info).items() if n not in _CRITERIA},
+            **measurements,
+            "duration_s": duration,
+            "recovery_time_s": recovery_time,
+            "required_calm_steps": info.calm_steps,
+            "missed_pushes": self.missed_pushes,
+            "improper_contacts": list(self.improper_contacts),
+            "self_contacts": [
+                pair
+                for pair in self.improper_contacts
+                if not pair.endswith(" - ground") and "::" not in pair
+            ],
+            "real_time_factor": duration / max(self.cpu_time, 1e-9),
+            "versions": versions(info.engine),
+        }
+        return {  # JSON has neither NaN nor infinity
+            name: None
+            if isinstance(value, float) and not math.isfinite(value)
+            else value
+            for name, value in summary.items()
+        }
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunInfo:
-    """Conditions of a run, and the criteria of recovery.
-
-    `direction_deg` and `delta_v` are those of the scenario's first push.
-    """
-
-    robot: str
-    mechanisms: str  # or the file of a policy
-    scenario: str = ""
-    plant: str = "humanoid"  # or lipm
-    fidelity: str = "realistic"  # or ideal
-    engine: str = "drake"  # or mujoco
-    seed: int = 0
-    direction_deg: float | None = None  # of the push, 0 forward, 90 left [deg]
-    delta_v: float | None = None  # of the push [m/s]
-    commanded_steps: int = 0  # by the gait, without the one that closes it
-    calm_steps: int = 0  # complete steps with small ICP error to recover
-    is_long_enough: bool = True  # the run has time for a recovery
-    max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
-
-
-_CRITERIA = ("calm_steps", "is_long_enough", "max_torso_tilt_deg")
-
-
-def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
-    """Returns all results of a run as plain values, None if not available.
-
-    `outcome` is recovered (also of a run without a push), failed, or undecided:
-    no failure was found, but the run was too short.  `reason` explains an
-    outcome other than recovered.
-    """
-    outcome, reason = _judge(run, info)
-    recovered, names = outcome == "recovered", [f.name for f in fields(info)]
-    measurements = measured.measure(run.logs)
-    measurements["duration_s"] = measurements["duration_s"] or 0.0  # no rows
-    cpu_time = max(run.cpu_time, 1e-9)
-    summary = {
-        "outcome": outcome,
-        "recovered": recovered,
-        "reason": reason,
-        "fell_at": run.fell_at,
-        **{n: getattr(info, n) for n in names if n not in _CRITERIA},
-        **measurements,
-        "recovery_time_s": measured.recovery_time(run.logs)
-        if recovered
-        else None,
-        "required_calm_steps": info.calm_steps,
-        "missed_pushes": run.missed_pushes,
-        "improper_contacts": list(run.improper_contacts),
-        "self_contacts": self_contacts(run),
-        "real_time_factor": measurements["duration_s"] / cpu_time,
-        "versions": versions(info.engine),
-    }
-    return {  # JSON has neither NaN nor infinity
-        name: None
-        if isinstance(value, float) and not math.isfinite(value)
-        else value
-        for name, value in summary.items()
-    }
-
-
-def _judge(run: Run, info: RunInfo) -> tuple[str, str]:
+def _judge(run: Run) -> tuple[str, str]:
     """The outcome, and the reason of one other than recovered."""
-    if reason := _failure(run, info):
+    if reason := _failure(run):
         return "failed", reason
     if reason := _doubt(run):
         return "undecided", reason
-    if not (reason := _shortfall(run.logs, info)):
+    if not (reason := _shortfall(run)):
         return "recovered", ""
-    if info.is_long_enough:
+    if run.info.is_long_enough:
         return "failed", reason
     return "undecided", f"too short: {reason}"
 
 
-def _failure(run: Run, info: RunInfo) -> str:
+def _failure(run: Run) -> str:
     """The first failure that is found; empty if there is none."""
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
-    if (lost := lost_at(log)) is not None:
+    if (lost := measured.lost_at(log)) is not None:
         return f"estimator lost: at {lost:.2f} s"
     gave_up = "the controller gave up" if _gave_up(log) else ""
     if run.fell_at is not None:
@@ -140,7 +136,7 @@ def _failure(run: Run, info: RunInfo) -> str:
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
     tilt = largest(measured.trunk_tilts(log)[0])
-    if tilt is not None and tilt > info.max_torso_tilt_deg:
+    if tilt is not None and tilt > run.info.max_torso_tilt_deg:
         return f"tilted: the torso by {tilt:.0f} deg"
     return _overload(log)
 
@@ -156,19 +152,20 @@ def _doubt(run: Run) -> str:
     return ""
 
 
-def _shortfall(log: Log, info: RunInfo) -> str:
+def _shortfall(run: Run) -> str:
     """The criterion of recovery that is not met at the end; empty if none."""
+    log, required = run.logs, run.info.calm_steps
     if "icp" not in log:
         later = log["t"][-1] - STEADY
         late = sum(time > later for time in logs.landings(log))
-        walks = late > 1 or not info.calm_steps
+        walks = late > 1 or not required
         return "" if walks else f"it did not step in the last {STEADY:g} s"
-    if info.calm_steps and measured.calm_steps(log) >= info.calm_steps:
+    if required and measured.calm_steps(log) >= required:
         return ""
     shortfall = f"the ICP error did not stay below {ICP_BACK} m"
     walks = signal(log, "walking_signal", -1).phase != STANDS
-    if info.calm_steps and walks:
-        return f"{shortfall} for {info.calm_steps} whole steps"
+    if required and walks:
+        return f"{shortfall} for {required} whole steps"
     settled = log["t"] >= log["t"][-1] - SETTLED
     return "" if np.all(icp_error(log)[settled] < ICP_BACK) else shortfall
 
@@ -191,15 +188,6 @@ def _gave_up(log: Log) -> bool:
     t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
     late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
     return not np.all(late) and not np.any(solved[late])
-
-
-def self_contacts(run: Run) -> list[str]:
-    """The improper contacts between two of the robot's own links."""
-    return [
-        pair
-        for pair in run.improper_contacts
-        if not pair.endswith(" - ground") and "::" not in pair
-    ]
 
 
 def versions(engine: str = "drake") -> dict[str, str]:

@@ -14,11 +14,6 @@ from nadia_balance.core.body.reachability import circle
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    WalkingState,
-    support_polygon,
-)
 from nadia_balance.systems.ports import inputs
 from nadia_balance.view import overlay
 
@@ -81,19 +76,12 @@ class BalanceVisualizer(LeafSystem):
     def __init__(
         self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
     ):
-        """Adds all objects; `sole` (n, 2) [m] are the corners of either sole.
-
-        The corners are in the sole's frame.
-        """
+        """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
         self._walking_state, self._com, *self._on_ground, self._push = inputs(
             self,
-            "walking_state",
-            "com_state?",
-            "icp?",
-            "icp_reference?",
-            "ecmp_command?",
+            "walking_state com_state? icp? icp_reference? ecmp_command?",
             "push_force?",
         )
         (self._regions,) = inputs(self, "capture_regions?")
@@ -173,7 +161,9 @@ class BalanceVisualizer(LeafSystem):
         self._draw_feet(state, time)
         self._draw_region_in_use(state, time)
         self._polygons[f"{ROOT}/support_polygon"].draw(
-            support_polygon(schedule, self._sole), ground + _OUTLINE, time
+            walking.support_polygon(schedule, self._sole),
+            ground + _OUTLINE,
+            time,
         )
         com = self._com(context)
         icp, reference, command = (port(context) for port in self._on_ground)
@@ -193,7 +183,7 @@ class BalanceVisualizer(LeafSystem):
             self._region_view.show(False, time)
         return EventStatus.Succeeded()
 
-    def _draw_feet(self, state: WalkingState, time: float) -> None:
+    def _draw_feet(self, state: walking.WalkingState, time: float) -> None:
         """Draws a print, numbered by its step, for each foot in contact."""
         schedule = state.schedule
         landed = schedule.support_side
@@ -208,7 +198,11 @@ class BalanceVisualizer(LeafSystem):
                 _draw_sole(outline, pose, time)
 
     def _draw_print(
-        self, side: walking.Side, number: int, pose: FootPose, time: float
+        self,
+        side: walking.Side,
+        number: int,
+        pose: walking.FootPose,
+        time: float,
     ) -> None:
         """Draws the print that step `number` left on `side`."""
         path, is_new = f"{FOOTPRINTS}/{side.value}_{number}", False
@@ -221,7 +215,9 @@ class BalanceVisualizer(LeafSystem):
             overlay.hide_before(drawing, time, PERIOD)
         drawing.place(overlay.sole_transform(pose, _PRINT), time)
 
-    def _draw_region_in_use(self, state: WalkingState, time: float) -> None:
+    def _draw_region_in_use(
+        self, state: walking.WalkingState, time: float
+    ) -> None:
         """Highlights the region of the next foothold."""
         if self._ground is None or not state.schedule.footsteps:
             return
@@ -276,7 +272,7 @@ class BalanceVisualizer(LeafSystem):
 
 
 def _draw_sole(
-    outline: overlay.Drawing, pose: FootPose | None, time: float
+    outline: overlay.Drawing, pose: walking.FootPose | None, time: float
 ) -> None:
     """Shows an outlined sole at `pose`; None hides it."""
     if pose is None:

@@ -173,9 +173,6 @@ class ChangingPolygon:
 
 
 def hide_before(drawing: Drawing, time: float, period: float) -> None:
-    """Hides a new object in all frames of a recording before this one.
-
-    `time` [s] is that of this frame, `period` [s] the time between frames.
-    """
+    """Hides a new object in frames before `time` [s], `period` [s] apart."""
     if (before := time - period) >= 0.0:
         drawing.show(False, before)

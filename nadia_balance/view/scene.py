@@ -1,7 +1,5 @@
 """Meshcat: its scene, and the parts of a closed loop that use it."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake import geometry
 from pydrake.geometry import Meshcat, MeshcatParams, SceneGraph
@@ -16,7 +14,6 @@ from nadia_balance import palette
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.wiring import connect
-from nadia_balance.view.balance_visualizer import BalanceVisualizer
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0
@@ -37,11 +34,9 @@ _FLOOR, _CELL, _LINE = 15.0, 0.5, 0.012  # half size, grid, line width [m]
 def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
     """Returns a Meshcat, and a message if the `port` is busy.
 
-    Without a `port`, or if it is busy, Meshcat uses the first free port from
-    7000 on.
+    Then, or without a `port`, it has the first free one from 7000 on.
 
-    Raises:
-        ValueError: `port` is not in [1024, 65535].
+    Raises ValueError: `port` is not in [1024, 65535].
     """
     if port is None:
         return Meshcat(MeshcatParams(host="localhost")), ""
@@ -131,27 +126,15 @@ def add_mechanisms(
     return controls.GetOutputPort("mechanisms")
 
 
-def add_drawings(
-    builder: DiagramBuilder,
-    view: BalanceVisualizer,
-    sources: Sequence[tuple[System, Sequence[str]]],
-) -> None:
-    """Adds `view` and connects it to the signals that the `sources` have."""
-    builder.AddNamedSystem("balance_visualizer", view)
-    for system, names in sources:
-        connect(builder, system, view, *filter(system.HasOutputPort, names))
-
-
 def add_mouse(
     builder: DiagramBuilder,
     plant: mbp.MultibodyPlant,
     scene_graph: SceneGraph,
     meshcat: Meshcat,
 ) -> OutputPort | None:
-    """Adds Drake's pushes with the mouse, which exist from Drake 1.57 on.
+    """Adds Drake's pushes with the mouse; returns the port of their forces.
 
-    Returns the output port of their forces, not connected; None in an older
-    Drake.
+    The port is not connected; None before Drake 1.57, which has no mouse.
     """
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None

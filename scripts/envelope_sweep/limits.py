@@ -26,8 +26,13 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     recovered,
     results_of,
 )
-from nadia_balance.scripts.envelope_sweep.search import SearchParams, limit
-from nadia_balance.scripts.envelope_sweep.sweep import AT, Cell, Situation
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    AT,
+    Cell,
+    SearchParams,
+    Situation,
+    limit,
+)
 from nadia_balance.scripts.envelope_sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
@@ -130,10 +135,7 @@ class LimitTable:
 
 
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
-    """Returns the limits that follow from the rows of these scenarios.
-
-    Raises ValueError: a push is not within its walk.
-    """
+    """The limits by the rows of these scenarios; ValueError: as limits_of."""
     groups = by_cell(rows.all)
     robot, plant = rows.identity["robot"], rows.identity["plant"]
     situations = sorted(
@@ -195,8 +197,7 @@ def limits_of(
     """Returns the limits without and with the hips, before the push.
 
     The state is that of the point mass at the start of the push, the model that
-    of `plant`: of the robot in the scenario's fidelity, or the simulated point
-    mass.
+    of `plant`: the robot, or the simulated point mass.
 
     Raises ValueError: the push is not within the walk.
     """
@@ -204,7 +205,7 @@ def limits_of(
     push = scenario.pushes[0]
     push.at, push.delta_v, push.force = situation[1], 0.0, None
     diagram = LipmDiagram(scenario)
-    context, run = walk_to_push(diagram, scenario.duration, lambda _: False)
+    context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
     robot = diagram.robot
@@ -218,10 +219,7 @@ def limits_of(
 
 
 def known_limits(folder: Path) -> dict[Cell, float]:
-    """Returns the limits [m/s] in the limits.csv of a sweep.
-
-    Raises ValueError or OSError: there is none.
-    """
+    """Limits [m/s] of a sweep's limits.csv; ValueError or OSError: none."""
     with open(folder / LIMITS, encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     if not all({*Cell._fields, "recovered"} <= {*line} for line in lines):

@@ -46,6 +46,7 @@ digits."""
 # What each table has: column of a record, its title, digits, and the column by
 # which it is divided.
 Kind = tuple[str, str, int, str]
+_TILT = "tilt of the torso at the largest push [deg]"
 RECOVERED: Kind = ("recovered", "largest recovered push [m/s]", 2, "")
 _TABLES = (
     RECOVERED,
@@ -53,12 +54,7 @@ _TABLES = (
     ("recovered", "share of the limit", 2, "limit"),
     ("recovered", "share of the limit with hips", 2, "with_hips"),
     ("limit", "limit [m/s]", 2, ""),
-    (
-        "max_torso_tilt_deg",
-        "tilt of the torso at the largest push [deg]",
-        0,
-        "",
-    ),
+    ("max_torso_tilt_deg", _TILT, 0, ""),
     ("com_sag_m", "sag of the CoM [m]", 2, ""),
     ("positive_power_w", "power of the drives [W]", 0, ""),
 )
@@ -170,10 +166,7 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 
 
 def mark(records: Iterable[Record]) -> str:
-    """Returns `~` for a number made of unsure limits, such as their mean.
-
-    The search of one has not ended, or no failed push of one is known.
-    """
+    """Returns `~` if a search has not ended, or knows no push that failed."""
     sure = all(r["complete"] and r["failed"] is not None for r in records)
     return "" if sure else "~"
 

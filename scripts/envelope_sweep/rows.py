@@ -6,7 +6,6 @@ The first line has what all rows share, as JSON.  A row is on the disk when
 
 import contextlib
 import csv
-import fcntl
 import io
 import json
 import os
@@ -15,9 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from nadia_balance.results.folder import appearing
-from nadia_balance.scripts.envelope_sweep.search import Attempt
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.results.folder import appearing, locked
+from nadia_balance.scripts.envelope_sweep.sweep import Attempt, Cell
 from nadia_balance.scripts.envelope_sweep.trial import FROM_SUMMARY
 
 TRIALS = "trials.csv"
@@ -75,10 +73,7 @@ class Rows:
 
 
 def read(folder: Path) -> Rows:
-    """Returns the rows in a folder.
-
-    Raises ValueError: there are none, or they are not of this program.
-    """
+    """Returns the rows in a folder; ValueError: none, or of another program."""
     path = folder / TRIALS
     try:
         text = path.read_text(encoding="utf-8")
@@ -112,15 +107,7 @@ def opened(folder: Path, identity: dict) -> Iterator[Rows]:
     Raises ValueError: the rows are of another identity, or another process has
     the folder.  Raises OSError: they cannot be written.
     """
-    with contextlib.ExitStack() as stack:
-        place = os.open(folder, os.O_RDONLY)
-        stack.callback(os.close, place)
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(
-                f"out = {str(folder)!r}: must be in use by no other sweep"
-            ) from None
+    with locked(folder):
         rows = Rows(folder, identity, [])
         if (folder / TRIALS).exists():
             rows = read(folder)

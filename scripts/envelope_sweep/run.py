@@ -6,13 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 
 from distributed import Client, KilledWorker, LocalCluster
 from distributed.comm import connect
@@ -20,8 +14,13 @@ from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
 from nadia_balance.scripts.envelope_sweep.rows import Rows, by_cell, results_of
-from nadia_balance.scripts.envelope_sweep.search import Attempt, next_attempts
-from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM, Cell, Sweep
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    HEADROOM,
+    Attempt,
+    Cell,
+    Sweep,
+    next_attempts,
+)
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 
 CONNECT_TIMEOUT = 5.0  # [s]
@@ -34,7 +33,7 @@ Trial = tuple[Cell, Attempt]
 @contextlib.contextmanager
 def open_workers(
     workers: int, scheduler: str | None = None
-) -> Iterator[tuple[Executor, int]]:
+) -> Iterator[tuple[futures.Executor, int]]:
     """Yields an Executor, and how many trials it runs at a time.
 
     They are `workers` processes of this machine, or all workers of the Dask
@@ -72,17 +71,14 @@ def open_workers(
 
 
 def _greet(scheduler: str) -> None:
-    """Connects once, as a Client that fails to start may hang when freed.
-
-    Raises OSError, ValueError or TypeError: nothing of Dask's answers.
-    """
+    """Connects once, as a Client that fails to start may hang when freed."""
 
     async def greet() -> None:
         comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
         await comm.close()
 
     # In a thread of its own: that of the caller may have an event loop.
-    with ThreadPoolExecutor(1) as thread:
+    with futures.ThreadPoolExecutor(1) as thread:
         thread.submit(lambda: asyncio.run(greet())).result()
 
 
@@ -112,7 +108,7 @@ def urgent(sweep: Sweep, rows: Rows, running: Collection[Trial]) -> list[Trial]:
 def run_sweep(
     sweep: Sweep,
     rows: Rows,
-    executor: Executor,
+    executor: futures.Executor,
     slots: int,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool:
@@ -124,7 +120,7 @@ def run_sweep(
 
     Raises RuntimeError: a worker fails; errors of a trial are in its row.
     """
-    running: dict[Future, Trial] = {}
+    running: dict[futures.Future, Trial] = {}
     seldom = 0.5 if sys.stderr.isatty() else 30.0
     with tqdm(initial=len(rows.all), unit="trial", mininterval=seldom) as bar:
         while not stopped():
@@ -138,7 +134,9 @@ def run_sweep(
                     running[executor.submit(*task)] = trial
             if not running:
                 return True
-            for future in wait(running, LOOK, FIRST_COMPLETED).done:
+            for future in futures.wait(
+                running, LOOK, futures.FIRST_COMPLETED
+            ).done:
                 cell, (delta_v, replica) = running.pop(future)
                 trial = {"delta_v": delta_v, "replica": replica}
                 seed = {"seed": sweep.one.seed + replica}
@@ -147,7 +145,7 @@ def run_sweep(
     return False
 
 
-def _result(future: Future) -> dict:
+def _result(future: futures.Future) -> dict:
     """What a trial returned, or that its process died, after some tries."""
     try:
         return future.result()

@@ -1,11 +1,20 @@
-"""A sweep: its cells, the scenario of each trial, and what both depend on."""
+"""A sweep: its cells, the search of each limit, and what all trials share.
+
+Pushes are multiples of the resolution.  A push is tried with replicas that
+differ slightly, because the outcome of one trial may be chance.  The search
+increases the push in strides until it fails, bisects the interval to one
+resolution, and then confirms the push that it has found and the next smaller
+one that was tried.
+"""
 
 import ast
 import copy
 import functools
 import hashlib
 import itertools
-from collections.abc import Iterable
+import math
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -13,12 +22,11 @@ from typing import NamedTuple
 from pydrake.common.yaml import yaml_dump_typed
 
 import nadia_balance
-from nadia_balance.core.math.bounds import check
+from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
@@ -29,10 +37,37 @@ FOLDERS = (
     *("", "analysis", "core/**", "diagrams", "engines", "models/*"),
     *("results", "robot", "systems", "view"),
 )
-TRIAL_FILES = ("search.py", "sweep.py", "trial.py")
+TRIAL_FILES = ("sweep.py", "trial.py")
 
 # Name of the gait's scenario, and when the push begins, as Moment writes it.
 Situation = tuple[str, str]
+# delta_v [m/s], replica from 0 on.
+Attempt = tuple[float, int]
+# True if the robot recovered; None: undecided, as the run was too short.
+Results = Mapping[Attempt, bool | None]
+
+
+@dataclass(kw_only=True)
+class SearchParams:
+    """Resolution, strides and replicas of a search."""
+
+    # Resolution of the limit.
+    resolution: float = bounded(0.02, least=1e-4, most=1.0, unit="m/s")
+    # Increments before the first failure, in resolutions [-].
+    stride: int = bounded(8, least=1, most=1000)
+    replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
+    largest: float = 3.0  # no push is larger [m/s]
+
+    @property
+    def required(self) -> int:
+        """Number of replicas that must recover: four in five, rounded up."""
+        return -(-4 * self.replicas // 5)
+
+    @functools.cached_property
+    def grid(self) -> tuple[float, ...]:
+        """Zero and all pushes that may be tried [m/s], to nine decimals."""
+        count = math.floor(self.largest / self.resolution * (1.0 + 1e-9))
+        return tuple(round(i * self.resolution, 9) for i in range(count + 1))
 
 
 class Cell(NamedTuple):
@@ -102,10 +137,7 @@ class Sweep:
         return scenario
 
     def identity(self) -> dict:
-        """Returns the JSON data that all trials of one folder share.
-
-        Cells are left out, so that more of them can be added to a folder.
-        """
+        """Returns what all trials of a folder share, as JSON: no cells."""
         # The walks, without what differs between the cells.
         walks = (self.walk(Cell(n, "", "", 0.0), 0) for n in self.scenarios)
         common = [yaml_dump_typed(walk).encode() for walk in walks]
@@ -120,6 +152,103 @@ class Sweep:
         }
 
 
+class Limit(NamedTuple):
+    """Present knowledge of the limit between recovery and fall."""
+
+    # Largest push such that the robot recovers from it and from every smaller
+    # push that was tried; 0 if there is none, None if no trial was decided.
+    # Before the search is complete, a push counts if all its trials until now
+    # have recovered.
+    recovered: float | None  # [m/s]
+    # The smallest push that fails [m/s]; None if no failure is known.
+    failed: float | None
+    complete: bool  # the search has ended
+
+
+def _tried(
+    results: Results, search: SearchParams
+) -> tuple[dict[float, bool], float | None]:
+    """All pushes [m/s] below the smallest that failed, and that.
+
+    True: the push is in doubt, as one replica has not recovered, which others
+    may make up for.  An undecided push counts as failed.
+    """
+    outcomes: dict[float, list[bool | None]] = {}
+    for (delta_v, _), recovered in sorted(results.items()):
+        outcomes.setdefault(delta_v, []).append(recovered)
+    below: dict[float, bool] = {}
+    for delta_v, several in outcomes.items():
+        good, bad = several.count(True), several.count(False)
+        if None in several or bad > search.replicas - search.required:
+            return below, delta_v
+        below[delta_v] = bad > 0 and good < search.required
+    return below, None
+
+
+def next_batch(
+    results: Results, search: SearchParams, first: float = 0.0
+) -> list[Attempt]:
+    """Returns the attempts to make next; empty when done.
+
+    The first push is near `first` [m/s], or one stride if that is larger.  The
+    attempts of a batch are independent.  If each batch is complete before the
+    next call, the set of all attempts depends on their outcomes only.
+    """
+    grid, (below, failed) = search.grid, _tried(results, search)
+    # Doubts come first: if these pushes fail, larger ones are not needed.
+    for delta_v, doubtful in below.items():
+        if doubtful:
+            more = ((delta_v, replica) for replica in itertools.count())
+            return [next(one for one in more if one not in results)]
+    # Places in the grid.
+    lower = bisect_left(grid, max(below, default=0.0))
+    upper = len(grid) if failed is None else bisect_left(grid, failed)
+    if upper - lower > 1:
+        place = (lower + upper) // 2
+        if failed is None:
+            begin = max(round(first / search.resolution), search.stride)
+            place = lower + search.stride if below else begin
+        return [(grid[min(place, upper - 1)], 0)]
+    return [
+        (delta_v, replica)
+        for delta_v in list(below)[-2:]
+        for replica in range(search.required)
+        if (delta_v, replica) not in results
+    ]
+
+
+def next_attempts(
+    known: Results, search: SearchParams, first: float = 0.0
+) -> list[Attempt]:
+    """Returns what is missing of the batch that the search of a cell needs.
+
+    The search is repeated from its beginning, in whole batches: the attempts do
+    not depend on the order in which trials end, or on an interruption.
+    """
+    told: dict[Attempt, bool | None] = {}
+    while batch := next_batch(told, search, first):
+        if missing := [attempt for attempt in batch if attempt not in known]:
+            return missing
+        told.update({attempt: known[attempt] for attempt in batch})
+    return []
+
+
+def limit(results: Results, search: SearchParams) -> Limit:
+    """Returns the limit that follows from `results`, complete or not."""
+    if all(recovered is None for recovered in results.values()):
+        return Limit(None, None, False)
+    below, failed = _tried(results, search)
+    sure = itertools.takewhile(lambda v: not below[v], below)
+    undecided = {
+        v for (v, _), recovered in results.items() if recovered is None
+    }
+    return Limit(
+        recovered=max(sure, default=0.0),
+        failed=None if failed in undecided else failed,
+        complete=not next_batch(results, search),
+    )
+
+
 def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
     """Returns versions and hashes: this process' code, robot and policy."""
     file = Path(controller)
@@ -127,27 +256,22 @@ def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
     return {
         **versions(scenario.engine),
         **({"controller": policy} if controller else {}),
-        "code": _first_hash(),
+        "code": _first_hash(PACKAGE),
         "robot_files": robot_hash(scenario.robot),
     }
 
 
-@functools.cache  # the files may change later
-def _first_hash() -> str:
-    return code_hash(PACKAGE)
-
-
 def code_hash(package: Path = PACKAGE) -> str:
-    """Returns a hash (16 hex digits) of the code that trials use.
-
-    Comments and docstrings do not count; the hash depends on Python's version.
-    """
+    """Returns a hash (16 hex digits) of the code of trials, without words."""
     parts = []
     for path in code_files(package):
         parts.append(path.relative_to(package).as_posix().encode())
         text = path.read_bytes()
         parts.append(without_words(text) if path.suffix == ".py" else text)
     return digest(parts)
+
+
+_first_hash = functools.cache(code_hash)  # the files may change later
 
 
 def code_files(package: Path) -> list[Path]:
@@ -171,10 +295,7 @@ def without_words(text: bytes) -> bytes:
 
 
 def robot_hash(name: str) -> str:
-    """Returns a hash (16 hex digits) of a robot's files, not of their paths.
-
-    Raises ValueError or FileNotFoundError: a file is invalid or missing.
-    """
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths."""
     robot = load_robot(name)
     params = yaml_dump_typed(robot.params).encode()
     return digest([params, robot.urdf.read_bytes()])
@@ -182,7 +303,5 @@ def robot_hash(name: str) -> str:
 
 def digest(parts: Iterable[bytes]) -> str:
     """Returns a hash (16 hex digits) of the parts and their order."""
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(hashlib.sha256(part).digest())
-    return whole.hexdigest()[:16]
+    whole = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(whole).hexdigest()[:16]

@@ -9,31 +9,18 @@ from pydrake.systems.framework import Context
 from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.policy import policy_of
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.summary import Run, summarize
+from nadia_balance.results.summary import Run
 from nadia_balance.scripts.envelope_sweep.sweep import of_process
 from nadia_balance.typed_yaml import load_typed
 
-DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 FROM_SUMMARY = (
     *("reason", "steps_after_push", "max_icp_error_m", "max_torque_ratio"),
     *("max_joint_speed", "max_torso_tilt_deg", "max_pelvis_tilt_deg"),
     *("com_sag_m", "positive_power_w", "qp_failures"),
 )
 MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
-
-
-def diagram_of(
-    scenario: Scenario, plant: str, controller: str
-) -> simulation.ClosedLoop:
-    """The closed loop of a `plant`, with the policy of that file, if any."""
-    if controller:
-        policy = policy_of(scenario, controller)
-        return HumanoidDiagram(scenario, controller=policy)
-    return DIAGRAMS[plant](scenario)
 
 
 def run_trial(
@@ -62,7 +49,7 @@ def run_trial(
     same = frozenset(identity.items())
     walked = _walked(same, walk, *system, threading.get_ident())
     try:
-        row = _pushed(*walked, system[0], delta_v, direction_deg)
+        row = _pushed(*walked, delta_v, direction_deg)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         row = {"outcome": "error", "reason": reason}
@@ -72,7 +59,7 @@ def run_trial(
 @functools.lru_cache(MOST_WALKS)
 def _walked(
     identity: frozenset, text: str, plant: str, controller: str, thread: int
-) -> tuple[simulation.ClosedLoop, Context, Run]:
+) -> tuple[ClosedLoop, Context, Run]:
     """Walks to the push; threads do not share diagrams."""
     scenario, asked = load_typed(Scenario, "walk", data=text), dict(identity)
     for name, value in of_process(scenario, controller).items():
@@ -81,16 +68,14 @@ def _walked(
                 f"{name} = {value}: must be {asked[name]}, as when the sweep "
                 "began"
             )
-    diagram = diagram_of(scenario, plant, controller)
-    duration = scenario.duration
-    return diagram, *simulation.walk_to_push(diagram, duration, lambda _: False)
+    diagram = simulation.closed_loop(scenario, plant, controller)
+    return diagram, *simulation.walk_to_push(diagram)
 
 
 def _pushed(
-    diagram: simulation.ClosedLoop,
+    diagram: ClosedLoop,
     walked: Context,
     run: Run,
-    plant: str,
     delta_v: float,
     direction_deg: float,
 ) -> dict:
@@ -120,7 +105,7 @@ def _pushed(
             stop_at_failure=True,
             until=decided,
         )
-    summary = summarize(run, simulation.run_info(scenario, run, plant))
+    summary = run.summary
     outcome = "fell" if run.fell_at is not None else summary["outcome"]
     return {
         "outcome": "error" if run.error else outcome,
@@ -129,9 +114,7 @@ def _pushed(
     }
 
 
-def limit_from(
-    diagram: simulation.ClosedLoop, context: Context, **more
-) -> LipmLimit:
+def limit_from(diagram: ClosedLoop, context: Context, **more) -> LipmLimit:
     """The limit of any controller from the state in `context` on."""
     state, icp, swing = (
         diagram.GetOutputPort(name).Eval(context)

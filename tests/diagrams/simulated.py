@@ -5,15 +5,12 @@ from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import run_info, simulate
-from nadia_balance.results.summary import Run, summarize
+from nadia_balance.diagrams.simulation import closed_loop, simulate
+from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import MODELS, load_robot_params
 from tests import run_cache
 
-DIAGRAMS = {"humanoid": HumanoidDiagram, "lipm": LipmDiagram}
 # Fields of a scenario by which the first foot is lifted at 0.45 s already.
 EARLY = "gait: {%s, initial_transfer_duration: 0.4, standing_duration: 0.05}"
 SOON = EARLY % "num_steps: 2, first_swing: %s"
@@ -38,7 +35,7 @@ def soon(scenario: Scenario) -> Scenario:
 
 def diagram_of(text: str = "{}", plant: str = "humanoid"):
     """The closed loop of that scenario."""
-    return DIAGRAMS[plant](scenario_of(text))
+    return closed_loop(scenario_of(text), plant)
 
 
 def simulated(text: str = "{}", plant: str = "humanoid") -> Run:
@@ -50,7 +47,7 @@ def run_of(scenario: Scenario, plant: str = "humanoid") -> Run:
     """What comes out of a scenario; nobody can change it."""
 
     def run() -> Run:
-        done = simulate(DIAGRAMS[plant](scenario), scenario.duration)
+        done = simulate(closed_loop(scenario, plant), scenario.duration)
         if done.interrupted:
             raise KeyboardInterrupt
         return done
@@ -83,5 +80,4 @@ def figures(text: str = "{}", plant: str = "humanoid") -> dict:
 
 def judged(scenario: Scenario, plant: str = "humanoid") -> dict:
     """The summary of a scenario."""
-    run = run_of(scenario, plant)
-    return summarize(run, run_info(scenario, run, plant))
+    return run_of(scenario, plant).summary

@@ -19,9 +19,8 @@ from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.core.whole_body.qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.simulation import advance, run_info, start
+from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.results.log import signal, switches
-from nadia_balance.results.summary import summarize
 from nadia_balance.robot.model import MODELS
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
@@ -71,7 +70,7 @@ def test_stands_still_on_the_commanded_wrenches(text):
     diagram = runs.diagram_of(text)
     simulator = start(diagram)
     run = advance(simulator, 0.8)
-    logs, found = run.logs, summarize(run, run_info(diagram.scenario, run))
+    logs, found = run.logs, run.summary
     assert found["recovered"]
     assert found["max_icp_error_m"] < 0.001
     assert found["stance_slip_m"] < 1e-5
@@ -172,7 +171,7 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
 
     monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
     run = advance(simulator, 3.0)
-    found = summarize(run, run_info(diagram.scenario, run))
+    found = run.summary
     assert found["reason"] == "fell: pelvis too low, the controller gave up"
     assert found["max_joint_speed_ratio"] < 0.5
     assert found["max_impact_body_weights"] < 4.0

@@ -22,6 +22,16 @@ PERIOD = 0.002
 PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
 
 
+def test_zero_seconds_are_zero_seconds():
+    """Oracle: the duration that was asked for, not that of the scenario."""
+    diagram = diagram_of(plant="lipm")
+    run = simulate(diagram, 0.0)
+    assert (run.simulated_time, run.until) == (0.0, False)
+    with pytest.raises(ValueError, match="^seed: must be in the scenario"):
+        simulate(diagram, 0.0, seed=3)
+    assert run.summary["plant"] == "lipm"
+
+
 @pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.61)])
 def test_ends_with_a_failure_if_it_is_told_to(stops, end):
     """Oracle: the diagram, asked by hand; without being told, the fall."""
@@ -164,7 +174,7 @@ def test_from_a_walk_one_goes_on_as_in_one_go(when, period=0.01):
     text = f"{{mechanisms: all_with_cross_over, seed: 3, lipm_period: {period}"
     text += f", gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
     diagram = diagram_of(text.replace("SIZE", "delta_v: 0"), "lipm")
-    walked, run = walk_to_push(diagram, 2.2, until=lambda context: False)
+    walked, run = walk_to_push(diagram)
     assert run.until
     assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * period)
     for delta_v, direction in (0.3, 40.0), (0.6, -130.0):

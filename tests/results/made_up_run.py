@@ -8,11 +8,13 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    step_regions,
+)
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.diagrams.signal_log import region_logs
-from nadia_balance.results.summary import Run, RunInfo, summarize
+from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.systems.signals import (
     PHASES,
     ComState,
@@ -88,7 +90,7 @@ def summary_of(log: dict[str, np.ndarray], **told) -> dict:
     """Returns the summary of a log; `told` are fields of Run and RunInfo."""
     run = {f.name: told.pop(f.name) for f in fields(Run) if f.name in told}
     info = RunInfo(**{"robot": "nadia", "mechanisms": "step", **told})
-    return summarize(Run(logs=log, **run), info)
+    return Run(logs=log, info=info, **run).summary
 
 
 def _walking_signal(recipe: Recipe) -> np.ndarray:
@@ -199,7 +201,8 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
     weight = MASS * 9.81
     log["foot_forces"] = weight * np.column_stack([to_left, 1 - to_left])
     log["sole"] = rectangle(0.25, 0.12)
-    log |= region_logs(ReachabilityParams())
+    regions = step_regions(ReachabilityParams(), cross_over=True)
+    log |= {f"region_{name}": region for name, region in regions.items()}
 
 
 def _add_robot(log, walking: WalkingSignal, push: np.ndarray) -> None:

@@ -57,7 +57,7 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
         folders = [held.enter_context(folder.new_folder(None)) for _ in "ab"]
         assert len({*folders}) == 2
         with (
-            pytest.raises(ValueError, match="without another run that goes on"),
+            pytest.raises(ValueError, match="in use by no other run"),
             folder.new_folder(folders[0]),
         ):
             pass

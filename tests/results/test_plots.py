@@ -10,7 +10,7 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.results.log import contacts, pushes
-from nadia_balance.results.plots import estimate, footsteps, timeline
+from nadia_balance.results.plots import footsteps, over_time
 from tests.results.made_up_run import HALF_WIDTH, Recipe, make_log, summary_of
 
 
@@ -25,7 +25,7 @@ def texts(figure):
 
 def test_the_timeline_says_how_long_each_phase_took(log):
     """Oracle: the recipe; plans in brackets where it was hurried."""
-    written = texts(timeline.draw(log, summary_of(log)))
+    written = texts(over_time.draw_contacts(log, summary_of(log)))
     for duration in ("0.30", "0.70", "0.43", "0.04", "0.50", "0.80"):
         assert duration in written
     assert written.count("(0.70)") == 2
@@ -79,7 +79,7 @@ def test_the_estimate_is_drawn_with_its_error_and_three_deviations():
     log = {"t": np.arange(5.0), "estimated_state": told, "state": state}
     log["estimate_covariance"] = P
     summary = {"robot": "r", "mechanisms": "m", "pushes": [], "fell_at": None}
-    figure = estimate.draw(log, summary)
+    figure = over_time.draw_estimate(log, summary)
     x, y = (line.get_ydata() for line in figure.axes[1].lines)
     assert (x[0], y[0]) == pytest.approx((0.0, 20.0))
     band = figure.axes[1].collections[1].get_paths()[0].vertices[:, 1]

@@ -9,7 +9,7 @@ from shapely import Polygon
 from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal
-from nadia_balance.results.plots import effort
+from nadia_balance.results.plots import over_time
 from tests.results.made_up_run import (
     MASS,
     OMEGA,
@@ -198,7 +198,7 @@ def test_sums_up_both_qps(log):
     assert summary["qp_failures"] == 2
     assert summary["qp_fallbacks"] == 3
     assert summary["max_qp_violation"] == 4e-5
-    legend = effort.draw(log, summary).axes[-1].get_legend()
+    legend = over_time.draw_effort(log, summary).axes[-1].get_legend()
     told = {text.get_text() for text in legend.get_texts()}
     assert told >= {"by Clarabel (3)", "torques held (2)"}
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from nadia_balance.results.estimate import measure
+from nadia_balance.results.measurements import measure_estimate
 from nadia_balance.scripts import estimate
 from nadia_balance.scripts.estimate import FILES, SENSED
 from tests.diagrams.simulated import EARLY, simulated
@@ -37,7 +37,7 @@ def test_the_log_of_a_run_is_estimated_as_in_its_loop(log, tmp_path, capsys):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*FILES]
     with np.load(tmp_path / "out" / "estimate.npz") as data:
         told = dict(data)
-    errors = measure(told)
+    errors = measure_estimate(told)
     assert errors["rms_velocity_m_s"] < 0.012
     assert errors["max_tilt_deg"] < 0.8
     assert max(errors["last_horizontal_m"], errors["max_height_m"]) < 0.03

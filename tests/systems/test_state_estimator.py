@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.results import estimate
+from nadia_balance.results import measurements
 from nadia_balance.systems.state_estimator import START, StateEstimator
 from tests.blocks import answer, asked, fix
 from tests.diagrams.simulated import EARLY, diagram_of, simulated
@@ -68,12 +68,12 @@ def test_walks_by_its_sensors(engine):
     )
     assert not run.error
     assert run.fell_at is None
-    found = estimate.measure(run.logs)
+    found = measurements.measure_estimate(run.logs)
     assert found["rms_velocity_m_s"] < 0.012
     assert found["max_tilt_deg"] < 0.8
     assert max(found["last_horizontal_m"], found["max_height_m"]) < 0.03
     assert found["mean_nees"] < 25.0
-    assert estimate.lost_at(run.logs) is None
+    assert measurements.lost_at(run.logs) is None
 
 
 def test_a_saturated_imu_is_an_error_that_tells_when():
@@ -102,7 +102,7 @@ def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
     monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
     run = simulate(diagram_of("{sensors: consumer}"), 1.0)
     assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
-    assert estimate.lost_at(run.logs) == pytest.approx(0.2)
+    assert measurements.lost_at(run.logs) == pytest.approx(0.2)
     assert (run.error, run.fell_at) == ("", None)
 
 
@@ -115,7 +115,7 @@ def test_a_filter_that_is_wrong_of_itself_is_lost():
     told[t >= 1.0, 6] = 0.1
     log = {"t": t, "state": state, "estimated_state": told}
     log["estimate_covariance"] = P
-    assert estimate.nees(log)[-1] == pytest.approx(100.0)
-    assert estimate.lost_at(log) == pytest.approx(1.2)
+    assert measurements.nees(log)[-1] == pytest.approx(100.0)
+    assert measurements.lost_at(log) == pytest.approx(1.2)
     told[t >= 1.15] = state[t >= 1.15]
-    assert estimate.lost_at(log) is None
+    assert measurements.lost_at(log) is None

@@ -10,12 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from nadia_balance import palette
-from nadia_balance.core.body.reachability import (
-    BACKWARD,
-    BASE,
-    FORWARD,
-    in_world,
-)
+from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import contains
 from nadia_balance.core.walking.vocabulary import FootPose, Side
@@ -33,17 +28,14 @@ _MARGIN = 0.12  # margin of the axes [m]
 _ARROW, _BESIDE = 0.12, 0.03  # push arrow: length, distance from the ICP [m]
 _FILL = 0.16  # opacity of a foothold
 _MEANING = {
-    BASE: "feet side by side",
-    FORWARD: "crossing in front",
-    BACKWARD: "crossing behind",
+    reachability.BASE: "feet side by side",
+    reachability.FORWARD: "crossing in front",
+    reachability.BACKWARD: "crossing behind",
 }
 
 
 def draw(log: Log, summary: dict) -> Figure | None:
-    """Draws the recovery from the last push, or the whole run without one.
-
-    None without an ICP.
-    """
+    """Draws the recovery from the last push, or the run; None: without ICP."""
     if "icp" not in log:
         return None
     pushed = logs.pushes(log)
@@ -72,8 +64,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
 def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     """First and last row to draw, from the push to after the recovery.
 
-    The last row is the touchdown of the second step after the recovery and
-    after all adjusted steps.
+    The last is the second touchdown after it and after all adjusted steps.
     """
     last_row = len(log["t"]) - 1
     if not pushed:
@@ -82,7 +73,8 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     moved = filter(_is_moved, taken)
     end = max([recovered_at(log, push), *(s.swing.end for s in moved)])
     after = [s.swing.last + 1 for s in taken if s.swing.end > end]
-    return logs.span_at(log, push.first).first, min([*after[1:2], last_row])
+    starts = (s.first for s in logs.phase_spans(log) if s.first <= push.first)
+    return max(starts), min([*after[1:2], last_row])
 
 
 def _limits(
@@ -208,7 +200,7 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
     step = max(moved, key=lambda s: float(np.linalg.norm(s.adjustment)))
     stance = sole_pose(log, step.swing.last, step.side.other)
     for name, meaning in _MEANING.items():
-        region = in_world(log[f"region_{name}"], stance, step.side)
+        region = reachability.in_world(log[f"region_{name}"], stance, step.side)
         if contains(step.adjusted.p_WF[:2], region, _ON_EDGE):
             label = f"reach of step {step.number} (sole centre),\n{meaning}"
             edge = {"edgecolor": (*palette.rgb(palette.REACH), 0.7)}

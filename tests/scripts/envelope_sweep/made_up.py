@@ -17,8 +17,13 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.scripts.envelope_sweep import limits
 from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
 from nadia_balance.scripts.envelope_sweep.rows import Rows
-from nadia_balance.scripts.envelope_sweep.search import SearchParams, next_batch
-from nadia_balance.scripts.envelope_sweep.sweep import Cell, Situation, Sweep
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    Cell,
+    SearchParams,
+    Situation,
+    Sweep,
+    next_batch,
+)
 from nadia_balance.typed_yaml import load_typed
 
 SEARCH = SearchParams()

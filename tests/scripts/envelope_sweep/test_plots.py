@@ -10,8 +10,7 @@ from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.limits import PROTOCOLS
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
 from tests.scripts.envelope_sweep.made_up import (
     AT,
     made_up_rows,

@@ -8,8 +8,7 @@ import pytest
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.limits import protocol_of
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
 from tests.scripts.envelope_sweep.made_up import (
     AT,
     SEARCH,

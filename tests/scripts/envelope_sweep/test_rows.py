@@ -8,8 +8,7 @@ import signal
 import pytest
 
 from nadia_balance.scripts.envelope_sweep.rows import KEY, TRIALS, opened, read
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import code_hash
+from nadia_balance.scripts.envelope_sweep.sweep import SearchParams, code_hash
 from tests.scripts.envelope_sweep.made_up import (
     identity_of,
     made_up_rows,

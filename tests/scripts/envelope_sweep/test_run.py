@@ -12,7 +12,7 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     results_of,
 )
 from nadia_balance.scripts.envelope_sweep.run import run_sweep
-from nadia_balance.scripts.envelope_sweep.search import limit
+from nadia_balance.scripts.envelope_sweep.sweep import limit
 from tests.scripts.envelope_sweep import made_up
 
 

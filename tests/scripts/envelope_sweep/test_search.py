@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.scripts.envelope_sweep.search import (
+from nadia_balance.scripts.envelope_sweep.sweep import (
     Limit,
     SearchParams,
     limit,

@@ -14,8 +14,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from
 from nadia_balance.scripts.envelope_sweep import sweep as fingerprint
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
 from tests.scripts.envelope_sweep.made_up import made_up_sweep
 from tests.source_files import ROOT, module_name
 

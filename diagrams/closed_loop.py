@@ -1,0 +1,168 @@
+"""Base of the closed diagrams: what they log, draw and export.
+
+Drake publishes at t before the updates of t, so row t of the log contains the
+state, the references and the torques of t, all from the same x-.  The updates
+reuse the outputs that the log has evaluated from the cache.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems import framework
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer
+
+from nadia_balance.core.body.ground import Ground
+from nadia_balance.core.body.reachability import step_regions
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.systems.push_source import PushSource
+from nadia_balance.view.balance_visualizer import BalanceVisualizer
+
+# Signals that are logged, drawn and exported, of those that there are.
+LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
+    momentum_qp_status whole_body_qp_status foot_wrenches swing_foot_reference
+    walking_signal actuation push_signal foot_forces state""".split()
+DRAWN = """walking_state com_state icp icp_reference ecmp_command
+    capture_regions push_force""".split()
+EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
+
+
+class ClosedLoop(framework.Diagram):
+    """A Diagram that can be simulated here.
+
+    Each `context` is that of the whole diagram.  RecoveryWatch requires output
+    ports walking_state, icp and icp_reference, sweeps swing_foot_reference, a
+    LiveSession the controller's port walking_signal.
+    """
+
+    PLANT = "humanoid"  # or lipm
+    scenario: Scenario
+    robot: RobotModel
+    push: PushSource  # one of its systems
+    controller: framework.System  # one of its systems
+    _ground: Ground | None  # the true one, if it is not flat
+
+    def _finish(
+        self,
+        builder: framework.DiagramBuilder,
+        meshcat: Meshcat | None,
+        period: float,
+        systems: Sequence[framework.System],
+        **ports: framework.OutputPort,
+    ) -> None:
+        """Draws, logs and exports the signals of `systems`; builds the diagram.
+
+        Where several have a signal, it is that of the first.  `ports` are
+        logged, too, every `period` [s].
+        """
+        of = {
+            name: system.GetOutputPort(name)
+            for system in reversed(systems)
+            for name in (*LOGGED, *DRAWN, *EXPORTED)
+            if system.HasOutputPort(name)
+        }
+        if meshcat is not None and "walking_state" in of:
+            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
+            builder.AddNamedSystem("balance_visualizer", view)
+            for name in filter(of.get, DRAWN):
+                builder.Connect(of[name], view.GetInputPort(name))
+        logged = {name: of[name] for name in LOGGED if name in of} | ports
+        self._sizes = {name: port.size() for name, port in logged.items()}
+        multiplexer = builder.AddNamedSystem(
+            "log_multiplexer", Multiplexer(list(self._sizes.values()))
+        )
+        for i, port in enumerate(logged.values()):
+            builder.Connect(port, multiplexer.get_input_port(i))
+        self._log = LogVectorOutput(
+            multiplexer.get_output_port(), builder, publish_period=period
+        )
+        self._log.set_name("log")
+        for name in filter(of.get, EXPORTED):
+            builder.ExportOutput(of[name], name)
+        builder.BuildInto(self)
+
+    def set_initial_state(self, context: framework.Context) -> None:
+        """Sets the robot's initial state."""
+
+    def fall_reason(self, context: framework.Context) -> str:
+        """The criterion by which the robot has fallen; empty if it has not."""
+        return ""
+
+    def nees(self, context: framework.Context) -> float:
+        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
+        return 0.0
+
+    def improper_contacts(self, context: framework.Context) -> set[str]:
+        """Names of all contacts except those of a foot and the ground."""
+        return set()
+
+    def passed_limit(self, context: framework.Context) -> bool:
+        """True if a limit is exceeded that a recovery must not exceed."""
+        return False
+
+    def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
+        """All logged signals, and `t` [s] (see nadia_balance.results.log)."""
+        log = self._log.FindLog(context)
+        t, data = log.sample_times().copy(), log.data().T
+        # A simulation from a cloned Context logs its first row a second time.
+        last = np.diff(t, append=np.inf) > 0.0
+        if not np.all(last):
+            t, data = t[last], data[last]
+        ends = np.cumsum(list(self._sizes.values()))[:-1]
+        columns = np.split(data, ends, axis=1)
+        logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
+        # Of all footholds; legs may be let cross during a run.
+        regions = step_regions(self.robot.point_mass.reach, cross_over=True)
+        logs |= {f"region_{name}": region for name, region in regions.items()}
+        logs["sole"] = self.robot.sole
+        if self._ground is not None:
+            logs["ground"] = np.concatenate(
+                [
+                    np.column_stack([np.full(len(r.polygon), i), r.polygon])
+                    for i, r in enumerate(self._ground.regions)
+                    if not r.obstacle
+                ]
+            )
+        return logs
+
+    def forget_logs(self, context: framework.Context) -> None:
+        """Clears the log, which otherwise grows without bound."""
+        self._log.FindMutableLog(context).Clear()
+
+
+class MeasuredPoses:
+    """Forward kinematics of one robot, from its [q, v]."""
+
+    def __init__(self, robot: RobotModel):
+        """Uses a plant of the `robot` alone."""
+        self._plant = plant = robot.control_plant()
+        self._context = plant.CreateDefaultContext()
+        self._soles = [
+            (plant.GetBodyByName(name), robot.X_FootSole[side])
+            for side, name in robot.foot_bodies.items()
+        ]
+        trunk = robot.torso_body, robot.pelvis_body
+        self._trunk = [plant.GetBodyByName(name) for name in trunk]
+
+    def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
+        """Signals `foot_poses`, `trunk_tilt` of the `states` (n, nq + nv)."""
+        feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))
+        for row, state in enumerate(states):
+            tilts[row] = self.trunk_tilt(state)
+            for foot, (body, X_FootSole) in enumerate(self._soles):
+                X_WF = self._pose(body) @ X_FootSole
+                feet[row, foot, :3] = X_WF.translation()
+                feet[row, foot, 3] = RollPitchYaw(X_WF.rotation()).yaw_angle()
+        return {"foot_poses": feet.reshape(-1, 8), "trunk_tilt": tilts}
+
+    def trunk_tilt(self, state: np.ndarray) -> np.ndarray:
+        """Angles (2,) [rad] of torso and pelvis against the vertical."""
+        self._plant.SetPositionsAndVelocities(self._context, state)
+        # The z axis of W, in the body's frame.
+        z = [self._pose(body).rotation().matrix()[2] for body in self._trunk]
+        return np.array([np.arctan2(np.hypot(x, y), up) for x, y, up in z])
+
+    def _pose(self, body) -> RigidTransform:
+        return self._plant.EvalBodyPoseInWorld(self._context, body)
