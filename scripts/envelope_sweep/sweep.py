@@ -18,7 +18,12 @@ from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import versions
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.envelope_sweep.search import SearchParams
+from nadia_balance.scripts.envelope_sweep.search import (
+    Attempt,
+    Results,
+    SearchParams,
+    next_attempts,
+)
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
@@ -82,6 +87,11 @@ class Sweep:
         """Returns all cells, by situation, mechanisms and direction."""
         several = self.scenarios, self.at, self.mechanisms, self.directions
         return [Cell(*one) for one in itertools.product(*several)]
+
+    def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
+        """Returns the trials of a `cell` that are to be made next."""
+        first = self.known_limits.get(cell, 0.0) - HEADROOM
+        return next_attempts(results, self.search, max(first, 0.0))
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a trial, with a zero push.
