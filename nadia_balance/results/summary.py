@@ -111,7 +111,7 @@ def summarize(run: Run, info: RunInfo) -> dict[str, Any]:
 
 def _judge(run: Run, info: RunInfo) -> tuple[str, str]:
     """The outcome, and the reason of one other than recovered."""
-    if reason := _failure(run, info):
+    if reason := failure(run, info):
         return "failed", reason
     if reason := _doubt(run):
         return "undecided", reason
@@ -122,7 +122,7 @@ def _judge(run: Run, info: RunInfo) -> tuple[str, str]:
     return "undecided", f"too short: {reason}"
 
 
-def _failure(run: Run, info: RunInfo) -> str:
+def failure(run: Run, info: RunInfo) -> str:
     """The first failure that is found; empty if there is none."""
     log = run.logs
     if run.error:
