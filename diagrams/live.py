@@ -20,7 +20,7 @@ from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.scene import CONTROLS, move_floor
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
-MOST_STEPS = 1000  # the most that a Gait allows; then the session restarts
+MOST_STEPS = 1000  # then the session restarts
 LOOK = 0.02  # period of the checks of buttons, falls and steps [s]
 LYING = 3.0  # time between a fall and the restart [s]
 PRINTS = 20  # footprints kept per foot

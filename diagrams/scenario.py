@@ -15,7 +15,7 @@ from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.imperfections import Imperfections
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
-from nadia_balance.core.walking.push import Moment, Push
+from nadia_balance.core.walking.push import Moment, Push, random_pushes
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
@@ -26,6 +26,7 @@ UNITS = ("si", "froude")
 STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
+PAUSE = 10.0  # between random pushes [s]
 ENGINES = ("drake", "mujoco")
 SENSORS = ("perfect", "industrial", "consumer")
 
@@ -84,6 +85,8 @@ class Scenario:
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
+    # Largest of the pushes in random directions that come every PAUSE; 0: none.
+    random_delta_v: float = bounded(0.0, least=0.0, most=10.0, unit="m/s")
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
         """The controller's model of `robot` and of the ground (see Terrain)."""
@@ -228,6 +231,11 @@ def load_scenario(
     scenario.units = "si"
     scenario = scaled(scenario, size, given | changes)
     check(scenario)
+    if largest := scenario.random_delta_v:
+        count, scenario.random_delta_v = int(scenario.duration / PAUSE), 0.0
+        more = random_pushes(count, scenario.seed, largest, (PAUSE, PAUSE))
+        in_time = (p for p in more if p.moment.time < scenario.duration)
+        scenario.pushes.extend(in_time)
     return scenario
 
 

@@ -25,11 +25,13 @@ from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
 from nadia_balance.results.folder import new_folder, write_run
 from nadia_balance.results.pages import LivePage, start_recording
-from nadia_balance.results.story import telling_lines
+from nadia_balance.results.story import chapter_words, telling_lines
+from nadia_balance.results.summary import failure
 from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
+CHAPTER = 120.0  # of a longer run, only the last is written [s]
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
 # Exit codes of main_job, for --help.
@@ -250,16 +252,26 @@ def _run(
     folder: Path,
     args: argparse.Namespace,
 ) -> int:
-    """Simulates, prints and writes; returns the exit code."""
+    """Simulates, prints and writes; returns the exit code.
+
+    A long run is judged by chapters; the log of the last one is written.
+    """
     diagram = simulator.get_system()
     scenario = diagram.scenario
-    if meshcat is not None:
-        if args.open:
-            webbrowser.open(meshcat.web_url())
-        start_recording(meshcat, live=args.open or args.hold)
+    if meshcat is not None and args.open:
+        webbrowser.open(meshcat.web_url())
     watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
-    run = simulation.advance(simulator, scenario.duration, until=watch)
-    summary = run.summary | {"scenario": args.scenario_name}
+    end = 0.0
+    while True:
+        if meshcat is not None:
+            start_recording(meshcat, live=args.open or args.hold)
+        end = min(end + CHAPTER, scenario.duration)
+        run = simulation.advance(simulator, end, until=watch)
+        summary = run.summary | {"scenario": args.scenario_name}
+        if run.until or failure(run) or end == scenario.duration:
+            break
+        say(f"t={end:.0f} s  {chapter_words(summary)}")
+        diagram.forget_logs(simulator.get_mutable_context())
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
         written = write_run(folder, run.logs, summary, text, meshcat)

@@ -1,8 +1,10 @@
 """What README.md and docs/ say of the code is true; their examples run."""
 
 import ast
+import contextlib
 import importlib
 import inspect
+import io
 import json
 import re
 import shlex
@@ -63,7 +65,7 @@ def test_25_lines_make_a_robot_walk_and_recover():
 
     In a process of its own, which has no `diagrams` and no `scripts`.
     """
-    (block,) = blocks(README, "python")
+    block, *_ = blocks(DIAGRAM, "python")
     assert len(block.splitlines()) <= 25
     packages = {name.split(".")[0] for name in imports(ast.parse(block))}
     assert packages == {"nadia_balance", "pydrake"}
@@ -96,16 +98,31 @@ print(json.dumps({{
             command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
         ).stdout
 
-    modules = "README", *MODULES
+    modules = "docs.diagram.loop", *MODULES
     found = json.loads(run_cache.once(modules, code + data(), printed))
     assert found["height"] == pytest.approx(found["started"], abs=0.02)
     assert found["icp"] == pytest.approx(found["planned"], abs=0.02)
     assert found["waiting"] == 0.0
 
 
+def test_two_lines_push_the_robot():
+    """Oracle: it recovers; the ICP has two coordinates."""
+    (block,) = blocks(README, "python")
+
+    def printed() -> str:
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            exec(block, {})
+        return said.getvalue()
+
+    modules = "README", *MODULES, *imports(ast.parse(block))
+    told = run_cache.once(modules, block + data(), printed)
+    assert re.fullmatch(r"recovered 0\.\d+\n\(\d+, 2\)\n", told)
+
+
 def test_a_plant_of_ones_own_is_that_of_the_robot():
     """Oracle: `add_plant_to`: the same bodies, in the same posture."""
-    block, *_ = blocks(DIAGRAM, "python")
+    _, block, _ = blocks(DIAGRAM, "python")
     robot, own = nb.load_robot("nadia"), MultibodyPlant(0.001)
     exec(block, {"nb": nb, "robot": robot, "plant": own})
     made, _ = robot.add_plant_to(DiagramBuilder())
@@ -117,7 +134,7 @@ def test_some_lines_more_are_uneven_ground():
     """Oracle: by hand: two of its steps of 0.3 m, and a sole beyond the edge
     at 0.5 m, it stands on the block of 10 cm.
     """
-    _, block = blocks(DIAGRAM, "python")
+    *_, block = blocks(DIAGRAM, "python")
     assert "num_steps=4" in block
     block = block.replace("num_steps=4", "num_steps=2")
 

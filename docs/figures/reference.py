@@ -32,7 +32,10 @@ from nadia_balance.results.log import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 
 PAGE = Path(__file__).parents[1] / "reference.md"
-SCRIPTS = "push", "simulate", "envelope", "estimate", "new_robot", "benchmark"
+SCRIPTS = (
+    *("push", "simulate", "envelope", "random_pushes", "estimate"),
+    *("new_robot", "benchmark"),
+)
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {
     "outcome": ("", "recovered (also stood, walked), failed or undecided"),

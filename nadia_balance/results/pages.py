@@ -15,11 +15,13 @@ from pathlib import Path
 from typing import Self
 from urllib.request import ProxyHandler, build_opener
 
+import numpy as np
 from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results.log import Log, phase_spans, pushes, steps
+from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
+from nadia_balance.results.measurements import torque_ratio
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
@@ -37,6 +39,7 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
     .then(res => new Response(
         res.body.pipeThrough(new DecompressionStream("gzip"))))
     .then(res => """
+_POINTS = 500  # largest number of points of a curve
 _POLLED = "/status"  # path of the live text, as a list of lines
 
 
@@ -96,7 +99,8 @@ def replay_status(log: Log, summary: dict) -> str:
 
     Each line of the story appears at its time; the last one, the result of the
     run, is shortened to its first part.  Buttons below jump to the begin of
-    each push and of each step.
+    each push and of each step; above them ICP error, foot forces and torque are
+    drawn over time.
     """
     color = palette.foot_color
     told = telling(log, summary)
@@ -123,9 +127,47 @@ def replay_status(log: Log, summary: dict) -> str:
                 for step in steps(log)
             ),
         ],
+        "curves": _curves(log),
         "end": float(log["t"][-1]),
     }
     return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
+
+
+def _curves(log: Log) -> list[list]:
+    """Strips: label, and curves [colour, values in % of the strip's largest].
+
+    A value is the largest of its share of the run; a log may lack some strips.
+    """
+    edges = np.unique(np.linspace(0, len(log["t"]) - 1, _POINTS).astype(int))
+    colors = [palette.foot_color(side) for side in Side]
+    strips = []
+    for needs, values, label, of_curves in (
+        (
+            "icp_reference",
+            icp_error,
+            "ICP error, up to {:.2f} m",
+            [palette.ICP],
+        ),
+        (
+            "weight",
+            lambda log: (log["foot_forces"] / log["weight"]).T,
+            "foot forces, up to {:.1f} of the weight",
+            colors,
+        ),
+        (
+            "effort_limits",
+            lambda log: np.max(torque_ratio(log), axis=1),
+            "largest torque, up to {:.0%} of its limit",
+            [palette.SUPPORT],
+        ),
+    ):
+        if needs in log:
+            peaks = np.maximum.reduceat(np.atleast_2d(values(log)), edges, 1)
+            most = float(np.max(peaks))
+            scaled = np.rint(100.0 * peaks / max(most, 1e-9)).astype(int)
+            curves = zip(of_curves, scaled.tolist(), strict=True)
+            strips.append([label.format(most), [*map(list, curves)]])
+    return strips
 
 
 class LivePage:

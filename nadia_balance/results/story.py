@@ -36,6 +36,20 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     return [*told, (end, _tell_end(log, summary, end))]
 
 
+def chapter_words(summary: dict) -> str:
+    """Returns the line of a chapter of a longer run."""
+    told = [
+        f"{summary[name] * factor:.{digits}f} {unit}"
+        for name, factor, digits, unit in (
+            ("max_icp_error_m", 1.0, 3, "m of ICP error"),
+            ("max_torque_ratio", 100.0, 0, "% of torque"),
+            ("qp_failures", 1.0, 0, "QP failures"),
+        )
+        if summary[name] is not None
+    ]
+    return f"walks on: {', '.join(told)}"
+
+
 class LiveStory:
     """Tells pushes, adjusted steps, recoveries and falls while they happen.
 

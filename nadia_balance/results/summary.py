@@ -107,7 +107,7 @@ class Run:
 
 def _judge(run: Run) -> tuple[str, str]:
     """The outcome, and the reason of one other than recovered."""
-    if reason := _failure(run):
+    if reason := failure(run):
         return "failed", reason
     if reason := _doubt(run):
         return "undecided", reason
@@ -118,7 +118,7 @@ def _judge(run: Run) -> tuple[str, str]:
     return "undecided", f"too short: {reason}"
 
 
-def _failure(run: Run) -> str:
+def failure(run: Run) -> str:
     """The first failure that is found; empty if there is none."""
     log = run.logs
     if run.error:

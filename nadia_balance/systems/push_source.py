@@ -14,7 +14,7 @@ from pydrake.systems import framework
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
 from nadia_balance.core.walking.vocabulary import (
     WalkingState,
     number_of_ticks,
@@ -78,6 +78,13 @@ class PushSource(framework.LeafSystem):
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
+        # Before these times a push is not looked at [s].
+        self._not_before = np.array(
+            [
+                -math.inf if p.moment.phase else p.moment.time
+                for p in [*pushes, Push(delta_v=0.0, at="0 s")]
+            ]
+        )
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
@@ -140,11 +147,13 @@ class PushSource(framework.LeafSystem):
         now = state.get_mutable_discrete_state(self._state)
         rows = self._rows(context).copy()
         count, number, ticks = self._live(context)
-        for i, row in enumerate(rows):
-            if row[0] > 0.0:
-                row[0] -= 1.0
-            elif row[0] < 0.0:
-                self._await(context, i, row)
+        soon = context.get_time() + 2.0 * TIME_TOLERANCE
+        near = (rows[:, 0] > 0.0) | (self._not_before <= soon)
+        for i in np.flatnonzero(near & (rows[:, 0] != 0.0)):
+            if rows[i, 0] > 0.0:
+                rows[i, 0] -= 1.0
+            else:
+                self._await(context, i, rows[i])
         if self._live_push.HasValue(context):
             clicks, *wish = self._live_push.Eval(context).tolist()
             if clicks > count:

@@ -112,7 +112,7 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
         f"# Push-recovery envelope: {robot}",
         f"![envelope]({PICTURE})",
         textwrap.fill(notes, 80, break_on_hyphens=False),
-        _table(["sweep", ""], done.items()),
+        table(["sweep", ""], done.items()),
     ]
     for situation in limits.situations:
         parts.append(f"## {', '.join(situation)}")
@@ -151,10 +151,10 @@ def table_of(
     ]
     lines.append(["mean", *map(text, columns)])
     names = map(limits.title, limits.mechanisms)
-    return title, _table(["direction", *names], lines)
+    return title, table(["direction", *names], lines)
 
 
-def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """Returns a table; its columns are aligned right."""
     whole = [head, *lines]
     widths = [max(3, *map(len, column)) for column in zip(*whole, strict=True)]

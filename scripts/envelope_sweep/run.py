@@ -14,13 +14,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from tqdm import tqdm
 
 from nadia_balance.scripts.envelope_sweep.rows import Rows, by_cell, results_of
-from nadia_balance.scripts.envelope_sweep.sweep import (
-    HEADROOM,
-    Attempt,
-    Cell,
-    Sweep,
-    next_attempts,
-)
+from nadia_balance.scripts.envelope_sweep.sweep import Attempt, Cell, Sweep
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 
 CONNECT_TIMEOUT = 5.0  # [s]
@@ -91,9 +85,7 @@ def urgent(sweep: Sweep, rows: Rows, running: Collection[Trial]) -> list[Trial]:
     """
     known, several = by_cell(rows.all), []
     for cell in sweep.cells():
-        results = results_of(known.get(cell, []))
-        first = sweep.known_limits.get(cell, 0.0) - HEADROOM
-        attempts = next_attempts(results, sweep.search, max(first, 0.0))
+        attempts = sweep.attempts(cell, results_of(known.get(cell, [])))
         several += [
             (cell, one) for one in attempts if (cell, one) not in running
         ]

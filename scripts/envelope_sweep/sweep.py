@@ -118,6 +118,11 @@ class Sweep:
         several = self.scenarios, self.at, self.mechanisms, self.directions
         return [Cell(*one) for one in itertools.product(*several)]
 
+    def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
+        """Returns the trials of a `cell` that are to be made next."""
+        first = self.known_limits.get(cell, 0.0) - HEADROOM
+        return next_attempts(results, self.search, max(first, 0.0))
+
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a trial, with a zero push.
 

@@ -3,10 +3,11 @@
 import json
 import re
 
+import pytest
 from pydrake.math import RigidTransform
 
 from nadia_balance.results import pages
-from nadia_balance.results.log import pushes, steps
+from nadia_balance.results.log import icp_error, pushes, steps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import start_meshcat
@@ -62,6 +63,11 @@ def test_the_page_tells_the_story_with_its_times():
     starts = [start for start, _ in said["phases"]]
     assert starts == sorted(starts)
     assert {"right swing", "left swing"} <= {name for _, name in said["phases"]}
+    # The largest ICP error is where it is in the log.
+    error, (label, ((_, values),)) = icp_error(log), said["curves"][0]
+    assert label == f"ICP error, up to {error.max():.2f} m"
+    place = values.index(100) / (len(values) - 1)
+    assert place == pytest.approx(error.argmax() / (len(error) - 1), abs=0.005)
 
 
 def second(log):
@@ -91,6 +97,9 @@ def test_the_page_tells_the_time_and_begins_again(browser, tmp_path):
             "(t) => document.body.innerText.includes(t)", arg=clock
         )
         assert ("RECOVERED" in page.inner_text("#status")) == seen
+        left = page.evaluate("document.querySelector('#curves hr').style.left")
+        share = min(time / log["t"][-1], 1.0)
+        assert float(left.rstrip("%")) == pytest.approx(100.0 * share, abs=1e-3)
     # A jump to the push, and to a step: the robot is where it was then.
     for title, time in ("push", pushes(log)[0].start), ("step 2", second(log)):
         page.click(f"#jumps button[title^='{title}, t = {time:.2f}']")

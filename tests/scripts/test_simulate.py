@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import simulate
 from tests.scripts.running import run_script, summary_of
@@ -43,3 +44,20 @@ def test_another_robot_from_another_folder(tmp_path, monkeypatch, capsys):
         assert log["com_state"][:, 2] == pytest.approx(0.86, abs=0.003)
     assert summary_of(folder)["robot"] == "my_nadia/robot.yaml"
     assert summary_of(folder)["max_icp_error_m"] < 0.001
+
+
+def test_a_long_run_leaves_its_last_minute(tmp_path, monkeypatch, capsys):
+    """Oracle: by hand, with minutes of 2 s; pushes 10 s apart, from 11 s on."""
+    pushes = load_scenario("hour").pushes
+    times = [push.moment.time for push in pushes]
+    assert times == pytest.approx(1.0 + 10.0 * np.arange(1, 360))
+    assert max(push.delta_v for push in pushes) <= 0.4
+    monkeypatch.setattr(simulate.command_line, "CHAPTER", 2.0)
+    argv = ["--scenario_name", "hour", "--duration", 5, *QUICK]
+    outcome = run_script(simulate, [*argv, "--out", tmp_path / "run"], capsys)
+    assert (outcome.code, outcome.err) == (0, [])
+    told = [line.partition(":")[0] for line in outcome.out[:2]]
+    assert told == ["t=2 s  walks on", "t=4 s  walks on"]
+    with np.load(tmp_path / "run" / "log.npz") as log:
+        begun, ended = log["t"][[0, -1]]
+    assert (begun, ended) == pytest.approx((4.0, 5.0), abs=0.01)

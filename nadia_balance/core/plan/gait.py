@@ -62,7 +62,7 @@ class Gait:
     list `footholds` with alternating sides.
     """
 
-    num_steps: int = bounded(0, least=0, most=1000)  # repetitions of `step`
+    num_steps: int = bounded(0, least=0, most=10000)  # repetitions of `step`
     step: StepVector = field(default_factory=StepVector)
     steps: list[StepVector] = field(default_factory=list)
     footholds: list[Foothold] = field(default_factory=list)

@@ -168,15 +168,20 @@ class Push:
         )
 
 
-def random_pushes(number: int, seed: int, largest: float) -> list[Push]:
-    """Returns pushes in random directions at intervals of 1 to 3 s.
+def random_pushes(
+    number: int,
+    seed: int,
+    largest: float,
+    pause: tuple[float, float] = (1.0, 3.0),
+) -> list[Push]:
+    """Returns pushes in random directions after pauses of random length.
 
-    The first is 2 to 4 s after the start; each is at most `largest` [m/s].
+    The first is a `pause` [s] after 1 s; each is at most `largest` [m/s].
     mjlab trains policies with such pushes.
     """
     rng, time, pushes = np.random.default_rng(seed), 1.0, []
     for _ in range(number):
-        time += rng.uniform(1.0, 3.0)
+        time += rng.uniform(*pause)
         size, angle = rng.uniform(0.0, [largest, 360.0])
         pushes.append(
             Push(

@@ -1,9 +1,10 @@
 """What is in the file stays there, and nothing else gets in."""
 
-import platform
+import hashlib
 import random
 import resource
 import signal
+import sys
 
 import pytest
 
@@ -19,7 +20,8 @@ from tests.source_files import ROOT
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
-PUBLISHED = ROOT / "docs" / "results" / "fig10"
+RESULTS = ROOT / "docs" / "results"
+ART = ".gif", ".ipynb", ".png"
 ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
 
 
@@ -125,12 +127,24 @@ def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
     assert said <= len(replicas) <= said + 1
 
 
-def test_the_page_says_of_which_code_its_rows_are():
-    """Oracle: the rows, and the fingerprint of this code."""
-    rows = read(PUBLISHED)
-    page = (PUBLISHED.parent / "README.md").read_text(encoding="utf-8")
-    assert f"code `{rows.identity['code']}`" in page
-    assert f"{len(rows.all)} trials" in page
-    same_python = rows.identity["python"] == platform.python_version()
-    if same_python and rows.identity["code"] != code_hash():
-        assert "Newer code" in page
+def test_results_and_pictures_are_of_this_code():
+    """Oracle: the fingerprints of this code, and of what `make results` makes.
+
+    That of the code is of one Python.  A policy's rows are of no code of ours.
+    """
+    page = (RESULTS / "README.md").read_text("utf-8")
+    first, *lines = (RESULTS / "made.txt").read_text("utf-8").splitlines()
+    _, code, _, *python = first.split()
+    assert f"code `{code}`" in page, "docs/results/README.md"
+    for name in "fig10", "g1":
+        rows = read(RESULTS / name)
+        assert rows.identity["code"] == code, f"{name}: make results"
+        assert name != "fig10" or f"{len(rows.all)} trials" in page
+    if python == [str(part) for part in sys.version_info[:2]]:
+        assert code == code_hash(), "other control code: make results"
+    made = dict(line.split()[::-1] for line in lines)
+    docs = [path for path in (ROOT / "docs").rglob("*.*") if path.suffix in ART]
+    assert {*made} == {str(path.relative_to(ROOT)) for path in docs}
+    for name, digest in made.items():
+        found = hashlib.sha256((ROOT / name).read_bytes()).hexdigest()
+        assert found == digest, f"{name}: make results"

@@ -1,0 +1,196 @@
+"""Pushes the robot at random, at a share of the limits that a sweep found.
+
+Direction, moment, side, length and body (pelvis, torso) of each push are drawn.
+Its size is the share of the limit in its direction, which is for the moment of
+the sweep.  The same flags go on after Ctrl-C.
+
+Example:
+    python scripts/random_pushes.py --pushes 40 --out envelopes/random
+"""
+
+import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
+
+# isort: split
+import contextlib
+import math
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from dask.system import CPU_COUNT
+
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.push import Moment, Push
+from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.results.folder import appearing, prepare_folder
+from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts import INTERRUPTED, command_line
+from nadia_balance.scripts.envelope_sweep import limits, run
+from nadia_balance.scripts.envelope_sweep.report import outcomes, table
+from nadia_balance.scripts.envelope_sweep.rows import Rows, cell_of, opened
+from nadia_balance.scripts.envelope_sweep.sweep import (
+    AT,
+    Attempt,
+    Cell,
+    Results,
+    Sweep,
+)
+
+LENGTHS = 0.05, 0.4  # of a push [s]
+FAILURES = "failures.md"
+
+
+@dataclass(kw_only=True)
+class RandomPushes(Sweep):
+    """A sweep whose cells have one push each, all of them different."""
+
+    pushes: dict[Cell, Push] = field(default_factory=dict)
+    share: float = 0.6  # of the limits [-]
+
+    def cells(self) -> list[Cell]:
+        """Returns the cell of each push."""
+        return list(self.pushes)
+
+    def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
+        """Returns the only trial of a `cell`, unless it has results."""
+        number = self.cells().index(cell)
+        return [] if results else [(self.pushes[cell].delta_v or 0.0, number)]
+
+    def walk(self, cell: Cell, replica: int) -> Scenario:
+        """Returns the scenario of a push, which is zero."""
+        scenario = super().walk(cell, replica)
+        if push := self.pushes.get(cell):
+            zero = scenario.pushes[0]
+            zero.body, zero.duration = push.body, push.duration
+        return scenario
+
+    def identity(self) -> dict:
+        """Returns the JSON data that all trials of one folder share."""
+        return super().identity() | {"share": self.share}
+
+
+def drawn(
+    scenario: Scenario, known: dict[Cell, float], count: int, share: float
+) -> dict[Cell, Push]:
+    """Returns `count` pushes, drawn by the seed of the `scenario`.
+
+    They are uniform in direction, in the time of the gait, in side, body and
+    length.  Between the directions of the `known` limits [m/s] of right swings
+    these are interpolated; a left swing has their mirror image.
+    """
+    rng, gait = np.random.default_rng(scenario.seed), scenario.gait
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    period, most = scenario.controller.control_period, list(MECHANISMS)[-1]
+    ticks = math.ceil(LENGTHS[0] / period), round(LENGTHS[1] / period) + 1
+    wanted = ("push", AT, most)
+    curve = {c.direction_deg: v for c, v in known.items() if c[:3] == wanted}
+    if not curve:
+        raise ValueError(f"limits: must have some of {', '.join(wanted)}")
+    pushes: dict[Cell, Push] = {}
+    for _ in range(count):
+        side, direction = rng.choice(list(Side)), rng.uniform(0.0, 360.0)
+        time = rng.uniform(0.0, gait.transfer_duration + gait.swing_duration)
+        fraction, phase = time / gait.transfer_duration, Phase.TRANSFER
+        if fraction >= 1.0:
+            time -= gait.transfer_duration
+            fraction, phase = time / gait.swing_duration, Phase.SWING
+        at = str(Moment(phase, side, round(fraction, 2)))
+        seen = direction if side is Side.RIGHT else -direction
+        limit = np.interp(seen, *zip(*curve.items(), strict=True), period=360.0)
+        pushes[Cell("push", at, most, round(direction, 3))] = Push(
+            body=str(rng.choice([robot.pelvis_body, robot.torso_body])),
+            delta_v=round(share * float(limit), 3),
+            duration=round(period * int(rng.integers(*ticks)), 9),
+            at=at,
+        )
+    return pushes
+
+
+def failures_text(sweep: RandomPushes, rows: Rows) -> str:
+    """Returns the page: shares of recoveries, and each push that failed.
+
+    A trial ends at the first figure that excludes a recovery: its reason.
+    """
+    pushes, failed = sweep.pushes, []
+    tried: Counter[str] = Counter()
+    good: Counter[str] = Counter()
+    for row in rows.all:
+        push, moment = pushes[cell_of(row)], Moment.parse(row["at"])
+        phase, side = moment.phase, moment.swing.value
+        quarter = min(int(4.0 * moment.fraction), 3)
+        groups = (
+            *(push.body, f"{side} foot"),
+            f"{phase and phase.value} {25 * quarter} to {25 * quarter + 25} %",
+            f"{math.floor(10.0 * push.duration) / 10.0:.1f} s and longer",
+        )
+        tried.update(groups)
+        if row["outcome"] == "recovered":
+            good.update(groups)
+            continue
+        what = push.body, f"{push.duration:g}", row["outcome"], row["reason"]
+        size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
+        failed.append((str(row["replica"]), *size, row["at"], *what))
+    head = "number", "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
+    shares = [(name, f"{good[name]} of {n}") for name, n in tried.items()]
+    parts = [
+        f"# Pushes at random, at {sweep.share:g} of the limits",
+        f"{outcomes(rows)}; code `{rows.identity['code']}`.",
+        table(["pushes", "recovered"], sorted(shares)),
+        table(head, failed),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`; returns the exit code."""
+    parser = command_line.CommandLine(
+        prog="random_pushes.py",
+        description=__doc__.partition("\n")[0],
+        epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 4 cannot "
+        "write, 130 Ctrl-C.",
+    )
+    add, shown = parser.add_argument, "(%(default)s)"
+    add("--pushes", type=int, default=1000, help=shown)
+    share = {"type": command_line.finite, "default": 0.6}
+    add("--share", **share, help=f"of the limits {shown}")
+    folder = {"type": command_line.place, "metavar": "FOLDER"}
+    about = f"with a {limits.LIMITS} {shown}"
+    add("--limits", **folder, default="docs/results/fig10", help=about)
+    add("--seed", type=int, default=0, help=shown)
+    add("--workers", type=int, default=CPU_COUNT, help=shown)
+    add("--out", **folder, default="envelopes/random", help=shown)
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
+            raise ValueError(
+                f"pushes = {args.pushes}, share = {args.share}: must be in "
+                "[1, 100000] and (0, 3]"
+            )
+        scenario = load_scenario("push", seed=args.seed)
+        known = limits.known_limits(Path(args.limits))
+        sweep = RandomPushes(
+            scenarios={"push": scenario},
+            pushes=drawn(scenario, known, args.pushes, args.share),
+            share=args.share,
+        )
+    with contextlib.ExitStack() as stack:
+        with parser.refusing():
+            job = stack.enter_context(run.open_workers(args.workers))
+            folder = prepare_folder(args.out)
+            rows = stack.enter_context(opened(folder, sweep.identity()))
+        stopped = stack.enter_context(until_ctrl_c())
+        done = run.run_sweep(sweep, rows, *job, stopped)
+        drafts = stack.enter_context(appearing(folder))
+        text = failures_text(sweep, rows)
+        (drafts / FAILURES).write_text(text, encoding="utf-8")
+    command_line.say(outcomes(rows), f"wrote {folder}/{FAILURES}")
+    return command_line.DONE if done else INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())
