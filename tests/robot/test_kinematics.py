@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.command import (
-    BASE,
     LEFT_SOLE,
     PELVIS,
     RIGHT_SOLE,
@@ -28,40 +26,6 @@ def context_at(state):
     context = kinematics().plant.CreateDefaultContext()
     kinematics().plant.SetPositionsAndVelocities(context, state)
     return context
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_base_rows_are_the_momentum(seed):
-    """Oracle: Drake's spatial momentum about the base and about the CoM."""
-    state, plant = random_state(seed), kinematics().plant
-    terms, context = terms_at(state), context_at(state)
-    p_WB = state[4:7]
-    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WB)
-    mass = nadia().mass
-    assert mass * terms.velocities[BASE] == pytest.approx(
-        momentum.get_coeffs(), abs=1e-12
-    )
-    p_WC = plant.CalcCenterOfMassPositionInWorld(context)
-    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, p_WC)
-    moment, force = terms.forces[:3, :-1], terms.forces[3:6, :-1]
-    about_com = moment - moment[:, 3:6] @ force
-    assert mass * about_com @ terms.v == pytest.approx(
-        momentum.rotational(), abs=1e-12
-    )
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_equations_of_motion_hold(seed):
-    """Oracle: Drake's inverse dynamics, gravity being the only force."""
-    state, plant = random_state(seed), kinematics().plant
-    terms, context = terms_at(state), context_at(state)
-    vdot = np.random.default_rng(seed).normal(size=29)
-    forces = MultibodyForces(plant)
-    plant.CalcForceElementsContribution(context, forces)
-    needed = plant.CalcInverseDynamics(context, vdot, forces)
-    assert nadia().mass * terms.forces @ np.append(vdot, 1.0) == pytest.approx(
-        needed, abs=1e-9
-    )
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -10,11 +10,10 @@ from nadia_balance.core.plan.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.core.steps.foothold_adjustment import unadjusted
 from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
-from tests.blocks import answer, asked, fix, running
+from tests.blocks import answer, fix, running
 from tests.example_walks import FEET, MODEL, walk
 
 PERIOD = 0.002
@@ -67,15 +66,6 @@ def test_advances_once_a_period(time, gain):
     assert walking_state(machine, context) is now
 
 
-def test_stands_unless_it_is_told_how_to_start():
-    """Oracle: no steps, the feet as far apart as the model's."""
-    machine = WalkingStateMachine(PARAMS, MODEL, PERIOD)
-    schedule = walking_state(machine, asked(machine)).schedule
-    assert (schedule.phase, schedule.footsteps) == (Phase.STANDING, ())
-    width = schedule.feet.left.p_WF - schedule.feet.right.p_WF
-    assert width == pytest.approx([0.0, MODEL.step_width, 0.0])
-
-
 def signal_of(state):
     machine, _, context = machine_in(state)
     return WalkingSignal(answer(machine, context, "walking_signal"))
@@ -91,20 +81,3 @@ def test_signal_says_what_the_state_says():
     assert found.left == pytest.approx([0.0, 0.125, 0.0])
     assert found.right == pytest.approx([0.0, -0.125, 0.0])
     assert found.target == pytest.approx([0.3, -0.125, 0.0])
-
-
-@pytest.mark.parametrize("adjuster", ["switched off", "on"])
-def test_its_wait_ends_only_if_the_feet_may_go_elsewhere(adjuster):
-    """Oracle: the parameter; who is switched off proposes None."""
-    state = WalkingState(walk(), 0.3, 0.3)
-    machine, simulator, context = machine_in(state)
-    fix(machine, context, icp=[0.06, 0.02])
-    proposed = unadjusted(state.schedule) if adjuster == "on" else None
-    fix(machine, context, adjustment=proposed)
-    simulator.AdvanceTo(5.0 * PERIOD)
-    assert walking_state(machine, context).waiting
-    simulator.AdvanceTo(PARAMS.lift_off.max_held_wait + 2.0 * PERIOD)
-    phase = walking_state(machine, context).schedule.phase
-    assert phase is (Phase.SWING if adjuster == "on" else Phase.TRANSFER)
-    simulator.AdvanceTo(3.0 * PARAMS.lift_off.max_held_wait)
-    assert walking_state(machine, context).waiting is (adjuster != "on")
