@@ -130,20 +130,38 @@ def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     assert {0, 1, LOST} <= told
 
 
-def test_the_farthest_icp_of_one_step_is_a_closed_form():
-    """Oracle: 1-D, by hand: e^wt (x - toes) + toes - half a sole = the tip.
+@pytest.mark.parametrize(
+    ("phase", "at", "rest", "swing", "load"),
+    [
+        (walking.Phase.SWING, 0.25, 0.0, 0.75 * 0.7, 0.3),
+        (walking.Phase.TRANSFER, 0.5, 0.0, 0.7, 0.03),
+        (walking.Phase.TRANSFER, 0.05, 0.015, 0.7, 0.03),
+    ],
+)
+def test_the_farthest_icp_of_one_step_is_a_closed_form(
+    phase, at, rest, swing, load
+):
+    """Oracle: by hand: e^wt (x - corner) + corner - the sole's = the tip.
 
     The base region ends 1 m ahead and 0.25 m to the side of the stance foot;
-    the load is 0.3 s late, and goes on to the toes of the new foot.
+    the `load` [s] goes on to the same corner of the new foot.  In the `rest`
+    [s] of a transfer, it leaves the trailing foot.
     """
-    found = limit(robot(speed=math.inf), MECHANISMS["step"], num_steps=1)
-    w, toes = found.model.omega, np.array([0.125, 0.0])
-    loading = -math.expm1(-0.3 * w) / (0.3 * w)
-    step = np.array([1.0, -0.25])
-    present = math.exp(-0.75 * 0.7 * w) * loading * step + toes
+    on = replace(MECHANISMS["step"], transfer=phase is walking.Phase.TRANSFER)
+    found = limit(robot(speed=math.inf), on, at, phase, num_steps=1)
+    w, corner = found.model.omega, np.array([0.125, 0.06])
+    loading, step = -math.expm1(-load * w) / (load * w), np.array([1.0, -0.25])
+    present = math.exp(-(rest + swing) * w) * loading * step + corner
+    if rest > 0.0:
+        behind = 1.0 + math.expm1(-rest * w) / (rest * w)
+        present += (1.0 - at) * behind * np.array([0.0, -0.25])
     left = FEET[walking.Side.LEFT].p_WF[:2]
-    for beyond, expected in (-1e-3, 1), (1e-3, LOST):
-        icp = left + present + [beyond, 0.0]
+    for beyond, expected in (
+        ([-1e-3, -1e-3], 1),
+        ([1e-3, -1e-3], LOST),
+        ([-1e-3, 2e-3], LOST),
+    ):
+        icp = left + present + beyond
         assert replace(found, icp=icp).least_steps() == expected
 
 
