@@ -1,25 +1,17 @@
-"""Oracles: the founders' enumeration, and another linear program.
+"""Oracles: the founders' enumeration; closed forms; the largest pushes."""
 
-The other program simulates the ICP tick by tick, with a CoP for every tick; it
-knows no weights.  scipy solves it, for times that it is given or draws.
-"""
-
-import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull
 
 from nadia_balance.analysis.lipm_limit import LOST, LipmLimit
-from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from tests.example_walks import ALL, FEET, MODEL, UNCROSSED, walk
+from tests.example_walks import ALL, FEET, MODEL, walk
 
 SPEED = 3.0  # of a foot [m/s]
 TIMING = TimingAdapterParams(min_swing_duration=0.35)
@@ -118,116 +110,6 @@ def test_each_set_of_mechanisms_has_its_limit(name):
         )
 
 
-def halves(region):
-    """A, b of A p <= b, by scipy."""
-    rows = ConvexHull(region).equations
-    return rows[:, :2], -rows[:, 2]
-
-
-def best_by_ticks(found, angle, swings, regions, lift_off):
-    """The largest push with a CoP for each of 24 ticks of every phase.
-
-    The variables: delta_v, the footholds in W, and the CoP in the soles.
-    """
-    n, w, ticks = len(swings), found.model.omega, 24
-    left, right = (FEET[side].p_WF[:2] for side in walking.Side)
-    size = 3 + 2 * n + 2 * ticks * (2 * n + 1) + 2 * ticks
-
-    def column(start):
-        return np.eye(2, size, start)
-
-    def fixed(point):
-        return np.zeros((2, size)), point
-
-    feet = [fixed(left)] + [(column(1 + 2 * k), np.zeros(2)) for k in range(n)]
-    phases = []  # duration, foot before, foot after, shares of the latter
-    if lift_off is not None:
-        at = found.state.time_in_phase / 0.3
-        phases.append((lift_off, fixed(right), feet[0], (at, 1.0)))
-    for k, swing in enumerate(swings):
-        parts = [swing]
-        if k == 0:  # the push lasts for 0.1 s
-            pushed = 0.1 - (lift_off or 0.0)
-            parts = [pushed, swing - pushed]
-        phases += [(part, feet[k], feet[k], (0.0, 1.0)) for part in parts]
-        phases.append((0.03, feet[k], feet[k + 1], (0.0, 1.0)))
-    heading = np.array([math.cos(angle), math.sin(angle)])
-    M, p = np.zeros((2, size)), found.icp
-    A_sole, b_sole = halves(found.model.sole)
-    rows, bounds, time, at = [], [], 0.0, 1 + 2 * n
-    for duration, (M0, p0), (M1, p1), (first, last) in phases:
-        dt = duration / ticks
-        for tick in range(ticks):
-            share = first + (last - first) * (tick + 0.5) / ticks
-            cop = (1.0 - share) * M0 + share * M1 + column(at)
-            rows.append(A_sole @ column(at))
-            bounds.append(b_sole)
-            grown = math.exp(w * dt)
-            M = grown * M + (1.0 - grown) * cop
-            p = grown * p + (1.0 - grown) * ((1.0 - share) * p0 + share * p1)
-            if time < 0.1 - 1e-9:
-                M[:, 0] += (grown - 1.0) / w**2 * heading / 0.1
-            time, at = time + dt, at + 2
-    rows.append(A_sole @ (M - feet[-1][0]))
-    bounds.append(b_sole - A_sole @ (p - feet[-1][1]))
-    turns = np.arange(64) * math.tau / 64
-    circle = np.column_stack([np.cos(turns), np.sin(turns)])
-    before = [fixed(right), *feet]
-    for k, (name, swing) in enumerate(zip(regions, swings, strict=True)):
-        side = [1.0, -1.0] if k % 2 == 0 else [1.0, 1.0]
-        reach = halves(step_regions(found.model.reach, True)[name] * side)
-        disc = circle, np.full(64, SPEED * swing)
-        for (A, b), (M0, p0) in ((reach, feet[k]), (disc, before[k])):
-            rows.append(A @ (feet[k + 1][0] - M0))
-            bounds.append(b + A @ (p0 - feet[k + 1][1]))
-    result = linprog(
-        -np.eye(1, size)[0],
-        np.vstack(rows),
-        np.concatenate(bounds),
-        bounds=(None, None),
-    )
-    return -result.fun if result.success else -math.inf
-
-
-NAMES = ("base", "forward", "backward")
-
-
-@pytest.mark.parametrize(
-    "phase, at, on, direction",
-    [
-        (walking.Phase.SWING, 0.25, ALL, 40),
-        (walking.Phase.SWING, 0.25, ALL, 285),
-        (walking.Phase.SWING, 0.6, UNCROSSED, 180),
-        (walking.Phase.TRANSFER, 0.5, ALL, 330),
-    ],
-)
-def test_no_other_times_capture_more(phase, at, on, direction):
-    """Oracle: every region of two steps, and times at random, tick by tick.
-
-    To 0.5 % for the discs, of 64 sides instead of 32, and for the ticks.
-    """
-    found = limit(robot(), on, at, phase, num_steps=2)
-    best = found.largest_push(direction)
-    waiting = 0.03 - at * 0.3 if phase is walking.Phase.TRANSFER else None
-    lift_off = None if waiting is None else max(waiting, 0.0)
-    earliest = 0.35 if lift_off is not None else max(0.35 - at * 0.7, 0.28 / 3)
-    names = NAMES if on.cross_over else NAMES[:1]
-
-    def value(swings):
-        return max(
-            best_by_ticks(found, math.radians(direction), swings, r, lift_off)
-            for r in itertools.product(names, repeat=2)
-        )
-
-    first, second = best.landings
-    begin = lift_off or 0.0
-    same = value((first - begin, second - first - 0.03))
-    assert same == pytest.approx(best.delta_v, rel=5e-3)
-    rng = np.random.default_rng(direction)
-    for waits in rng.exponential(0.1, size=(4, 2)):
-        assert value(np.array([earliest, 0.35]) + waits) < 1.01 * best.delta_v
-
-
 @pytest.mark.parametrize("angle", [20, 250])
 def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     """Oracle: the largest pushes, and the ICP that has the same future.
@@ -248,20 +130,38 @@ def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     assert {0, 1, LOST} <= told
 
 
-def test_the_farthest_icp_of_one_step_is_a_closed_form():
-    """Oracle: 1-D, by hand: e^wt (x - toes) + toes - half a sole = the tip.
+@pytest.mark.parametrize(
+    ("phase", "at", "rest", "swing", "load"),
+    [
+        (walking.Phase.SWING, 0.25, 0.0, 0.75 * 0.7, 0.3),
+        (walking.Phase.TRANSFER, 0.5, 0.0, 0.7, 0.03),
+        (walking.Phase.TRANSFER, 0.05, 0.015, 0.7, 0.03),
+    ],
+)
+def test_the_farthest_icp_of_one_step_is_a_closed_form(
+    phase, at, rest, swing, load
+):
+    """Oracle: by hand: e^wt (x - corner) + corner - the sole's = the tip.
 
     The base region ends 1 m ahead and 0.25 m to the side of the stance foot;
-    the load is 0.3 s late, and goes on to the toes of the new foot.
+    the `load` [s] goes on to the same corner of the new foot.  In the `rest`
+    [s] of a transfer, it leaves the trailing foot.
     """
-    found = limit(robot(speed=math.inf), MECHANISMS["step"], num_steps=1)
-    w, toes = found.model.omega, np.array([0.125, 0.0])
-    loading = -math.expm1(-0.3 * w) / (0.3 * w)
-    step = np.array([1.0, -0.25])
-    present = math.exp(-0.75 * 0.7 * w) * loading * step + toes
+    on = replace(MECHANISMS["step"], transfer=phase is walking.Phase.TRANSFER)
+    found = limit(robot(speed=math.inf), on, at, phase, num_steps=1)
+    w, corner = found.model.omega, np.array([0.125, 0.06])
+    loading, step = -math.expm1(-load * w) / (load * w), np.array([1.0, -0.25])
+    present = math.exp(-(rest + swing) * w) * loading * step + corner
+    if rest > 0.0:
+        behind = 1.0 + math.expm1(-rest * w) / (rest * w)
+        present += (1.0 - at) * behind * np.array([0.0, -0.25])
     left = FEET[walking.Side.LEFT].p_WF[:2]
-    for beyond, expected in (-1e-3, 1), (1e-3, LOST):
-        icp = left + present + [beyond, 0.0]
+    for beyond, expected in (
+        ([-1e-3, -1e-3], 1),
+        ([1e-3, -1e-3], LOST),
+        ([-1e-3, 2e-3], LOST),
+    ):
+        icp = left + present + beyond
         assert replace(found, icp=icp).least_steps() == expected
 
 

@@ -49,9 +49,3 @@ def test_no_more_than_is_needed_for_the_widest_foot():
     """
     reach = load_robot("g1").point_mass.reach
     assert reach.width_min == pytest.approx(0.07 + 0.02 * 0.69 / 0.88, abs=2e-4)
-
-
-def test_ideal_feet_may_pass_through_each_other():
-    """Oracle: the paper's least width, and the default clearance."""
-    model = load_robot("nadia", "ideal").point_mass
-    assert model.reach.width_min == 0.125 and model.sole_clearance == 0.0

@@ -18,7 +18,6 @@ from nadia_balance.core.steps.swing_geometry import (
     swing_geometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems import capture_region_step_adjuster
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
 )
@@ -33,7 +32,6 @@ OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 
 IN_PLACE = swing(length=0.0)
 IN_AIR = walking.WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
-FORWARD = replace(IN_AIR, schedule=swing(length=0.3))
 NEAR = walking.FootPose([0.03, -0.15, 0.0])
 
 
@@ -131,38 +129,3 @@ def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
     found = drawn(adjuster, context)
     assert isinstance(found, CaptureRegions)
     assert (found.regions, found.nominal, found.adjusted) == ((), None, None)
-
-
-def test_makes_the_geometry_of_a_swing_once(adjuster, monkeypatch):
-    """Oracle: the count, while clock, ICP and adjusted foothold change.
-
-    What is kept changes no output: a fresh context gives the same.
-    """
-    made, context, state = [], asked(adjuster), IN_AIR
-
-    def counting(schedule, *args):
-        made.append(schedule)
-        return swing_geometry(schedule, *args)
-
-    monkeypatch.setattr(
-        capture_region_step_adjuster, "swing_geometry", counting
-    )
-    for k in range(5):
-        icp = OUT - [0.03 * k, 0.0]
-        fix(adjuster, context, walking_state=state, alip_icp=icp)
-        found = adjustment(adjuster, context)
-        drawn(adjuster, context)
-        assert found.moved
-        step, *later = state.schedule.footsteps
-        steps = (replace(step, pose=found.pose), *later)
-        schedule = replace(state.schedule, footsteps=steps)
-        time = state.time_in_phase + PERIOD
-        state = replace(
-            state, schedule=schedule, adjustment=found, time_in_phase=time
-        )
-    assert len(made) == 1
-    fix(adjuster, context, walking_state=FORWARD)
-    found = adjustment(adjuster, context)
-    assert len(made) == 2
-    fresh = asked(adjuster, walking_state=FORWARD, alip_icp=icp)
-    assert adjustment(adjuster, fresh) == found

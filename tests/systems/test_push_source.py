@@ -126,7 +126,6 @@ def walking(*skips):
     ("at", "skips", "tick"),
     [
         ("right swing 25 %", [], 88),
-        ("right swing 100 %", [], 349),
         ("left transfer 100 %", [], 499),
         ("left swing 100 %", [], 849),
         # 40 / 0.7 % of 0.7 s are 0.4 s: the clock jumps over it, to a later
@@ -150,18 +149,6 @@ def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():
     push = Push(force=1.0, at="right swing 90 %")
     force = run([push], 200, walking((0.3, 1.0)))[160]
     assert force == pytest.approx([math.cos(YAW), math.sin(YAW), 0.0])
-
-
-@pytest.mark.parametrize(
-    ("degrees", "left_foot_frame"), [(0, (1, 0)), (-90, (0, -1))]
-)
-def test_the_direction_is_that_of_the_support_foot(degrees, left_foot_frame):
-    """Oracle: rotation of the left foot, times m dv / dt."""
-    push = Push(delta_v=0.5, at="0.0 s", direction_deg=degrees)
-    force = run([push], 1)[0]
-    expected = 90.0 * 0.5 / 0.1 * FEET.left.rotation @ left_foot_frame
-    assert force[:2] == pytest.approx(expected, abs=1e-10)
-    assert force[2] == 0.0
 
 
 def test_pushes_that_overlap_add_up():
@@ -192,34 +179,8 @@ def test_each_click_is_one_push_with_the_sliders_as_they_were():
         assert forces[k : k + 50] == pytest.approx(np.tile(expected, (50, 1)))
 
 
-def test_each_live_push_has_its_number_and_its_size_while_others_act():
-    """Oracle: by hand: the one that began last, with its own force."""
-    scripted = Push(delta_v=0.45, at="0.02 s", duration=0.2)
-    source = PushSource([scripted], MASS, PERIOD)
-    simulator, context = running(source)
-    fix(source, context, walking_state=RIGHT_SWING)
-    for ticks, live, number, delta_v in [
-        (15, [0, 0.3, 90.0], 1, 0.45),
-        (25, [1, 0.3, 90.0], 2, 0.3),
-        (40, [2, 0.1, 90.0], 3, 0.1),
-        (100, [2, 0.1, 90.0], 1, 0.45),
-        (130, [2, 0.1, 90.0], 0, 0.0),
-    ]:
-        fix(source, context, live_push=[*live, 0.1])
-        simulator.AdvanceTo((ticks + 0.5) * PERIOD)
-        signal = signal_of(source, context)
-        assert (signal.number, signal.delta_v) == pytest.approx(
-            (number, delta_v)
-        )
-        newtons = MASS * delta_v / (0.2 if number == 1 else 0.1)
-        assert np.linalg.norm(signal.force) == pytest.approx(newtons)
-
-
-@pytest.mark.parametrize("body", ["", "base", "live"])
-def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
-    """Oracle: Newton; the force is constant, so rounding only."""
-    push = Push(body=body, delta_v=0.5, at="0.05 s", direction_deg=90.0)
-    pushes = [] if body == "live" else [push]
+def pushed_body(pushes, time, live=(0.0, 0.0, 0.0, 0.1)):
+    """The plant of a free body that was pushed, and its context at `time`."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(free_body())
     source = builder.AddSystem(
@@ -227,15 +188,24 @@ def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     )
     assert not source.HasAnyDirectFeedthrough()
     connect(builder, source, plant, spatial_forces="applied_spatial_force")
-    builder.ExportInput(source.GetInputPort("walking_state"), "walking_state")
-    builder.ExportInput(source.GetInputPort("live_push"), "live_push")
-    diagram = builder.Build()
-    simulator, root = running(diagram, walking_state=RIGHT_SWING)
-    if not pushes:
-        fix(diagram, root, live_push=[1.0, 0.5, 90.0, 0.1])
-    simulator.AdvanceTo(0.3)
+    for name in "walking_state", "live_push":
+        builder.ExportInput(source.GetInputPort(name), name)
+    inputs = {"walking_state": RIGHT_SWING, "live_push": live}
+    simulator, root = running(builder.Build(), **inputs)
+    simulator.AdvanceTo(time)
+    return plant, plant.GetMyContextFromRoot(root)
+
+
+@pytest.mark.parametrize("body", ["", "base", "live"])
+def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
+    """Oracle: Newton; the force is constant, so rounding only."""
+    push = Push(body=body, delta_v=0.5, at="0.05 s", direction_deg=90.0)
+    if body == "live":
+        plant, context = pushed_body([], 0.3, live=(1.0, 0.5, 90.0, 0.1))
+    else:
+        plant, context = pushed_body([push], 0.3)
     v_WB = plant.EvalBodySpatialVelocityInWorld(
-        plant.GetMyContextFromRoot(root), plant.GetBodyByName("base")
+        context, plant.GetBodyByName("base")
     )
     expected = 0.5 * np.array([-math.sin(YAW), math.cos(YAW), 0.0])
     assert v_WB.translational() == pytest.approx(expected, abs=1e-12)
@@ -247,18 +217,9 @@ def test_a_push_at_a_point_turns_the_body():
     """Oracle: angular momentum; in one tick the body hardly moves."""
     point = [0.0, 0.1, 0.5]
     push = Push(force=40.0, at="0 s", duration=PERIOD, point=point)
-    builder = DiagramBuilder()
-    plant = builder.AddSystem(free_body())
-    source = builder.AddSystem(
-        PushSource([push], MASS, PERIOD, plant, base_body="base")
-    )
-    connect(builder, source, plant, spatial_forces="applied_spatial_force")
-    builder.ExportInput(source.GetInputPort("walking_state"), "walking_state")
-    simulator, root = running(builder.Build(), walking_state=RIGHT_SWING)
-    simulator.AdvanceTo(5.0 * PERIOD)
+    plant, context = pushed_body([push], 5.0 * PERIOD)
     H = plant.CalcSpatialMomentumInWorldAboutPoint(
-        context := plant.GetMyContextFromRoot(root),
-        plant.CalcCenterOfMassPositionInWorld(context),
+        context, plant.CalcCenterOfMassPositionInWorld(context)
     )
     impulse = 40.0 * PERIOD * np.array([math.cos(YAW), math.sin(YAW), 0.0])
     turn = np.cross(point - P_BoBcm_B, impulse)
@@ -266,27 +227,32 @@ def test_a_push_at_a_point_turns_the_body():
 
 
 def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
-    """Oracle: by hand; in ticks 10 to 59, 100 to 104, and one that never is."""
+    """Oracle: by hand; scripted in ticks 10 to 59, 100 to 104, and never.
+
+    A click in tick 31 lasts for 50 ticks; what began last is told.
+    """
     pushes = [
         Push(delta_v=0.4, at="0.02 s"),
         Push(force=90.0, at="0.2 s", duration=0.01, direction_deg=90.0),
         Push(force=1.0, at="left swing 50 %"),
     ]
     source = PushSource(pushes, MASS, PERIOD)
-    expected = [
-        (5.5, 0, 0.0, 3),
-        (30.5, 1, 0.4, 3),
-        (70.5, 0, 0.0, 2),
-        (102.5, 2, 90.0 * 0.01 / MASS, 2),
-        (110.5, 0, 0.0, 1),
-    ]
-    for ticks, number, delta_v, waiting in expected:
-        context = advanced(source, ticks)
+    simulator, context = running(source, walking_state=RIGHT_SWING)
+    for ticks, clicks, number, newtons, duration, waiting in [
+        (5, 0, 0, 0.0, 0.0, 3),
+        (30, 0, 1, MASS * 0.4 / 0.1, 0.1, 3),
+        (45, 1, 4, MASS * 0.3 / 0.1, 0.1, 3),
+        (70, 1, 4, MASS * 0.3 / 0.1, 0.1, 2),
+        (90, 1, 0, 0.0, 0.0, 2),
+        (102, 1, 2, 90.0, 0.01, 2),
+        (110, 1, 0, 0.0, 0.0, 1),
+    ]:
+        fix(source, context, live_push=[clicks, 0.3, 90.0, 0.1])
+        simulator.AdvanceTo((ticks + 0.5) * PERIOD)
         signal = signal_of(source, context)
         assert (signal.number, signal.waiting) == (number, waiting)
-        assert signal.delta_v == pytest.approx(delta_v)
-        force = answer(source, context, "push_force")
-        assert np.array_equal(signal.force, force)
+        assert signal.delta_v == pytest.approx(newtons * duration / MASS)
+        assert np.linalg.norm(signal.force) == pytest.approx(newtons)
 
 
 def test_copies_of_one_context_can_be_pushed_in_different_ways():
@@ -311,7 +277,7 @@ def test_copies_of_one_context_can_be_pushed_in_different_ways():
     ("field", "value"),
     [
         *(("duration", 0.0015), ("delay", 0.001), ("body", "tail")),
-        *(("force", -1.0), ("point", [0.0, 1.0]), ("point", [0.0, 0.0, 9.0])),
+        *(("point", [0.0, 1.0]), ("point", [0.0, 0.0, 9.0])),
     ],
 )
 def test_refuses_bad_pushes(field, value):

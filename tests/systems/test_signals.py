@@ -25,15 +25,6 @@ def test_a_part_has_the_entries_of_its_name(view):
             assert getattr(signal, part).tolist() == named
 
 
-@pytest.mark.parametrize("view", [signals.ComState, signals.SwingFootReference])
-def test_motions_have_their_letters(view):
-    signal = view(np.arange(signals.size(view)))
-    for part, d in ("position", ""), ("velocity", "v"), ("acceleration", "a"):
-        if part != "acceleration" or view is signals.SwingFootReference:
-            named = [getattr(signal, d + axis) for axis in "xyz"]
-            assert getattr(signal, part).tolist() == named
-
-
 def test_a_failed_qp_is_counted():
     """Oracle: by hand; the count stays when a QP is solved."""
     status = signals.QpStatus(np.zeros(signals.size(signals.QpStatus)))

@@ -75,19 +75,6 @@ def test_a_lead_takes_the_positions_ahead():
     assert found[NQ:].tolist() == v.tolist()
 
 
-@pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_a_state_that_is_not_finite_is_an_error_that_names_it(value):
-    """Oracle: the message names system, port, coordinate and value."""
-    predictor = StatePredictor(NADIA["realistic"], PERIOD)
-    predictor.set_name("predictor")
-    state = random_state(0, 5.0)
-    state[6] = value
-    context = asked(predictor, estimated_state=state)
-    message = f"predictor: .*'estimated_state' is not finite: .*_z = {value}"
-    with pytest.raises(RuntimeError, match=message):
-        answer(predictor, context, "predicted_state")
-
-
 def test_a_walking_robot_is_where_it_is_predicted():
     """Oracle: the plant's state; without prediction the error is larger."""
     text = f"{{imperfections: {{delay: 0.012}}, {SOON % 'right'}}}"

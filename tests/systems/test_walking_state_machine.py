@@ -9,11 +9,10 @@ from nadia_balance.core.plan.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.core.steps.foothold_adjustment import unadjusted
 from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 from nadia_balance.systems.walking_state_machine import WalkingStateMachine
-from tests.blocks import answer, asked, fix, running
+from tests.blocks import answer, fix, running
 from tests.example_walks import FEET, MODEL, walk
 
 PERIOD = 0.002
@@ -41,11 +40,15 @@ def walking_state(machine, context):
     return answer(machine, context, "walking_state")
 
 
-@pytest.mark.parametrize("time", [0.1, 0.3 - PERIOD])
-def test_advances_once_a_period(time):
+@pytest.mark.parametrize(
+    ("time", "gain"), [(0.1, None), (0.1, 0.05), (0.3 - PERIOD, None)]
+)
+def test_advances_once_a_period(time, gain):
     """Oracle: the core function, within a phase and at its end."""
     state = WalkingState(walk(), time)
     machine, simulator, context = machine_in(state)
+    if gain is not None:
+        fix(machine, context, time_adjustment=[gain, 0.2])
     assert walking_state(machine, context) is state
     simulator.AdvanceTo(0.5 * PERIOD)
     expected = StateMachine(PARAMS, MODEL, PERIOD).advance(
@@ -54,6 +57,7 @@ def test_advances_once_a_period(time):
         FEET,
         FORCES / (MODEL.mass * GRAVITY),
         ICP,
+        time_gain=gain or 0.0,
     )
     now = walking_state(machine, context)
     assert now.time_in_phase == expected.time_in_phase
@@ -61,15 +65,6 @@ def test_advances_once_a_period(time):
     assert now.schedule.footsteps == expected.schedule.footsteps
     simulator.AdvanceTo(0.9 * PERIOD)
     assert walking_state(machine, context) is now
-
-
-def test_stands_unless_it_is_told_how_to_start():
-    """Oracle: no steps, the feet as far apart as the model's."""
-    machine = WalkingStateMachine(PARAMS, MODEL, PERIOD)
-    schedule = walking_state(machine, asked(machine)).schedule
-    assert (schedule.phase, schedule.footsteps) == (Phase.STANDING, ())
-    width = schedule.feet.left.p_WF - schedule.feet.right.p_WF
-    assert width == pytest.approx([0.0, MODEL.step_width, 0.0])
 
 
 def signal_of(state):
@@ -87,32 +82,3 @@ def test_signal_says_what_the_state_says():
     assert found.left == pytest.approx([0.0, 0.125, 0.0])
     assert found.right == pytest.approx([0.0, -0.125, 0.0])
     assert found.target == pytest.approx([0.3, -0.125, 0.0])
-
-
-@pytest.mark.parametrize("adjuster", ["switched off", "on"])
-def test_its_wait_ends_only_if_the_feet_may_go_elsewhere(adjuster):
-    """Oracle: the parameter; who is switched off proposes None."""
-    state = WalkingState(walk(), 0.3, 0.3)
-    machine, simulator, context = machine_in(state)
-    fix(machine, context, icp=[0.06, 0.02])
-    proposed = unadjusted(state.schedule) if adjuster == "on" else None
-    fix(machine, context, adjustment=proposed)
-    simulator.AdvanceTo(5.0 * PERIOD)
-    assert walking_state(machine, context).waiting
-    simulator.AdvanceTo(PARAMS.lift_off.max_held_wait + 2.0 * PERIOD)
-    phase = walking_state(machine, context).schedule.phase
-    assert phase is (Phase.SWING if adjuster == "on" else Phase.TRANSFER)
-    simulator.AdvanceTo(3.0 * PARAMS.lift_off.max_held_wait)
-    assert walking_state(machine, context).waiting is (adjuster != "on")
-
-
-def test_adds_the_time_adjustment_to_its_clock():
-    """Oracle: the period and 0.05 s; 0 if it is not connected."""
-    state = WalkingState(walk(), 0.1)
-    for gain in None, 0.05:
-        machine, simulator, context = machine_in(state)
-        if gain is not None:
-            fix(machine, context, time_adjustment=[gain, 0.2])
-        simulator.AdvanceTo(0.5 * PERIOD)
-        time = walking_state(machine, context).time_in_phase
-        assert time == pytest.approx(0.1 + PERIOD + (gain or 0.0), abs=1e-12)

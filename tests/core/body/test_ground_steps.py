@@ -74,12 +74,6 @@ def test_no_step_is_planned_that_rises_too_far(height):
         steps_of(num_steps=1, step=StepVector(length=0.5), ground=ground)
 
 
-def test_given_footholds_stay_where_they_are_and_get_their_height():
-    """Oracle: by hand."""
-    (step, *_) = steps_of(footholds=[Foothold(side="right", x=0.6, y=-0.15)])
-    assert step.pose.p_WF == pytest.approx([0.6, -0.15, 0.1])
-
-
 def test_steps_after_an_adjusted_one_are_on_the_regions_as_well():
     """Oracle: by hand: from where the left foot is, its stone begins at x."""
     steps = steps_of(num_steps=2, step=StepVector(length=0.5))

@@ -1,27 +1,10 @@
 """Oracles: scipy's sampled first-order lag; the torque-speed line by points."""
 
-import math
-
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
 
-from nadia_balance.core.body.joint_drives import (
-    JointDriveParams,
-    lag_share,
-    torque_limits,
-)
+from nadia_balance.core.body.joint_drives import JointDriveParams, torque_limits
 from nadia_balance.core.math.bounds import check
-
-
-@pytest.mark.parametrize("bandwidth", [5.0, 40.0, 400.0])
-def test_the_lag_is_a_first_order_one(bandwidth):
-    """Oracle: scipy, of 1 / (s / omega + 1) behind a hold of 1 ms."""
-    lag = [1.0], [1.0 / (2.0 * math.pi * bandwidth), 1.0]
-    num, den, _ = cont2discrete(lag, 0.001)
-    share = lag_share(bandwidth, 0.001)
-    assert np.ravel(num) == pytest.approx([0.0, share])
-    assert den == pytest.approx([1.0, share - 1.0])
 
 
 @pytest.mark.parametrize(

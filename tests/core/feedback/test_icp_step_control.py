@@ -27,7 +27,7 @@ from nadia_balance.core.walking.vocabulary import (
     WalkingState,
     support_polygon,
 )
-from tests.example_walks import MODEL, random_walks, standing, swing, walk
+from tests.example_walks import MODEL, random_walks, swing, walk
 
 PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
 GAIN, MIDDLE = PARAMS.feedback_gain, 0.35  # [-], of the swing [s]
@@ -153,14 +153,6 @@ def test_without_a_solution_no_foothold_moves():
     assert alone.adjustment is None
     assert found.adjustment.pose is state.schedule.footsteps[0].pose
     assert found.ecmp.tolist() == alone.ecmp.tolist()
-
-
-def test_stands_by_its_ankles():
-    """Oracle: Eq. 19 between the feet; there is no step to move."""
-    state = WalkingState(standing())
-    found = feedback(state, np.array([0.01, 0.02]))
-    assert found.ecmp == pytest.approx([0.03, 0.06], rel=1e-3)
-    assert found.adjustment.pose is state.schedule.feet.right
 
 
 @pytest.mark.parametrize("side", Side)

@@ -18,67 +18,54 @@ FOUND = SolutionResult.kSolutionFound
 DEFINITE, BOUNDED = True, False
 
 
-class Pieces:
-    """A random program as people write them.
+def program_in_pieces(seed: int, definite: bool):
+    """A random program as people write them, and its variables.
 
     Costs and constraints are of a few of the variables, at random; of one and
     the same twice, perhaps.  `definite` costs have one minimum; else it is the
-    bounds that leave a minimum, and some are equal.
+    bounds that leave a minimum, and some are equal.  Rows may be met by one
+    value only, without any force, or be there twice.
     """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 9))
+    inside, everything = rng.normal(size=n), np.arange(n)
+    program = MathematicalProgram()
+    x = program.NewContinuousVariables(n)
 
-    def __init__(self, seed: int, definite: bool):
-        self.rng = np.random.default_rng(seed)
-        self.n = int(self.rng.integers(1, 9))
-        self.inside = self.rng.normal(size=self.n)
-        self.program = MathematicalProgram()
-        self.x = self.program.NewContinuousVariables(self.n)
-        for _ in range(self.rng.integers(1, 4)):
-            self._cost(self._some(), rank=1 + definite)
-        for _ in range(self.rng.integers(0, 4)):
-            self._linear(self._some())
-        everything = np.arange(self.n)
-        if definite:
-            self._cost(everything, rank=self.n)
-        else:
-            self._bounds(everything, self.rng.exponential(size=self.n))
-        self._bounds(self._some(), 1.0)
+    def some():
+        return rng.integers(n, size=rng.integers(1, n + 1))
 
-    def _some(self):
-        return self.rng.integers(self.n, size=self.rng.integers(1, self.n + 1))
+    def add_cost(which, rank):
+        root = rng.normal(size=(rank, len(which)))
+        a, b = rng.normal(size=(2, len(which)))
+        program.AddQuadraticCost(root.T @ root, b, x[which], is_convex=True)
+        program.AddLinearCost(a, 3.0, x[which])
 
-    def _cost(self, which, rank):
-        root = self.rng.normal(size=(rank, len(which)))
-        Q, b = root.T @ root, self.rng.normal(size=len(which))
-        self.program.AddQuadraticCost(Q, b, self.x[which], is_convex=True)
-        a = self.rng.normal(size=len(which))
-        self.program.AddLinearCost(a, 3.0, self.x[which])
+    def add_bounds(which, room):
+        lower, upper = inside[which] - room, inside[which] + room
+        program.AddBoundingBoxConstraint(lower, upper, x[which])
 
-    def _linear(self, which):
-        """Rows; some are met by one value only, some are there twice."""
-        A = self.rng.normal(size=(self.rng.integers(1, 3), len(which)))
-        value = A @ self.inside[which]
-        kind = self.rng.choice(["equal", "between", "one-sided", "twice"])
-        below = np.zeros(len(A)) if kind == "equal" else self._gaps(len(A))
-        above = np.zeros(len(A)) if kind == "equal" else self._gaps(len(A))
-        if kind == "one-sided":
-            above[:] = np.inf
-        for _ in range(1 + (kind == "twice")):
-            self._add(A, value - below, value + above, which)
-
-    def _add(self, A, lower, upper, which):
-        if np.array_equal(lower, upper):
-            self.program.AddLinearEqualityConstraint(A, lower, self.x[which])
-        else:
-            self.program.AddLinearConstraint(A, lower, upper, self.x[which])
-
-    def _gaps(self, size):
-        """Distances to the bounds, some zero: met without any force."""
-        return self.rng.exponential(size=size) * (self.rng.random(size) < 0.7)
-
-    def _bounds(self, which, room):
-        which = np.unique(which)
-        lower, upper = self.inside[which] - room, self.inside[which] + room
-        self.program.AddBoundingBoxConstraint(lower, upper, self.x[which])
+    for _ in range(rng.integers(1, 4)):
+        add_cost(some(), 1 + definite)
+    for _ in range(rng.integers(0, 4)):
+        which, count = some(), int(rng.integers(1, 3))
+        A, kind = rng.normal(size=(count, len(which))), rng.integers(4)
+        value = A @ inside[which]
+        gaps = rng.exponential(size=(2, count)) * (rng.random((2, count)) < 0.7)
+        if kind == 0 or not gaps.any():
+            program.AddLinearEqualityConstraint(A, value, x[which])
+            continue
+        above = np.inf if kind == 1 else gaps[1]
+        for _ in range(kind):
+            program.AddLinearConstraint(
+                A, value - gaps[0], value + above, x[which]
+            )
+    if definite:
+        add_cost(everything, n)
+    else:
+        add_bounds(everything, rng.exponential(size=n))
+    add_bounds(np.unique(some()), 1.0)
+    return program, x
 
 
 def box(centre, most=math.inf):
@@ -98,20 +85,18 @@ def test_finds_the_optimum_of_any_convex_qp(definite):
     """
     solver = DaqpSolver()
     for seed in range(150):
-        pieces = Pieces(seed, definite)
-        result = solver.Solve(pieces.program)
+        program, x = program_in_pieces(seed, definite)
+        result = solver.Solve(program)
         assert result.is_success()
-        assert not result.GetInfeasibleConstraints(pieces.program, 1e-8)
-        best = ClarabelSolver().Solve(pieces.program, None, tight())
+        assert not result.GetInfeasibleConstraints(program, 1e-8)
+        best = ClarabelSolver().Solve(program, None, tight())
         cost = best.get_optimal_cost()
         assert result.get_optimal_cost() == pytest.approx(
             cost, rel=1e-6, abs=1e-6
         )
         if definite:
-            x, expected = (
-                found.GetSolution(pieces.x) for found in (result, best)
-            )
-            assert x == pytest.approx(expected, abs=1e-6)
+            found, expected = (each.GetSolution(x) for each in (result, best))
+            assert found == pytest.approx(expected, abs=1e-6)
 
 
 def test_fills_a_result_or_returns_one():

@@ -138,21 +138,6 @@ def test_projects_to_the_closest_point(hull, point):
     assert shape.distance(shapely.Point(projection)) < 1e-12
 
 
-@given(POLYGON, st.floats(0.0, 2.0 * math.pi), FLOAT.map(lambda x: 0.3 * x))
-def test_clips_like_shapely(hull, angle, offset):
-    """Oracle: shapely's intersection with a large square."""
-    normal = np.array([math.cos(angle), math.sin(angle)])
-    side = np.array([-normal[1], normal[0]])
-    edge = offset * normal
-    square = shapely.Polygon(
-        [edge + side, edge - side, edge - side - normal, edge + side - normal]
-    )
-    expected = shapely.Polygon(hull).intersection(square)
-    part = polygon.clip_all(hull, normal[None], np.array([offset]))
-    assert np.all(part @ normal <= offset + 1e-12)
-    assert polygon.area(part) == pytest.approx(expected.area, abs=1e-8)
-
-
 @given(POLYGON, st.floats(0.001, 0.1))
 def test_shrinks_like_shapely_or_refuses(hull, distance):
     """Oracle: shapely's inward buffer with mitred corners."""

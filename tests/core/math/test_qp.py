@@ -69,12 +69,10 @@ def dependent_rows():
     c, low, high = problem.A[-4:], problem.lower[-4:], problem.upper[-4:]
     mixed, none = np.array([1.0, -2.0, 0.5]), np.zeros((1, 41))
     return problem, {
-        "equalities again": (a, b, b),
         "equalities times -3": (-3.0 * a, -3.0 * b, -3.0 * b),
         "a mixture of equalities": (mixed @ a, mixed @ b, mixed @ b),
         "equalities as inequalities": (a, b, b + 1.0),
         "equalities, one-sided": (a, np.full(3, -np.inf), b),
-        "inequalities again": (c, low, high),
         "inequalities times 1000": (1e3 * c, 1e3 * low, 1e3 * high),
         "zero": (none, 0.0, 0.0),
         "zero between bounds": (none, -1.0, 1.0),
@@ -121,7 +119,6 @@ def contradicting_rows():
     a, b = problem.A[:3], problem.lower[:3] + 1e-3
     mixed, none = np.array([1.0, -2.0, 0.5]), np.zeros((1, 41))
     return problem, {
-        "equality": (a[:1], b[:1], b[:1]),
         "equality times -3": (-3.0 * a[:1], -3.0 * b[:1], -3.0 * b[:1]),
         "mixture of equalities": (mixed @ a, mixed @ b, mixed @ b),
         "inequality": (a[:1], b[:1], np.inf),

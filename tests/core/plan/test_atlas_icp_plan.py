@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.plan.icp_plan import reference_of
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
+from nadia_balance.core.walking.vocabulary import FootPose, WalkingState
 from tests.example_walks import (
     MODEL,
     OMEGA,
     at_rest,
-    moved,
     phases,
     random_walks,
     standing,
@@ -175,23 +174,3 @@ def test_sees_no_more_steps_than_it_previews_and_none_while_it_stands():
         short = replace(walk(num_steps=n), final_transfer_duration=0.3)
         expected = plan_of(short, params).knots.tolist()
         assert plan_of(walk(num_steps=n + 1), params).knots.tolist() == expected
-
-
-@given(random_walks(), st.floats(-3.0, 3.0))
-def test_turns_with_the_world(schedule, angle):
-    """Oracle: the same plan, turned and moved."""
-    c, s = math.cos(angle), math.sin(angle)
-    R, shift = np.array([[c, -s], [s, c]]), np.array([0.3, -0.7])
-    plan, other = plan_of(schedule), plan_of(moved(schedule, angle, shift))
-    for t in 0.0, 0.17, 0.6:
-        expected = R @ plan.at(t).icp + shift
-        assert other.at(t).icp == pytest.approx(expected, abs=1e-12)
-
-
-def test_refuses_what_is_no_plan():
-    """Oracle: the messages."""
-    schedule = replace(walk(), phase=Phase.SWING, footsteps=())
-    with pytest.raises(ValueError, match=r"footsteps = \(\): a swing"):
-        plan_of(schedule)
-    with pytest.raises(ValueError, match=r"^margin = 0.06: must leave"):
-        plan_of(walk(), replace(PARAMS, margin=0.06))

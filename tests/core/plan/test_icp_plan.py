@@ -322,22 +322,6 @@ def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
         schedule = successor(schedule, plan)
 
 
-@given(random_walks())
-def test_ends_at_rest_between_the_feet(schedule):
-    """Oracle: the middle of the last two soles; held for ever."""
-    feet = schedule.feet
-    for step in schedule.footsteps[:3]:
-        feet = feet.with_foot(step.side, step.pose)
-    middle = 0.5 * (feet.left.p_WF + feet.right.p_WF)[:2]
-    plan = plan_of(schedule)
-    for t in plan.knots[-1], plan.knots[-1] + 1.0, 1e6:
-        end = plan.at(t)
-        for point in end.icp, end.com, end.cop, end.ecmp:
-            np.testing.assert_allclose(point, middle, atol=1e-10)
-        np.testing.assert_allclose(end.icp_velocity, 0.0, atol=1e-9)
-        np.testing.assert_allclose(end.com_velocity, 0.0, atol=1e-9)
-
-
 @pytest.mark.parametrize("phase", list(walking.Phase))
 def test_a_waiting_reference_holds_the_icp(phase):
     """Oracle: the contract: at rest on two feet; the last eCMP on one."""

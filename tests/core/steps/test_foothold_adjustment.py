@@ -17,7 +17,7 @@ from nadia_balance.core.body.reachability import (
     closest_point,
 )
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.math.polygon import contains, convex_hull, shrink
+from nadia_balance.core.math.polygon import contains, convex_hull
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -39,15 +39,11 @@ from tests.core.body.test_ground import square
 from tests.example_walks import (
     ALL,
     MODEL,
-    OMEGA,
     SOLE,
     UNCROSSED,
     mirrored,
     moved,
-    phases,
-    planned,
     swing,
-    walk,
 )
 
 TICK = 0.002
@@ -179,7 +175,6 @@ def towers(base, forward, backward):
     ("shared", "expected"),
     [
         # Rule 1: base, if it shares anything ...
-        ((1.0, 0.0, 0.0), BASE),
         ((1.0, 1.9, 1.9), BASE),
         ((0.1, -1.0, -1.0), BASE),
         # ... but not if a cross-over region shares more than twice that.
@@ -304,24 +299,6 @@ def test_the_foot_goes_to_the_closest_good_foothold(push):
     nominal = shapely.Point(NOMINAL.p_WF[:2])
     expected = goal.distance(nominal)
     assert found.distance(nominal) == pytest.approx(expected, abs=1e-7)
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.3, -0.5])
-def test_the_foot_is_never_put_on_the_other_one(yaw):
-    """Oracle: shapely: the soles' distance; the point is within reach."""
-    schedule = swing(length=0.0, turn=yaw)
-    found = geometry(schedule)
-    stance = shapely.Polygon(schedule.feet.left.to_world(SOLE))
-    for push, t, scale in itertools.product(
-        PUSHES, (0.1, 0.5, 0.6), (0.5, 1.0, 2.0)
-    ):
-        icp = np.array([0.0, 0.07]) + scale * np.array(push)
-        adjustment = propose(state_at(t, schedule), icp)
-        sole = shapely.Polygon(adjustment.pose.to_world(SOLE))
-        assert sole.distance(stance) > PARAMS.sole_clearance * 0.999
-        reach = found.regions[adjustment.region]
-        p = adjustment.pose.p_WF[:2]
-        assert contains(p, reach, 1e-9) or not adjustment.moved
 
 
 @pytest.mark.parametrize("captured", ["everything", "a spot out of reach"])
@@ -604,52 +581,6 @@ def test_the_time_that_the_clock_has_gained_counts():
         assert found.pose.p_WF[0] < wanted.pose.p_WF[0]
 
 
-# On stones.
-
-STONES = (
-    square("middle", 0.0, -0.2),
-    square("ahead", 0.7, -0.2),
-    square("out", 0.3, -0.7),
-)
-TOUCHDOWN = (0.2, 0.3)
-ONE = replace(PARAMS, num_steps=1, dead_band=0.0)
-
-
-def on_stones(to, stones=STONES):
-    """A swing of the right foot, planned to (0, -0.125).
-
-    The ICP is at `to` in 0.25 s, the CoP in the stance foot.
-    """
-    stance = np.array([0.0, 0.125])
-    icp = stance + math.exp(-OMEGA * 0.25) * (np.array(to) - stance)
-    model = replace(MODEL, ground=Ground(stones, SOLE))
-    found = swing_geometry(IN_PLACE, ONE, model, UNCROSSED)
-    return Landing(found, icp, TOUCHDOWN), model.ground
-
-
-def step(to, last=None, stones=STONES):
-    """The name of the stone stepped to, and the adjustment."""
-    case, ground = on_stones(to, stones)
-    last = last or unadjusted(IN_PLACE)
-    found = adjust_foothold(last, case, ONE, TICK)
-    return ground.region_under(found.pose).name, found
-
-
-@pytest.mark.parametrize("to", [[0.2, -0.3], [0.6, -0.25], [0.3, -0.55]])
-def test_steps_to_the_nearest_foothold_deep_enough_in_the_region(to):
-    """Oracle: shapely: in C_1 by the margin, in reach, the sole on a stone."""
-    case, ground = on_stones(to)
-    _, found = step(to)
-    good = shapely.Polygon(shrink(case.one_step, ONE.margin))
-    good = good.intersection(shapely.Polygon(case.geometry.regions[BASE]))
-    holds = [shapely.Polygon(hold) for hold in ground.footholds(0.0)]
-    good = good.intersection(shapely.union_all(holds))
-    p, nominal = (shapely.Point(f.p_WF[:2]) for f in (found.pose, NOMINAL))
-    assert good.distance(p) < 1e-9
-    assert p.distance(nominal) == pytest.approx(good.distance(nominal))
-    assert holds[found.ground].distance(p) < 1e-9
-
-
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
 def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
     """Oracle: by hand: two stones meet in front of the nominal foothold.
@@ -660,55 +591,20 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
         square("left", -0.25 - shift, -0.2),
         square("right", 0.25 - shift, -0.2),
     )
-    case, ground = on_stones([0.0, -0.2], stones)
+    ground = Ground(stones, SOLE)
+    params = replace(PARAMS, num_steps=1, dead_band=0.0)
+    found = swing_geometry(
+        IN_PLACE, params, replace(MODEL, ground=ground), UNCROSSED
+    )
     everywhere = convex_hull(rectangle(2.0, 2.0))
-    case = Given(case.geometry, case.icp, TOUCHDOWN, capture_region=everywhere)
+    case = Given(found, np.zeros(2), (0.2, 0.3), capture_region=everywhere)
     for last, expected in (None, "right"), (0, kept), (1, "right"):
         current = unadjusted(IN_PLACE)
         if last is not None:
             pose = walking.FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
             current = walking.Adjustment(STEP, pose, BASE, ground=last)
-        found = adjust_foothold(current, case, ONE, TICK)
+        found = adjust_foothold(current, case, params, TICK)
         assert ground.region_under(found.pose).name == expected
-
-
-# Noise.
-
-GAITS = [
-    {"length": 0.5},
-    {"length": -0.2},
-    {"length": 0.0, "sideways": 0.1},
-    {"length": 0.0, "turn": 0.26, "transfer": 0.2, "swing": 0.6},
-]
-
-
-@pytest.mark.parametrize("gait", GAITS)
-def test_a_walk_as_planned_is_left_alone(gait):
-    """Oracle: the plan's ICP, 5 mm off to any side, and with noise.
-
-    The noise of the ICP is that of a CoM velocity of 1 mm/s.
-    """
-    rng = np.random.default_rng(6)
-
-    swings = 0
-    for schedule, plan in phases(walk(**gait), planned):
-        if schedule.phase is not walking.Phase.SWING:
-            continue
-        swings += 1
-        found = geometry(schedule)
-        for angle in np.arange(4) * 0.5 * math.pi:
-            off = 0.005 * np.array([math.cos(angle), math.sin(angle)])
-            adjustment = None
-            for t in np.arange(0.0, schedule.duration, 5 * TICK):
-                noise = rng.normal(0.0, 1e-3 / OMEGA, 2)
-                icp = plan.at(float(t)).icp + off + noise
-                state = state_at(float(t), schedule, adjustment)
-                adjustment = propose_adjustment(
-                    state, landing(state, icp, found), PARAMS, TICK
-                )
-                assert not adjustment.moved
-                assert adjustment.region == BASE
-    assert swings == 3
 
 
 # To draw.
@@ -719,17 +615,15 @@ def test_what_is_drawn_is_what_was_decided():
 
     A region that is gone with cross-over is drawn as the base region.
     """
-    adjustment = propose(state_at(0.3), OUT)
-    case = landing(state_at(0.3), OUT)
+    adjustment, case = propose(state_at(0.3), OUT), landing(state_at(0.3), OUT)
     drawn = capture_regions(case, adjustment)
     assert len(drawn.regions) == 3
-    np.testing.assert_array_equal(drawn.regions[-1], case.capture_region)
+    assert drawn.regions[-1] is case.capture_region
     for inner, outer in itertools.pairwise(drawn.regions):
         assert all(contains(vertex, outer, 1e-12) for vertex in inner)
     assert drawn.reach is GEOMETRY.regions[adjustment.region]
     assert (drawn.nominal, drawn.adjusted) == (NOMINAL, adjustment.pose)
-    for polygon in (*drawn.regions, drawn.reach):
-        assert not polygon.flags.writeable
+    assert not drawn.reach.flags.writeable
     base_only = replace(GEOMETRY, regions={BASE: GEOMETRY.regions[BASE]})
     gone = replace(adjustment, region=FORWARD)
     drawn = capture_regions(landing(state_at(0.3), OUT, base_only), gone)

@@ -5,13 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapely.geometry import Point, Polygon
 
-from nadia_balance.core.body.reachability import (
-    BACKWARD,
-    FORWARD,
-    cross_over_region,
-)
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.steps.swing_foot import (
     FootMotion,
@@ -237,66 +231,14 @@ def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     assert v.min() > -1.5 * PARAMS.touchdown_velocity
 
 
-@pytest.mark.parametrize("lost", [0.1, 0.28])
-@pytest.mark.parametrize("at", [0.02, 0.1, 0.3])
-def test_a_hurried_foot_goes_neither_too_high_nor_below_the_ground(at, lost):
-    """Oracle: the parameter; three times the peak of the shortest swing.
-
-    A swing of 0.35 s goes up or down by the height in half of it.
-    """
-    states = [swing_state(t) for t in times() if t <= at]
-    states += [swing_state(t, gained=lost) for t in times() if t > at + lost]
-    path = follow(states)
-    z, acceleration = path[:, 0, 2], path[:, 2, 2]
-    assert -1e-4 < z.min() <= z.max() < PARAMS.height + 1e-3
-    peak = 5.77 * PARAMS.height / (0.5 * 0.35) ** 2
-    assert np.abs(acceleration).max() < 3.0 * peak
-
-
 def gap(points):
     """Between soles without yaw, the other one in the origin, (n,) [m]."""
     apart = np.abs(points) - [0.25, 0.12]
     return np.hypot(*np.maximum(apart, 0.0).T)
 
 
-def footholds_across(region, spacing=0.2):
-    """Footholds (n, 2) of a cross-over region off the stance foot.
-
-    For the right foot, which comes from y < 0, beside a sole in the origin.
-    """
-    vertices = cross_over_region(MODEL.reach, region)
-    grid = np.arange(-1.0, 1.0, spacing)
-    points = np.array([[x, y] for x in grid for y in grid])
-    inside = [Polygon(vertices).covers(Point(p)) for p in points]
-    points = points[inside] * [1.0, -1.0]
-    return points[
-        (gap(points) > 0.005) & (np.linalg.norm(points, axis=1) < 0.7)
-    ]
-
-
 # What is kept free, less what the way cuts off the corners.
 FREE = min(DETOUR.ahead - 0.25, DETOUR.beside - 0.12) - 2e-3
-
-
-@pytest.mark.parametrize(
-    ("region", "back", "duration"),
-    [(FORWARD, False, 0.4), (BACKWARD, False, 0.7), (FORWARD, True, 0.7)],
-)
-def test_crossing_feet_stay_clear_of_each_other(region, back, duration):
-    """Oracle: the distance of two rectangles, to each foothold and back."""
-    holds = footholds_across(region)
-    assert len(holds) > 3
-    for hold in holds:
-        start, goal = (hold, NOMINAL) if back else (NOMINAL, hold)
-        path = follow(
-            [
-                crossing(t, goal, start, duration=duration)
-                for t in times(duration)
-            ]
-        )
-        least = min(gap(hold[None])[0], FREE)
-        assert gap(path[:, 0, :2]).min() >= least - 1e-4
-        assert path[-2, 0, :2] == pytest.approx(goal, abs=1e-3)
 
 
 def retargeted(rng):

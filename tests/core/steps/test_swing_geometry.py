@@ -8,12 +8,7 @@ import pytest
 import shapely
 
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.body.reachability import (
-    BASE,
-    FORWARD,
-    in_world,
-    total_region,
-)
+from nadia_balance.core.body.reachability import BASE, in_world, total_region
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import contains, convex_hull
@@ -105,20 +100,6 @@ def test_a_foothold_is_blocked_where_the_soles_would_meet(yaw):
             assert outside or gap < clearance * math.sqrt(2.0) * 1.01
         blocked += found.blocked(p)
     assert 50 < blocked < 300
-
-
-def test_the_free_parts_are_what_is_not_blocked():
-    """Oracle: shapely: the polygon without the blocked footholds."""
-    found = geometry(swing(length=0.0, num_steps=1))
-    region = found.regions[FORWARD]
-    parts = [shapely.Polygon(part) for part in found.free_parts(region)]
-    # Blocked: |x| < 0.255 and y > 0 (the swing side is below 0).
-    strip = shapely.box(-0.255, -0.0, 0.255, 9.0)
-    expected = shapely.Polygon(region).difference(strip)
-    assert shapely.union_all(parts).symmetric_difference(
-        expected
-    ).area == pytest.approx(0.0, abs=1e-9)
-    assert len(parts) == 2  # nothing is behind the foot
 
 
 def test_the_key_changes_with_all_that_the_geometry_depends_on():
@@ -213,17 +194,6 @@ def test_a_place_is_where_the_sole_is_on_the_region_and_in_reach():
             assert any(ours) == (good and contains(p, reach))
             inside[k] += any(ours)
     assert min(inside) > 20
-
-
-@pytest.mark.parametrize("up", [-0.30, -0.20, 0.20, 0.30])
-def test_a_step_rises_no_farther_than_the_legs_allow(up):
-    """Oracle: by hand: 0.25 m up or down from the stance foot, at 0.4 m."""
-    stone = square("stone", 0.3, -0.3, side=0.9, height=0.4 + up)
-    found = on_ground((stone,), raised(swing(), 0.4), UNCROSSED)
-    assert bool(found.places) == (abs(up) < 0.25)
-    foot = found.foot_at(np.array([0.3, -0.3]), FootPose())
-    assert foot.p_WF[2] == pytest.approx(0.4 + up)
-    assert found.allows(foot) == (abs(up) < 0.25)
 
 
 def test_allows_feet_on_the_ground_side_by_side():

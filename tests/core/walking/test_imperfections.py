@@ -10,8 +10,7 @@ from nadia_balance.core.walking.imperfections import Imperfections
     ("given", "noisy"),
     [
         ({}, False),
-        ({"friction_ratio": 0.5, "torso_mass_ratio": 1.1}, False),
-        ({"delay": 0.01}, False),
+        ({"friction_ratio": 0.5, "delay": 0.01}, False),
         ({"pelvis_speed_noise": 0.01}, True),
     ],
 )

@@ -1,10 +1,8 @@
 """Oracles: hand-computed frames; shapely."""
 
 import copy
-import importlib
 import math
-import pkgutil
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 from shapely import affinity
 
-from nadia_balance import core
 from nadia_balance.core.walking import vocabulary as walking
 from tests.example_walks import SOLE, random_walks
 
@@ -64,34 +61,6 @@ def test_legs_are_crossed_beyond_the_centre_line(support, yaw):
 def test_clones_share_the_value(value):
     """Oracle: identity; numpy would make the copies writeable again."""
     assert copy.deepcopy(value) is value
-
-
-def dataclasses_of_core():
-    """All that there are in nadia_balance.core, by name."""
-    for info in pkgutil.walk_packages(core.__path__, f"{core.__name__}."):
-        module = importlib.import_module(info.name)
-        for name, value in vars(module).items():
-            if isinstance(value, type) and is_dataclass(value):
-                yield name, value
-
-
-def test_what_holds_arrays_is_not_compared_by_them():
-    """Oracle: the annotations; the == of arrays is no answer, but an error.
-
-    A FootPose compares its position by values, in an __eq__ of its own.
-    """
-    holders = {
-        name
-        for name, value in dataclasses_of_core()
-        if any("array" in str(item.type).lower() for item in fields(value))
-    }
-    compared = {
-        name
-        for name, value in dataclasses_of_core()
-        if value.__eq__ is not object.__eq__
-    }
-    assert {"FootPose", "SwingGeometry", "IcpPlan"} <= holders
-    assert holders & compared == {"FootPose"}
 
 
 def test_a_time_is_a_number_of_ticks_to_the_nearest():

@@ -112,6 +112,14 @@ def test_keeps_to_the_torque_limits():
     assert used.max() == pytest.approx(1.0, abs=1e-6)
 
 
+def knee_at(speed: float):
+    """Nadia stands on its right foot; its left knee bends at `speed`."""
+    state = standing_state()
+    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    state[30 + knee] = speed
+    return knee, terms_at(state)
+
+
 def test_joints_brake_before_their_limits():
     """Oracle: the position that the horizon leads to, by hand.
 
@@ -120,28 +128,16 @@ def test_joints_brake_before_their_limits():
     params = WholeBodyQpParams(
         swing_position_weight=0.0, swing_height_weight=0.0
     )
-    state, horizon = standing_state(), params.joint_limit_horizon
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    state[30 + knee] = -3.0  # straightens, and fast
-    lowest = state[knee + 1] - 0.005
-    qp = WholeBodyQp(params, model(LEFT_KNEE_Y=lowest), PERIOD)
-    terms = terms_at(state)
-    found = qp.solve(terms, command(terms, (False, True)))
-    ahead = state[knee + 1] + horizon * (-3.0)
-    ahead += 0.5 * horizon**2 * found.vdot[knee]
-    assert ahead == pytest.approx(lowest, abs=1e-9)
-    free = WholeBodyQp(params, model(), PERIOD).solve(
-        terms, command(terms, (False, True))
+    knee, terms = knee_at(-3.0)  # straightens, and fast
+    angle, horizon = standing_state()[knee + 1], params.joint_limit_horizon
+    wish, lowest = command(terms, (False, True)), angle - 0.005
+    found, free = (
+        WholeBodyQp(params, body, PERIOD).solve(terms, wish).vdot[knee]
+        for body in (model(LEFT_KNEE_Y=lowest), model())
     )
-    assert free.vdot[knee] < found.vdot[knee] - 1.0
-
-
-def knee_at(speed: float):
-    """Nadia stands on its right foot; its left knee bends at `speed`."""
-    state = standing_state()
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    state[30 + knee] = speed
-    return knee, terms_at(state)
+    ahead = angle - 3.0 * horizon + 0.5 * horizon**2 * found
+    assert ahead == pytest.approx(lowest, abs=1e-9)
+    assert free < found - 1.0
 
 
 def bend(terms):
@@ -164,20 +160,6 @@ def test_keeps_to_the_torque_speed_line():
     )
     assert free.torques[knee - 6] > 200.0
     assert found.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
-
-
-def test_joints_stay_below_their_speed_limits():
-    """Oracle: the speed that the horizon leads to, by hand."""
-    params = WholeBodyQpParams(damping_ratio=0.0)
-    ideal = dataclasses.replace(model(), max_speed=np.full(23, 1e9))
-    knee, terms = knee_at(11.0)
-    found, free = (
-        WholeBodyQp(params, body, PERIOD).solve(terms, bend(terms))
-        for body in (model(), ideal)
-    )
-    ahead = 11.0 + params.speed_limit_horizon * found.vdot[knee]
-    assert ahead <= 12.0 + 1e-9
-    assert free.vdot[knee] > found.vdot[knee] + 10.0
 
 
 def test_torques_change_no_faster_than_they_may():
@@ -288,16 +270,33 @@ def test_the_trunk_stops_at_its_largest_tilt(body, yaw, tilt, rate, near):
     assert math.degrees(ahead[1]) > 25.0
 
 
-@pytest.mark.parametrize("most", [5.0, 0.5])
-@pytest.mark.parametrize("body", [TORSO, PELVIS], ids=["torso", "pelvis"])
-def test_lets_the_trunk_tilt_if_nothing_else_is_possible(body, most):
-    """Oracles: quadprog finds no solution; the optimum with a slack a row.
+def contradictions():
+    """A state, parameters and a body for which the QP has no solution.
 
-    Back by 7 degrees within 20 ms is 600 rad/s^2.
+    The knee has to bend while the soles stay; back by 7 degrees within 20 ms
+    is 600 rad/s^2.
     """
-    state = leaning(body, 0.7, (0.1, 0.18), (0.0, 0.0))
-    params = WholeBodyQpParams(max_trunk_tilt_deg=most, trunk_tilt_horizon=0.02)
-    qp, terms = WholeBodyQp(params, model(), PERIOD), terms_at(state)
+    knee, upright = knee_at(0.0)[0], standing_state()
+    bent = model(LEFT_KNEE_Y=upright[knee + 1] + 1.5)
+    yield upright, WholeBodyQpParams(), bent
+    upright_soon = WholeBodyQpParams(
+        max_trunk_tilt_deg=0.5, trunk_tilt_horizon=0.02
+    )
+    for part in TORSO, PELVIS:
+        tilted = leaning(part, 0.7, (0.1, 0.18), (0.0, 0.0))
+        yield tilted, upright_soon, model()
+
+
+@pytest.mark.parametrize(
+    ("state", "params", "body"),
+    list(contradictions()),
+    ids=["knee", "torso", "pelvis"],
+)
+def test_joints_and_trunk_yield_if_nothing_else_is_possible(
+    state, params, body
+):
+    """Oracles: quadprog finds no solution; the optimum with a slack a row."""
+    qp, terms = WholeBodyQp(params, body, PERIOD), terms_at(state)
     problem = qp.problem(terms, command(terms))
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(problem)

@@ -14,7 +14,7 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
-from tests.qp_examples import by_quadprog, with_slack
+from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -173,29 +173,6 @@ def test_a_tilted_sole_is_brought_on_its_ground(ground):
     assert turn == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
 
 
-def test_brakes_less_if_nothing_else_is_possible():
-    """Oracles: quadprog finds no solution; the optimum with a slack a row.
-
-    The knee has to bend, and the soles stay.
-    """
-    state = standing_state()
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 1.5)
-    terms = terms_at(state)
-    wish = command(terms)
-    qp = WholeBodyQp(WholeBodyQpParams(), beyond, PERIOD)
-    problem = qp.problem(terms, wish)
-    with pytest.raises(ValueError, match="inconsistent"):
-        by_quadprog(problem)
-    found = qp.solve(terms, wish)
-    assert found.qp.solved and found.qp.solves == 2
-    first = 18 + 23  # after equalities and torques
-    cost = dict.fromkeys(range(first, first + 23), 1.0)  # of joints
-    cost |= {first + 23: 100.0, first + 24: 100.0}  # of torso and pelvis
-    expected = by_quadprog(with_slack(problem, cost))[:29]
-    assert found.vdot == pytest.approx(expected, abs=1e-5)
-
-
 @pytest.mark.parametrize("speed", [6.0, 15.0, -15.0])
 def test_a_joint_s_speed_comes_before_its_position(speed):
     """Oracle: the speed 20 ms ahead is at its limit, by hand.
@@ -215,14 +192,3 @@ def test_a_joint_s_speed_comes_before_its_position(speed):
     most = 0.95 * beyond.max_speed[knee - 6]
     assert lower == pytest.approx(np.clip((most - speed) / 0.02, -500, 500))
     assert lower == pytest.approx(upper)
-
-
-def test_says_that_there_is_no_solution():
-    """Oracle: limp legs cannot press the soles down."""
-    terms = terms_at(standing_state())
-    params = WholeBodyQpParams(
-        max_effort_ratio=1e-6, min_normal_force=2e3, unloaded_force=3e3
-    )
-    found = WholeBodyQp(params, model(), PERIOD).solve(terms, command(terms))
-    assert not found.qp.solved
-    assert np.isnan(found.torques).all()

@@ -5,15 +5,15 @@ import math
 
 import numpy as np
 import pytest
-from pydrake.math import RollPitchYaw, RotationMatrix
+from pydrake.math import RotationMatrix
 
-from nadia_balance.core.whole_body.command import BASE
+from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import (
     MomentumTask,
     Motion,
-    rotation_error,
+    usual_tasks,
 )
 from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
@@ -24,7 +24,6 @@ from tests.whole_body_examples import (
     model,
     nadia,
     random_state,
-    standing_state,
     terms_at,
 )
 
@@ -32,68 +31,48 @@ STEP = 1e-6
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.2])
-def test_tasks_are_met_where_nothing_is_in_the_way(slope):
-    """Oracle: PD laws written out, with vanishing weight on all the rest.
+def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
+    """Oracle: PD laws written out, with Drake's angle and axis.
 
     The swing sole is to be tilted forward by `slope` [rad], on which it is
-    turned: Drake's angle and axis.
+    turned.
     """
-    state = standing_state()
-    state[0:4] = [math.cos(0.05), 0.0, 0.0, math.sin(0.05)]  # yaw 0.1
-    for joint in ("SPINE_X", "SPINE_Y", "SPINE_Z"):
-        plant = kinematics().plant
-        state[plant.GetJointByName(joint).position_start()] = 0.0
-    params = WholeBodyQpParams(
-        pelvis_weight=1e3,
-        torso_weight=1e3,
-        swing_position_weight=1e3,
-        swing_orientation_weight=1e3,
-        momentum_weight=0.0,
-        angular_momentum_weight=0.0,
-        posture_weight=1e-6,
-        leg_posture_weight=1e-6,
-        acceleration_weight=1e-6,
-        moment_weight=1e-6,
-        tangential_weight=1e-6,
-    )
-    terms = terms_at(state)
-    swing = np.zeros(12)
+    terms, params = terms_at(random_state(0, 2.0)), WholeBodyQpParams()
+    swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
     swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
-    swing[3:9] = [0.1, 0.2, 0.3, 1.0, 2.0, 3.0]
-    swing[9:] = [0.15, 0.4, 0.5]
     wish = command(terms, (True, False))._replace(
         swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
     )
     wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
-    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
-    acceleration = terms.rows @ np.append(found.vdot, 1.0)
-    kp, kd = params.orientation_gain, 2.0 * math.sqrt(params.orientation_gain)
-    upright = [0.0, 0.0, kp * math.sin(0.1) + kd * 0.3 + 0.4]
-    assert acceleration[-6:-3] == pytest.approx(upright, abs=2e-3)
-    turned = [0.0, 0.0, kp * math.sin(0.15) + kd * 0.4 + 0.6]
-    assert found.vdot[:3] == pytest.approx(turned, abs=2e-3)
-    kp, kd = 200.0, 2.0 * math.sqrt(200.0)
-    wanted = RotationMatrix.MakeYRotation(slope) @ RotationMatrix(
-        RollPitchYaw(0.0, 0.0, 0.15)
-    )
-    R_WF = RotationMatrix(terms.rotations[1])
-    to_go = (wanted @ R_WF.inverse()).ToAngleAxis()
-    turn = kp * math.sin(to_go.angle()) * to_go.axis()
-    turn[2] += kd * 0.4 + 0.5
-    assert acceleration[6:9] == pytest.approx(turn, abs=2e-3)
-    kp, kd = 300.0, 2.0 * math.sqrt(300.0)
-    move = swing[6:9] + kp * np.array([0.01, 0.02, 0.03]) + kd * swing[3:6]
-    assert acceleration[9:12] == pytest.approx(move, abs=2e-3)
+    _, *tasks = usual_tasks(params, model())
+    torso, pelvis, foot = (task.motion(terms, wish) for task in tasks)
 
+    def turning(gain, yaw, body, rows, slope=0.0):
+        (yaw, rate, acceleration), R = (
+            yaw,
+            RotationMatrix(terms.rotations[body]),
+        )
+        wanted = RotationMatrix.MakeYRotation(slope)
+        wanted @= RotationMatrix.MakeZRotation(yaw)
+        to_go = (wanted @ R.inverse()).ToAngleAxis()
+        error = math.sin(to_go.angle()) * to_go.axis()
+        slower = np.array([0.0, 0.0, rate]) - terms.velocities[rows]
+        forward = np.array([0.0, 0.0, acceleration])
+        return forward + gain * error + 2.0 * math.sqrt(gain) * slower
 
-@pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0])
-def test_error_turns_to_upright(yaw):
-    """Oracle: Drake's angle and axis of the same rotation."""
-    R = RollPitchYaw(0.1, -0.2, yaw + 0.15).ToRotationMatrix()
-    to_go = RotationMatrix.MakeZRotation(yaw) @ R.inverse()
-    turn = to_go.ToAngleAxis()
-    expected = math.sin(turn.angle()) * turn.axis()
-    assert rotation_error(yaw, R.matrix()) == pytest.approx(expected)
+    gain, sole = params.orientation_gain, slice(6, 9)
+    expected = turning(gain, (0.2, 0.3, 0.4), 2, TORSO)
+    assert torso.acceleration == pytest.approx(expected)
+    expected = turning(gain, (0.25, 0.4, 0.6), 3, PELVIS)
+    assert pelvis.acceleration == pytest.approx(expected)
+    expected = turning(200.0, swing[9:], 1, sole, slope)
+    assert foot.acceleration[:3] == pytest.approx(expected)
+    move = swing[6:9] + 300.0 * np.array([0.01, 0.02, 0.03])
+    slower = swing[3:6] - terms.velocities[9:12]
+    move += 2.0 * math.sqrt(300.0) * slower
+    assert foot.acceleration[3:] == pytest.approx(move)
+    for motion, rows in (torso, TORSO), (pelvis, PELVIS), (foot, slice(6, 12)):
+        assert np.array_equal(motion.rows, terms.rows[rows])
 
 
 def momentum_at(state):
