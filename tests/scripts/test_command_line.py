@@ -168,10 +168,9 @@ def test_a_present_folder_that_is_gone_is_one_line(
     assert_refused(outcome, "present folder: must exist")
 
 
-@pytest.mark.parametrize("script", ["push", "envelope"])
-def test_ctrl_c_at_the_very_start_is_no_traceback(script, tmp_path):
+def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
     """Oracle: stderr, and what the shell calls 130."""
-    outcome = ended(python("-c", INTERRUPTED_START, script, cwd=tmp_path))
+    outcome = ended(python("-c", INTERRUPTED_START, "push", cwd=tmp_path))
     assert (outcome.code, outcome.err) == (130, [])
 
 
