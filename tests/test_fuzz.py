@@ -101,13 +101,18 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
     def accept(*args):
         raise AssertionError("accepted")
 
+    def said():
+        rng = random.Random(seed)
+        argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
+        if seed % 2:
+            argv += ["--plant", "lipm"]
+        outcome = run_script(push, argv, capsys)
+        return argv, outcome, (tmp_path / "runs").exists()
+
     monkeypatch.setattr(command_line.simulation, "advance", accept)
     monkeypatch.chdir(tmp_path)
-    rng = random.Random(seed)
-    argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
-    if seed % 2:
-        argv += ["--plant", "lipm"]
-    outcome = run_script(push, argv, capsys)
+    given = f"{seed} {data()}"
+    argv, outcome, ran = run_cache.once(("tests.test_fuzz",), given, said)
     assert outcome.code == 2, (argv, outcome)
     assert len(outcome.err) == 1, (argv, outcome)
-    assert not (tmp_path / "runs").exists()
+    assert not ran

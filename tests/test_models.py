@@ -123,20 +123,17 @@ def table(text: str) -> dict[str, float]:
 MASSES = {
     "atlas": (
         174.0503,
-        "pelvis 9.509 utorso 84.409 l_uleg 8.204 r_lleg 4.515 l_foot 2.41 "
-        "r_uarm 4.386",
+        "pelvis 9.509 utorso 84.409 l_uleg 8.204 r_lleg 4.515 l_foot 2.41",
     ),
     "g1": (
         33.3411,
-        "pelvis 3.813 torso_link 6.78 head_link 1.036 left_hip_pitch_link 1.35 "
-        "right_hip_yaw_link 1.702 left_knee_link 1.932 "
-        "right_ankle_roll_link 0.608 left_wrist_pitch_link 0.48404956",
+        "pelvis 3.813 torso_link 6.78 right_hip_yaw_link 1.702 "
+        "left_knee_link 1.932 right_ankle_roll_link 0.608",
     ),
     "nadia": (
         90.8976,
         "PELVIS_LINK 19.0917 TORSO_LINK 13.5 LEFT_THIGH_LINK 10.953 "
-        "RIGHT_SHIN_LINK 5.42 LEFT_FOOT_LINK 1.75 "
-        "RIGHT_SHOULDER_PITCH_LINK 2.917",
+        "RIGHT_SHIN_LINK 5.42 LEFT_FOOT_LINK 1.75",
     ),
 }
 # Effort limits [N m] by the end of a joint's name.

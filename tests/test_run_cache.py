@@ -117,16 +117,6 @@ def test_a_spoiled_file_is_made_anew(once, spoil):
     assert [once(), once()] == [1, 1]
 
 
-def test_what_other_code_has_made_is_removed(once):
-    """Oracle: the folders."""
-    old = run_cache.folder / MODULES[0] / "0123"
-    old.mkdir(parents=True)
-    (old / "run").touch()
-    once()
-    (kept,) = old.parent.iterdir()
-    assert kept.name == run_cache.code_of(*MODULES)
-
-
 def test_who_may_have_imported_other_code_keeps_nothing(once, monkeypatch):
     """Oracle: the files are newer than the process."""
     assert once() == 0

@@ -103,24 +103,13 @@ def test_a_value_out_of_range_is_refused_by_its_name(text):
     assert str(error.value).startswith(BAD_TEXTS[text])
 
 
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [
-        (b"mine: {duration: [1\n", "malformed YAML: line 2"),
-        (b"", "malformed YAML: must be a mapping of names"),
-        (b"other: {}\n", "'mine': must be one of other"),
-    ],
-)
-def test_a_bad_file_is_refused(tmp_path, content, why):
+def test_an_unknown_name_or_a_bad_file_is_refused(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_bytes(content)
+    path.write_text("mine: {duration: [1\n")
     with pytest.raises(ValueError) as error:
         load_scenario("mine", path)
-    assert str(error.value).startswith(f"scenario_file = {path}: {why}")
-    assert "\n" not in str(error.value)
-
-
-def test_an_unknown_name_or_file_is_refused(tmp_path):
+    message = f"scenario_file = {path}: malformed YAML: line 2"
+    assert str(error.value).startswith(message)
     with pytest.raises(ValueError) as error:
         load_scenario("walk_on_water")
     message = "scenario_name = 'walk_on_water': must be one of "

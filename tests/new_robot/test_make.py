@@ -14,13 +14,10 @@ from tests.new_robot.biped import Biped
 
 # Rows: forward, left, up.
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-SIDEWAYS = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 BIPEDS = {
-    "as it should be": Biped(turned=False),
     "turned frames": Biped(seed=1),
     "knees that bend the other way": Biped(knee_sign=-1.0, seed=2),
     "a base that lies": Biped(base_axes=LYING, seed=3),
-    "a base that looks aside": Biped(base_axes=SIDEWAYS, seed=4),
     "wide toes": Biped(heel_half_width=0.03, toe_half_width=0.09),
 }
 
@@ -145,25 +142,20 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
             "continuous",
             "joint l_tilt: continuous: must be a driven",
         ),
-        ("r_knee", "revolute", "prismatic", "joint r_knee: prismatic: must"),
         ("bow", "revolute", "planar", "joint bow: planar: must be revol"),
         ("r_knee", "</joint>", "<mimic/></joint>", "joint r_knee: mimic: must"),
         ("r_hip", *NO_EFFORT, "joint r_hip: no effort limit: m"),
         ("l_roll", 'lower="-0.6"', 'lower="0.7"', "joint l_roll: lower limit"),
-        ("l_roll", '"250"', '"-1"', "joint l_roll: limit: effo"),
         ("l_knee", *BACKWARD, "joint l_knee: must bend"),
         ("l_ankle", '"-1.0"', '"0.3"', "joints l_hip, l_ankle, r"),
         ("l_shin", 'value="4', 'value="-4', "link l_shin: mass: value = '-4"),
-        ("chest", '"20.0"', '"heavy"', "link chest: mass: value = 'he"),
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
-        ("", *times("value", 1000), "mass = 6.42e+04 kg, with legs of 0.78 m"),
         ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
         ("", "package://", "package://no_", "there is no package://no_biped"),
         ("l_ankle", "-0.380*", "-0.35", "they are 0.750 and 0.780"),
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
         ("", *rod("chest", "pelvis"), "none; links in closed loops: pelvis"),
-        ("", *rod("chest", "tail"), "joint rod: link tail: must be there"),
         ("", '<joint name="waist".*?</joint>', "", "floating bases: must be"),
     ],
 )

@@ -13,31 +13,6 @@ from nadia_balance.view.scene import start_meshcat
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
-class Page:
-    """A page that has the end of a body in the text of a script."""
-
-    head, tail = '<body><script>"</body>"</script>', "</body>\n</html>\n"
-
-    def StopRecording(self):
-        pass
-
-    def PublishRecording(self):
-        pass
-
-    def StaticHtml(self):
-        return self.head + self.tail
-
-
-def test_adds_to_the_end_of_the_body_and_changes_nothing_else(tmp_path):
-    """Oracle: the page as it was."""
-    pages.write_replay(Page(), tmp_path / "replay.html", "said")
-    page = (tmp_path / "replay.html").read_text("utf-8")
-    assert page.startswith(Page.head)
-    assert page.endswith(f"said{Page.tail}")
-    added = page.removeprefix(Page.head).removesuffix(Page.tail)
-    assert added.count("<script>") == added.count("</script>") == 1
-
-
 def said_by(text):
     """What the page's script is given."""
     (found,) = re.findall(r"= (\{.*\});$", text, flags=re.MULTILINE)

@@ -6,8 +6,10 @@ import sys
 import pytest
 
 from nadia_balance.scripts import new_robot
+from tests import run_cache
 from tests.diagrams.simulated import EARLY
 from tests.new_robot.biped import Biped
+from tests.run_cache import data
 from tests.scripts.running import assert_refused, run_script
 
 
@@ -26,7 +28,12 @@ def test_an_unseen_biped_walks_by_one_command(
     """
     short = f"{{duration: 3.1, {EARLY % 'num_steps: 2'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
-    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+
+    def walked():
+        return run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+
+    modules = "tests.scripts.test_new_robot", "nadia_balance.new_robot.make"
+    outcome = run_cache.once(modules, short + data(), walked)
     assert (outcome.code, outcome.err) == (0, [])
     words = {line.partition(": ")[0] for line in outcome.out}
     assert {"guessed", "changed", "unknown"} <= words
