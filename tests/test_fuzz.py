@@ -16,6 +16,8 @@ import pytest
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
+from tests import run_cache
+from tests.run_cache import data
 from tests.scripts.running import run_script
 
 NUMBER = int(os.environ.get("BAD_INPUTS", "16"))
