@@ -1,8 +1,10 @@
 """What README.md and docs/ say of the code is true; their examples run."""
 
 import ast
+import contextlib
 import importlib
 import inspect
+import io
 import json
 import re
 import shlex
@@ -15,6 +17,7 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 import yaml
+from matplotlib import pyplot
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -41,6 +44,12 @@ PAGES = [
     *ROOT.glob("*.md"),
     *(ROOT / "docs").rglob("*.md"),
     *(ROOT / "models").glob("*.md"),
+]
+NOTEBOOK = ROOT / "docs" / "learning.ipynb"
+CELLS = [
+    cell
+    for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
+    if cell["cell_type"] == "code"
 ]
 # What a command line goes on to check.
 MAKERS = {
@@ -320,3 +329,30 @@ def test_the_source_of_each_file_of_a_model_is_told():
         for pattern in ("*/LICENSE", "*/*.csv", "*/*.urdf", "*/*.yaml")
         for path in models.glob(pattern)
     }
+
+
+def test_the_notebook_tells_what_it_promises():
+    """Oracle: its text: who recovers, and who does not."""
+    code = "\n".join("".join(cell["source"]) for cell in CELLS)
+
+    def printed() -> str:
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), pyplot.rc_context():
+            exec(code, {})
+        pyplot.close("all")
+        return said.getvalue()
+
+    modules = "docs.learning", *imports(ast.parse(code))
+    told = run_cache.once(modules, code + data(), printed)
+    alone, ours = told.split("with our adjuster")
+    assert alone.count("RECOVERED") == 2  # the point mass, and Nadia
+    assert alone.count("FELL") == 1  # with ankles and hips alone
+    assert ours.count("RECOVERED") == 1
+
+
+def test_the_stored_notebook_was_executed_and_is_small():
+    """Oracle: each code cell has its number; 300 kB."""
+    numbers = [cell["execution_count"] for cell in CELLS]
+    assert numbers == list(range(1, len(CELLS) + 1))
+    assert json.dumps(CELLS).count("RECOVERED in") == 3
+    assert NOTEBOOK.stat().st_size < 300_000

@@ -9,10 +9,14 @@ import math
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
-from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.plant import (
+    ContactResults,
+    ExternallyAppliedSpatialForceMultiplexer,
+)
 
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side
@@ -226,13 +230,21 @@ def test_another_process_gives_the_same_bits():
 def test_clicks_do_what_the_scenario_would():
     """Oracle: the bits of a run with all mechanisms and without Meshcat.
 
-    Push is clicked before 0.6 s, and the blocks see it a tick after.
+    Push is clicked before 0.6 s, and the blocks see it a tick after.  The mouse
+    acts, too, from Drake 1.57 on.
     """
     text = f"{{mechanisms: %s, duration: 1.05, {runs.SOON % 'right'}%s}}"
     meshcat = start_meshcat()[0]
     diagram = HumanoidDiagram(
         runs.scenario_of(text % ("icp_only", "")), meshcat
     )
+    sums = [
+        system.num_input_ports()
+        for system in diagram.GetSystems()
+        if isinstance(system, ExternallyAppliedSpatialForceMultiplexer)
+    ]
+    has_mouse = int(version("drake").split(".")[1]) >= 57
+    assert sums == has_mouse * [2]
     simulator = start(diagram)
     simulator.Initialize()
     for label in LABELS.values():
@@ -257,27 +269,3 @@ def test_clicks_do_what_the_scenario_would():
     assert math.dist(footholds[0], footholds[-1]) > 0.1
     hurried = np.max(np.diff(walking.time_in_phase))
     assert hurried > 1.05 * 0.002
-
-
-def test_what_is_not_finite_stops_the_robot():
-    """Oracle: it enters at 0.1 s; no torque follows from it.
-
-    It is put in where a fall is looked for, in a tick every 0.01 s or more.
-    """
-    simulator = start(runs.diagram_of())
-    diagram, context = simulator.get_system(), simulator.get_mutable_context()
-    plant_context = diagram.plant.GetMyMutableContextFromRoot(context)
-
-    def poison(_):
-        if context.get_time() >= 0.1:
-            state = plant_context.get_mutable_discrete_state_vector()
-            state[diagram.plant.num_positions() + 10] = np.inf
-        return ""
-
-    diagram.fall_reason = poison
-    run = advance(simulator, 1.0)
-    assert 0.1 <= run.simulated_time < 0.115
-    assert run.error  # of Drake's scene graph or contact solver
-    assert (run.fell_at, run.fall_reason) == (None, "")
-    assert len(run.logs["t"]) >= 25
-    assert np.all(np.isfinite(run.logs["actuation"]))

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import yaml
 
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.size import scaled
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.reach import reaches
 from tests.new_robot.biped import Biped
 
 # Rows: forward, left, up.
@@ -275,3 +278,17 @@ def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
     made = make_robot(file, tmp_path / "made", package_roots=[roots])
     guessed = made.of("guessed")
     assert guessed[3].startswith("sole 0.240 x 0.100 m, of 0.240 x 0.120 m")
+
+
+def test_stiff_ankles_keep_it_from_nadias_width(tmp_path):
+    """Oracle: whole-body inverse kinematics, beyond the reach and within.
+
+    They roll by 11 degrees only.
+    """
+    make_robot(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
+    stiff = load_robot(str(tmp_path / "made" / "robot.yaml"))
+    own = stiff.point_mass.reach
+    nadias = scaled(ReachabilityParams(), stiff.params.size)
+    assert own.length_forward < nadias.length_forward * 1.001
+    assert reaches(stiff, np.array([0.0, own.width_max]))
+    assert not reaches(stiff, np.array([0.0, nadias.width_max]))

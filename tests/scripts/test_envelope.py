@@ -1,9 +1,7 @@
 """The benchmark of a robot: what it takes, refuses, survives and leaves."""
 
 import contextlib
-import errno
 import io
-import os
 import signal
 import subprocess
 import time
@@ -209,22 +207,6 @@ def test_a_finished_sweep_needs_no_trial_and_plots_nothing_else(
     made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert made == {n: t for n, t in before.items() if n != "command.txt"}
     assert outcome.out[:-1] == said[2:-1]
-
-
-def test_results_that_cannot_be_written_are_told(
-    undisturbed, tmp_path, capsys, monkeypatch
-):
-    """Oracle: exit code 4, one line, the rows that were there."""
-
-    def fail(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    for name in TRIALS, "scenario.yaml":
-        (tmp_path / name).write_bytes((undisturbed[0] / name).read_bytes())
-    monkeypatch.setattr(envelope.report, "report_text", fail)
-    outcome = run_script(envelope, ["--plot-only", tmp_path], capsys)
-    assert (outcome.code, len(outcome.err)) == (4, 1)
-    assert rows_in(tmp_path) == rows_in(undisturbed[0])
 
 
 def test_the_published_folder_gives_the_published_tables(tmp_path, capsys):

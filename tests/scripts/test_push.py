@@ -108,7 +108,6 @@ REFUSED = [
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
     (["--live"], "no_meshcat = True: must not come with --live"),
-    (["--out", "/dev/null/x"], "out = '/dev/null/x': must be a folder"),
 ]
 
 

@@ -142,7 +142,6 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
         ("lib/scripts/envelope_sweep/report.py", False),
         ("lib/scripts/envelope_sweep/trial.py", True),
         ("lib/core/math/lipm.py", True),
-        ("lib/robot/model.py", True),
         ("lib/engines/mujoco_model.py", True),
         ("lib/diagrams/lipm.py", True),
         ("lib/models/nadia/robot.yaml", True),
