@@ -11,7 +11,7 @@ import shlex
 import subprocess
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -67,6 +67,12 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
+def once(page: str, block: str, make: Callable, more: str = ""):
+    """What comes of a block of a page; made once, see run_cache."""
+    modules = page, *MODULES, *imports(ast.parse(block))
+    return run_cache.once(modules, block + more + data(), make)
+
+
 def test_25_lines_make_a_robot_walk_and_recover():
     """Oracle: the pelvis is up, the ICP where it is planned, the push done.
 
@@ -105,8 +111,7 @@ print(json.dumps({{
             command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
         ).stdout
 
-    modules = "README", *MODULES
-    found = json.loads(run_cache.once(modules, code + data(), printed))
+    found = json.loads(once("README", block, printed, code))
     assert found["height"] == pytest.approx(found["started"], abs=0.02)
     assert found["icp"] == pytest.approx(found["planned"], abs=0.02)
     assert found["waiting"] == 0.0
@@ -149,9 +154,8 @@ def test_some_lines_more_are_uneven_ground():
         began = plant.GetPositions(plant.CreateDefaultContext())
         return (plant.GetPositions(context) - began)[4:7]
 
-    modules = "docs.diagram", *MODULES, *imports(ast.parse(block))
-    given = block + inspect.getsource(climbed) + data()
-    x, y, z = run_cache.once(modules, given, climbed)
+    source = inspect.getsource(climbed)
+    x, y, z = once("docs.diagram", block, climbed, source)
     assert x == pytest.approx(0.5 + 0.02 + 0.125, abs=0.05)
     assert y == pytest.approx(0.0, abs=0.05)
     assert z == pytest.approx(0.1, abs=0.01)
@@ -180,8 +184,7 @@ def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
             reasons.append(names["run"].fall_reason)
         return tuple(reasons)
 
-    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
-    keeps, falls = run_cache.once(modules, block + data(), executed)
+    keeps, falls = once("docs.own_blocks", block, executed)
     assert not keeps
     assert falls
 
@@ -197,8 +200,8 @@ def test_some_20_lines_are_a_task_of_ones_own():
         elbow = plant.GetJointByName("LEFT_ELBOW_Y").position_start()
         return float(log["state"][-1, elbow])
 
-    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
-    assert run_cache.once(modules, block, bent) == pytest.approx(-1.2, abs=0.02)
+    bend = once("docs.own_blocks", block, bent)
+    assert bend == pytest.approx(-1.2, abs=0.02)
 
 
 def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:
@@ -342,8 +345,7 @@ def test_the_notebook_tells_what_it_promises():
         pyplot.close("all")
         return said.getvalue()
 
-    modules = "docs.learning", *imports(ast.parse(code))
-    told = run_cache.once(modules, code + data(), printed)
+    told = once("docs.learning", code, printed)
     alone, ours = told.split("with our adjuster")
     assert alone.count("RECOVERED") == 2  # the point mass, and Nadia
     assert alone.count("FELL") == 1  # with ankles and hips alone

@@ -61,7 +61,6 @@ from nadia_balance.core.walking import vocabulary
 assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")
-assert not loaded("pydrake.all")
 """
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True

@@ -4,16 +4,12 @@ import csv
 import json
 from contextlib import redirect_stdout
 from io import StringIO
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
 
 from nadia_balance.scripts import benchmark
-from nadia_balance.scripts.benchmark import plant_alone, tick_time
+from nadia_balance.scripts.benchmark import plant_alone
 from tests.diagrams.simulated import scenario_of
 
 PERIOD = 0.004
@@ -85,39 +81,3 @@ def test_the_plant_alone_stands_where_it_was_put():
     )
     weight = plant.CalcTotalMass(context) * 9.81
     assert carried == pytest.approx(weight, rel=0.02)
-
-
-class Worker(LeafSystem):
-    """Works 4 ms for its output, 16 to update."""
-
-    def __init__(self):
-        super().__init__()
-        self.processor_time = 0.0  # [s]
-        number = self.DeclareVectorInputPort("number", 1)
-
-        def calc(context, output):
-            self.processor_time += 0.004
-            output.SetFromVector(number.Eval(context))
-
-        def update(context, state):
-            self.processor_time += 0.016
-            return EventStatus.Succeeded()
-
-        self.DeclareVectorOutputPort("output", 1, calc)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, update)
-
-
-def test_measures_the_update_of_a_controller(monkeypatch):
-    """Oracle: how long it works, in every tick; no other clock counts."""
-    builder = DiagramBuilder()
-    worker = builder.AddSystem(Worker())
-    clock = SimpleNamespace(thread_time=lambda: worker.processor_time)
-    monkeypatch.setattr(benchmark, "time", clock)
-    three = builder.AddSystem(ConstantVectorSource([3.0]))
-    builder.Connect(three.get_output_port(), worker.get_input_port())
-    builder.ExportOutput(worker.get_output_port())
-    diagram = builder.Build()
-    root = diagram.CreateDefaultContext()
-    simulator = Simulator(diagram)
-    measured = [tick_time(simulator, root) for _ in range(3)]
-    assert measured == pytest.approx([0.016] * 3)

@@ -168,9 +168,13 @@ def test_recovers_and_leaves_all_behind(tmp_path, capsys):
 
 
 def test_the_scenario_left_behind_gives_the_same_bits(tmp_path, capsys):
-    """Oracle: all arrays of the log; flags and defaults are in the file."""
+    """Oracle: all arrays of the log; flags and defaults are in the file.
+
+    The robot is not Nadia: what its size has scaled stays as it is.
+    """
     first, second = tmp_path / "first", tmp_path / "second"
     argv = [*QUICK, "--duration", 3.6, "--delta-v", 0.123456789, "--seed", 7]
+    argv += ["--robot", "g1"]
     run_script(push, [*argv, "--out", first], capsys)
     file = first / "scenario.yaml"
     argv = [*QUICK, "--scenario_file", file, "--out", second]
