@@ -49,6 +49,12 @@ def pushed(side, direction):
     )
 
 
+def once(text, make):
+    """What `make` returns of this scenario; made once, see run_cache."""
+    given = runs.all_of(runs.scenario_of(text), make.__name__)
+    return run_cache.once(("tests.diagrams.test_humanoid",), given, make)
+
+
 @pytest.mark.parametrize("text", STANDS)
 def test_stands_still_on_the_commanded_wrenches(text):
     """Oracles: gravity; the engine's contact forces about each sole centre.
@@ -56,31 +62,38 @@ def test_stands_still_on_the_commanded_wrenches(text):
     0.5 N m at 446 N move the centre of pressure by 1 mm, as much as the ICP
     may be away from its point.
     """
-    diagram = runs.diagram_of(text)
-    simulator = start(diagram)
-    run = advance(simulator, 0.8)
-    logs, found = run.logs, summarize(run, run_info(diagram.scenario, run))
+
+    def stood():
+        diagram = runs.diagram_of(text)
+        simulator = start(diagram)
+        run = advance(simulator, 0.8)
+        found = summarize(run, run_info(diagram.scenario, run))
+        plant, engine = diagram.plant, diagram.engine
+        own = engine.GetMyContextFromRoot(simulator.get_context())
+        results, state = (
+            engine.GetOutputPort(name).Eval(own)
+            for name in ("contact_results", "state")
+        )
+        context = plant.CreateDefaultContext()
+        plant.SetPositionsAndVelocities(context, state)
+        measured = []
+        for side in Side:
+            body = plant.GetBodyByName(diagram.robot.foot_bodies[side])
+            X_WF = body.EvalPoseInWorld(context)
+            p_WF = (X_WF @ diagram.robot.X_FootSole[side]).translation()
+            measured.append(measured_wrench(results, body, p_WF))
+        return run.logs, found, measured, diagram.robot.mass * GRAVITY
+
+    logs, found, measured, weight = once(text, stood)
     assert found["recovered"]
     assert found["max_icp_error_m"] < 0.001
     assert found["stance_slip_m"] < 1e-5
-    plant, engine = diagram.plant, diagram.engine
-    own = engine.GetMyContextFromRoot(simulator.get_context())
-    results, state = (
-        engine.GetOutputPort(name).Eval(own)
-        for name in ("contact_results", "state")
-    )
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
     commanded = logs["foot_wrenches"][-1].reshape(2, 6)
-    weight = diagram.robot.mass * GRAVITY
     for forces in (logs["foot_forces"][-1], commanded[:, 5]):
         assert np.sum(forces) == pytest.approx(weight, rel=1e-3)
-    for side, wrench in zip(Side, commanded, strict=True):
-        body = plant.GetBodyByName(diagram.robot.foot_bodies[side])
-        X_WF = body.EvalPoseInWorld(context) @ diagram.robot.X_FootSole[side]
-        measured = measured_wrench(results, body, X_WF.translation())
-        assert measured[:3] == pytest.approx(wrench[:3], abs=0.5)
-        assert measured[3:] == pytest.approx(wrench[3:], abs=2.0)
+    for by_engine, wrench in zip(measured, commanded, strict=True):
+        assert by_engine[:3] == pytest.approx(wrench[:3], abs=0.5)
+        assert by_engine[3:] == pytest.approx(wrench[3:], abs=2.0)
 
 
 def measured_wrench(results: ContactResults, body, p_WF) -> np.ndarray:
@@ -149,18 +162,22 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
 
     No force is at least 1 and at most -1, from 0.6 s on.
     """
-    diagram = runs.diagram_of()
-    simulator, fill = start(diagram), WholeBodyLimits.fill
-    simulator.AdvanceTo(0.6)
+    fill = WholeBodyLimits.fill
 
     def impossible(self, C, bounds, *args):
         fill(self, C, bounds, *args)
         C[-2] = C[-1]
         bounds[:, -2:] = [1.0, -np.inf], [np.inf, -1.0]
 
-    monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
-    run = advance(simulator, 3.0)
-    found = summarize(run, run_info(diagram.scenario, run))
+    def fell():
+        diagram = runs.diagram_of()
+        simulator = start(diagram)
+        simulator.AdvanceTo(0.6)
+        monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
+        run = advance(simulator, 3.0)
+        return summarize(run, run_info(diagram.scenario, run))
+
+    found = once("{}", fell)
     assert found["reason"] == "fell: pelvis too low, the controller gave up"
     assert found["max_joint_speed_ratio"] < 0.5
     assert found["max_impact_body_weights"] < 4.0
@@ -222,8 +239,7 @@ def test_another_process_gives_the_same_bits():
             text=True,
         ).stdout
 
-    given = runs.all_of(runs.scenario_of(REPEATED), "in another process")
-    output = run_cache.once(("tests.diagrams.test_humanoid",), given, printed)
+    output = once(REPEATED, printed)
     assert json.loads(output) == digest(runs.simulated(REPEATED).logs)
 
 
@@ -234,26 +250,29 @@ def test_clicks_do_what_the_scenario_would():
     acts, too, from Drake 1.57 on.
     """
     text = f"{{mechanisms: %s, duration: 1.05, {runs.SOON % 'right'}%s}}"
-    meshcat = start_meshcat()[0]
-    diagram = HumanoidDiagram(
-        runs.scenario_of(text % ("icp_only", "")), meshcat
-    )
-    sums = [
-        system.num_input_ports()
-        for system in diagram.GetSystems()
-        if isinstance(system, ExternallyAppliedSpatialForceMultiplexer)
-    ]
+
+    def run():
+        meshcat = start_meshcat()[0]
+        off = runs.scenario_of(text % ("icp_only", ""))
+        diagram = HumanoidDiagram(off, meshcat)
+        sums = [
+            system.num_input_ports()
+            for system in diagram.GetSystems()
+            if isinstance(system, ExternallyAppliedSpatialForceMultiplexer)
+        ]
+        simulator = start(diagram)
+        simulator.Initialize()
+        for label in LABELS.values():
+            click(meshcat, f"{label}: off")
+        simulator.AdvanceTo(0.59)
+        meshcat.SetSliderValue(SIZE, 0.4)
+        click(meshcat, PUSH)
+        simulator.AdvanceTo(1.05)
+        return diagram.read_logs(simulator.get_context()), sums
+
+    clicked, sums = once(text % ("icp_only", ""), run)
     has_mouse = int(version("drake").split(".")[1]) >= 57
     assert sums == has_mouse * [2]
-    simulator = start(diagram)
-    simulator.Initialize()
-    for label in LABELS.values():
-        click(meshcat, f"{label}: off")
-    simulator.AdvanceTo(0.59)
-    meshcat.SetSliderValue(SIZE, 0.4)
-    click(meshcat, PUSH)
-    simulator.AdvanceTo(1.05)
-    clicked = diagram.read_logs(simulator.get_context())
     ((when, on),) = switches(clicked)
     assert when <= 0.02
     assert on == list(LABELS)
