@@ -230,11 +230,6 @@ REFUSED = [
     (["--replicas", "1.5"], "argument --replicas"),
     (["--workers", "0"], "workers = 0"),
     (["--scenario_name", ","], "scenario_name = ','"),
-    (["--scenario_name", "stand"], "scenario_name = 'stand': must have one"),
-    (
-        ["--scenario_name", "push,atlas_in_place_fast"],
-        "scenario_name = 'push,atlas_in_place_fast': must have one push, and ",
-    ),
     (
         [TEXT, f"{{pushes: [{PUSH}], gait: {{num_steps: 0}}}}"],
         "at = 'right swing 25 %'",

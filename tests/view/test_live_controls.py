@@ -48,21 +48,6 @@ def test_counts_the_clicks_on_push_at_the_next_poll(meshcat):
     assert session.output("live_push")[0] == 3.0
 
 
-def test_a_click_on_a_toggle_switches_its_mechanism(meshcat):
-    """Oracle: off, and on again; the label says so, the others stay."""
-    session = Session(meshcat)
-    for index, label in enumerate(live_controls.LABELS.values()):
-        for now, then, value in ("on", "off", 0.0), ("off", "on", 1.0):
-            click(meshcat, f"{label}: {now}")
-            session.poll()
-            expected = [1.0] * 4
-            expected[index] = value
-            assert session.output("mechanisms") == expected
-            assert f"{label}: {then}" in meshcat.GetButtonNames()
-            assert f"{label}: {now}" not in meshcat.GetButtonNames()
-    assert len(meshcat.GetButtonNames()) == 5
-
-
 def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
     """Oracle: the sliders, in their steps of 0.01 and 5; no push, all on."""
     first = Session(meshcat)

@@ -78,6 +78,12 @@ def test_the_flags_of_a_scenario_are_its_own(monkeypatch):
     assert sweep.one.robot == str(MODELS / "nadia" / "robot.yaml")
 
 
+@pytest.mark.parametrize("name", ["stand", "push,atlas_in_place_fast"])
+def test_refuses_scenarios_of_another_kind(name):
+    with pytest.raises(ValueError, match="^scenario_name = .*: must have one"):
+        sweep_of("--scenario_name", name)
+
+
 @pytest.mark.parametrize(
     ("plant", "tick"), [("lipm", 0.01), ("humanoid", 4e-3)]
 )
