@@ -18,6 +18,7 @@ TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
 UPRIGHT = RollPitchYaw(0.0, 0.0, 0.0)
 LYING = RollPitchYaw(0.0, 0.5 * np.pi, 0.0)
 DOWN = np.array([0.0, 0.0, -1.0])
+CORNERS = [(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
 
 
 def shape(kind, at, turned=UPRIGHT, **size) -> Shape:
@@ -36,9 +37,8 @@ def along_x(kind, y) -> Shape:
 
 def rounded() -> Shape:
     """A shoe whose sole is 0.2 x 0.08 m, its edges rounded by 0.02 m."""
-    corners = [[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
     ball = trimesh.creation.icosphere(4, 0.02).vertices
-    points = np.concatenate([ball + corner for corner in corners])
+    points = np.concatenate([ball + corner for corner in CORNERS])
     mesh = trimesh.convex.convex_hull(points)
     return Shape(COLLIDING, "mesh", {}, TILT, mesh=mesh)
 
@@ -47,6 +47,7 @@ def rounded() -> Shape:
     "shapes, depth, size",
     [
         ([box(0.2, 0.1, 0.04)], 0.02, (0.2, 0.1)),
+        ([shape("sphere", p, radius=0.01) for p in CORNERS], 0.01, (0.2, 0.08)),
         *(
             ([along_x(kind, y) for y in (-0.03, 0.03)], 0.02, (0.2, 0.06))
             for kind in ("cylinder", "capsule")
@@ -60,7 +61,7 @@ def rounded() -> Shape:
             (0.2, 0.1),
         ),
     ],
-    ids=["box", "cylinders", "capsules", "rounded", "plate"],
+    ids=["box", "spheres", "cylinders", "capsules", "rounded", "plate"],
 )
 def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
     """Oracle: the shapes' own figures; 1 mm where the mesh is a polyhedron."""
