@@ -7,10 +7,13 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.math.daqp_solver import DaqpSolver
+from nadia_balance.diagrams.simulation import start
 from nadia_balance.scripts import benchmark
-from nadia_balance.scripts.benchmark import plant_alone
-from tests.diagrams.simulated import scenario_of
+from nadia_balance.scripts.benchmark import plant_alone, tick_time
+from tests.diagrams.simulated import diagram_of, scenario_of
 
 PERIOD = 0.004
 
@@ -81,3 +84,19 @@ def test_the_plant_alone_stands_where_it_was_put():
     )
     weight = plant.CalcTotalMass(context) * 9.81
     assert carried == pytest.approx(weight, rel=0.02)
+
+
+def test_measures_a_whole_tick_of_the_controller(monkeypatch):
+    """Oracle: the quadratic programs of its update, which are solved anew."""
+    diagram, solved = diagram_of("{gait: {num_steps: 2}}"), []
+    loop = start(diagram)
+    loop.AdvanceTo(0.1)
+    solve = DaqpSolver.solve
+
+    def count(*args, **options):
+        solved.append(args)
+        return solve(*args, **options)
+
+    monkeypatch.setattr(DaqpSolver, "solve", count)
+    tick_time(Simulator(diagram.controller), loop.get_context())
+    assert solved
