@@ -62,7 +62,7 @@ def test_the_flags_of_a_scenario_are_its_own(monkeypatch):
     """Oracle: by hand; directions are a count, or a list that wraps."""
     for text, degrees in {
         "4": (0.0, 90.0, 180.0, 270.0),
-        "-1e-9,359.5, 30 ,-0.5": (0.0, 30.0, 359.5),
+        "-1e-9,359.5, 30 ,-0.5": (0.0, 359.5, 30.0),
     }.items():
         assert sweep_of(f"--directions={text}").directions == degrees
     monkeypatch.chdir(MODELS / "nadia")
