@@ -107,7 +107,8 @@ def test_a_missing_extra_is_named_and_help_needs_none(
 ):
     """Oracle: the command, imported anew without trimesh."""
     for name in "make", "description":
-        monkeypatch.delitem(sys.modules, f"nadia_balance.new_robot.{name}")
+        module = f"nadia_balance.new_robot.{name}"
+        monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     command = importlib.reload(new_robot)
     outcome = run_script(command, [file, "--out", tmp_path / "made"], capsys)
