@@ -26,6 +26,8 @@ FILES = {
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
+# What a normal installation lacks: `--help` needs none of them.
+EXTRAS = ("mujoco", "onnxruntime", "trimesh")
 # What our imports load by themselves: trimesh reads .dae with it.
 PLUGINS = {"pycollada"}
 
@@ -98,8 +100,10 @@ def tried_elsewhere(bin_folder: Path, cwd: Path) -> tuple:
         for main in PROJECT["scripts"].values()
     )
     code = f"""
+import sys
 from contextlib import suppress
 from pkgutil import resolve_name as load
+sys.modules.update(dict.fromkeys({EXTRAS}))
 {mains}"""
     helps = run(bin_folder / "python", "-c", code, **here)
     assert all((bin_folder / name).is_file() for name in PROJECT["scripts"])
