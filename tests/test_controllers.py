@@ -74,27 +74,6 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
         simulator.AdvanceTo((row + 1) * PERIOD)
 
 
-def parts_of(**changes):
-    """The names of the classes of the blocks, by the names of the blocks."""
-    params = replace(ControllerParams(), **changes)
-    blocks = CapturePointController(params, MODEL).GetSystems()
-    return {block.get_name(): type(block).__name__ for block in blocks}
-
-
-def test_the_parameters_say_which_papers_blocks_there_are():
-    """Oracle: their classes; of the Atlas paper, one takes two places."""
-    ours, atlas = parts_of(), parts_of(icp_step_qp=IcpStepQpParams())
-    both = {
-        "walking_state_machine": "WalkingStateMachine",
-        "icp_planner": "IcpPlanner",
-        "timing_adapter": "TimingAdapter",
-        "com_height_controller": "ComHeightController",
-    }
-    regions = {"step_adjuster": "CaptureRegionStepAdjuster"}
-    assert ours == both | regions | {"momentum_qp": "MomentumQp"}
-    assert atlas == both | {"step_controller": "IcpStepController"}
-
-
 def test_the_plan_of_the_atlas_paper_also_goes_with_our_blocks():
     """Oracle: the kind of plan; the same walk, 6 cm further out."""
     scenario = scenario_of("pushes: []", ", controller: {atlas_icp_plan: {}}")
@@ -170,16 +149,8 @@ def test_uses_a_step_adjuster_of_the_user_s():
     assert found == pytest.approx([-out, out, -out], abs=1e-3)
 
 
-def test_meshcat_needs_no_capture_regions():
-    """Oracle: a run that draws, without the port."""
-    diagram = HumanoidDiagram(
-        scenario_of("pushes: []"), start_meshcat()[0], step_adjuster=Aside()
-    )
-    assert simulate(diagram, 0.1).error == ""
-
-
-def test_a_controller_without_a_walking_state_is_drawn_and_told():
-    """Oracle: a run that draws; one line that names port or moment."""
+def test_whoever_lacks_a_walking_state_or_regions_is_drawn_and_told():
+    """Oracle: runs that draw; one line that names port or moment."""
 
     class Limp(LeafSystem):
         def __init__(self, size=23):
@@ -192,8 +163,9 @@ def test_a_controller_without_a_walking_state_is_drawn_and_told():
             )
 
     scenario = load_scenario("push_standing")
-    meshcat, _ = start_meshcat()
-    assert not simulate(HumanoidDiagram(scenario, meshcat, Limp()), 0.05).error
+    for what in {"controller": Limp()}, {"step_adjuster": Aside()}:
+        diagram = HumanoidDiagram(scenario, start_meshcat()[0], **what)
+        assert not simulate(diagram, 0.05).error
     with pytest.raises(ValueError, match="^controller = Limp: .*'actuation'"):
         HumanoidDiagram(scenario, controller=Limp(22))
     with pytest.raises(ValueError, match="^at = 'right swing 25 %': must be"):

@@ -11,12 +11,13 @@ import shlex
 import subprocess
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
 import yaml
+from matplotlib import pyplot
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -44,6 +45,12 @@ PAGES = [
     *(ROOT / "docs").rglob("*.md"),
     *(ROOT / "models").glob("*.md"),
 ]
+NOTEBOOK = ROOT / "docs" / "learning.ipynb"
+CELLS = [
+    cell
+    for cell in json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
+    if cell["cell_type"] == "code"
+]
 # What a command line goes on to check.
 MAKERS = {
     "push": push._pushed_scenario,
@@ -58,6 +65,12 @@ MODULES = tuple(f"nadia_balance.{home}" for home in nb._HOME.values())
 def blocks(text: str, language: str) -> list[str]:
     """The code in this language in a Markdown `text`."""
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def once(page: str, block: str, make: Callable, more: str = ""):
+    """What comes of a block of a page; made once, see run_cache."""
+    modules = page, *MODULES, *imports(ast.parse(block))
+    return run_cache.once(modules, block + more + data(), make)
 
 
 def test_25_lines_make_a_robot_walk_and_recover():
@@ -98,8 +111,7 @@ print(json.dumps({{
             command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
         ).stdout
 
-    modules = "docs.diagram.loop", *MODULES
-    found = json.loads(run_cache.once(modules, code + data(), printed))
+    found = json.loads(once("docs.diagram.loop", block, printed, code))
     assert found["height"] == pytest.approx(found["started"], abs=0.02)
     assert found["icp"] == pytest.approx(found["planned"], abs=0.02)
     assert found["waiting"] == 0.0
@@ -157,9 +169,8 @@ def test_some_lines_more_are_uneven_ground():
         began = plant.GetPositions(plant.CreateDefaultContext())
         return (plant.GetPositions(context) - began)[4:7]
 
-    modules = "docs.diagram", *MODULES, *imports(ast.parse(block))
-    given = block + inspect.getsource(climbed) + data()
-    x, y, z = run_cache.once(modules, given, climbed)
+    source = inspect.getsource(climbed)
+    x, y, z = once("docs.diagram", block, climbed, source)
     assert x == pytest.approx(0.5 + 0.02 + 0.125, abs=0.05)
     assert y == pytest.approx(0.0, abs=0.05)
     assert z == pytest.approx(0.1, abs=0.01)
@@ -188,8 +199,7 @@ def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
             reasons.append(names["run"].fall_reason)
         return tuple(reasons)
 
-    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
-    keeps, falls = run_cache.once(modules, block + data(), executed)
+    keeps, falls = once("docs.own_blocks", block, executed)
     assert not keeps
     assert falls
 
@@ -205,8 +215,8 @@ def test_some_20_lines_are_a_task_of_ones_own():
         elbow = plant.GetJointByName("LEFT_ELBOW_Y").position_start()
         return float(log["state"][-1, elbow])
 
-    modules = "docs.own_blocks", *MODULES, *imports(ast.parse(block))
-    assert run_cache.once(modules, block, bent) == pytest.approx(-1.2, abs=0.02)
+    bend = once("docs.own_blocks", block, bent)
+    assert bend == pytest.approx(-1.2, abs=0.02)
 
 
 def documented(kind: type[LeafSystem]) -> tuple[set[str], set[str]]:
@@ -337,3 +347,29 @@ def test_the_source_of_each_file_of_a_model_is_told():
         for pattern in ("*/LICENSE", "*/*.csv", "*/*.urdf", "*/*.yaml")
         for path in models.glob(pattern)
     }
+
+
+def test_the_notebook_tells_what_it_promises():
+    """Oracle: its text: who recovers, and who does not."""
+    code = "\n".join("".join(cell["source"]) for cell in CELLS)
+
+    def printed() -> str:
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), pyplot.rc_context():
+            exec(code, {})
+        pyplot.close("all")
+        return said.getvalue()
+
+    told = once("docs.learning", code, printed)
+    alone, ours = told.split("with our adjuster")
+    assert alone.count("RECOVERED") == 2  # the point mass, and Nadia
+    assert alone.count("FELL") == 1  # with ankles and hips alone
+    assert ours.count("RECOVERED") == 1
+
+
+def test_the_stored_notebook_was_executed_and_is_small():
+    """Oracle: each code cell has its number; 300 kB."""
+    numbers = [cell["execution_count"] for cell in CELLS]
+    assert numbers == list(range(1, len(CELLS) + 1))
+    assert json.dumps(CELLS).count("RECOVERED in") == 3
+    assert NOTEBOOK.stat().st_size < 300_000

@@ -5,15 +5,10 @@ environment says how many are tried.
 """
 
 import dataclasses
-import json
 import os
 import random
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 
 import pytest
@@ -21,7 +16,9 @@ import pytest
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
-from tests.scripts.running import environment, run_script
+from tests import run_cache
+from tests.run_cache import data
+from tests.scripts.running import run_script
 
 NUMBER = int(os.environ.get("BAD_INPUTS", "16"))
 HUGE = (".nan", "-.inf", "1.0e+12", "-1.0e+12", "[1]", "{a: 1}", "up", "true")
@@ -106,39 +103,18 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
     def accept(*args):
         raise AssertionError("accepted")
 
+    def said():
+        rng = random.Random(seed)
+        argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
+        if seed % 2:
+            argv += ["--plant", "lipm"]
+        outcome = run_script(push, argv, capsys)
+        return argv, outcome, (tmp_path / "runs").exists()
+
     monkeypatch.setattr(command_line.simulation, "advance", accept)
     monkeypatch.chdir(tmp_path)
-    rng = random.Random(seed)
-    argv = ["--no-meshcat", *MAKERS[seed % len(MAKERS)](rng, tmp_path)]
-    if seed % 2:
-        argv += ["--plant", "lipm"]
-    began = time.monotonic()
-    outcome = run_script(push, argv, capsys)
-    assert time.monotonic() - began < 60.0
+    given = f"{seed} {data()}"
+    argv, outcome, ran = run_cache.once(("tests.test_fuzz",), given, said)
     assert outcome.code == 2, (argv, outcome)
     assert len(outcome.err) == 1, (argv, outcome)
-    assert not (tmp_path / "runs").exists()
-
-
-@pytest.mark.parametrize("seed", range(max(NUMBER // 20, 1)))
-def test_a_signal_at_any_time_is_no_traceback(seed, tmp_path):
-    """Oracles: the shell's 130; what SIGTERM does before `main` begins."""
-    rng = random.Random(seed)
-    sent = rng.choice([signal.SIGINT, signal.SIGINT, signal.SIGTERM])
-    program = subprocess.Popen(
-        [sys.executable, "-m", "nadia_balance.scripts.push"]
-        + ["--plant", "lipm", "--no-meshcat", "--duration", "600"]
-        + ["--at", "standing", "--delta-v", "0.1"],  # to the end
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    time.sleep(rng.uniform(0.5, 4.0))
-    program.send_signal(sent)
-    assert program.communicate(timeout=60.0)[1] == ""
-    early = {-sent} if sent == signal.SIGTERM else set()
-    assert program.returncode in {130} | early
-    for file in tmp_path.rglob("summary.json"):
-        json.loads(file.read_text())
+    assert not ran

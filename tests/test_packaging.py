@@ -1,6 +1,5 @@
 """What is installed works from any directory, whatever else is installed."""
 
-import ast
 import json
 import os
 import re
@@ -14,12 +13,21 @@ from pathlib import Path
 
 import pytest
 
+from tests import run_cache
 from tests.source_files import ROOT, imports, python_files, syntax_tree
 
 FOLDERS = ("nadia_balance", "diagrams", "models", "scripts")
+FILES = {
+    path.relative_to(ROOT).as_posix(): path
+    for folder in FOLDERS
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.is_file() and "__pycache__" not in path.parts
+}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
+# What a normal installation lacks: `--help` needs none of them.
+EXTRAS = ("mujoco", "onnxruntime", "trimesh")
 # What our imports load by themselves: trimesh reads .dae with it.
 PLUGINS = {"pycollada"}
 
@@ -41,10 +49,8 @@ def run(*command: str | Path, cwd: Path, path: str = "") -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
+def wheel(folder: Path) -> Path:
     """The wheel, built in a copy: setuptools leaves its work in the tree."""
-    folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     junk = shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in FOLDERS:
@@ -60,14 +66,12 @@ def wheel(tmp_path_factory) -> Path:
     return built
 
 
-@pytest.fixture(scope="module")
-def bin_folder(wheel, tmp_path_factory) -> Path:
-    """A new environment with the wheel; it borrows what the wheel needs.
+def installed(folder: Path, wheel: Path) -> Path:
+    """The commands of a new environment; it borrows what the wheel needs.
 
     The folder of the running environment comes last on the new one's path,
     and its own .pth files, an editable install among them, are not read.
     """
-    folder = tmp_path_factory.mktemp("environment")
     python = folder / "bin" / "python"
     run(sys.executable, "-m", "venv", "--without-pip", folder, cwd=folder)
     purelib = "import sysconfig; print(sysconfig.get_path('purelib'))"
@@ -82,49 +86,71 @@ def bin_folder(wheel, tmp_path_factory) -> Path:
     return folder / "bin"
 
 
-def test_the_wheel_carries_every_file_in_one_package(wheel):
-    """Oracle: the files in the checkout."""
-    ours = {
-        path.relative_to(ROOT).as_posix()
-        for folder in FOLDERS
-        for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
-    packed_as = {
-        name if name.startswith("nadia_balance/") else f"nadia_balance/{name}"
-        for name in ours
-    }
-    with zipfile.ZipFile(wheel) as archive:
-        packed = {n for n in archive.namelist() if ".dist-info/" not in n}
-    assert packed == packed_as
+def tried_elsewhere(bin_folder: Path, cwd: Path) -> tuple:
+    """What the commands say, and the summary of a run.
 
-
-def test_commands_run_from_another_directory(bin_folder, tmp_path):
-    """And with packages on the path whose names are those of our folders."""
+    There are packages on the path whose names are those of our folders.
+    """
     for name in ("diagrams", "models", "scripts", "results"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").write_text("raise ImportError")
-    here = {"cwd": tmp_path, "path": str(tmp_path)}
-    python = bin_folder / "python"
+        (cwd / name).mkdir()
+        (cwd / name / "__init__.py").write_text("raise ImportError")
+    here = {"cwd": cwd, "path": str(cwd)}
     mains = "\n".join(
         f"with suppress(SystemExit): load('{main}')(['--help'])"
         for main in PROJECT["scripts"].values()
     )
     code = f"""
+import sys
 from contextlib import suppress
 from pkgutil import resolve_name as load
+sys.modules.update(dict.fromkeys({EXTRAS}))
 {mains}"""
-    helps = run(python, "-c", code, **here)
-    assert helps.count("usage: ") == len(PROJECT["scripts"])
+    helps = run(bin_folder / "python", "-c", code, **here)
     assert all((bin_folder / name).is_file() for name in PROJECT["scripts"])
     printed = run(
         *(bin_folder / "nadia-push", "--plant", "lipm", "--no-meshcat"),
-        *("--out", tmp_path / "run"),
+        *("--out", cwd / "run"),
         **here,
     )
+    return helps, printed, (cwd / "run" / "summary.json").read_text()
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory) -> tuple:
+    """The files in the wheel, and what comes of it; made once, see run_cache.
+
+    It follows from the files that are packed.
+    """
+
+    def make() -> tuple:
+        folder = tmp_path_factory.mktemp("wheel")
+        built = wheel(folder)
+        with zipfile.ZipFile(built) as archive:
+            names = archive.namelist()
+        bin_folder = installed(tmp_path_factory.mktemp("environment"), built)
+        elsewhere = tmp_path_factory.mktemp("elsewhere")
+        return names, *tried_elsewhere(bin_folder, elsewhere)
+
+    packed = {**FILES, "project": ROOT / "pyproject.toml"}
+    given = (f"{name}\n{file.read_bytes()}" for name, file in packed.items())
+    return run_cache.once(("tests.test_packaging",), "\n".join(given), make)
+
+
+def test_the_wheel_carries_every_file_in_one_package(outcome):
+    """Oracle: the files in the checkout."""
+    packed_as = {
+        name if name.startswith("nadia_balance/") else f"nadia_balance/{name}"
+        for name in FILES
+    }
+    assert {n for n in outcome[0] if ".dist-info/" not in n} == packed_as
+
+
+def test_commands_run_from_another_directory(outcome):
+    """Oracles: one help for each; the run has nothing of the checkout."""
+    _, helps, printed, summary = outcome
+    assert helps.count("usage: ") == len(PROJECT["scripts"])
     assert str(ROOT) not in printed
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["recovered"]
+    assert json.loads(summary)["recovered"]
 
 
 def third_party_imports(*folders: str) -> set[str]:
@@ -154,19 +180,3 @@ def test_declares_what_it_imports():
     assert third_party_imports(*FOLDERS) >= needed
     assert more <= extra, "whoever tests can run all that is tested"
     assert third_party_imports("tests") <= needed | extra
-
-
-def test_every_command_is_the_main_of_a_script():
-    """Oracle: the files in scripts/ that define one."""
-    mains = [
-        path.stem
-        for path in (ROOT / "scripts").glob("*.py")
-        if any(
-            isinstance(node, ast.FunctionDef) and node.name == "main"
-            for node in syntax_tree(path).body
-        )
-    ]
-    assert PROJECT["scripts"] == {
-        f"nadia-{name.replace('_', '-')}": f"nadia_balance.scripts.{name}:main"
-        for name in mains
-    }

@@ -1,12 +1,14 @@
-"""The contract of all systems: documented ports, feedthrough, no hidden state.
+"""The contract of all systems: ports, feedthrough, no hidden state, no NaN.
 
 The systems are taken out of the closed diagrams, where they get real inputs.
 """
 
 import inspect
+import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,6 +30,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.engines.mujoco_plant import PointContacts
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.view.scene import start_meshcat
+from tests.blocks import fix
 from tests.example_walks import MODEL
 from tests.onnx_bytes import linear_policy
 from tests.test_policy_controller import GOOD, ROBOT, B, W
@@ -103,6 +106,8 @@ LEAVES = [
     if inspect.isclass(kind) and issubclass(kind, LeafSystem)
 ]
 DIAGRAMS = [CapturePointController, BalanceController]
+UNCHECKED = "contact_results", "live_push"  # Drake's, and Meshcat's own numbers
+MID_SWING, LATER = 0.68, 0.682  # as ticks are due [s]
 
 
 def systems_in(diagram: Diagram) -> Iterator[System]:
@@ -116,7 +121,7 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 def diagrams() -> list[Diagram]:
     text = (
         "fidelity: realistic, mechanisms: all_with_cross_over, "
-        "imperfections: {delay: 0.004}, "
+        "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
     )
     soon = (
         "gait: {initial_transfer_duration: 0.4, standing_duration: 0.05, "
@@ -140,6 +145,16 @@ def diagrams() -> list[Diagram]:
         LipmDiagram(by_qp),
         HumanoidDiagram(mujoco),
     ]
+
+
+@pytest.fixture(scope="module")
+def simulators(diagrams) -> list[Simulator]:
+    """All of them in the middle of the first swing; nothing moves them on."""
+    found = list(map(Simulator, diagrams))
+    for diagram, simulator in zip(diagrams, found, strict=True):
+        diagram.set_initial_state(simulator.get_mutable_context())
+        simulator.AdvanceTo(MID_SWING)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -221,18 +236,14 @@ def text(value: object) -> str:
 @pytest.mark.parametrize(
     "index", range(4), ids=["humanoid", "lipm", "by qp", "mujoco"]
 )
-def test_equal_contexts_give_equal_outputs(index, diagrams):
+def test_equal_contexts_give_equal_outputs(index, diagrams, simulators):
     """Oracle: the state that a run led to, given to new contexts.
 
     A system that keeps anything on itself would remember the start, which is
     looked at in between.  A cache entry that misses one of its prerequisites
     would be out of date in the run's own context.
     """
-    diagram = diagrams[index]
-    simulator = Simulator(diagram)
-    diagram.set_initial_state(simulator.get_mutable_context())
-    simulator.AdvanceTo(0.6)  # into the first swing
-    run = simulator.get_context()
+    diagram, run = diagrams[index], simulators[index].get_context()
     at_start, at_end = [], [our_outputs(diagram, run)]
     for _ in range(2):
         context = diagram.CreateDefaultContext()
@@ -269,3 +280,53 @@ def test_refuses_a_bad_parameter_at_once(kind, group, name, value):
     bad = replace(getattr(params, group), **{name: value})
     with pytest.raises(ValueError, match=f"^{name} = {value}[:,].* must"):
         getattr(nadia_balance, kind)(bad, MODEL, 0.002)
+
+
+@pytest.mark.parametrize("index", [0, 1], ids=["humanoid", "lipm"])
+def test_no_bad_value_gets_through_a_block(index, diagrams, simulators):
+    """Oracle: the message, from each output that depends on the port.
+
+    If none does, it is the update that must not take it.
+    """
+    root, tried = simulators[index].get_context(), 0
+    rooms = "nadia_balance.engines.", "nadia_balance.systems."
+    for block in systems_in(diagrams[index]):
+        if type(block).__module__.startswith(rooms):
+            context = block.GetMyContextFromRoot(root)
+            ports = map(block.get_input_port, range(block.num_input_ports()))
+            values = {
+                port.get_name(): port.Eval(context)
+                for port in ports
+                if port.HasValue(context) and port.get_name() not in UNCHECKED
+            }
+            for port in values:
+                assert_not_taken(block, context, values, port)
+            tried += len(values)
+    assert tried > 15
+
+
+def assert_not_taken(block, source, values, port):
+    """Puts values that are not finite, or of no type, into this port."""
+    name, value = block.get_name(), values[port]
+    if isinstance(value, np.ndarray):
+        what = "is not finite"
+        spoilt = [np.append(value[:-1], bad) for bad in (np.nan, -np.inf)]
+        spoilt.append(np.append(np.inf, value[1:]))
+    else:
+        what, spoilt = "got a tuple, needs a [WFIA]", [("no", "such", "thing")]
+    message = f"^{re.escape(name)}: input port '{port}' {what}"
+    index = block.GetInputPort(port).get_index()
+    outputs = [*map(block.get_output_port, range(block.num_output_ports()))]
+    for bad in spoilt:
+        alone = Simulator(block)
+        context = alone.get_mutable_context()
+        context.SetTimeStateAndParametersFrom(source)
+        fix(block, context, **values | {port: bad})
+        refusing = [
+            partial(output.Eval, context)
+            for output in outputs
+            if block.HasDirectFeedthrough(index, output.get_index())
+        ]
+        for refuse in refusing or [partial(alone.AdvanceTo, LATER)]:
+            with pytest.raises((RuntimeError, TypeError), match=message):
+                refuse()

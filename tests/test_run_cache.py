@@ -11,7 +11,6 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from tests import run_cache
 from tests.diagrams import simulated
-from tests.source_files import ROOT
 
 CODE = {
     "runs.py": '"""Runs."""\nfrom core.sums import total\n',
@@ -73,24 +72,6 @@ def test_the_code_is_all_that_is_imported_but_for_its_words(
     assert (before == after) == is_same
 
 
-def test_a_run_is_of_the_controller_and_not_of_pages_and_plots():
-    """Oracle: by hand, some of either kind."""
-    files = {
-        path.relative_to(ROOT).as_posix()
-        for path in run_cache._files(simulated.__name__)
-    }
-    assert files >= {
-        *(
-            "nadia_balance/core/math/qp.py",
-            "nadia_balance/engines/mujoco_model.py",
-        ),
-        *("diagrams/humanoid.py", "tests/diagrams/simulated.py"),
-        "nadia_balance/systems/whole_body_inverse_dynamics.py",
-    }
-    assert not [file for file in files if "page" in file or "plots" in file]
-    assert not [file for file in files if file.startswith("scripts/")]
-
-
 def test_the_rest_is_the_scenario_and_what_its_files_say(tmp_path):
     """Oracle: by hand; neither where a file is nor its description counts."""
 
@@ -119,18 +100,6 @@ def test_the_rest_is_the_scenario_and_what_its_files_say(tmp_path):
     assert len(others - {same}) == 7
 
 
-def test_who_comes_later_gets_the_same_bits_and_does_not_simulate(monkeypatch):
-    """Oracle: the run itself; simulating would raise an error."""
-    logs = simulated.simulated("{duration: 0.1}", "lipm").logs
-    monkeypatch.setattr(run_cache, "_made", {})
-    monkeypatch.setattr(simulated, "simulate", None)
-    again = simulated.simulated("{duration: 0.1}", "lipm").logs
-    assert again["icp"] is not logs["icp"]
-    assert again["icp"].tobytes() == logs["icp"].tobytes()
-    with pytest.raises(ValueError, match="read-only"):
-        again["icp"][:] = 0.0
-
-
 def test_whoever_comes_second_waits_and_reads(once):
     """Oracle: made once, for two at a time."""
     with ThreadPoolExecutor() as pool:
@@ -146,16 +115,6 @@ def test_a_spoiled_file_is_made_anew(once, spoil):
     (path,) = (path for path in files if not path.suffix)
     path.write_bytes(path.read_bytes()[:-1] if spoil is None else spoil)
     assert [once(), once()] == [1, 1]
-
-
-def test_what_other_code_has_made_is_removed(once):
-    """Oracle: the folders."""
-    old = run_cache.folder / MODULES[0] / "0123"
-    old.mkdir(parents=True)
-    (old / "run").touch()
-    once()
-    (kept,) = old.parent.iterdir()
-    assert kept.name == run_cache.code_of(*MODULES)
 
 
 def test_who_may_have_imported_other_code_keeps_nothing(once, monkeypatch):

@@ -7,7 +7,9 @@ import pytest
 
 from nadia_balance.core.math.daqp_solver import DaqpSolver
 from nadia_balance.diagrams.simulation import start
+from tests import run_cache
 from tests.diagrams.simulated import diagram_of
+from tests.run_cache import data
 
 TICKS = 100
 TEXT = "{mechanisms: all_with_cross_over, gait: {num_steps: 6}}"
@@ -25,6 +27,11 @@ BOUNDS = {
 
 @pytest.fixture(scope="module")
 def work():
+    """What a tick does; counted once, see run_cache."""
+    return run_cache.once(("tests.test_tick_work",), data(), counted)
+
+
+def counted() -> dict[str, float]:
     """What a tick does, the mean of some in a swing and a transfer."""
     diagram = diagram_of(TEXT)
     simulator = start(diagram)

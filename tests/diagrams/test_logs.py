@@ -8,8 +8,6 @@ from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.log import pushes, signal
 from tests.diagrams.simulated import diagram_of
 
-REGIONS = ("base", "forward", "backward")
-
 
 @pytest.mark.parametrize("plant", ["lipm", "humanoid"])
 def test_equals_the_ports_at_that_instant(plant):

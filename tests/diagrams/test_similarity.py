@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.scenario import load_scenario
 from tests.diagrams.simulated import run_of
@@ -42,19 +41,3 @@ def test_a_small_point_mass_recovers_as_a_large_one(
     expected = pushed(1.0, "nadia", delta_v, direction)
     assert np.ptp(expected, axis=0).max() > 0.1
     np.testing.assert_allclose(found, expected, atol=2.5e-3)
-
-
-def test_the_written_scenario_is_the_one_that_ran(tmp_path):
-    """Oracle: ==, field by field, for a robot that is not Nadia."""
-    robot = str(scaled_nadia(0.7, tmp_path))
-    text = "{gait: {swing_duration: 0.5, step: {length: 0.2}}}"
-    scenario = load_scenario("walk_forward", text=text, robot=robot)
-    assert scenario.gait.swing_duration == 0.5  # given: as it is
-    assert scenario.gait.step.length == 0.2
-    assert scenario.gait.transfer_duration == pytest.approx(
-        0.3 * math.sqrt(0.7)
-    )
-    file = tmp_path / "scenario.yaml"
-    file.write_text(yaml_dump_typed(scenario, child_name="again"))
-    again = load_scenario("again", file)
-    assert yaml_dump_typed(again) == yaml_dump_typed(scenario)

@@ -111,15 +111,7 @@ def test_ctrl_c_keeps_what_was_logged():
         )
 
 
-@pytest.mark.parametrize(
-    ("when", "row", "where"),
-    [
-        (1.6, 4, "walking_state_machine: input port 'icp'"),  # in a swing
-        # The height is not in the ICP.
-        (0.3, 2, "com_height_controller: input port 'com_state'"),
-    ],
-)
-def test_a_number_that_is_none_stops_the_point_mass(when, row, where):
+def test_a_number_that_is_none_stops_the_point_mass():
     """Oracle: the first block that reads it; it is put into the state."""
     text = "{gait: {num_steps: 2}, mechanisms: all_with_cross_over}"
     simulator = start(diagram_of(text, "lipm"))
@@ -127,16 +119,17 @@ def test_a_number_that_is_none_stops_the_point_mass(when, row, where):
     plant_context = diagram.plant.GetMyMutableContextFromRoot(context)
 
     def poison(_):
-        if context.get_time() >= when:
-            plant_context.get_mutable_discrete_state(0)[row] = np.nan
+        if context.get_time() >= 1.6:  # in a swing
+            plant_context.get_mutable_discrete_state(0)[4] = np.nan
         return ""
 
     diagram.fall_reason = poison
     run = advance(simulator, 2.0)
+    where = "walking_state_machine: input port 'icp'"
     assert run.error == f"{where} is not finite at {run.simulated_time:.3f} s"
     assert (run.fell_at, run.fall_reason) == (None, "")  # it did not fall
     # The fall is looked for, and so the number put in, every 0.01 s.
-    assert run.simulated_time == pytest.approx(when, abs=0.013)
+    assert run.simulated_time == pytest.approx(1.6, abs=0.013)
     # The row of that very tick is there unless it cannot be computed.
     rows = round(run.simulated_time / PERIOD)
     assert len(run.logs["t"]) in (rows, rows + 1)

@@ -19,20 +19,6 @@ def robot(tmp_path_factory):
     return load_robot(str(folder / "made" / "robot.yaml"), "realistic")
 
 
-def test_nothing_but_soles_touches_while_it_stands(robot):
-    """Oracle: Drake's penetrations, 1 mm in the ground; and 2 cm of room."""
-    diagram, plant, _ = robot.control_diagram()
-    context = plant.GetMyMutableContextFromRoot(diagram.CreateDefaultContext())
-    plant.SetPositions(context, robot.standing_positions())
-    query = plant.get_geometry_query_input_port().Eval(context)
-    distances = [
-        pair.distance
-        for pair in query.ComputeSignedDistancePairwiseClosestPoints(0.5)
-    ]
-    assert len(distances) > 20
-    assert min(distances) > 0.02
-
-
 def test_a_sole_has_a_sphere_at_each_corner_and_shoes_above(robot):
     """Oracle: the rectangle; what is lowest of each capsule, in closed form."""
     diagram, plant, scene_graph = robot.control_diagram()

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import yaml
 
+from nadia_balance.core.body.reachability import ReachabilityParams
+from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot import Named
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.reach import reaches
 from tests.new_robot.biped import Biped
 
 # Rows: forward, left, up.
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-SIDEWAYS = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 BIPEDS = {
-    "as it should be": Biped(turned=False),
     "turned frames": Biped(seed=1),
     "knees that bend the other way": Biped(knee_sign=-1.0, seed=2),
     "a base that lies": Biped(base_axes=LYING, seed=3),
-    "a base that looks aside": Biped(base_axes=SIDEWAYS, seed=4),
     "wide toes": Biped(heel_half_width=0.03, toe_half_width=0.09),
 }
 
@@ -145,25 +145,20 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
             "continuous",
             "joint l_tilt: continuous: must be a driven",
         ),
-        ("r_knee", "revolute", "prismatic", "joint r_knee: prismatic: must"),
         ("bow", "revolute", "planar", "joint bow: planar: must be revol"),
         ("r_knee", "</joint>", "<mimic/></joint>", "joint r_knee: mimic: must"),
         ("r_hip", *NO_EFFORT, "joint r_hip: no effort limit: m"),
         ("l_roll", 'lower="-0.6"', 'lower="0.7"', "joint l_roll: lower limit"),
-        ("l_roll", '"250"', '"-1"', "joint l_roll: limit: effo"),
         ("l_knee", *BACKWARD, "joint l_knee: must bend"),
         ("l_ankle", '"-1.0"', '"0.3"', "joints l_hip, l_ankle, r"),
         ("l_shin", 'value="4', 'value="-4', "link l_shin: mass: value = '-4"),
-        ("chest", '"20.0"', '"heavy"', "link chest: mass: value = 'he"),
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
-        ("", *times("value", 1000), "mass = 6.42e+04 kg, with legs of 0.78 m"),
         ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
         ("", "package://", "package://no_", "there is no package://no_biped"),
         ("l_ankle", "-0.380*", "-0.35", "they are 0.750 and 0.780"),
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
         ("", *rod("chest", "pelvis"), "none; links in closed loops: pelvis"),
-        ("", *rod("chest", "tail"), "joint rod: link tail: must be there"),
         ("", '<joint name="waist".*?</joint>', "", "floating bases: must be"),
     ],
 )
@@ -283,3 +278,17 @@ def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
     made = make_robot(file, tmp_path / "made", package_roots=[roots])
     guessed = made.of("guessed")
     assert guessed[3].startswith("sole 0.240 x 0.100 m, of 0.240 x 0.120 m")
+
+
+def test_stiff_ankles_keep_it_from_nadias_width(tmp_path):
+    """Oracle: whole-body inverse kinematics, beyond the reach and within.
+
+    They roll by 11 degrees only.
+    """
+    make_robot(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
+    stiff = load_robot(str(tmp_path / "made" / "robot.yaml"))
+    own = stiff.point_mass.reach
+    nadias = scaled(ReachabilityParams(), stiff.params.size)
+    assert own.length_forward < nadias.length_forward * 1.001
+    assert reaches(stiff, np.array([0.0, own.width_max]))
+    assert not reaches(stiff, np.array([0.0, nadias.width_max]))

@@ -18,6 +18,7 @@ TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
 UPRIGHT = RollPitchYaw(0.0, 0.0, 0.0)
 LYING = RollPitchYaw(0.0, 0.5 * np.pi, 0.0)
 DOWN = np.array([0.0, 0.0, -1.0])
+CORNERS = [(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
 
 
 def shape(kind, at, turned=UPRIGHT, **size) -> Shape:
@@ -30,19 +31,14 @@ def box(x, y, z, at=(0.0, 0.0, 0.0)) -> Shape:
     return shape("box", at, size=(x, y, z))
 
 
-def sphere(radius, at) -> Shape:
-    return shape("sphere", at, radius=radius)
-
-
-def along_x(kind, radius, length, at) -> Shape:
-    return shape(kind, at, LYING, radius=radius, length=length)
+def along_x(kind, y) -> Shape:
+    return shape(kind, (0.0, y, 0.0), LYING, radius=0.02, length=0.2)
 
 
 def rounded() -> Shape:
     """A shoe whose sole is 0.2 x 0.08 m, its edges rounded by 0.02 m."""
-    corners = [[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
     ball = trimesh.creation.icosphere(4, 0.02).vertices
-    points = np.concatenate([ball + corner for corner in corners])
+    points = np.concatenate([ball + corner for corner in CORNERS])
     mesh = trimesh.convex.convex_hull(points)
     return Shape(COLLIDING, "mesh", {}, TILT, mesh=mesh)
 
@@ -51,24 +47,9 @@ def rounded() -> Shape:
     "shapes, depth, size",
     [
         ([box(0.2, 0.1, 0.04)], 0.02, (0.2, 0.1)),
-        (
-            [
-                sphere(0.01, (x, y, 0.0))
-                for x in (-0.1, 0.1)
-                for y in (-0.04, 0.04)
-            ],
-            0.01,
-            (0.2, 0.08),
-        ),
+        ([shape("sphere", p, radius=0.01) for p in CORNERS], 0.01, (0.2, 0.08)),
         *(
-            (
-                [
-                    along_x(kind, 0.02, 0.2, (0.0, y, 0.0))
-                    for y in (-0.03, 0.03)
-                ],
-                0.02,
-                (0.2, 0.06),
-            )
+            ([along_x(kind, y) for y in (-0.03, 0.03)], 0.02, (0.2, 0.06))
             for kind in ("cylinder", "capsule")
         ),
         # A point 2 mm above the plane of the rounding counts, 9 mm outside.

@@ -5,18 +5,11 @@ import pytest
 
 from nadia_balance.results.log import pushes, signal
 from nadia_balance.results.story import direction_words, telling_lines
-from tests.results.made_up_run import Recipe, make_log, summary_of
+from tests.results.made_up_run import make_log, summary_of
 
 
 def story(log, **told):
     return telling_lines(log, summary_of(log, **told))
-
-
-def push(log, first, force, number=1.0):
-    """Adds a push of 0.3 m/s to the log."""
-    signal(log, "push_signal", slice(first, first + 50))[:] = np.tile(
-        [[number], [0.3], [force[0]], [force[1]], [0.0], [0.0]], 50
-    )
 
 
 def test_tells_a_recovery_from_the_push_to_the_end():
@@ -32,19 +25,6 @@ def test_tells_a_recovery_from_the_push_to_the_end():
         "t=2.77 s  RECOVERED in 2 steps   max ICP error 0.139 m   "
         "max torque 82 %   QP violation 2e-7   real-time factor 2.0",
     ]
-
-
-def test_tells_each_push_with_its_own_size():
-    """Oracle: the pushes that were put in."""
-    log = make_log(Recipe(pushed_step=None, changed={}))
-    push(log, 101, [100.0, 0.0])
-    push(log, 201, [0.0, -200.0], number=2.0)
-    signal(log, "push_signal", slice(201, 251)).delta_v[:] = 0.6
-    first, second = story(log)[:2]
-    assert first.startswith("t=0.20 s  push 0.30 m/s forward, standing ")
-    assert first.endswith("F = 100 N for 0.10 s")
-    assert second.startswith("t=0.40 s  push 0.60 m/s right, standing ")
-    assert second.endswith("F = 200 N for 0.10 s")
 
 
 def test_tells_what_was_switched():

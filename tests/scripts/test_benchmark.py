@@ -4,19 +4,16 @@ import csv
 import json
 from contextlib import redirect_stdout
 from io import StringIO
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
 
+from nadia_balance.core.math.daqp_solver import DaqpSolver
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.scripts import benchmark
-from nadia_balance.scripts.benchmark import plant_alone, tick_time, tick_times
+from nadia_balance.scripts.benchmark import plant_alone, tick_time
 from tests.diagrams.simulated import diagram_of, scenario_of
-from tests.scripts.running import assert_refused, run_script
 
 PERIOD = 0.004
 
@@ -67,19 +64,6 @@ def test_a_record_has_a_row_for_each_run(figures, recorded):
         assert found == pytest.approx([*figures.values()], rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"),
-    [
-        (["--seconds", 0], "seconds = 0.0"),
-        (["--scenario_name", "x"], "scenario_name = 'x'"),
-    ],
-)
-def test_refuses_what_has_no_meaning(argv, message, capsys):
-    outcome = run_script(benchmark, argv, capsys)
-    assert_refused(outcome, message)
-    assert outcome.out == []
-
-
 def test_the_plant_alone_stands_where_it_was_put():
     """Oracle: the posture, within the 1.5 cm and 3 deg that springs give.
 
@@ -102,57 +86,17 @@ def test_the_plant_alone_stands_where_it_was_put():
     assert carried == pytest.approx(weight, rel=0.02)
 
 
-class Worker(LeafSystem):
-    """Works 4 ms for its output, 16 to update."""
+def test_measures_a_whole_tick_of_the_controller(monkeypatch):
+    """Oracle: the quadratic programs of its update, which are solved anew."""
+    diagram, solved = diagram_of("{gait: {num_steps: 2}}"), []
+    loop = start(diagram)
+    loop.AdvanceTo(0.1)
+    solve = DaqpSolver.solve
 
-    def __init__(self):
-        super().__init__()
-        self.processor_time = 0.0  # [s]
-        number = self.DeclareVectorInputPort("number", 1)
+    def count(*args, **options):
+        solved.append(args)
+        return solve(*args, **options)
 
-        def calc(context, output):
-            self.processor_time += 0.004
-            output.SetFromVector(number.Eval(context))
-
-        def update(context, state):
-            self.processor_time += 0.016
-            return EventStatus.Succeeded()
-
-        self.DeclareVectorOutputPort("output", 1, calc)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, update)
-
-
-def test_measures_the_update_of_a_controller(monkeypatch):
-    """Oracle: how long it works, in every tick; no other clock counts."""
-    builder = DiagramBuilder()
-    worker = builder.AddSystem(Worker())
-    clock = SimpleNamespace(thread_time=lambda: worker.processor_time)
-    monkeypatch.setattr(benchmark, "time", clock)
-    three = builder.AddSystem(ConstantVectorSource([3.0]))
-    builder.Connect(three.get_output_port(), worker.get_input_port())
-    builder.ExportOutput(worker.get_output_port())
-    diagram = builder.Build()
-    root = diagram.CreateDefaultContext()
-    simulator = Simulator(diagram)
-    measured = [tick_time(simulator, root) for _ in range(3)]
-    assert measured == pytest.approx([0.016] * 3)
-
-
-def test_does_not_disturb_what_it_measures():
-    """Oracle: the same ten ticks of a loop that is not measured, bit by bit."""
-    states = []
-    for measured in (True, False):
-        diagram = diagram_of("{gait: {num_steps: 2}}")
-        loop = start(diagram)
-        loop.AdvanceTo(0.1)
-        if measured:
-            plant = plant_alone(diagram.scenario)
-            plant.AdvanceTo(0.1)
-            tick_times(loop, plant, ticks=10)
-        else:
-            for tick in range(26, 36):
-                loop.AdvanceTo(tick * PERIOD)
-        context = diagram.plant.GetMyContextFromRoot(loop.get_context())
-        states.append(diagram.plant.GetPositionsAndVelocities(context).copy())
-        assert loop.get_context().get_time() == pytest.approx(0.14)
-    assert np.array_equal(*states)
+    monkeypatch.setattr(DaqpSolver, "solve", count)
+    tick_time(Simulator(diagram.controller), loop.get_context())
+    assert solved

@@ -4,7 +4,6 @@ import errno
 import io
 import json
 import os
-import sys
 from importlib.metadata import version
 
 import numpy as np
@@ -48,43 +47,29 @@ def run(capsys, *argv):
     return run_script(Job, [*QUICK, *argv], capsys)
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "told", "reason"),
-    [
-        (KeyboardInterrupt(), 130, "INTERRUPTED", "interrupted"),
-        (
-            RuntimeError("icp is not finite"),
-            1,
-            "STOPPED: icp is not finite",
-            "stopped: icp is not finite",
-        ),
-    ],
-    ids=["Ctrl-C", "an error"],
-)
-def test_an_early_end_writes_what_was_logged(
-    tmp_path, monkeypatch, capsys, error, code, told, reason
-):
+def test_an_error_writes_what_was_logged(tmp_path, monkeypatch, capsys):
     """Oracle: 0.3 s of 0.5 s, a row every 10 ms; no word of a fall."""
 
     def end(diagram, context):
         if context.get_time() >= 0.3:
-            raise error
+            raise RuntimeError("icp is not finite")
         return ""
 
     monkeypatch.setattr(LipmDiagram, "fall_reason", end)
     outcome = run(capsys, "--out", tmp_path)
-    assert outcome.code == code
-    assert outcome.out[0].startswith(f"t=0.30 s  {told}   max ICP error")
+    assert outcome.code == 1
+    told = "t=0.30 s  STOPPED: icp is not finite   max ICP error"
+    assert outcome.out[0].startswith(told)
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert (summary["recovered"], summary["reason"]) == (False, reason)
+    assert summary["reason"] == "stopped: icp is not finite"
     assert summary["fell_at"] is None
     with np.load(tmp_path / "log.npz") as log:
         assert log["t"][-1] == pytest.approx(0.3)
         assert len(log["icp"]) == len(log["t"]) == 31
 
 
-def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
-    """Oracles: what is left behind; the messages, by hand."""
+def test_engine_is_a_flag(tmp_path, capsys):
+    """Oracles: what is left behind; the message, by hand."""
     flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
     assert run(capsys, *flags, "--out", tmp_path).code == 0
     assert "engine: mujoco" in (tmp_path / "scenario.yaml").read_text()
@@ -93,10 +78,6 @@ def test_engine_is_a_flag(tmp_path, capsys, monkeypatch):
     assert summary["versions"]["mujoco"] == version("mujoco")
     message = "engine = 'mujoco': must be drake for a point mass"
     assert_refused(run(capsys, "--engine", "mujoco"), message)
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "nadia_balance.engines.mujoco_model")
-    message = "engine = 'mujoco': must have its package: pip install mujoco"
-    assert_refused(run(capsys, *flags), message)
 
 
 def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
@@ -168,10 +149,9 @@ def test_a_present_folder_that_is_gone_is_one_line(
     assert_refused(outcome, "present folder: must exist")
 
 
-@pytest.mark.parametrize("script", ["push", "envelope"])
-def test_ctrl_c_at_the_very_start_is_no_traceback(script, tmp_path):
+def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
     """Oracle: stderr, and what the shell calls 130."""
-    outcome = ended(python("-c", INTERRUPTED_START, script, cwd=tmp_path))
+    outcome = ended(python("-c", INTERRUPTED_START, "push", cwd=tmp_path))
     assert (outcome.code, outcome.err) == (130, [])
 
 

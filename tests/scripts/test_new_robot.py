@@ -1,13 +1,14 @@
 """One command from a URDF of anybody's to a robot that walks."""
 
-import subprocess
 import sys
 
 import pytest
 
 from nadia_balance.scripts import new_robot
+from tests import run_cache
 from tests.diagrams.simulated import EARLY
 from tests.new_robot.biped import Biped
+from tests.run_cache import data
 from tests.scripts.running import assert_refused, run_script
 
 
@@ -26,7 +27,12 @@ def test_an_unseen_biped_walks_by_one_command(
     """
     short = f"{{duration: 3.1, {EARLY % 'num_steps: 2'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
-    outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+
+    def walked():
+        return run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+
+    modules = "tests.scripts.test_new_robot", "nadia_balance.new_robot.make"
+    outcome = run_cache.once(modules, short + data(), walked)
     assert (outcome.code, outcome.err) == (0, [])
     words = {line.partition(": ")[0] for line in outcome.out}
     assert {"guessed", "changed", "unknown"} <= words
@@ -96,24 +102,11 @@ def test_says_that_a_joint_is_too_weak_to_stand(file, tmp_path, capsys):
 
 
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
-    """Oracle: without trimesh, one line."""
-    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.make")
-    monkeypatch.delitem(sys.modules, "nadia_balance.new_robot.description")
+    """Oracle: without trimesh, one line; for --help, see test_packaging."""
+    for name in "make", "description":
+        module = f"nadia_balance.new_robot.{name}"
+        monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     message = "trimesh is missing: pip install 'nadia_balance[robots]'"
     assert_refused(outcome, message)
-
-
-def test_help_needs_no_extra():
-    """Oracle: a process in which trimesh cannot be imported."""
-    code = (
-        "import sys; sys.modules['trimesh'] = None; "
-        "from nadia_balance.scripts import new_robot; "
-        "new_robot.main(['--help'])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "--package-root" in done.stdout

@@ -6,10 +6,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS
 from nadia_balance.results.plots.style import RC
 from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.limits import PROTOCOLS
 from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
 from tests.scripts.envelope_sweep.made_up import (
     AT,
@@ -78,24 +76,6 @@ def test_the_paper_is_beside_its_moment_only_the_limit_beside_all():
         report.HIPS_LABEL,
     }
     assert words | {ALL} == set(legend_of(figure))
-
-
-def test_the_atlas_papers_figure_has_a_panel_for_each_gait():
-    """Oracle: its Fig. 6 by hand: 1.92 weights forward, fast and in place."""
-    names = PROTOCOLS["atlas_fig6"].scenario_name.split(",")
-    cells = {}
-    for name in names:
-        cells |= paper_times(0.8, (name, "right swing 50 %"), "atlas")
-    figure = drawn(cells, "atlas")
-    assert [ax.get_title() for ax in figure.axes] == sorted(
-        f"{name}, right swing 50 %" for name in names
-    )
-    fast = figure.axes[2]
-    (line,) = styled(fast, "--")
-    assert line.get_xydata()[0] == pytest.approx([0.0, 1.92 * 0.981])
-    assert "the Atlas paper's, Fig. 6" in legend_of(figure)
-    for label in ATLAS_MECHANISMS:
-        assert len(lines_named(fast, label)) == 1
 
 
 def test_odd_envelopes_can_be_drawn_and_seen():

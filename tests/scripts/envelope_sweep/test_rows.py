@@ -15,7 +15,6 @@ from tests.scripts.envelope_sweep.made_up import (
     made_up_rows,
     paper_times,
 )
-from tests.scripts.running import python
 from tests.source_files import ROOT
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
@@ -35,22 +34,19 @@ def test_has_every_row_that_was_added(tmp_path):
     assert rows.all == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("resolution", 0.2), ("plant", "lipm"), ("code", "0")]
-)
-def test_refuses_the_rows_of_another_sweep(tmp_path, name, value):
+def test_refuses_another_sweep_and_another_process(tmp_path):
+    """Oracle: the bytes that were there."""
     with opened(tmp_path, IDENTITY):
-        pass
+        with pytest.raises(ValueError, match="^out = .*in use by no other"):
+            opened(tmp_path, IDENTITY).__enter__()
     before = (tmp_path / TRIALS).read_bytes()
-    with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
-        with opened(tmp_path, {**IDENTITY, name: value}):
-            raise AssertionError("accepted")
+    for name, value in ("resolution", 0.2), ("plant", "lipm"), ("code", "0"):
+        with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
+            opened(tmp_path, {**IDENTITY, name: value}).__enter__()
     assert (tmp_path / TRIALS).read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "change", ["outcome", "number", "column", "all", "PNG"]
-)
+@pytest.mark.parametrize("change", ["outcome", "number", "column", "PNG"])
 def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
     with opened(tmp_path, IDENTITY) as rows:
         rows.add(ROWS[0])
@@ -59,7 +55,6 @@ def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
         "outcome": text.replace("recovered", "bogus"),
         "number": text.replace("0.125", "9;9"),
         "column": text.replace("seed,", ""),
-        "all": "a,b\n1,2\n",
         "PNG": "\x89PNG\r\n\xff",
     }[change].encode("latin-1")
     (tmp_path / TRIALS).write_bytes(spoilt)
@@ -96,35 +91,6 @@ def test_a_full_disk_is_told_and_nothing_is_lost(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, usual)
         signal.signal(signal.SIGXFSZ, before)
     assert read(tmp_path).all == ROWS[:1]
-
-
-WRITER = """
-import itertools, sys
-from pathlib import Path
-from nadia_balance.scripts.envelope_sweep.rows import opened
-from tests.scripts.envelope_sweep.test_rows import IDENTITY, ROWS
-with opened(Path(sys.argv[1]), IDENTITY) as rows:
-    for replica in itertools.count():
-        rows.add({**ROWS[0], "replica": replica, "reason": "x" * 5000})
-        print(replica, flush=True)
-"""
-
-
-def test_one_process_at_a_time_and_its_rows_survive_a_kill(tmp_path):
-    """Oracle: what the process said was added before it was killed."""
-    child = python("-c", WRITER, tmp_path, stderr=None)
-    for _ in range(5):
-        child.stdout.readline()
-    with pytest.raises(ValueError, match="^out = .*in use by no other"):
-        with opened(tmp_path, IDENTITY):
-            raise AssertionError("accepted")
-    child.send_signal(signal.SIGKILL)
-    said = 5 + len(child.stdout.readlines())
-    child.wait()
-    child.stdout.close()
-    replicas = [row["replica"] for row in read(tmp_path).all]
-    assert replicas == list(range(len(replicas)))
-    assert said <= len(replicas) <= said + 1
 
 
 def test_results_and_pictures_are_of_this_code():

@@ -89,22 +89,19 @@ def test_an_error_is_a_row_like_any_other(monkeypatch):
 @pytest.mark.parametrize(
     ("mechanisms", "delta_v", "direction", "outcome", "foretold"),
     [
-        # They move the ICP by 6 mm; they are too much.
-        (ALL, 0.02, 0.0, "recovered", {0, 1}),
-        (ALL, 4.0, 0.0, "fell", {-1}),
         # Away from the stance foot, where the feet are not in the way.
-        (ALL, 0.7, 270.0, "recovered", {1}),
-        ("icp_only", 0.7, 270.0, "fell", {-1}),
+        (ALL, 0.7, 270.0, "recovered", 1),
+        ("icp_only", 0.7, 270.0, "fell", -1),
     ],
 )
 def test_what_becomes_of_a_push_is_foretold(
     mechanisms, delta_v, direction, outcome, foretold
 ):
-    """Oracle: the run, of 4 m/s and 2 cm/s, and of what takes a step."""
+    """Oracle: the run, of what takes a step."""
     walk = walk_of(stepping_sweep(5.0), mechanisms)
     row = tried(walk, delta_v, direction)
     assert row["outcome"] == outcome
-    assert row["predicted_at_push"] in foretold
+    assert row["predicted_at_push"] == foretold
 
 
 def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
