@@ -37,7 +37,7 @@ MADE := build/$(shell git rev-parse --short HEAD)
 results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		$(MADE)/push/replay.html $(MADE)/blocks/replay.html \
 		$(MADE)/figures/nadia_figure_4.png
-	$(PIP_INSTALL) '.[docs]'
+	$(PIP_INSTALL) '.[notebook]'
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/push --gif \
 		--width 440 --height 620 --out docs/push.gif
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/blocks \

@@ -96,7 +96,9 @@ class WholeBodyKinematics:
         turns = rows[:, -1].copy()
         turns[PELVIS] = 0.0
         turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        moved = np.cross(v[3:6], velocities[BASE][3:])
+        x, y, z = v[3:6].tolist()
+        a, b, c = velocities[BASE][3:].tolist()
+        moved = y * c - z * b, z * a - x * c, x * b - y * a
         turns[BASE.start : BASE.start + 3] -= moved
         turns[BASE.stop : TORSO.start] = 0.0
         velocities -= self._lead * turns

@@ -131,7 +131,7 @@ class PushSource(framework.LeafSystem):
         """True if the first push begins in an update of this `context`."""
         row = self._rows(context)[0].copy()
         if row[0] < 0.0:
-            self._await(context, 0, row)
+            self._await(context, self._walking_state(context), 0, row)
         return row[0] > 0.0
 
     def _rows(self, context: Context) -> np.ndarray:
@@ -147,13 +147,15 @@ class PushSource(framework.LeafSystem):
         now = state.get_mutable_discrete_state(self._state)
         rows = self._rows(context).copy()
         count, number, ticks = self._live(context)
+        waits = (rows[:, 0] < 0.0).any()
+        walking = self._walking_state(context) if waits else None
         soon = context.get_time() + 2.0 * TIME_TOLERANCE
         near = (rows[:, 0] > 0.0) | (self._not_before <= soon)
         for i in np.flatnonzero(near & (rows[:, 0] != 0.0)):
             if rows[i, 0] > 0.0:
                 rows[i, 0] -= 1.0
             else:
-                self._await(context, i, rows[i])
+                self._await(context, walking, i, rows[i])
         if self._live_push.HasValue(context):
             clicks, *wish = self._live_push.Eval(context).tolist()
             if clicks > count:
@@ -179,9 +181,9 @@ class PushSource(framework.LeafSystem):
         push.duration = number_of_ticks(duration, self.period) * self.period
         return push
 
-    def _await(self, context, i: int, row) -> None:
+    def _await(self, context, walking, i: int, row) -> None:
         """Updates the state `row` of push `i`, which has not begun."""
-        push, walking = self._pushes[i], self._walking_state(context)
+        push = self._pushes[i]
         if walking is None and push.moment.phase is not None:
             raise RuntimeError(
                 f"at = {push.at!r}: must be a time without a walking_state"

@@ -133,7 +133,7 @@ def _course(
     settling = detour.settling
     if edges is not None:
         settling = max(settling, edges.drop / detour.max_descent)
-    over = max(left - settling, min(left, _SOON))
+    over = max(left - settling, min(left, 2.0 * detour.settling))
     way = swing_detour.way_round(
         start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other, detour
     )
