@@ -10,14 +10,7 @@ from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal
 from nadia_balance.results.plots import over_time
-from tests.results.made_up_run import (
-    MASS,
-    OMEGA,
-    cut,
-    make_log,
-    summary_of,
-    without_robot,
-)
+from tests.results.made_up_run import MASS, cut, make_log, summary_of
 
 
 @pytest.fixture
@@ -44,19 +37,9 @@ def test_is_strict_json_and_repeats_what_it_was_told(log):
     assert (push["time_s"], push["delta_v"]) == pytest.approx((1.976, 0.6))
     assert (summary["steps_taken"], summary["steps_after_push"]) == (6, 5)
     assert summary["footstep_error_m"] == pytest.approx(0.004)
+    swings = [0.7, 0.43, 0.5, 0.7, 0.7, 0.7]
+    assert summary["swing_durations_s"] == pytest.approx(swings)
     assert summary["real_time_factor"] == pytest.approx(2.5)
-
-
-def test_icp_error_figures(log):
-    """Oracle: the push adds dv / omega, less what dies out in 0.1 s.
-
-    de/dt = dv / (0.1 omega) - 2 omega e from e = 0, for 0.1 s; T is so small
-    that the discrete recursion differs by less than 1 %.
-    """
-    decay = 2.0 * OMEGA
-    largest = 0.6 / (0.1 * OMEGA * decay) * (1.0 - math.exp(-0.1 * decay))
-    summary = summary_of(log)
-    assert summary["max_icp_error_m"] == pytest.approx(largest, rel=0.01)
 
 
 def test_effort_is_relative_to_the_limits(log):
@@ -160,17 +143,6 @@ def test_distance_of_the_soles_in_plan_view(log, seed):
     assert summary_of(log)["min_sole_distance_m"] == pytest.approx(least)
     log["foot_poses"][rows[0], [0, 4, 1, 5]] = 0.0
     assert summary_of(log)["min_sole_distance_m"] == 0.0
-
-
-@pytest.mark.parametrize("ticks", [25, 26])
-def test_says_that_the_controller_gave_up(log, ticks):
-    """Oracle: more than 25 ticks without a solution, at the end."""
-    status = signal(log, "whole_body_qp_status")
-    status.solved[100:200] = status.solved[-ticks:] = 0.0
-    gave_up = "the controller gave up" if ticks > 25 else ""
-    assert summary_of(log)["reason"] == gave_up
-    fallen = summary_of(log, fell_at=5.0, fall_reason="low")["reason"]
-    assert fallen == ", ".join(filter(None, ("fell: low", gave_up)))
 
 
 def test_slip_is_the_stance_foots_way_during_its_step(log):
@@ -287,15 +259,3 @@ def test_a_limit_may_be_reached_and_not_passed(log, name, rows, value, reason):
     summary = summary_of(log)
     assert summary["recovered"] is not bool(reason)
     assert summary["reason"].startswith(reason)
-
-
-def test_a_point_mass_has_no_joints_but_all_other_figures(log):
-    summary = summary_of(without_robot(log), plant="lipm")
-    assert summary["recovered"] is True
-    missing = {name for name, value in summary.items() if value is None}
-    of_joints = "max_torque_ratio max_torque_step max_joint_speed "
-    of_joints += "max_joint_speed_ratio max_power_w positive_power_w "
-    of_joints += "max_torso_tilt_deg max_pelvis_tilt_deg"
-    of_feet = "mean_swing_foot_speed stance_slip_m "
-    of_feet += "min_sole_distance_m max_impact_body_weights"
-    assert missing >= {*of_joints.split(), *of_feet.split()}
