@@ -62,19 +62,3 @@ def test_a_value_out_of_range_is_refused_by_its_name(text):
     with pytest.raises(ValueError) as error:
         load_scenario("stand", text=text)
     assert str(error.value).startswith(BAD_TEXTS[text])
-
-
-def test_an_unknown_name_or_a_bad_file_is_refused(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("mine: {duration: [1\n")
-    with pytest.raises(ValueError) as error:
-        load_scenario("mine", path)
-    message = f"scenario_file = {path}: malformed YAML: line 2"
-    assert str(error.value).startswith(message)
-    with pytest.raises(ValueError) as error:
-        load_scenario("walk_on_water")
-    message = "scenario_name = 'walk_on_water': must be one of "
-    assert str(error.value) == message + ", ".join(scenario_names())
-    with pytest.raises(FileNotFoundError) as error:
-        load_scenario("mine", tmp_path)
-    assert str(error.value) == f"scenario_file = {tmp_path}: no such file"
