@@ -223,13 +223,3 @@ def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
         atlas_paper.fraction_done(icp, icp_r, end), 0.7, OMEGA
     )
     assert found == pytest.approx(advance, abs=1e-12)
-
-
-def test_a_way_that_vanishes_is_not_followed():
-    """Oracle: the way's share of 1 cm bounds the fraction; 0.1 m of error."""
-    for length in 0.0, 1e-9, 1e-5:
-        way = np.array([length, 0.0])
-        found = atlas_paper.fraction_done(
-            np.array([0.1, 0.0]), np.zeros(2), way
-        )
-        assert found == pytest.approx(0.1 * length / 0.01**2)
