@@ -7,7 +7,6 @@ import pytest
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.envelope_sweep.limits import (
     known_limits,
     limits_of,
@@ -36,17 +35,6 @@ def test_the_walk_has_the_limit_of_an_enumeration():
     ideal.controller.timing_adapter.min_swing_duration = 0.35
     free, _ = limits_of(ideal, AT, "lipm")
     assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
-
-
-def test_every_robot_has_its_own():
-    """Oracle: its robot.yaml."""
-    for name in "nadia", "atlas":
-        scenario = load_scenario("push", robot=name, fidelity="realistic")
-        limit, _ = limits_of(scenario, AT, "humanoid")
-        model = load_robot(name).point_mass
-        height = model.com_height
-        assert limit.assumptions.startswith(f"a point mass {height:g} m high")
-        assert f"up to {model.detour.max_speed:g} m/s" in limit.assumptions
 
 
 def test_knows_the_limits_of_a_folder(tmp_path):
