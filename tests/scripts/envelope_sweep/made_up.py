@@ -31,22 +31,20 @@ AT: Situation = ("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
 PATIENCE = 60.0  # with a machine that is busy [s]
 
 
-def paper_times(
-    factor: float, at: Situation = AT, robot: str = "nadia"
-) -> dict[Cell, float]:
-    """The limits of the paper's robot, scaled."""
-    paper = protocol_of(robot, at).curves(at[0])
+def papers() -> dict[Cell, float]:
+    """The limits of the paper's robot."""
+    paper = protocol_of("nadia", AT).curves(AT[0])
     return {
-        Cell(*at, mechanisms, direction): factor * value
+        Cell(*AT, mechanisms, direction): value
         for mechanisms, curve in paper.items()
         for direction, value in curve.items()
     }
 
 
-def identity_of(search: SearchParams = SEARCH, robot: str = "nadia") -> dict:
+def identity_of(search: SearchParams = SEARCH) -> dict:
     """What all trials of a made-up sweep share."""
     return {
-        "robot": robot,
+        "robot": "nadia",
         "scenario": "push",
         "plant": "humanoid",
         **asdict(search),
@@ -83,11 +81,9 @@ class MadeUpLimit:
         return Capture(self.largest, (), np.zeros((0, 2)), np.zeros(2))
 
 
-def table_of(
-    rows: list[dict], search: SearchParams = SEARCH, robot: str = "nadia"
-) -> LimitTable:
+def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
     """The limits that follow from these rows, beside a MadeUpLimit."""
-    folder = Rows(Path("nowhere"), identity_of(search, robot), rows)
+    folder = Rows(Path("nowhere"), identity_of(search), rows)
     scenarios = dict.fromkeys(row["scenario"] for row in rows)
     computed = limits.limits_of
     limits.limits_of = lambda *_: (MadeUpLimit(1.86), MadeUpLimit(2.6))
@@ -191,32 +187,27 @@ class MadeUpRobot:
         }
 
 
-def stepping_sweep(duration: float = 3.5, text: str = "", **fields) -> Sweep:
+def stepping_sweep(duration: float = 3.5) -> Sweep:
     """Steps in place on the point mass; a step takes 1 s, after 0.5 s.
 
     A trial of it takes no more than half a second.
     """
     steps = int(duration) + 1
-    if "calm_steps" not in text and duration < 7.0:
-        text += ", calm_steps: 0"  # there is no time for any
     push = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
     scenario = load_scenario(
         "push",
-        text=f"{{duration: {duration}, gait: {{num_steps: {steps}}}, {push}"
-        f"{text}}}",
+        text=f"{{duration: {duration}, gait: {{num_steps: {steps}}}, {push}, "
+        "calm_steps: 0}",  # there is no time for any
     )
-    return Sweep(scenarios={"push": scenario}, plant="lipm", **fields)
+    return Sweep(scenarios={"push": scenario}, plant="lipm")
 
 
 def walk_of(
-    sweep: Sweep | None = None,
-    mechanisms: str = "step",
-    at: str = AT[1],
-    replica: int = 0,
+    sweep: Sweep | None = None, mechanisms: str = "step", replica: int = 0
 ) -> str:
     """The walk of a trial, as it travels."""
     sweep = sweep or stepping_sweep()
-    cell = Cell("push", at, mechanisms, 0.0)
+    cell = Cell(*AT, mechanisms, 0.0)
     return yaml_dump_typed(sweep.walk(cell, replica))
 
 

@@ -9,13 +9,7 @@ from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.limits import protocol_of
 from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
-from tests.scripts.envelope_sweep.made_up import (
-    AT,
-    SEARCH,
-    made_up_rows,
-    paper_times,
-    table_of,
-)
+from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
 
 ALL = "all_with_cross_over"
 COARSE = SearchParams(resolution=0.1, stride=4, largest=2.0)
@@ -35,24 +29,6 @@ def read_table(limits, kind):
         for line in text.splitlines()
     )
     return dict(zip(head, zip(*lines, strict=True), strict=True))
-
-
-def test_finds_the_limits_again_in_any_order():
-    """They are multiples of the resolution, so found without an error."""
-    limits = {
-        cell: round(value / SEARCH.resolution) * SEARCH.resolution
-        for cell, value in paper_times(1.1).items()
-    }
-    rows = made_up_rows(limits)
-    found = table_of(rows[::-1])
-    assert found == table_of(rows)
-    assert len(found.records) == len(limits)
-    for record in found.records:
-        cell = Cell(*AT, record["mechanisms"], record["direction_deg"])
-        assert record["recovered"] == pytest.approx(limits[cell], abs=1e-9)
-        assert record["failed"] == pytest.approx(record["recovered"] + 0.02)
-        assert record["complete"]
-        assert record["paper"] == pytest.approx(paper_times(1.0)[cell])
 
 
 @pytest.mark.parametrize("outcome", ["fell", "error", "crashed"])

@@ -2,8 +2,6 @@
 
 import hashlib
 import random
-import resource
-import signal
 import sys
 
 import pytest
@@ -13,7 +11,7 @@ from nadia_balance.scripts.envelope_sweep.sweep import SearchParams, code_hash
 from tests.scripts.envelope_sweep.made_up import (
     identity_of,
     made_up_rows,
-    paper_times,
+    papers,
 )
 from tests.source_files import ROOT
 
@@ -21,7 +19,7 @@ SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
 RESULTS = ROOT / "docs" / "results"
 ART = ".gif", ".ipynb", ".png"
-ROWS = made_up_rows(paper_times(1.0), SEARCH)[:60]
+ROWS = made_up_rows(papers(), SEARCH)[:60]
 
 
 def test_has_every_row_that_was_added(tmp_path):
@@ -75,22 +73,6 @@ def test_a_torn_line_is_left_out(tmp_path):
             assert rows.all == ROWS[:1]
             rows.add(ROWS[1])
         assert (tmp_path / TRIALS).read_bytes() == whole
-
-
-def test_a_full_disk_is_told_and_nothing_is_lost(tmp_path):
-    """Oracle: the operating system's own limit of a file's size."""
-    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    try:
-        with pytest.raises(OSError, match="too large"):
-            with opened(tmp_path, IDENTITY) as rows:
-                rows.add(ROWS[0])
-                resource.setrlimit(resource.RLIMIT_FSIZE, (5000, usual[1]))
-                rows.add({**ROWS[1], "reason": "x" * 100_000})
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
-        signal.signal(signal.SIGXFSZ, before)
-    assert read(tmp_path).all == ROWS[:1]
 
 
 def test_results_and_pictures_are_of_this_code():

@@ -127,22 +127,6 @@ def test_a_search_by_hand(first, pushes):
     assert limit(results, COARSE) == Limit(2.1, 2.2, True)
 
 
-def test_a_pocket_that_a_replica_finds_is_searched_below():
-    """By hand: 2.0 m/s of the search above fails in the end."""
-    results = {(v, 0): True for v in (0.8, 1.6, 2.0, 2.1)}
-    results |= {(v, r): False for v in (2.2, 2.4) for r in (0, 1)}
-    results |= {(2.0, 1): False}
-    assert next_batch(results, COARSE) == [(2.0, 2)]
-    assert limit(results, COARSE) == Limit(1.6, 2.2, False)
-    results |= {(2.0, 2): False}
-    assert next_batch(results, COARSE) == [(1.8, 0)]
-    assert limit(results, COARSE) == Limit(1.6, 2.0, False)
-    results |= {(1.8, r): False for r in (0, 1)} | {(1.7, 0): True}
-    assert next_batch(results, COARSE) == [
-        (v, r) for v in (1.6, 1.7) for r in (1, 2, 3)
-    ]
-
-
 def test_pushes_are_round_numbers_up_to_the_largest():
     """Oracle: decimals; 3 * 0.1 is not 0.3, 0.3 / 0.1 not 3 in binary."""
     search = SearchParams(resolution=0.1, stride=2, replicas=1, largest=0.3)
