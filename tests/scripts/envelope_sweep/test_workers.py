@@ -8,7 +8,6 @@ import signal
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import run as module
 from nadia_balance.scripts.envelope_sweep.run import open_workers
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts, walk_of
@@ -44,18 +43,3 @@ def test_a_trial_survives_the_worker_that_dies(local):
     future = executor.submit(run_trial, *TRIALS[0])
     os.kill(pid, signal.SIGKILL)
     assert facts(future.result(PATIENCE)) == facts(run_trial(*TRIALS[0]))
-
-
-def test_a_worker_with_another_robot_or_code_makes_no_row():
-    identity = {"robot_files": "0" * 16}
-    with pytest.raises(ValueError, match="^robot_files = .*: must be 0000"):
-        run_trial(identity, *TRIALS[0][1:])
-
-
-def test_refuses_what_is_no_scheduler(monkeypatch):
-    """Oracle: Dask's own errors."""
-    monkeypatch.setattr(module, "CONNECT_TIMEOUT", 0.5)
-    for address in "", "host:port", "http://host:1", "tcp://127.0.0.1:9":
-        with pytest.raises(ValueError, match=f"^scheduler = '{address}':"):
-            with open_workers(1, address):
-                raise AssertionError("accepted")
