@@ -187,28 +187,6 @@ def test_who_is_never_pushed_has_no_limit(tmp_path, capsys, here):
     assert run_script(envelope, ["--plot-only", tmp_path], capsys).code == 3
 
 
-def test_a_finished_sweep_needs_no_trial_and_plots_nothing_else(
-    undisturbed, tmp_path, capsys, here
-):
-    """Oracle: the bytes of what the sweep itself has written."""
-    folder, said = undisturbed
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    outcome = run_script(envelope, [*SWEEP, "--out", folder], capsys)
-    assert outcome.code == 0
-    assert outcome.out[0].endswith(
-        f"; {len(read(folder).all)} trials are there already"
-    )
-    assert outcome.out[2:] == said[2:]
-    assert (folder / TRIALS).read_bytes() == before[TRIALS]
-    for name in TRIALS, "scenario.yaml":
-        (tmp_path / name).write_bytes(before[name])
-    outcome = run_script(envelope, ["--plot-only", tmp_path], capsys)
-    assert (outcome.code, outcome.err) == (0, [])
-    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert made == {n: t for n, t in before.items() if n != "command.txt"}
-    assert outcome.out[:-1] == said[2:-1]
-
-
 def test_the_published_folder_gives_the_published_tables(tmp_path, capsys):
     """Oracle: its files, which earlier code has written."""
     published = ROOT / "docs" / "results" / "fig10"
@@ -219,29 +197,21 @@ def test_the_published_folder_gives_the_published_tables(tmp_path, capsys):
         assert (tmp_path / name).read_bytes() == (published / name).read_bytes()
 
 
-TEXT = "--scenario_text"
-PUSH = "{delta_v: 0.1, at: 1.0 s}"
 REFUSED = [
     (["--mechanisms", "luck"], "mechanisms = 'luck': must be one of "),
     (["--directions", "0,up"], "directions = '0,up': must be degrees"),
     (["--at", "noon"], "at = 'noon': must be like "),
-    (["--resolution", "x"], "argument --resolution: 'x'"),
     (["--resolution", "1e-309"], "resolution = 1e-309: must be"),
     (["--replicas", "1.5"], "argument --replicas"),
     (["--workers", "0"], "workers = 0"),
     (["--scenario_name", ","], "scenario_name = ','"),
-    (
-        [TEXT, f"{{pushes: [{PUSH}], gait: {{num_steps: 0}}}}"],
-        "at = 'right swing 25 %'",
-    ),
-    (
-        [TEXT, "pushes: [{delta_v: 1, at: 1 s, duration: 0.001}]"],
-        "duration = 0.001",
-    ),
     (["--scheduler", "host:port"], "scheduler = 'host:port'"),
     (["--plot-only", "nowhere"], "trials = nowhere/trials.csv"),
     (["--from", "nowhere"], "[Errno 2] No such file or directory: 'nowhere"),
-    ([TEXT, "controller: {control_period: 0.0035}"], "time_step = 0.001"),
+    (
+        ["--scenario_text", "controller: {control_period: 0.0035}"],
+        "time_step = 0.001",
+    ),
 ]
 
 
