@@ -1,12 +1,9 @@
 """Any scenario, any robot, from anywhere."""
 
-import shutil
-
 import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import simulate
 from tests.scripts.running import run_script, summary_of
 
@@ -26,24 +23,6 @@ def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
     assert (summary["steps_taken"], summary["commanded_steps"]) == (3, 2)
     assert summary["pushes"] == []
     assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
-
-
-def test_another_robot_from_another_folder(tmp_path, monkeypatch, capsys):
-    """Oracle: the CoM height in the robot.yaml of a copy of Nadia."""
-    shutil.copytree(MODELS / "nadia", tmp_path / "my_nadia")
-    with (tmp_path / "my_nadia" / "robot.yaml").open("a") as file:
-        file.write("\ncom_height: 0.86\n")
-    monkeypatch.chdir(tmp_path)
-    flags = "--scenario_name stand --duration 0.1 --robot my_nadia/robot.yaml"
-    outcome = run_script(simulate, [*QUICK[2:], *flags.split()], capsys)
-    assert (outcome.code, outcome.err) == (0, [])
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert folder.name.endswith("_stand")
-    with np.load(folder / "log.npz") as log:
-        # The posture, that of 0.888 m, draws it up by a millimetre.
-        assert log["com_state"][:, 2] == pytest.approx(0.86, abs=0.003)
-    assert summary_of(folder)["robot"] == "my_nadia/robot.yaml"
-    assert summary_of(folder)["max_icp_error_m"] < 0.001
 
 
 def test_a_long_run_leaves_its_last_minute(tmp_path, monkeypatch, capsys):
