@@ -1,16 +1,12 @@
 """Nothing is simulated twice, and nothing that is not the same is shared."""
 
-import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.robot.model import MODELS
 from tests import run_cache
-from tests.diagrams import simulated
 
 CODE = {
     "runs.py": '"""Runs."""\nfrom core.sums import total\n',
@@ -18,7 +14,6 @@ CODE = {
     "core/numbers.py": "ONE = 1\n",
     "plots.py": "from core import numbers\n",
 }
-MODULES = ("tests.source_files",)
 
 
 @pytest.fixture(autouse=True)
@@ -38,9 +33,9 @@ def once(monkeypatch):
         made.append(len(made))
         return made[-1]
 
-    def ask(given="{}", modules=MODULES):
+    def ask(given="{}"):
         monkeypatch.setattr(run_cache, "_made", {})
-        return run_cache.once(modules, given, make)
+        return run_cache.once(("tests.source_files",), given, make)
 
     return ask
 
@@ -72,34 +67,6 @@ def test_the_code_is_all_that_is_imported_but_for_its_words(
     assert (before == after) == is_same
 
 
-def test_the_rest_is_the_scenario_and_what_its_files_say(tmp_path):
-    """Oracle: by hand; neither where a file is nor its description counts."""
-
-    def all_of(text, **files):
-        folder = tmp_path / str(len(list(tmp_path.iterdir())))
-        shutil.copytree(MODELS / "nadia", folder)
-        for name, (old, new) in files.items():
-            (path,) = folder.glob(f"*.{name}")
-            path.write_text(path.read_text().replace(old, new))
-        text = f"{{robot: {folder}/robot.yaml, {text}}}"
-        return simulated.all_of(load_scenario("push", text=text), "humanoid")
-
-    same = all_of("seed: 0")
-    assert all_of("description: another") == same
-    others = {
-        all_of("seed: 1"),
-        all_of("fidelity: ideal"),
-        all_of("pushes: [{delta_v: 0.450001, at: 1 s}]"),
-        all_of("seed: 0", yaml=("width_max: 0.8", "width_max: 0.7")),
-        all_of("seed: 0", urdf=("<mass value=", "<mass  value=")),
-    }
-    for height in "0.1", "0.2":
-        terrain = tmp_path / "regions.yaml"
-        terrain.write_text(f"regions: [{{name: a, height: {height}}}]")
-        others.add(all_of(f"terrain: {{name: {terrain}}}"))
-    assert len(others - {same}) == 7
-
-
 def test_whoever_comes_second_waits_and_reads(once):
     """Oracle: made once, for two at a time."""
     with ThreadPoolExecutor() as pool:
@@ -115,10 +82,3 @@ def test_a_spoiled_file_is_made_anew(once, spoil):
     (path,) = (path for path in files if not path.suffix)
     path.write_bytes(path.read_bytes()[:-1] if spoil is None else spoil)
     assert [once(), once()] == [1, 1]
-
-
-def test_who_may_have_imported_other_code_keeps_nothing(once, monkeypatch):
-    """Oracle: the files are newer than the process."""
-    assert once() == 0
-    monkeypatch.setattr(run_cache, "STARTED", 0.0)
-    assert [once(), once()] == [1, 2]
