@@ -29,7 +29,6 @@ from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import support_polygon
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.systems.capture_region_step_adjuster import (
     CaptureRegionStepAdjuster,
@@ -222,13 +221,6 @@ class Replay:
         node = f"const node = viewer.scene_tree.find({names})"
         return self.page.evaluate(f"() => {{ {node}; return {script}; }}")
 
-    def visible(self, path: str) -> set[str]:
-        """Names of the visible objects at one level below `path`."""
-        script = """Object.entries(node.children)
-          .filter(([name, child]) => child.object.visible)
-          .map(([name, child]) => name)"""
-        return set(self.look_up(path, script))
-
     def position(self, path: str) -> np.ndarray:
         """Where the browser has put the object at `path`, in W (3,) [m]."""
         return np.array(self.look_up(path, "node.object.position.toArray()"))
@@ -356,21 +348,6 @@ def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
     assert line.area == pytest.approx(LINE * ring.length, rel=0.1)
     landing = replay.position("overlay/capture_regions/nominal")
     assert landing == pytest.approx(nominal(int(time) + 1).pose.p_WF, abs=1e-6)
-
-
-@pytest.mark.parametrize("time", [3.125, 3.5])
-def test_the_feet_in_contact_are_outlined_and_regions_seen_in_swings(
-    replay, time
-):
-    """Oracle: core.support_polygon, and shapely's distance to its border."""
-    replay.seek(time)
-    schedule = walking_state(time).schedule
-    line, _ = drawn(replay, "support_polygon")
-    border = Polygon(support_polygon(schedule, SOLE)).exterior
-    assert line.area == pytest.approx(LINE * border.length, rel=0.1)
-    assert line.hausdorff_distance(border) < 1.5 * LINE
-    swings = schedule.phase is walking.Phase.SWING
-    assert ("capture_regions" in replay.visible("overlay")) == swings
 
 
 def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
