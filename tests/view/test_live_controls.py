@@ -46,19 +46,3 @@ def test_counts_the_clicks_on_push_at_the_next_poll(meshcat):
         session.poll()
     assert counts == [0.0, 1.0, 1.0]
     assert session.output("live_push")[0] == 3.0
-
-
-def test_a_new_run_forgets_the_clicks_but_keeps_the_sliders(meshcat):
-    """Oracle: the sliders, in their steps of 0.01 and 5; no push, all on."""
-    first = Session(meshcat)
-    click(meshcat, live_controls.PUSH)
-    click(meshcat, "cross-over: on")
-    meshcat.SetSliderValue(live_controls.SIZE, 0.72)
-    meshcat.SetSliderValue(live_controls.DIRECTION, 211.0)
-    first.poll()
-    assert first.output("live_push") == pytest.approx([1.0, 0.72, 210.0, 0.1])
-    again = Session(meshcat, controls=first.controls)
-    again.poll()
-    assert again.output("live_push") == pytest.approx([0.0, 0.72, 210.0, 0.1])
-    assert again.output("mechanisms") == [1.0] * 4
-    assert "cross-over: on" in meshcat.GetButtonNames()
