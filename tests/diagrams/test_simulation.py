@@ -1,5 +1,6 @@
 """How a simulation ends: in time, by a fall, an error, or the user."""
 
+import contextlib
 import signal
 
 import numpy as np
@@ -18,6 +19,17 @@ from nadia_balance.results.measurements import calm_steps
 from tests.diagrams.simulated import diagram_of
 
 PERIOD = 0.002
+PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
+
+
+def test_zero_seconds_are_zero_seconds():
+    """Oracle: the duration that was asked for, not that of the scenario."""
+    diagram = diagram_of(plant="lipm")
+    run = simulate(diagram, 0.0)
+    assert (run.simulated_time, run.until) == (0.0, False)
+    with pytest.raises(ValueError, match="^seed: must be in the scenario"):
+        simulate(diagram, 0.0, seed=3)
+    assert run.summary["plant"] == "lipm"
 
 
 @pytest.mark.parametrize(("stops", "end"), [(True, 0.31), (False, 0.61)])
@@ -69,6 +81,74 @@ def test_the_watch_sees_the_recovery_that_the_summary_finds():
             for end in (rows, rows + 1)
         ]
         assert found == [calm - 1, calm]
+
+
+def test_ctrl_c_keeps_what_was_logged():
+    """Oracle: the same run without an interruption, row by row.
+
+    Pressed while somebody drops exceptions, as NumPy and pybind11 do.
+    """
+
+    def interrupt(context):
+        if context.get_time() >= 0.3:
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+        return ""
+
+    diagram = diagram_of(plant="lipm")
+    diagram.fall_reason = interrupt
+    run = simulate(diagram, 1.0)
+    assert run.interrupted
+    assert run.fell_at is None
+    # Pressed in one tick, seen in the next.
+    assert run.simulated_time == pytest.approx(0.3, abs=2.01 * PERIOD)
+    rows = len(run.logs["t"])
+    assert rows == round(run.simulated_time / PERIOD) + 1
+    whole = simulate(diagram_of(plant="lipm"), 1.0).logs
+    for name in ("t", "icp", "walking_signal"):
+        assert np.array_equal(
+            run.logs[name], whole[name][:rows], equal_nan=True
+        )
+
+
+def test_a_number_that_is_none_stops_the_point_mass():
+    """Oracle: the first block that reads it; it is put into the state."""
+    text = "{gait: {num_steps: 2}, mechanisms: all_with_cross_over}"
+    simulator = start(diagram_of(text, "lipm"))
+    diagram, context = simulator.get_system(), simulator.get_mutable_context()
+    plant_context = diagram.plant.GetMyMutableContextFromRoot(context)
+
+    def poison(_):
+        if context.get_time() >= 1.6:  # in a swing
+            plant_context.get_mutable_discrete_state(0)[4] = np.nan
+        return ""
+
+    diagram.fall_reason = poison
+    run = advance(simulator, 2.0)
+    where = "walking_state_machine: input port 'icp'"
+    assert run.error == f"{where} is not finite at {run.simulated_time:.3f} s"
+    assert (run.fell_at, run.fall_reason) == (None, "")  # it did not fall
+    # The fall is looked for, and so the number put in, every 0.01 s.
+    assert run.simulated_time == pytest.approx(1.6, abs=0.013)
+    # The row of that very tick is there unless it cannot be computed.
+    rows = round(run.simulated_time / PERIOD)
+    assert len(run.logs["t"]) in (rows, rows + 1)
+    assert np.isfinite(run.logs["ecmp_command"]).all()
+
+
+@pytest.mark.parametrize(
+    ("when", "missed"),
+    [
+        ("at: 0.9 s", 0),  # ends with the run
+        ("at: 0.95 s", 1),  # is cut off by the end
+        ("at: right swing 25 %", 1),
+        ("at: right transfer 100 %", 1),
+    ],
+)
+def test_counts_the_pushes_that_did_not_come(when, missed):
+    """Oracle: 0.5 s of standing, then 0.8 s of transfer, then a swing."""
+    run = simulate(diagram_of(PUSHED.format(when), "lipm"), 1.002)
+    assert run.missed_pushes == missed
 
 
 WALKS = {
