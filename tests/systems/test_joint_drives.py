@@ -34,14 +34,16 @@ def test_follows_with_a_lag(ticks):
     assert found == pytest.approx(share * commanded)
 
 
-@pytest.mark.parametrize(("speed", "most"), [(9.0, 0.5), (12.0, 0.0)])
-def test_what_drives_a_joint_fades_with_its_speed(speed, most):
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("speed", "most"), [(6.0, 1.0), (9.0, 0.5), (15.0, 0)])
+def test_what_drives_a_joint_fades_with_its_speed(speed, most, way):
     """Oracle: the line; the other joints, and what brakes, have it all."""
     knee = PLANT.GetJointActuatorByName("LEFT_KNEE_Y")
     state, drives = standing_state(), LIMITS.copy()
-    state[PLANT.num_positions() + knee.joint().velocity_start()] = speed
+    velocity = PLANT.num_positions() + knee.joint().velocity_start()
+    state[velocity] = way * speed
     drives[PLANT.GetActuatorNames().index("nadia_LEFT_KNEE_Y")] *= most
-    found = torques_after(100, 2.0 * LIMITS, state)
-    assert found == pytest.approx(drives)
-    found = torques_after(100, -2.0 * LIMITS, state)
-    assert found == pytest.approx(-LIMITS)
+    found = torques_after(100, 2.0 * way * LIMITS, state)
+    assert found == pytest.approx(way * drives)
+    found = torques_after(100, -2.0 * way * LIMITS, state)
+    assert found == pytest.approx(-way * LIMITS)
