@@ -91,29 +91,6 @@ def swinging(num_steps=3):
     return until(state, Phase.SWING)[0]
 
 
-def test_a_walk_of_two_steps_goes_through_all_phases():
-    """Oracle: the sequence and the durations by hand."""
-    state, seen = standing(2), []
-    for _ in range(5000):
-        in_swing = state.schedule.phase is Phase.SWING
-        landed = in_swing and state.time_in_phase > 0.69
-        new = step(state, forces=(400, 400) if landed else (0, 0))
-        if new.schedule is not state.schedule:
-            seen.append((new.schedule.phase, new.schedule.support_side))
-        state = new
-    left, right = Side.LEFT, Side.RIGHT
-    assert seen == [
-        (Phase.TRANSFER, left),
-        (Phase.SWING, left),
-        (Phase.TRANSFER, right),
-        (Phase.SWING, right),
-        (Phase.TRANSFER, left),
-        (Phase.STANDING, left),
-    ]
-    assert state.steps_taken == 2
-    assert state.schedule.duration == math.inf
-
-
 def test_phases_last_as_planned_to_the_nearest_tick():
     """Oracle: durations over the period: 0.5 s, more or less, and 0.8 s."""
     for duration, expected in (0.5, 250), (0.5007, 250), (0.5013, 251):
