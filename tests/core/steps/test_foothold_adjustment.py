@@ -415,7 +415,9 @@ def test_within_the_dead_band_nothing_moves():
         assert again.pose == found.pose
 
 
-@pytest.mark.parametrize(("period", "count"), [(0.002, 25), (0.05, 1)])
+@pytest.mark.parametrize(
+    ("period", "count"), [(0.002, 25), (0.05, 1), (0.12, 1)]
+)
 def test_the_foot_returns_when_it_could_for_50_ms(period, count):
     """Oracle: the count of the ticks, from the start after a gap."""
     away, covered = shifted_region(0.1), shifted_region(-0.01)
