@@ -60,16 +60,6 @@ def test_random_pushes_are_those_of_their_seed():
     assert len({int(angle // 90.0) for angle in angles}) == 4
 
 
-def test_a_time_is_due_from_then_on():
-    """Oracle: comparison, with the rounding error of a clock."""
-    push = Push(force=1.0, at="0.3 s")
-    times = (0.298, 3 * 0.1, 0.302)
-    due = [push.is_due(t, RIGHT_SWING, PERIOD) for t in times]
-    assert due == [False, True, True]
-    assert push.is_due(sum([0.002] * 150), RIGHT_SWING, PERIOD)
-    assert not push.is_in_phase(RIGHT_SWING)
-
-
 @pytest.mark.parametrize(
     ("push", "due"),
     [
