@@ -66,33 +66,6 @@ def load(folder):
     return load_robot(str(folder / "robot.yaml"))
 
 
-def test_legs_are_as_long_as_measured():
-    """Oracle: forward kinematics, to 1 mm."""
-    plant, context = plant_at()
-    com = plant.CalcCenterOfMassPositionInWorld(context)
-    hips, ankles = (
-        {
-            side: position(plant, context, f"{side.value.upper()}_{link}")
-            for side in Side
-        }
-        for link in ("THIGH_LINK", "ANKLE_LINK")
-    )
-    legs, near = ROBOT.params.legs, {"abs": 1e-3}
-    hip, ankle = hips[Side.LEFT], ankles[Side.LEFT]
-    sole = soles(plant, context)[Side.LEFT].translation()
-    assert com[2] - hip[2] == pytest.approx(legs.com_above_hip, **near)
-    assert ankle[2] - sole[2] == pytest.approx(legs.ankle_height, **near)
-    width = hip[1] - hips[Side.RIGHT][1]
-    assert width == pytest.approx(legs.hip_width, **near)
-    knee = plant.GetJointByName("LEFT_KNEE_Y")
-    lengths = []
-    for angle in np.linspace(0.0, 0.1, 101):
-        knee.set_angle(context, angle)
-        ankle = position(plant, context, "LEFT_ANKLE_LINK")
-        lengths.append(np.linalg.norm(ankle - hip))
-    assert max(lengths) == pytest.approx(legs.length, **near)
-
-
 @pytest.mark.parametrize("width", [2.0, np.nan])
 def test_refuses_a_step_width_out_of_reach(width):
     """Oracle: two legs of 0.88 m and 0.26 m between them, all in a line."""
