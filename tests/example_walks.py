@@ -114,17 +114,6 @@ def successor(schedule, plan, t=None):
     )
 
 
-def phases(schedule, plan_of):
-    """All (schedule, plan) until it stands, planned by `plan_of`."""
-    found = []
-    while True:
-        plan = plan_of(schedule)
-        found.append((schedule, plan))
-        if schedule.phase is Phase.STANDING:
-            return found
-        schedule = successor(schedule, plan)
-
-
 def _mapped(schedule, feet, A, shift, turn):
     """The same walk, with p -> A p + shift and yaw -> turn(yaw)."""
 
