@@ -206,21 +206,6 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     assert landed.schedule.start_time == 0.0  # of the next phase
 
 
-def test_steps_are_moved_in_a_transfer_and_stay_so_in_the_swing():
-    """Oracle: the poses, of the next step and the one after it."""
-    state, _ = until(standing(3), Phase.TRANSFER)
-    first, second, _ = state.schedule.footsteps
-    near, far = FootPose([0.1, -0.2, 0.0]), FootPose([0.2, 0.2, 0.0])
-    adjustment = Adjustment(first, near, later=(Adjustment(second, far),))
-    proposal = {"adjustment": adjustment}
-    moved = step(state, **proposal)
-    assert [s.pose for s in moved.schedule.footsteps[:2]] == [near, far]
-    assert step(moved, **proposal).schedule is moved.schedule
-    swinging, _ = until(moved, Phase.SWING)
-    assert swinging.schedule.footsteps[0].pose is near
-    assert swinging.adjustment is adjustment
-
-
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
     """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
     state = step(swinging(), time_gain=0.4)
