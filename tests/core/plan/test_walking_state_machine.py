@@ -104,21 +104,6 @@ def test_phases_last_as_planned_to_the_nearest_tick():
     assert state.time_in_phase == 0.0
 
 
-def test_a_sole_has_the_tilt_of_its_foothold_from_landing_on():
-    """Oracle: by hand; what is measured is where it is, not its normal."""
-    state, normal = swinging(), [0.0, 0.6, 0.8]
-    first, *others = state.schedule.footsteps
-    first = replace(first, pose=replace(first.pose, normal=normal))
-    schedule = replace(state.schedule, footsteps=(first, *others))
-    state, _ = until(replace(state, schedule=schedule), Phase.TRANSFER)
-    for _ in range(2):
-        feet = state.schedule.feet
-        assert feet[first.side].normal == pytest.approx(normal)
-        assert feet[first.side.other].normal == pytest.approx([0.0, 0.0, 1.0])
-        assert feet[first.side].p_WF == pytest.approx(FEET[first.side].p_WF)
-        state, _ = until(state, Phase.SWING)
-
-
 def test_a_glitch_of_the_force_is_no_touchdown():
     """Oracle: 0.28 N s each time, and 33 N for ever, are too little."""
     state = swinging()
