@@ -35,15 +35,6 @@ def steps_of(**gait):
     return make_footsteps(Gait(**gait), FEET, REACH)
 
 
-def test_every_forward_step_lands_one_length_ahead():
-    """Oracle: by hand, from the feet's own poses; the last step closes up."""
-    steps = steps_of(num_steps=3, step=StepVector(length=0.3))
-    assert [s.side for s in steps] == [Side.RIGHT, Side.LEFT] * 2
-    for step, x in zip(steps, (0.3, 0.6, 0.9, 0.9), strict=True):
-        expected = FEET[step.side].p_WF + [x, 0.0, 0.0]
-        assert step.pose.p_WF == pytest.approx(expected)
-
-
 def test_footholds_are_taken_as_given():
     """Oracle: by hand, in the frame between the feet."""
     a, b = (
