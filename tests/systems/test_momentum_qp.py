@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.feedback import momentum_qp
-from nadia_balance.core.math.polygon import contains
 from nadia_balance.core.math.qp import QpResult
 from nadia_balance.core.walking.vocabulary import (
     ContactSchedule,
@@ -72,17 +71,6 @@ def test_commands_what_the_core_computes(system):
     assert command.tolist() == [*expected.cop, *expected.ecmp]
     qp = expected.result
     assert status.tolist() == [1.0, 0.0, qp.solves, qp.violation, 0.0]
-
-
-def test_the_cop_stays_in_the_soles_that_are_in_contact(system):
-    """Oracle: a push to the right; only the transfer has a right sole."""
-    in_swing, in_transfer = (
-        EcmpCommand(with_inputs(system, icp=[0.03, -0.1], walking_state=s)[0])
-        for s in (SWING, TRANSFER)
-    )
-    left_sole = FEET.left.to_world(SOLE)
-    assert contains(in_swing.cop, left_sole)
-    assert not contains(in_transfer.cop, left_sole)
 
 
 def test_remembers_the_feedback_for_the_rate_weight():

@@ -1,6 +1,5 @@
 """Oracles: what goes in is what is handed out; error messages."""
 
-import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
 
@@ -37,24 +36,14 @@ def sink():
 
 
 def test_hands_out_the_value_itself_and_checks_its_type(sink):
-    """Oracle: identity; the message names system, port and both types."""
-    context = asked(sink, pose=POSE)
+    """Oracle: identity, also of huge numbers; the message names both types."""
+    context = asked(sink, pose=POSE, pair=[1e150, -1e-150])
     assert sink.pose(context) is POSE
+    assert sink.pair(context).tolist() == [1e150, -1e-150]
     fix(sink, context, pose=Footstep(Side.LEFT, POSE, 0.3, 0.7))
     message = "^my_sink: input port 'pose' got a Footstep, needs a FootPose$"
     with pytest.raises(TypeError, match=message):
         sink.pose(context)
-
-
-@pytest.mark.parametrize("bad", [[np.nan, 0.0], [0.0, np.inf], [-np.inf, 1]])
-def test_names_system_and_port_of_what_is_not_finite(sink, bad):
-    """Oracle: the message; what is finite is handed out as it is."""
-    context = asked(sink, pair=[1e150, -1e-150])
-    assert sink.pair(context).tolist() == [1e150, -1e-150]
-    fix(sink, context, pair=bad)
-    message = "^my_sink: input port 'pair' is not finite at 0.000 s$"
-    with pytest.raises(RuntimeError, match=message):
-        sink.pair(context)
 
 
 def test_a_port_with_a_default_may_stay_open(sink):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.walking.push import Push
@@ -35,15 +34,6 @@ RIGHT_SWING = WalkingState(
     replace(standing(FEET), phase=Phase.SWING, duration=0.7)
 )
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
-
-
-def advanced(source, ticks, context=None):
-    """The context of that source, so many ticks on, in a right swing."""
-    simulator = Simulator(source, context)
-    context = simulator.get_mutable_context()
-    fix(source, context, walking_state=RIGHT_SWING)
-    simulator.AdvanceTo(context.get_time() + ticks * PERIOD)
-    return context
 
 
 def signal_of(source, context) -> PushSignal:
@@ -253,24 +243,6 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
         assert (signal.number, signal.waiting) == (number, waiting)
         assert signal.delta_v == pytest.approx(newtons * duration / MASS)
         assert np.linalg.norm(signal.force) == pytest.approx(newtons)
-
-
-def test_copies_of_one_context_can_be_pushed_in_different_ways():
-    """Oracle: the sources that were built with those pushes."""
-    built = Push(delta_v=0.1, at="0.02 s", direction_deg=10.0)
-    source = PushSource([built], MASS, PERIOD)
-    walked = advanced(source, 9.5)
-    for delta_v, direction in (0.7, -120.0), (0.1, 10.0):
-        copy = walked.Clone()
-        source.set_push(copy, delta_v, direction)
-        push = replace(built, delta_v=delta_v, direction_deg=direction)
-        other = PushSource([push], MASS, PERIOD)
-        for ticks in (1, 20, 60):
-            ours = signal_of(source, advanced(source, ticks, copy.Clone()))
-            theirs = signal_of(other, advanced(other, 9.5 + ticks))
-            assert np.array_equal(ours[:], theirs[:])
-            assert (ours.number > 0) == (ticks <= 50)
-    assert signal_of(source, advanced(source, 1, walked)).delta_v == 0.1
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,8 @@
-"""Oracles: the names of the entries; a status by hand."""
+"""Oracle: the names of the entries."""
 
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.qp import QpResult
 from nadia_balance.systems import signals
 
 # The axes that a part of this name has; it is in front of them.
@@ -23,13 +22,3 @@ def test_a_part_has_the_entries_of_its_name(view):
         for part in parts.split():
             named = [getattr(signal, f"{part}_{axis}") for axis in axes.split()]
             assert getattr(signal, part).tolist() == named
-
-
-def test_a_failed_qp_is_counted():
-    """Oracle: by hand; the count stays when a QP is solved."""
-    status = signals.QpStatus(np.zeros(signals.size(signals.QpStatus)))
-    for solved, failures in (True, 0), (False, 1), (False, 2), (True, 2):
-        result = QpResult(np.zeros(2), solved, solves=3, violation=0.5)
-        status = signals.QpStatus(np.array(status.after(result), float))
-        assert status.solved == solved
-        assert status.failures == failures

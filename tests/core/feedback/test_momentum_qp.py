@@ -148,10 +148,6 @@ FOOT = FootPose([0.3, -0.2, 0.0], 0.7)
 LIMITS = feedback_limits(FOOT.to_world(SOLE), FOOT.yaw, DEFAULTS)
 
 
-def margin(distance):
-    return MomentumQpParams(cop_safe_distance=distance)
-
-
 def allowed(cop, kappa):
     """True if the rows allow this CoP and total kappa."""
     value = LIMITS.C @ np.concatenate((cop, kappa))
@@ -171,10 +167,3 @@ def test_allows_the_cop_in_the_shrunk_sole_and_kappa_in_the_turned_box():
         assert allowed(cop, kappa) is (inside and small)
         outcomes.add((inside, small))
     assert len(outcomes) == 4
-
-
-def test_refuses_a_polygon_that_the_safe_distance_uses_up():
-    """Oracle: half of the width."""
-    with pytest.raises(ValueError, match="must leave some"):
-        feedback_limits(SOLE, 0.0, margin(0.06))
-    assert math.isfinite(feedback_limits(SOLE, 0.0, margin(0.059)).lower[-1])

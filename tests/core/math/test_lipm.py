@@ -47,24 +47,3 @@ def test_com_and_icp_move_as_integrated(t):
         rtol=0.0,
         atol=1e-14,
     )
-
-
-def test_the_momentum_about_the_contact_is_that_of_the_pendulum():
-    """Oracle: sum of p x v over ten point masses; a pendulum's by hand.
-
-    The contact is 0.9 m below their mean; heights and velocities differ.
-    """
-    rng = np.random.default_rng(0)
-    p, v, masses = *rng.normal(size=(2, 10, 3)), rng.uniform(1.0, 5.0, 10)
-    mass = masses.sum()
-    com, velocity = (
-        np.average(each, axis=0, weights=masses) for each in (p, v)
-    )
-    contact = com - [0.0, 0.0, 0.9]
-    about_com = masses @ np.cross(p - com, v) / mass
-    x, y, _ = masses @ np.cross(p - contact, v)
-    expected = np.array([y, -x]) / (mass * 0.9)
-    found = lipm.alip_velocity(velocity[:2], about_com, 0.9)
-    assert found == pytest.approx(expected, abs=1e-14)
-    swung = lipm.alip_velocity(VELOCITY, np.array([0.0, 0.0, 3.0]), 0.9)
-    assert swung == pytest.approx(VELOCITY, abs=1e-15)  # about z: as it was

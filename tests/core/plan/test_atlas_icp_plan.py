@@ -17,7 +17,6 @@ from tests.example_walks import (
     MODEL,
     OMEGA,
     at_rest,
-    phases,
     random_walks,
     standing,
     successor,
@@ -129,31 +128,15 @@ def test_is_linear_in_the_footholds(params, schedule, t, seed):
         assert after.ecmp - before.ecmp == pytest.approx(cmp, abs=1e-12)
 
 
-@pytest.mark.parametrize("length", [0.0, 0.4])
-def test_goes_on_where_the_phase_before_ended(length):
-    """Oracle: continuity of CoM, ICP and eCMP, through walks to the end.
-
-    Only the last step seen in advance changes, some e^(-3 w T) = 1e-4 of it.
-    """
-    start = walk(length, num_steps=5)
-    last = None
-    for schedule, plan in phases(start, plan_of):
-        if last is not None:
-            first = plan.at(0.0)
-            assert first.com == pytest.approx(last.com, abs=1e-12)
-            assert first.icp == pytest.approx(last.icp, abs=2e-4)
-            assert first.ecmp == pytest.approx(last.ecmp, abs=1e-12)
-        last = plan.at(min(schedule.duration, 5.0))
-    rest = 0.5 * (schedule.feet.left.p_WF + schedule.feet.right.p_WF)[:2]
-    assert last.icp == pytest.approx(rest)
-
-
 def test_a_transfer_starts_with_the_icp_that_was_even_if_it_is_early():
     """Oracle: schedule.start; Eq. 5, from the last CMP, is elsewhere."""
     first = swing(length=0.3)
     early = successor(first, plan_of(first), 0.6)
     expected = icp(early.start.com, early.start.com_velocity, OMEGA)
-    assert plan_of(early).at(0.0).icp == pytest.approx(expected, abs=1e-12)
+    now = plan_of(early).at(0.0)
+    assert now.icp == pytest.approx(expected, abs=1e-12)
+    assert now.com == pytest.approx(early.start.com, abs=1e-12)
+    assert now.ecmp == pytest.approx(early.start.cop, abs=1e-12)
     plan = plan_of(early, JUMPS)
     heel = plan.cop_waypoints[1]
     end = plan.at(early.duration).icp

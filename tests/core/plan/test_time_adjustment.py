@@ -251,17 +251,6 @@ def test_small_errors_leave_the_clock_alone(phase):
         assert (adjustment(icp, plan, state) > 0.0) is hurried
 
 
-@pytest.mark.parametrize("phase", [swing, transfer])
-def test_each_phase_can_be_switched_off(phase):
-    """Oracle: zero, for an ICP that is far away; not so for the other one."""
-    schedule, plan = phase()
-    state = walking.WalkingState(schedule)
-    for name in "swing", "transfer":
-        on = replace(walks.ALL, **{name: False})
-        gain = adjustment([9.0, 9.0], plan, state, on=on)
-        assert (gain == 0.0) is (name == phase.__name__)
-
-
 def idle_states():
     """Standing, the last transfer, and phases whose clock has run out."""
     yield walking.WalkingState(walks.standing(), 0.1, 0.1)

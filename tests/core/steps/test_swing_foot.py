@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.steps.swing_foot import (
     FootMotion,
     SwingFootParams,
@@ -69,18 +68,6 @@ def test_meets_both_ends():
         assert arrived == pytest.approx(end[:, column], abs=1e-9)
     begun = quintic(start, end, horizon, 0.0)
     assert begun == pytest.approx(start, abs=1e-12)
-
-
-def test_rates_are_its_derivatives():
-    """Oracle: central differences."""
-    rng = np.random.default_rng(1)
-    start, end = rng.normal(size=(2, 3, 4))
-    horizon, step = np.full(4, 0.8), 1e-5
-    before, here, after = (
-        quintic(start, end, horizon, 0.3 + d) for d in (-step, 0.0, step)
-    )
-    rates = (after[:2] - before[:2]) / (2 * step)
-    assert rates == pytest.approx(here[1:], abs=1e-6)
 
 
 def test_passes_the_point_with_the_least_jerk():
@@ -149,19 +136,6 @@ def times(duration=0.7):
     return np.minimum(np.arange(0.0, duration + PERIOD / 2, PERIOD), duration)
 
 
-def test_continuing_each_tick_is_one_quintic():
-    """Oracle: one quintic over the whole swing (Bellman's principle)."""
-    path = follow([swing_state(t) for t in times()])
-    start = FootMotion.at_rest(swing_state(0.0).schedule.feet[Side.RIGHT]).pva
-    end = np.zeros((3, 4))
-    end[0] = [0.4, -0.15, 0.0, 0.2]
-    for t in (0.1, 0.35, 0.6):
-        whole = quintic(start, end, np.full(4, 0.7), t)
-        k = round(t / PERIOD)
-        xy_yaw = [0, 1, 3]
-        assert path[k][:, xy_yaw] == pytest.approx(whole[:, xy_yaw], abs=1e-6)
-
-
 def test_what_is_asked_ahead_is_what_comes():
     """Oracle: the motion itself, so much later; at the end, the end."""
     path = follow([swing_state(t) for t in times()])
@@ -179,26 +153,6 @@ def test_what_is_asked_ahead_is_what_comes():
         expected = path[min(k + ticks, len(path) - 1)]
         assert ahead.pva[0] == pytest.approx(expected[0], abs=1e-4)
     assert ahead.pva[0] == pytest.approx(goal, abs=1e-3)
-
-
-def test_a_foot_that_sinks_fast_lands_softly():
-    """Oracle: the constant deceleration that its speed and height need."""
-    height, speed, slow = 0.03, 1.0, PARAMS.touchdown_velocity
-    deceleration = (speed**2 - slow**2) / (2.0 * height)
-    detour = SwingDetourParams(max_braking=0.9 * deceleration)
-    pva = np.zeros((3, 4))
-    pva[0], pva[1, 2] = (0.4, -0.15, height, 0.2), -speed
-    motion, path = FootMotion(pva), []
-    model, late = replace(MODEL, detour=detour), swing_state(0.7)
-    while motion.pva[0, 2] > 0.0:
-        motion, _ = swing_foot_motion(motion, late, PERIOD, PARAMS, model)
-        path.append(motion.pva[:, 2])
-    path = np.array(path)
-    assert len(path) * PERIOD == pytest.approx(
-        2.0 * height / (speed + slow), rel=0.3
-    )
-    assert np.max(path[:, 2]) < 2.5 * deceleration
-    assert -path[-1, 1] == pytest.approx(slow, abs=0.1)
 
 
 @pytest.mark.parametrize("y", [-0.01, 0.01])

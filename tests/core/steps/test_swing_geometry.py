@@ -149,15 +149,6 @@ def raised(schedule, height):
     return replace(schedule, feet=feet)
 
 
-def test_one_region_everywhere_is_flat_ground():
-    """Oracle: the very places of flat ground."""
-    schedule = swing(turn=0.3)
-    places = on_ground((square("all", side=20.0),), schedule).places
-    for found, flat in zip(places, geometry(schedule).places, strict=True):
-        np.testing.assert_array_equal(found.polygon, flat.polygon)
-        assert (found.reach, found.ground) == (flat.reach, 0)
-
-
 def test_a_place_is_where_the_sole_is_on_the_region_and_in_reach():
     """Oracle: shapely: the margin, the turned sole, the reach, the rise.
 

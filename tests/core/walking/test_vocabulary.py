@@ -63,18 +63,6 @@ def test_clones_share_the_value(value):
     assert copy.deepcopy(value) is value
 
 
-def test_a_time_is_a_number_of_ticks_to_the_nearest():
-    """Oracle: by hand; at least one tick."""
-    for duration, period, ticks in (
-        (0.05, 0.002, 25),
-        (0.05, 0.01, 5),
-        (0.004, 0.003, 1),
-        (0.004, 0.01, 1),
-        (0.0, 0.002, 1),
-    ):
-        assert walking.number_of_ticks(duration, period) == ticks
-
-
 def sole_in_world(foot):
     """The sole, placed by shapely."""
     turned = affinity.rotate(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.arrays import SegmentPairs, cross
+from nadia_balance.core.math.arrays import SegmentPairs
 
 NUM_PAIRS = 200  # of each kind
 
@@ -82,10 +82,3 @@ def test_points_are_on_the_segments_and_the_nearest(kind):
     assert p == pytest.approx(begin + share * way, abs=1e-12)
     distance = np.linalg.norm(p[:, 0] - p[:, 1], axis=0)
     assert distance == pytest.approx(brute_force(begin, way), abs=1e-9)
-
-
-def test_cross_products_are_those_of_numpy():
-    """Oracle: numpy, to rounding."""
-    a, b = np.random.default_rng(0).normal(size=(2, 3, 2, 5))
-    expected = np.cross(a, b, axis=0)
-    assert cross(a, b) == pytest.approx(expected, abs=1e-15)

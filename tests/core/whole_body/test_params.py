@@ -10,7 +10,3 @@ def test_the_unloaded_foot_carries_more_than_the_least_force():
     check(WholeBodyQpParams(unloaded_force=2.1, min_normal_force=2.0))
     with pytest.raises(ValueError, match="unloaded_force = 2.0"):
         check(WholeBodyQpParams(unloaded_force=2.0, min_normal_force=2.0))
-
-
-def test_no_avoidance_is_allowed():
-    check(WholeBodyQpParams(avoidance=None))

@@ -104,21 +104,6 @@ def test_a_still_robot_in_its_posture_needs_no_acceleration():
     assert weight == pytest.approx(nadia().mass * 9.81, rel=1e-7)
 
 
-@pytest.mark.parametrize("contacts", CONTACTS, ids=str)
-def test_soles_on_the_ground_stay(contacts):
-    """Oracle: a sole's acceleration is minus its velocity times damping."""
-    params = WholeBodyQpParams(stance_tilt_gain=0.0)
-    for seed in range(3):
-        terms, found = solve(random_state(seed), contacts, params)
-        acceleration = terms.rows @ np.append(found.vdot, 1.0)
-        for side, carries in enumerate(contacts):
-            if carries:
-                rows = slice(6 * side, 6 * side + 6)
-                assert acceleration[rows] == pytest.approx(
-                    -params.stance_damping * terms.velocities[rows], abs=1e-7
-                )
-
-
 @pytest.mark.parametrize("edge", [0.11, -0.11])
 def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
     """Oracles: Drake's acceleration of the edge; the wrench's moment there.
