@@ -1,4 +1,4 @@
-"""Oracles: series, fine integration, moments of errors, least squares."""
+"""Oracles: series, fine integration, finite differences, least squares."""
 
 import math
 
@@ -107,6 +107,24 @@ def test_the_mean_moves_as_the_body_does():
     expected = moved(expected, imu)
     assert found.R == pytest.approx(expected.R, abs=1e-12)
     assert found.x == pytest.approx(expected.x, abs=1e-8)
+
+
+def test_the_error_moves_as_its_transition_says(monkeypatch):
+    """Oracle: finite differences of the motion in 40 steps, per error."""
+    monkeypatch.setattr(ekf, "STANCE_NOISE", 0.0)
+    imu, last, eps = np.concatenate((W, F)), start(), 1e-6
+    mean = moved(last, imu, 40)
+    Phi = np.column_stack(
+        [
+            between(moved(shifted(last, eps * e), imu, 40), mean) / eps
+            for e in np.eye(21)
+        ]
+    )
+    A = np.random.default_rng(0).standard_normal((21, 21))
+    found = InvariantEkf(BLIND, T).predict(last._replace(cov=A @ A.T), imu).cov
+    # What turns and moves within a period squared: (2.4 rad/s * 4 ms)^2 / 12.
+    expected = Phi @ A @ A.T @ Phi.T
+    assert found == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
 def legs_of(state, i, noise):
