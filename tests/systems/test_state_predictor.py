@@ -1,13 +1,17 @@
-"""Oracles: constant acceleration, a first-order lag, the plant's motion."""
+"""Oracles: motion at a constant acceleration, a first-order lag, the plant."""
 
 import math
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
 
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.state_predictor import StatePredictor
 from tests.blocks import answer, asked, running, tick
+from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import random_state, standing_state
 
 PERIOD = 0.002
@@ -69,3 +73,33 @@ def test_a_lead_takes_the_positions_ahead():
     # The pelvis turns on along a chord, by 0.02 rad here.
     assert found[:NQ] == pytest.approx(q, abs=1e-4)
     assert found[NQ:].tolist() == v.tolist()
+
+
+def test_a_walking_robot_is_where_it_is_predicted():
+    """Oracle: the plant's state; without prediction the error is larger."""
+    text = f"{{imperfections: {{delay: 0.012}}, {SOON % 'right'}}}"
+    scenario = load_scenario("walk_in_place", text=text)
+    predictor = StatePredictor(NADIA["realistic"], 0.004, 0.012)
+    built = HumanoidDiagram(scenario, state_predictor=predictor)
+    simulator = Simulator(built)
+    context = simulator.get_mutable_context()
+    built.set_initial_state(context)
+    errors = []
+    for i in range(100):
+        simulator.AdvanceTo(0.352 + i * 0.004)  # a swing from 0.45 s on
+        known, late = (
+            system.GetOutputPort(name).Eval(
+                system.GetMyContextFromRoot(context)
+            )
+            for system, name in (
+                (predictor, "predicted_state"),
+                (built.GetSubsystemByName("state_sensor"), "measured_state"),
+            )
+        )
+        state = built.engine.GetOutputPort("state").Eval(
+            built.engine.GetMyContextFromRoot(context)
+        )
+        errors.append(np.abs(np.stack((known, late)) - state))
+    known, late = np.median(errors, axis=0)
+    assert known[:NQ].max() < 0.1 * late[:NQ].max()
+    assert known[NQ:].max() < 0.5 * late[NQ:].max()
