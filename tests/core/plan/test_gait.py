@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import shapely
 import shapely.affinity
@@ -21,6 +22,7 @@ from nadia_balance.core.plan.gait import (
 )
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
+    FootPoses,
     Footstep,
     Phase,
     Side,
@@ -44,6 +46,26 @@ def test_footholds_are_taken_as_given():
     steps = steps_of(footholds=[a, b])
     assert steps[0].pose.p_WF == pytest.approx([0.2, 0.2, 0.0])
     assert steps[1].pose.yaw == pytest.approx(math.radians(-20))
+
+
+def test_the_start_may_be_anywhere():
+    """Oracle: a rotated and shifted start gives rotated, shifted steps."""
+    turn, shift = 0.7, np.array([2.0, -1.0, 0.0])
+    frame = FootPose(shift, turn)
+
+    def moved(pose):
+        xy = frame.to_world(pose.p_WF[None, :2])[0]
+        return FootPose([*xy, 0.0], pose.yaw + turn)
+
+    gait = Gait(num_steps=5, step=StepVector(length=0.2, yaw_deg=10))
+    there = FootPoses(moved(FEET.left), moved(FEET.right))
+    for a, b in zip(
+        make_footsteps(gait, FEET, REACH),
+        make_footsteps(gait, there, REACH),
+        strict=True,
+    ):
+        assert b.pose.p_WF == pytest.approx(moved(a.pose).p_WF)
+        assert b.pose.yaw == pytest.approx(a.pose.yaw + turn)
 
 
 @pytest.mark.parametrize(
