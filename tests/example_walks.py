@@ -114,23 +114,45 @@ def successor(schedule, plan, t=None):
     )
 
 
-def moved(schedule, angle, shift):
-    """The same walk, turned about 0 by `angle` and then moved by `shift`."""
-    c, s = math.cos(angle), math.sin(angle)
-    R = np.array([[c, -s], [s, c]])
+def _mapped(schedule, feet, A, shift, turn):
+    """The same walk, with p -> A p + shift and yaw -> turn(yaw)."""
 
     def move(pose):
-        return FootPose([*(R @ pose.p_WF[:2] + shift), 0.0], pose.yaw + angle)
+        return FootPose([*(A @ pose.p_WF[:2] + shift), 0.0], turn(pose.yaw))
 
-    start, feet = schedule.start, schedule.feet
+    start = schedule.start
     return replace(
         schedule,
-        feet=FootPoses(move(feet.left), move(feet.right)),
+        feet=FootPoses(*map(move, feet)),
         footsteps=tuple(
             replace(step, pose=move(step.pose)) for step in schedule.footsteps
         ),
         start=ReferencePoint(
-            R @ start.com + shift, R @ start.com_velocity, R @ start.cop + shift
+            A @ start.com + shift, A @ start.com_velocity, A @ start.cop + shift
+        ),
+    )
+
+
+def moved(schedule, angle, shift):
+    """The same walk, turned about 0 by `angle` and then moved by `shift`."""
+    c, s = math.cos(angle), math.sin(angle)
+    R, feet = np.array([[c, -s], [s, c]]), schedule.feet
+    return _mapped(
+        schedule, (feet.left, feet.right), R, shift, lambda yaw: yaw + angle
+    )
+
+
+def mirrored(schedule):
+    """The same walk with left and right exchanged: y becomes -y."""
+    flip, feet = np.diag([1.0, -1.0]), schedule.feet
+    there = _mapped(
+        schedule, (feet.right, feet.left), flip, 0.0, lambda yaw: -yaw
+    )
+    return replace(
+        there,
+        support_side=schedule.support_side.other,
+        footsteps=tuple(
+            replace(step, side=step.side.other) for step in there.footsteps
         ),
     )
 

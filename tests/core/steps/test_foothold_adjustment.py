@@ -36,7 +36,15 @@ from nadia_balance.core.steps.swing_geometry import (
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests.core.body.test_ground import square
-from tests.example_walks import ALL, MODEL, SOLE, UNCROSSED, swing
+from tests.example_walks import (
+    ALL,
+    MODEL,
+    SOLE,
+    UNCROSSED,
+    mirrored,
+    moved,
+    swing,
+)
 
 TICK = 0.002
 PARAMS = CaptureRegionStepAdjusterParams()
@@ -49,7 +57,17 @@ def geometry(schedule, params=PARAMS, on=ALL):
 IN_PLACE = swing(length=0.0)
 NOMINAL = IN_PLACE.footsteps[0].pose
 GEOMETRY = geometry(IN_PLACE)
-PUSHES = [0.2, 0.0], [0.0, -0.2], [0.1, 0.1], [0.0, 0.3]
+PUSHES = [
+    [0.0, 0.0],
+    [0.2, 0.0],
+    [-0.25, 0.1],
+    [0.0, -0.2],
+    [0.2, -0.2],
+    [0.1, 0.1],
+    [0.0, 0.1],
+    [0.0, 0.3],
+    [0.15, 0.2],
+]
 
 
 def state_at(t, schedule=IN_PLACE, adjustment=None):
@@ -262,7 +280,7 @@ def test_half_the_margin_suffices_on_the_ground_of_before():
 # Where to.
 
 
-@pytest.mark.parametrize("push", PUSHES)
+@pytest.mark.parametrize("push", PUSHES[1::2])
 def test_the_foot_goes_to_the_closest_good_foothold(push):
     """Oracle: shapely: the region, cut with the reach; else the least gap."""
     params = CaptureRegionStepAdjusterParams(margin=0.0, dead_band=0.0)
@@ -306,6 +324,36 @@ def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
     p = shapely.Point(found.pose.p_WF[:2])
     assert free.distance(p) < 1e-9
     assert p.distance(wanted) == pytest.approx(free.distance(wanted))
+
+
+def test_the_mirror_and_a_turned_world_change_nothing():
+    """Oracle: symmetry.
+
+    By rule 3, short edges of the region, which are those of the reach times
+    E^2, may be parallel to the reach: then the point is open by their length.
+    """
+    angle, shift = 2.5, np.array([10.0, -20.0])
+    c, s = math.cos(angle), math.sin(angle)
+    R, flip = np.array([[c, -s], [s, c]]), np.array([1.0, -1.0])
+    schedule = swing(length=0.1, turn=0.2)
+    elsewhere = moved(schedule, angle, shift)
+    for push in PUSHES:
+        icp = np.array([0.05, 0.07]) + push
+        here = propose(state_at(0.3, schedule), icp)
+        there = propose(state_at(0.3, mirrored(schedule)), icp * flip)
+        moved_on = propose(state_at(0.3, elsewhere), R @ icp + shift)
+        assert here.region == there.region == moved_on.region
+        assert there.pose.yaw == -here.pose.yaw
+        p = here.pose.p_WF[:2]
+        np.testing.assert_allclose(there.pose.p_WF[:2], p * flip, atol=1e-9)
+        now = landing(state_at(0.3, schedule), icp, geometry(schedule))
+        lost = not contains(p, now.capture_region)
+        np.testing.assert_allclose(
+            moved_on.pose.p_WF[:2],
+            R @ p + shift,
+            atol=1e-3 if lost else 1e-9,
+            rtol=0.0,
+        )
 
 
 def test_a_nominal_foothold_out_of_reach_is_brought_within():
