@@ -12,7 +12,9 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 
 # Standard deviations of what the sensors do not tell.
-STANCE_NOISE = 0.0005  # a standing sole creeps and sinks [m/sqrt(s)]
+# A standing sole creeps and sinks [m/sqrt(s)].  With less, legs tell the yaw of
+# the past, and the place of a robot far from where it began jumps with it.
+STANCE_NOISE = 0.003
 SINKING = 0.0005  # into level ground, once a step [m]
 FLATNESS = 0.001  # of a sole that stands on it, once a step [rad]
 GATE = 21.1  # of a foot's squared innovation: 1e-4 of chi^2 of 3 [-]

@@ -82,14 +82,16 @@ def test_results_and_pictures_are_of_this_code():
     """
     page = (RESULTS / "README.md").read_text("utf-8")
     first, *lines = (RESULTS / "made.txt").read_text("utf-8").splitlines()
-    _, code, _, *python = first.split()
+    # `same`: later code of which some rows were remade, equal in all digits.
+    _, code, *same, _, major, minor = first.split()
     assert f"code `{code}`" in page, "docs/results/README.md"
     for name in "fig10", "g1":
         rows = read(RESULTS / name)
         assert rows.identity["code"] == code, f"{name}: make results"
         assert name != "fig10" or f"{len(rows.all)} trials" in page
-    if python == [str(part) for part in sys.version_info[:2]]:
-        assert code == code_hash(), "other control code: make results"
+    if (int(major), int(minor)) == sys.version_info[:2]:
+        known = [code, *same[1:]]
+        assert code_hash() in known, "other control code: make results"
     made = dict(line.split()[::-1] for line in lines)
     docs = [path for path in (ROOT / "docs").rglob("*.*") if path.suffix in ART]
     assert {*made} == {str(path.relative_to(ROOT)) for path in docs}
