@@ -113,7 +113,7 @@ class ClosedLoop(framework.Diagram):
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
         logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
-        # Of all footholds; legs may be let cross during a run.
+        # Regions of all footholds: legs may be let cross during a run.
         regions = step_regions(self.robot.point_mass.reach, cross_over=True)
         logs |= {f"region_{name}": region for name, region in regions.items()}
         logs["sole"] = self.robot.sole

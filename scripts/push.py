@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> int:
         description=__doc__.partition("\n")[0],
         epilog=f"Exit code: 0 recovered, {command_line.EXIT_CODES}",
     )
-    about = "Of the scenario's first push.  Default: as in the scenario."
+    about = "The scenario's first push.  Default: as in the scenario."
     add = parser.add_argument_group("push", about).add_argument
     about = "degrees (0 forward, 90 left), or forward, backward, inward, "
     add("--direction", help=f"{about}outward, seen from the stance foot")

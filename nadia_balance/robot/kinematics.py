@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.math.arrays import cross
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body import command
 from nadia_balance.core.whole_body.command import (
@@ -96,9 +97,7 @@ class WholeBodyKinematics:
         turns = rows[:, -1].copy()
         turns[PELVIS] = 0.0
         turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        x, y, z = v[3:6].tolist()
-        a, b, c = velocities[BASE][3:].tolist()
-        moved = y * c - z * b, z * a - x * c, x * b - y * a
+        moved = cross(v[3:6], velocities[BASE][3:])
         turns[BASE.start : BASE.start + 3] -= moved
         turns[BASE.stop : TORSO.start] = 0.0
         velocities -= self._lead * turns

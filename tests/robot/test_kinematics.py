@@ -42,10 +42,8 @@ def test_velocities_of_a_state_that_is_ahead_are_those_of_now(seed):
         plant.SetPositionsAndVelocities(context, ahead)
         terms = WholeBodyKinematics(nadia(), plant, lead).calc(context)
         missed = (terms.velocities - now)[[*range(18), *range(-6, 0)]]
-        assert (
-            abs(missed).max()
-            < 0.05 * abs(terms.rows @ np.append(terms.v, 0) - now)[:18].max()
-        )
+        first_order = terms.rows[:18, :-1] @ terms.v - now[:18]
+        assert abs(missed).max() < 0.05 * abs(first_order).max()
         errors.append(missed)
     assert errors[1] == pytest.approx(4.0 * errors[0], rel=0.05, abs=1e-7)
 
