@@ -57,14 +57,13 @@ class RandomPushes(Sweep):
 
     def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
         """Returns the only trial of a `cell`, unless it has results."""
-        number = self.cells().index(cell)
-        return [] if results else [(self.pushes[cell].delta_v or 0.0, number)]
+        return [] if results else [(self.pushes[cell].delta_v or 0.0, 0)]
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a push, which is zero."""
         scenario = super().walk(cell, replica)
-        if push := self.pushes.get(cell):
-            zero = scenario.pushes[0]
+        if push := self.pushes.get(cell):  # not that of the identity
+            (zero,) = scenario.pushes
             zero.body, zero.duration = push.body, push.duration
         return scenario
 
@@ -133,8 +132,8 @@ def failures_text(sweep: RandomPushes, rows: Rows) -> str:
             continue
         what = push.body, f"{push.duration:g}", row["outcome"], row["reason"]
         size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
-        failed.append((str(row["replica"]), *size, row["at"], *what))
-    head = "number", "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
+        failed.append((*size, row["at"], *what))
+    head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
     shares = [(name, f"{good[name]} of {n}") for name, n in tried.items()]
     parts = [
         f"# Pushes at random, at {sweep.share:g} of the limits",
