@@ -23,8 +23,13 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
 from nadia_balance.diagrams.terrain import COURSES, FLAT
-from nadia_balance.results.folder import new_folder, write_run
-from nadia_balance.results.pages import LivePage, start_recording
+from nadia_balance.results.folder import new_folder
+from nadia_balance.results.pages import (
+    FILES,
+    LivePage,
+    start_recording,
+    write_run,
+)
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
 from nadia_balance.scripts import INTERRUPTED, interruptible
@@ -238,7 +243,7 @@ def main_job(
             )
             if not args.live:
                 simulator = simulation.start(diagram)
-                folder = new_folder(args.out, args.scenario_name)
+                folder = new_folder(args.out, args.scenario_name, FILES)
                 folder = held.enter_context(folder)
         say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
         if args.live:

@@ -27,7 +27,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.envelope_sweep import limits, report, run
+from nadia_balance.scripts.envelope_sweep import limits, report, trial
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
 from nadia_balance.scripts.envelope_sweep.sweep import (
     AT,
@@ -66,13 +66,13 @@ def main(argv: list[str] | None = None) -> int:
         out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     with contextlib.ExitStack() as stack:
         with parser.refusing():
-            workers = run.open_workers(args.workers, args.scheduler)
-            job = stack.enter_context(workers)
+            workers = trial.open_workers(args.workers, args.scheduler)
+            executor = stack.enter_context(workers)
             folder = prepare_folder(out)
             rows = stack.enter_context(opened(folder, sweep.identity()))
         with open(folder / COMMAND, "a", encoding="utf-8") as file:
             file.write(f"{shlex.join(['envelope.py', *argv])}\n")
-        return _run(sweep, rows, *job)
+        return _run(sweep, rows, executor)
 
 
 def parser_of() -> command_line.CommandLine:
@@ -120,7 +120,7 @@ def parser_of() -> command_line.CommandLine:
     return parser
 
 
-def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
+def _run(sweep: Sweep, rows: Rows, executor: Executor) -> int:
     """Runs the sweep and writes the report, also after an error or Ctrl-C."""
     texts = (
         yaml_dump_typed(scenario, child_name=name)
@@ -128,25 +128,24 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor, slots: int) -> int:
     )
     (rows.folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
     command_line.say(
-        f"{len(sweep.cells())} limits to find, {slots} trials at a time; "
-        f"{len(rows.all)} trials are there already",
+        f"{len(sweep.cells())} limits to find; {len(rows.all)} trials are "
+        "there already",
         f"into {rows.folder}",
     )
     code = command_line.DONE
     with until_ctrl_c() as stopped:
         try:
-            if not run.run_sweep(sweep, rows, executor, slots, stopped):
+            if not trial.run_sweep(sweep, rows, executor, stopped):
                 code = INTERRUPTED
         except RuntimeError as error:
             command_line.complain("envelope.py", error)
             code = command_line.FAILED
         undecided = _report(rows, sweep.scenarios)
-        code = code or undecided
-        if code in (command_line.FAILED, INTERRUPTED):
-            command_line.say(
-                f"the same flags and --out {rows.folder} go on from here"
-            )
-    return code
+    if code:
+        command_line.say(
+            f"the same flags and --out {rows.folder} go on from here"
+        )
+    return code or undecided
 
 
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:

@@ -29,16 +29,17 @@ from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import appearing, prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import INTERRUPTED, command_line
-from nadia_balance.scripts.envelope_sweep import limits, run
+from nadia_balance.scripts.envelope_sweep import limits, trial
 from nadia_balance.scripts.envelope_sweep.report import outcomes, table
-from nadia_balance.scripts.envelope_sweep.rows import Rows, cell_of, opened
-from nadia_balance.scripts.envelope_sweep.sweep import (
-    AT,
+from nadia_balance.scripts.envelope_sweep.rows import (
     Attempt,
     Cell,
     Results,
-    Sweep,
+    Rows,
+    cell_of,
+    opened,
 )
+from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep
 
 LENGTHS = 0.05, 0.4  # of a push [s]
 FAILURES = "failures.md"
@@ -179,11 +180,11 @@ def main(argv: list[str] | None = None) -> int:
         )
     with contextlib.ExitStack() as stack:
         with parser.refusing():
-            job = stack.enter_context(run.open_workers(args.workers))
+            executor = stack.enter_context(trial.open_workers(args.workers))
             folder = prepare_folder(args.out)
             rows = stack.enter_context(opened(folder, sweep.identity()))
         stopped = stack.enter_context(until_ctrl_c())
-        done = run.run_sweep(sweep, rows, *job, stopped)
+        done = trial.run_sweep(sweep, rows, executor, stopped)
         drafts = stack.enter_context(appearing(folder))
         text = failures_text(sweep, rows)
         (drafts / FAILURES).write_text(text, encoding="utf-8")

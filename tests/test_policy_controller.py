@@ -9,7 +9,6 @@ import sys
 
 import numpy as np
 import pytest
-from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RollPitchYaw
 
 from nadia_balance.core.walking.push import Moment
@@ -17,11 +16,11 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.policy_controller import PolicyController, PolicyParams
-from nadia_balance.results.folder import write_plots
+from nadia_balance.results.pages import write_plots
 from nadia_balance.results.story import telling_lines
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import envelope, push
-from nadia_balance.scripts.envelope_sweep.trial import run_trial
+from nadia_balance.scripts.envelope_sweep.trial import run_trial, search
 from tests.blocks import answer, running
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script
@@ -231,10 +230,8 @@ def test_a_sweep_pushes_the_policy_and_knows_its_file(made, tmp_path):
     identity, cell = sweep.identity(), sweep.cells()[3]
     assert identity["controller"].startswith("policy.onnx ")
     assert str(tmp_path) not in str(identity)
-    walk = yaml_dump_typed(sweep.walk(cell, replica=0))
-    system = sweep.plant, sweep.controller
-    row = run_trial(identity, walk, system, 1.0, cell.direction_deg)
+    row = run_trial(sweep, cell, 1.0, 0)
     assert (row["outcome"], row["predicted_at_push"]) == ("failed", None)
     made()
     with pytest.raises(ValueError, match=r"controller = .*: must be policy"):
-        run_trial(identity, walk + " ", system, 1.0, cell.direction_deg)
+        search(sweep, identity, cell, {})

@@ -1,4 +1,4 @@
-"""The folder of a run: its log, summary, scenario, replay and plots."""
+"""The folder of a run: a new one, locked, whose files appear when whole."""
 
 import contextlib
 import fcntl
@@ -6,34 +6,16 @@ import itertools
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from pydrake.geometry import Meshcat
-
-from nadia_balance.results.log import Log
-from nadia_balance.results.pages import replay_status, write_replay
-from nadia_balance.results.plots import footsteps, over_time
-from nadia_balance.results.plots.style import RC
-
-PLOTS = {
-    "timeline.png": over_time.draw_contacts,
-    "footsteps.png": footsteps.draw,
-    "icp.png": over_time.draw_icp,
-    "effort.png": over_time.draw_effort,
-    "estimate.png": over_time.draw_estimate,
-}
-
-# All files that a run may write.
-FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
 
 
 @contextlib.contextmanager
 def new_folder(
-    out: str | os.PathLike | None, name: str = "run", files: Sequence = FILES
+    out: str | os.PathLike | None, name: str, files: Iterable[str]
 ) -> Iterator[Path]:
     """Yields the folder `out` (see prepare_folder), locked, for new `files`.
 
@@ -92,32 +74,6 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     return folder
 
 
-def write_run(
-    folder: Path,
-    log: Log,
-    summary: dict,
-    scenario: str,
-    meshcat: Meshcat | None = None,
-) -> list[str]:
-    """Writes the files of a run into `folder`; returns their names.
-
-    `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
-    becomes the replay.
-
-    Raises OSError: a file cannot be written; then none is.
-    """
-    with appearing(folder) as drafts:
-        if meshcat is not None:
-            status = replay_status(log, summary)
-            write_replay(meshcat, drafts / "replay.html", status)
-        np.savez(drafts / "log.npz", **log)
-        text = json.dumps(summary, indent=2, allow_nan=False)
-        (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
-        (drafts / "scenario.yaml").write_text(scenario, encoding="utf-8")
-        write_plots(drafts, log, summary)
-    return [name for name in FILES if (folder / name).exists()]
-
-
 @contextlib.contextmanager
 def appearing(folder: Path) -> Iterator[Path]:
     """Yields a temporary folder whose files then move to `folder`, complete.
@@ -129,22 +85,6 @@ def appearing(folder: Path) -> Iterator[Path]:
         yield drafts
         for draft in sorted(drafts.iterdir()):
             draft.replace(folder / draft.name)
-
-
-def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
-    """Draws every plot that the log has the data for; returns their names."""
-    written = []
-    if len(log["t"]) < 2:
-        return written
-    with mpl.rc_context():
-        mpl.rcdefaults()  # not the user's, such as text.usetex
-        mpl.rcParams.update(RC)
-        for name, draw in PLOTS.items():
-            figure = draw(log, summary)
-            if figure is not None:
-                figure.savefig(folder / name)
-                written.append(name)
-    return written
 
 
 def read_run(folder: Path) -> tuple[dict[str, np.ndarray], dict]:

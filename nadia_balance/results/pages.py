@@ -1,4 +1,4 @@
-"""Meshcat's pages: a replay with its story, and the page of a live session.
+"""What a run leaves: its files, the replay; and the page of a live session.
 
 Meshcat cannot show text (Drake 1.58), so its pages are changed: a status text,
 a legend, and a camera that follows the robot.
@@ -15,17 +15,31 @@ from pathlib import Path
 from typing import Self
 from urllib.request import ProxyHandler, build_opener
 
+import matplotlib as mpl
 import numpy as np
 from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
 from nadia_balance.results.measurements import torque_ratio
+from nadia_balance.results.plots import footsteps, over_time
+from nadia_balance.results.plots.style import RC
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
+PLOTS = {
+    "timeline.png": over_time.draw_contacts,
+    "footsteps.png": footsteps.draw,
+    "icp.png": over_time.draw_icp,
+    "effort.png": over_time.draw_effort,
+    "estimate.png": over_time.draw_estimate,
+}
+
+# All files that a run may write.
+FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
 _FOLLOW, _STATUS, _LEGEND, _REPLAY, _LIVE = (
     (Path(__file__).parent / f"{name}.html").read_text(encoding="utf-8")
     for name in ("follow", "status", "legend", "replay", "live")
@@ -41,6 +55,48 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
     .then(res => """
 _POINTS = 500  # largest number of points of a curve
 _POLLED = "/status"  # path of the live text, as a list of lines
+
+
+def write_run(
+    folder: Path,
+    log: Log,
+    summary: dict,
+    scenario: str,
+    meshcat: Meshcat | None = None,
+) -> list[str]:
+    """Writes the files of a run into `folder`; returns their names.
+
+    `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
+    becomes the replay.
+
+    Raises OSError: a file cannot be written; then none is.
+    """
+    with appearing(folder) as drafts:
+        if meshcat is not None:
+            status = replay_status(log, summary)
+            write_replay(meshcat, drafts / "replay.html", status)
+        np.savez(drafts / "log.npz", **log)
+        text = json.dumps(summary, indent=2, allow_nan=False)
+        (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
+        (drafts / "scenario.yaml").write_text(scenario, encoding="utf-8")
+        write_plots(drafts, log, summary)
+    return [name for name in FILES if (folder / name).exists()]
+
+
+def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
+    """Draws every plot that the log has the data for; returns their names."""
+    written = []
+    if len(log["t"]) < 2:
+        return written
+    with mpl.rc_context():
+        mpl.rcdefaults()  # not the user's, such as text.usetex
+        mpl.rcParams.update(RC)
+        for name, draw in PLOTS.items():
+            figure = draw(log, summary)
+            if figure is not None:
+                figure.savefig(folder / name)
+                written.append(name)
+    return written
 
 
 def start_recording(meshcat: Meshcat, live: bool = False) -> None:

@@ -20,6 +20,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.robot.model import MODELS, load_robot
 from nadia_balance.scripts.envelope_sweep.rows import (
+    Cell,
     Rows,
     by_cell,
     cell_of,
@@ -28,7 +29,6 @@ from nadia_balance.scripts.envelope_sweep.rows import (
 )
 from nadia_balance.scripts.envelope_sweep.sweep import (
     AT,
-    Cell,
     SearchParams,
     Situation,
     limit,

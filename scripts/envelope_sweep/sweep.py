@@ -7,44 +7,32 @@ resolution, and then confirms the push that it has found and the next smaller
 one that was tried.
 """
 
-import ast
 import copy
 import functools
-import hashlib
 import itertools
 import math
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 from pydrake.common.yaml import yaml_dump_typed
 
-import nadia_balance
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.results.summary import versions
-from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts.envelope_sweep.rows import (
+    Attempt,
+    Cell,
+    Results,
+    digest,
+    of_process,
+)
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 
-PACKAGE = Path(nadia_balance.__file__).parent
-# Files on which a row depends; not reports and plots.
-FOLDERS = (
-    *("", "analysis", "core/**", "diagrams", "engines", "models/*"),
-    *("results", "robot", "systems", "view"),
-)
-TRIAL_FILES = ("sweep.py", "trial.py")
-
 # Name of the gait's scenario, and when the push begins, as Moment writes it.
 Situation = tuple[str, str]
-# delta_v [m/s], replica from 0 on.
-Attempt = tuple[float, int]
-# True if the robot recovered; None: undecided, as the run was too short.
-Results = Mapping[Attempt, bool | None]
 
 
 @dataclass(kw_only=True)
@@ -68,15 +56,6 @@ class SearchParams:
         """Zero and all pushes that may be tried [m/s], to nine decimals."""
         count = math.floor(self.largest / self.resolution * (1.0 + 1e-9))
         return tuple(round(i * self.resolution, 9) for i in range(count + 1))
-
-
-class Cell(NamedTuple):
-    """Conditions of one limit to find, named as the columns of a row."""
-
-    scenario: str  # its name
-    at: str  # when the push begins, as Moment writes it
-    mechanisms: str  # a name of NAMED
-    direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
 
 
 @dataclass(kw_only=True)
@@ -119,9 +98,9 @@ class Sweep:
         return [Cell(*one) for one in itertools.product(*several)]
 
     def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
-        """Returns the trials of a `cell` that are to be made next."""
+        """Returns the trials of a `cell` to make next; empty when done."""
         first = self.known_limits.get(cell, 0.0) - HEADROOM
-        return next_attempts(results, self.search, max(first, 0.0))
+        return next_batch(results, self.search, max(first, 0.0))
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a trial, with a zero push.
@@ -195,9 +174,9 @@ def next_batch(
 ) -> list[Attempt]:
     """Returns the attempts to make next; empty when done.
 
-    The first push is near `first` [m/s], or one stride if that is larger.  The
-    attempts of a batch are independent.  If each batch is complete before the
-    next call, the set of all attempts depends on their outcomes only.
+    The first push is near `first` [m/s], or one stride if that is larger.  Each
+    batch is to be complete before the next call: the set of all attempts then
+    depends on their outcomes only.
     """
     grid, (below, failed) = search.grid, _tried(results, search)
     # Doubts come first: if these pushes fail, larger ones are not needed.
@@ -222,22 +201,6 @@ def next_batch(
     ]
 
 
-def next_attempts(
-    known: Results, search: SearchParams, first: float = 0.0
-) -> list[Attempt]:
-    """Returns what is missing of the batch that the search of a cell needs.
-
-    The search is repeated from its beginning, in whole batches: the attempts do
-    not depend on the order in which trials end, or on an interruption.
-    """
-    told: dict[Attempt, bool | None] = {}
-    while batch := next_batch(told, search, first):
-        if missing := [attempt for attempt in batch if attempt not in known]:
-            return missing
-        told.update({attempt: known[attempt] for attempt in batch})
-    return []
-
-
 def limit(results: Results, search: SearchParams) -> Limit:
     """Returns the limit that follows from `results`, complete or not."""
     if all(recovered is None for recovered in results.values()):
@@ -252,61 +215,3 @@ def limit(results: Results, search: SearchParams) -> Limit:
         failed=None if failed in undecided else failed,
         complete=not next_batch(results, search),
     )
-
-
-def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
-    """Returns versions and hashes: this process' code, robot and policy."""
-    file = Path(controller)
-    policy = f"{file.name} {digest([file.read_bytes()])}" if controller else ""
-    return {
-        **versions(scenario.engine),
-        **({"controller": policy} if controller else {}),
-        "code": _first_hash(PACKAGE),
-        "robot_files": robot_hash(scenario.robot),
-    }
-
-
-def code_hash(package: Path = PACKAGE) -> str:
-    """Returns a hash (16 hex digits) of the code of trials, without words."""
-    parts = []
-    for path in code_files(package):
-        parts.append(path.relative_to(package).as_posix().encode())
-        text = path.read_bytes()
-        parts.append(without_words(text) if path.suffix == ".py" else text)
-    return digest(parts)
-
-
-_first_hash = functools.cache(code_hash)  # the files may change later
-
-
-def code_files(package: Path) -> list[Path]:
-    """Returns the files in `package` that trials use, in order."""
-    paths = {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
-    for folder in FOLDERS:
-        for ending in ("py", "yaml", "urdf"):
-            paths.update(package.glob(f"{folder}/*.{ending}".lstrip("/")))
-    return sorted(paths)
-
-
-@functools.cache
-def without_words(text: bytes) -> bytes:
-    """Returns Python code without docstrings and comments."""
-    tree = ast.parse(text)
-    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
-    for node in ast.walk(tree):
-        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
-            del node.body[0]
-    return ast.dump(tree).encode()
-
-
-def robot_hash(name: str) -> str:
-    """Returns a hash (16 hex digits) of a robot's files, not of their paths."""
-    robot = load_robot(name)
-    params = yaml_dump_typed(robot.params).encode()
-    return digest([params, robot.urdf.read_bytes()])
-
-
-def digest(parts: Iterable[bytes]) -> str:
-    """Returns a hash (16 hex digits) of the parts and their order."""
-    whole = b"".join(hashlib.sha256(part).digest() for part in parts)
-    return hashlib.sha256(whole).hexdigest()[:16]

@@ -1,10 +1,21 @@
-"""One trial: the walk to the push, the push, and its result."""
+"""Execution of a sweep by Dask: the search of each cell, trial by trial."""
 
+import asyncio
+import contextlib
 import functools
+import logging
+import os
+import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
+from concurrent import futures
 
+from distributed import Client, LocalCluster
+from distributed.comm import connect
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import Context
+from tqdm import tqdm
 
 from nadia_balance.analysis.lipm_limit import LipmLimit
 from nadia_balance.core.walking.mechanisms import NAMED
@@ -12,25 +23,141 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.summary import Run
-from nadia_balance.scripts.envelope_sweep.sweep import of_process
+from nadia_balance.scripts.envelope_sweep.rows import (
+    FROM_SUMMARY,
+    Cell,
+    Results,
+    Rows,
+    by_cell,
+    of_process,
+    results_of,
+)
+from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 from nadia_balance.typed_yaml import load_typed
 
-FROM_SUMMARY = (
-    *("reason", "steps_after_push", "max_icp_error_m", "max_torque_ratio"),
-    *("max_joint_speed", "max_torso_tilt_deg", "max_pelvis_tilt_deg"),
-    *("com_sag_m", "positive_power_w", "qp_failures"),
-)
+CONNECT_TIMEOUT = 5.0  # [s]
+LOOK = 0.2  # period of the checks whether to stop [s]
 MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
 
 
-def run_trial(
-    identity: dict,
-    walk: str,
-    system: tuple[str, str],
-    delta_v: float,
-    direction_deg: float,
-) -> dict:
-    """Simulates one push, and returns the results of its row.
+@contextlib.contextmanager
+def open_workers(
+    workers: int, scheduler: str | None = None
+) -> Iterator[futures.Executor]:
+    """Yields an Executor; what runs at the end of the block is abandoned.
+
+    It has `workers` processes of this machine, or all workers of the Dask
+    cluster of the `scheduler`.
+
+    Raises ValueError: no worker, or no such scheduler.
+    """
+    if scheduler is None and workers < 1:
+        raise ValueError(f"workers = {workers}: must be >= 1")
+    where = scheduler
+    if scheduler is not None:
+        try:
+            _greet(scheduler)
+        except (OSError, ValueError, TypeError) as error:
+            raise ValueError(
+                f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
+            ) from None
+    else:
+        where = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+        )
+    client = Client(where, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    with where if scheduler is None else contextlib.nullcontext(), client:
+        if not client.nthreads():
+            raise ValueError(f"scheduler = {scheduler!r}: must have workers")
+        if scheduler is None:
+            client.run(os.setsid)  # Ctrl-C interrupts only this process
+        yield client.get_executor(pure=False)
+
+
+def _greet(scheduler: str) -> None:
+    """Connects once, as a Client that fails to start may hang when freed."""
+
+    async def greet() -> None:
+        comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
+        await comm.close()
+
+    # In a thread of its own: that of the caller may have an event loop.
+    with futures.ThreadPoolExecutor(1) as thread:
+        thread.submit(lambda: asyncio.run(greet())).result()
+
+
+def run_sweep(
+    sweep: Sweep,
+    rows: Rows,
+    executor: futures.Executor,
+    stopped: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Adds to `rows` all trials that they lack; returns True if it was done.
+
+    Each cell is a task of the executor; its rows are added when it ends, so
+    that they depend neither on the number of workers nor on their order.  When
+    `stopped` returns True, running cells are abandoned.
+
+    Raises RuntimeError: a worker fails; errors of a trial are in its row.
+    """
+    known = by_cell(rows.all)
+    running = {
+        executor.submit(
+            search, sweep, rows.identity, cell, results_of(known.get(cell, []))
+        )
+        for cell in sweep.cells()
+    }
+    seldom = 0.5 if sys.stderr.isatty() else 30.0
+    with tqdm(total=len(running), unit="limit", mininterval=seldom) as bar:
+        while running and not stopped():
+            ended, running = futures.wait(
+                running, LOOK, futures.FIRST_COMPLETED
+            )
+            for future in ended:
+                try:
+                    found = future.result()
+                except Exception as error:
+                    reason = f"{type(error).__name__}: {error}"
+                    raise RuntimeError(f"a worker failed: {reason}") from error
+                for row in found:
+                    rows.add(row)
+                bar.update()
+    return not running
+
+
+def search(
+    sweep: Sweep, identity: dict, cell: Cell, known: Results
+) -> list[dict]:
+    """Makes the trials that the search of `cell` needs; returns their rows.
+
+    It is repeated from its beginning: the `known` ones are not made again.
+
+    Raises ValueError: this process has another code or robot than `identity`.
+    """
+    for name, value in of_process(sweep.one, sweep.controller).items():
+        if identity.get(name, value) != value:
+            raise ValueError(
+                f"{name} = {value}: must be {identity[name]}, as when the "
+                "sweep began"
+            )
+    results: Results = {}
+    rows = []
+    while batch := sweep.attempts(cell, results):
+        for attempt in batch:
+            if attempt not in known:
+                rows.append(run_trial(sweep, cell, *attempt))
+                known |= results_of(rows[-1:])
+            results[attempt] = known[attempt]
+    return rows
+
+
+def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
+    """Simulates one push of `delta_v` [m/s], and returns its row.
 
     The verdict is that of push.py, at the first instant at which it is certain:
     an improper contact, an exceeded limit, or a recovery.  `outcome` is
@@ -38,36 +165,26 @@ def run_trial(
     ended too early) or error.  Errors of the simulation are not raised but
     reported in the row.  `cpu_s` is the processor time [s], with that of the
     walk in its first trial.
-
-    `identity` is that of the sweep, `walk` the scenario of Sweep.walk as YAML,
-    `system` its plant and controller; the push has `delta_v` [m/s], 0 deg is
-    forward, 90 left.
-
-    Raises ValueError: this process has another code or robot.
     """
-    began = time.thread_time()
-    same = frozenset(identity.items())
-    walked = _walked(same, walk, *system, threading.get_ident())
+    began, walk = time.thread_time(), sweep.walk(cell, replica)
+    row = cell._asdict() | {"delta_v": delta_v, "replica": replica}
+    row["seed"] = walk.seed
+    system = sweep.plant, sweep.controller, threading.get_ident()
+    walked = _walked(yaml_dump_typed(walk), *system)
     try:
-        row = _pushed(*walked, delta_v, direction_deg)
+        row |= _pushed(*walked, delta_v, cell.direction_deg)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        row = {"outcome": "error", "reason": reason}
+        row |= {"outcome": "error", "reason": reason}
     return row | {"cpu_s": time.thread_time() - began}
 
 
 @functools.lru_cache(MOST_WALKS)
 def _walked(
-    identity: frozenset, text: str, plant: str, controller: str, thread: int
+    text: str, plant: str, controller: str, thread: int
 ) -> tuple[ClosedLoop, Context, Run]:
     """Walks to the push; threads do not share diagrams."""
-    scenario, asked = load_typed(Scenario, "walk", data=text), dict(identity)
-    for name, value in of_process(scenario, controller).items():
-        if asked.get(name, value) != value:
-            raise ValueError(
-                f"{name} = {value}: must be {asked[name]}, as when the sweep "
-                "began"
-            )
+    scenario = load_typed(Scenario, "walk", data=text)
     diagram = simulation.closed_loop(scenario, plant, controller)
     return diagram, *simulation.walk_to_push(diagram)
 

@@ -6,8 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from nadia_balance.results import folder
-from nadia_balance.results.pages import start_recording
+from nadia_balance.results import folder, pages
 from nadia_balance.view.scene import start_meshcat
 from tests.results import made_up_run
 
@@ -23,8 +22,8 @@ def log():
 def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
     meshcat = start_meshcat()[0]
-    start_recording(meshcat)
-    names = folder.write_run(
+    pages.start_recording(meshcat)
+    names = pages.write_run(
         tmp_path, log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
     )
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
@@ -38,7 +37,7 @@ def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
     """Oracle: the log bit by bit, its pictures to the last byte."""
     first, again = (folder.prepare_folder(tmp_path / name) for name in "ab")
     summary = made_up_run.summary_of(log)
-    names = folder.write_run(first, log, summary, "")
+    names = pages.write_run(first, log, summary, "")
     assert "replay.html" not in names, "without Meshcat"
     log_again, summary_again = folder.read_run(first)
     assert summary_again == summary
@@ -46,7 +45,7 @@ def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
     for name, array in log.items():
         np.testing.assert_array_equal(log_again[name], array, err_msg=name)
     with mpl.rc_context({"text.usetex": True, "font.size": 30.0}):  # a user's
-        assert folder.write_plots(again, log_again, summary_again) == PLOTS
+        assert pages.write_plots(again, log_again, summary_again) == PLOTS
     for name in PLOTS:
         assert (again / name).read_bytes() == (first / name).read_bytes()
 
@@ -55,14 +54,16 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
     """Oracle: the folders; what is named is refused to the second one."""
     monkeypatch.chdir(tmp_path)
     with contextlib.ExitStack() as held:
-        folders = [held.enter_context(folder.new_folder(None)) for _ in "ab"]
+        folders = [
+            held.enter_context(folder.new_folder(None, "run", [])) for _ in "ab"
+        ]
         assert len({*folders}) == 2
         with (
             pytest.raises(ValueError, match="in use by no other run"),
-            folder.new_folder(folders[0]),
+            folder.new_folder(folders[0], "run", []),
         ):
             pass
-    with folder.new_folder(folders[0]) as again:
+    with folder.new_folder(folders[0], "run", []) as again:
         assert again == folders[0]
 
 
@@ -82,7 +83,7 @@ def test_plots_cope_with_what_a_log_lacks(log, tmp_path, change, names):
     """Oracle: by hand; the log of a point mass lacks all of the robot."""
     poor = change(made_up_run.without_robot(log))
     summary = made_up_run.summary_of(poor)
-    assert folder.write_plots(tmp_path, poor, summary) == names
+    assert pages.write_plots(tmp_path, poor, summary) == names
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.results import folder
+from nadia_balance.results import pages
 from nadia_balance.results.folder import read_run
 from nadia_balance.scripts import command_line, simulate
 from tests.scripts.running import (
@@ -116,7 +116,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(
     def fill(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(folder, "write_plots", fill)
+    monkeypatch.setattr(pages, "write_plots", fill)
     outcome = run_script(
         simulate,
         ["--scenario_name", "stand", *QUICK, "--out", tmp_path],

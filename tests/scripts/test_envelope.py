@@ -33,7 +33,7 @@ FILES = {*WRITTEN, "scenario.yaml", "command.txt"}
 
 
 class Here(Executor):
-    """Runs each trial at once, in this process."""
+    """Runs each cell at once, in this process."""
 
     def submit(self, function, *args):
         future = Future()
@@ -43,13 +43,13 @@ class Here(Executor):
 
 @contextlib.contextmanager
 def workers_here(workers, scheduler):
-    yield Here(), 1
+    yield Here()
 
 
 @pytest.fixture
 def here(monkeypatch):
     """Sweeps of this process need no cluster."""
-    monkeypatch.setattr(envelope.run, "open_workers", workers_here)
+    monkeypatch.setattr(envelope.trial, "open_workers", workers_here)
 
 
 def rows_in(folder):
@@ -62,7 +62,7 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     out = io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
-        patch.setattr(envelope.run, "open_workers", workers_here)
+        patch.setattr(envelope.trial, "open_workers", workers_here)
         assert envelope.main([*SWEEP, "--out", str(folder)]) == 0
     return folder, out.getvalue().splitlines()
 
@@ -106,9 +106,7 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
     """Oracle: the files themselves."""
     folder, said = undisturbed
     rows = rows_in(folder)
-    assert said[0] == (
-        "2 limits to find, 1 trials at a time; 0 trials are there already"
-    )
+    assert said[0] == ("2 limits to find; 0 trials are there already")
     assert said[1] == f"into {folder}"
     (title,) = (i for i, line in enumerate(said) if line.startswith("largest"))
     for line, direction in zip(said[title + 3 :], (0.0, 90.0), strict=False):

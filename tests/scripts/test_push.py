@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from nadia_balance.results import folder
+from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.signals import PushSignal
 from tests.scripts.running import (
@@ -23,7 +23,7 @@ QUICK = ["--plant", "lipm", "--no-meshcat"]
 @pytest.fixture(autouse=True)
 def no_plots(monkeypatch):
     """They are tested with the results, and take longer than the runs."""
-    monkeypatch.setattr(folder, "write_plots", lambda *_: [])
+    monkeypatch.setattr(pages, "write_plots", lambda *_: [])
 
 
 @pytest.fixture

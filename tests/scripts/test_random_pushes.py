@@ -46,8 +46,10 @@ def made_up(monkeypatch):
     robot = MadeUpRobot()
     largest = "tests.scripts.envelope_sweep.made_up.largest"
     monkeypatch.setattr(largest, lambda *_: 0.5)
-    opened = contextlib.nullcontext((robot, 2))
-    monkeypatch.setattr(random_pushes.run, "open_workers", lambda _: opened)
+    opened = contextlib.nullcontext(robot)
+    trial = random_pushes.trial
+    monkeypatch.setattr(trial, "open_workers", lambda _: opened)
+    monkeypatch.setattr(trial, "run_trial", robot.trial)
     return robot
 
 

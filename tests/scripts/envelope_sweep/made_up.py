@@ -2,29 +2,25 @@
 
 import copy
 import functools
-import random
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.analysis.lipm_limit import Capture
-from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts.envelope_sweep import limits
 from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
-from nadia_balance.scripts.envelope_sweep.rows import Rows
+from nadia_balance.scripts.envelope_sweep.rows import Cell, Rows
 from nadia_balance.scripts.envelope_sweep.sweep import (
-    Cell,
     SearchParams,
     Situation,
     Sweep,
     next_batch,
 )
-from nadia_balance.typed_yaml import load_typed
 
 SEARCH = SearchParams()
 AT: Situation = ("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
@@ -141,49 +137,37 @@ def largest(mechanisms: str, direction_deg: float) -> float:
     return LIMITS[mechanisms] + direction_deg / 1000.0
 
 
-@functools.cache
-def scenario_of(walk: str) -> Scenario:
-    """The scenario as it has travelled; do not change it."""
-    return load_typed(Scenario, "walk", data=walk)
-
-
 class MadeUpRobot:
-    """An executor whose robot recovers up to its limits.
+    """A robot that recovers up to its limits; runs its cells in threads.
 
-    Trials are run in threads, each for a random while; `tried` keeps them:
-    mechanisms, direction, delta_v, seed.
+    `tried` keeps its trials: mechanisms, direction, delta_v, replica.
     """
 
     def __init__(
-        self, slots: int = 2, spoil: Callable[[Scenario], None] = lambda _: None
+        self, workers: int = 2, spoil: Callable[[Cell], None] = lambda _: None
     ):
         """Before each trial, `spoil` may do what it likes."""
-        self.slots, self._spoil = slots, spoil
-        self._threads = ThreadPoolExecutor(slots)
-        self._random = random.Random(slots)
+        self._spoil = spoil
+        self.submit = ThreadPoolExecutor(workers).submit
         self.tried: list[tuple[str, float, float, int]] = []
 
-    def submit(
-        self, function, identity, walk, plant, delta_v, direction
-    ) -> Future:
-        """Looks at the scenario instead of simulating it."""
-        scenario = scenario_of(walk)
-        trial = scenario.mechanisms, direction, delta_v, scenario.seed
-        self.tried.append(trial)
-        pause = self._random.uniform(0.0, 0.004)
-        return self._threads.submit(self._run, scenario, trial, pause)
-
-    def _run(self, scenario: Scenario, trial: tuple, pause: float) -> dict:
-        self._spoil(scenario)
-        time.sleep(pause)
-        mechanisms, direction, delta_v, seed = trial
-        limit = largest(mechanisms, direction) - WEAKER * (seed % 2)
+    def trial(self, sweep, cell, delta_v, replica) -> dict:
+        """Says what run_trial says, without simulating."""
+        *_, mechanisms, direction = cell
+        self.tried.append((mechanisms, direction, delta_v, replica))
+        self._spoil(cell)
+        time.sleep(0.001)
+        limit = largest(mechanisms, direction) - WEAKER * (replica % 2)
         return {
+            **cell._asdict(),
+            "delta_v": delta_v,
+            "replica": replica,
+            "seed": replica,
             "outcome": "recovered" if delta_v <= limit else "fell",
             "reason": "" if delta_v <= limit else 'said "ouch", and\nfell',
             "max_icp_error_m": delta_v / 7.0,
             "predicted_at_push": -1,
-            "cpu_s": pause,
+            "cpu_s": 0.0,
         }
 
 
@@ -202,13 +186,9 @@ def stepping_sweep(duration: float = 3.5) -> Sweep:
     return Sweep(scenarios={"push": scenario}, plant="lipm")
 
 
-def walk_of(
-    sweep: Sweep | None = None, mechanisms: str = "step", replica: int = 0
-) -> str:
-    """The walk of a trial, as it travels."""
-    sweep = sweep or stepping_sweep()
-    cell = Cell(*AT, mechanisms, 0.0)
-    return yaml_dump_typed(sweep.walk(cell, replica))
+def cell_to(direction: float, mechanisms: str = "step") -> Cell:
+    """The cell of a direction [deg]."""
+    return Cell(*AT, mechanisms, direction)
 
 
 def facts(row: dict) -> dict:

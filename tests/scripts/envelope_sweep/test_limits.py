@@ -12,7 +12,7 @@ from nadia_balance.scripts.envelope_sweep.limits import (
     limits_of,
     protocol_of,
 )
-from nadia_balance.scripts.envelope_sweep.sweep import Cell
+from nadia_balance.scripts.envelope_sweep.rows import Cell
 from tests.scripts.envelope_sweep.made_up import AT
 from tests.source_files import ROOT
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
+from nadia_balance.scripts.envelope_sweep.rows import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
 
 ALL = "all_with_cross_over"

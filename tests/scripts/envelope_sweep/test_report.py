@@ -8,7 +8,8 @@ import pytest
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.limits import protocol_of
-from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
+from nadia_balance.scripts.envelope_sweep.rows import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
 
 ALL = "all_with_cross_over"

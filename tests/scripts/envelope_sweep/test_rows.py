@@ -6,8 +6,14 @@ import sys
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.rows import KEY, TRIALS, opened, read
-from nadia_balance.scripts.envelope_sweep.sweep import SearchParams, code_hash
+from nadia_balance.scripts.envelope_sweep.rows import (
+    KEY,
+    TRIALS,
+    code_hash,
+    opened,
+    read,
+)
+from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import (
     identity_of,
     made_up_rows,

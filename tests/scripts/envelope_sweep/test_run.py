@@ -1,78 +1,74 @@
 """A sweep makes each of its trials once, whatever happens meanwhile."""
 
-import pytest
-from distributed import KilledWorker
+import time
 
+import pytest
+
+from nadia_balance.scripts.envelope_sweep import trial
 from nadia_balance.scripts.envelope_sweep.rows import opened, read
-from nadia_balance.scripts.envelope_sweep.run import run_sweep
 from tests.scripts.envelope_sweep import made_up
 
 
-def run(sweep, folder, robot=None, **more):
+@pytest.fixture
+def run(monkeypatch, tmp_path):
     """Runs the sweep on a made-up robot; returns its rows, and if all."""
-    robot = robot or made_up.MadeUpRobot()
-    with opened(folder, made_up.identity_of()) as rows:
-        done = run_sweep(sweep, rows, robot, robot.slots, **more)
-    return list(map(made_up.facts, read(folder).all)), done
+
+    def run(robot=None, **more):
+        robot = robot or made_up.MadeUpRobot()
+        monkeypatch.setattr(trial, "run_trial", robot.trial)
+        monkeypatch.setattr(trial, "of_process", lambda *_: {})
+        sweep = made_up.made_up_sweep()
+        with opened(tmp_path, made_up.identity_of()) as rows:
+            done = trial.run_sweep(sweep, rows, robot, **more)
+        return read(tmp_path).all, done
+
+    return run
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """The rows of a sweep that nobody disturbed."""
-    rows, done = run(made_up.made_up_sweep(), tmp_path_factory.mktemp("whole"))
+@pytest.mark.parametrize("workers", [1, 7])
+def test_the_rows_do_not_depend_on_how_many_work(run, workers):
+    """Oracle: the search of each cell, trial by trial; none is repeated."""
+    robot = made_up.MadeUpRobot(workers)
+    rows, done = run(robot)
     assert done
-    return rows
+    tried = [
+        (r["mechanisms"], r["direction_deg"], r["delta_v"], r["replica"])
+        for r in rows
+    ]
+    assert tried == sorted(robot.tried)
+    assert len(tried) == len(set(tried)) == 51
+    largest = {}
+    for row in rows:
+        if row["outcome"] == "recovered":
+            cell = row["mechanisms"], row["direction_deg"]
+            largest[cell] = max(largest.get(cell, 0.0), row["delta_v"])
+    for cell, delta_v in largest.items():
+        assert 0.0 <= made_up.largest(*cell) - delta_v < 0.1 + made_up.WEAKER
 
 
-@pytest.mark.parametrize("slots", [1, 7])
-def test_the_rows_do_not_depend_on_how_many_work(tmp_path, slots, whole):
-    robot = made_up.MadeUpRobot(slots)
-    assert run(made_up.made_up_sweep(), tmp_path, robot) == (whole, True)
-    assert len(robot.tried) == len(set(robot.tried)) == len(whole)
+def test_goes_on_where_it_was_stopped(run):
+    """Oracle: the trials that were made; cells that have ended are kept."""
+    robot, late = made_up.MadeUpRobot(1), time.monotonic() + made_up.PATIENCE
+
+    def stop_after_two():
+        return len({t[:2] for t in robot.tried}) > 2 or time.monotonic() > late
+
+    rows, done = run(robot, stopped=stop_after_two)
+    assert not done and rows
+    again = made_up.MadeUpRobot()
+    whole, done = run(again)
+    assert done and len(whole) == len(rows) + len(again.tried)
+    assert [row for row in whole if row in rows] == rows
 
 
-def test_goes_on_where_it_was_stopped(tmp_path, whole):
-    """Oracle: the rows of the sweep that nobody stopped."""
-    sweep, done, rows = made_up.made_up_sweep(), False, []
-    while not done:
-        asked = iter(range(4))
-        before = len(rows)
-        rows, done = run(
-            sweep, tmp_path, stopped=lambda asked=asked: next(asked, 9) > 2
-        )
-        assert done or len(rows) > before
-    assert rows == whole
-    robot = made_up.MadeUpRobot()
-    run(sweep, tmp_path, robot)
-    assert robot.tried == []
-
-
-def test_ends_when_the_workers_fail(tmp_path):
+def test_ends_when_the_workers_fail(run):
     """No row is made up for what was not tried: it can go on later."""
 
-    def spoil(scenario):
-        if scenario.mechanisms == "step":
+    def spoil(cell):
+        if cell.mechanisms == "step":
             raise OSError("full")
 
-    sweep = made_up.made_up_sweep()
     with pytest.raises(RuntimeError, match="a worker failed: OSError: full"):
-        run(sweep, tmp_path, made_up.MadeUpRobot(spoil=spoil))
-    assert {r["mechanisms"] for r in read(tmp_path).all} <= {"icp_only"}
-    assert run(sweep, tmp_path)[1]
-
-
-def test_a_trial_that_kills_its_process_has_a_row_that_says_so(tmp_path, whole):
-    """Oracle: all other cells are those of a sweep in which none died."""
-
-    def spoil(scenario):
-        if scenario.mechanisms == "step" and scenario.seed == 0:
-            raise KilledWorker("a trial", None, None)
-
-    rows, done = run(
-        made_up.made_up_sweep(), tmp_path, made_up.MadeUpRobot(spoil=spoil)
-    )
-    assert done
-    crashed = [row for row in rows if row["outcome"] == "crashed"]
-    assert {row["mechanisms"] for row in crashed} == {"step"}
-    others = [row for row in rows if row["mechanisms"] == "icp_only"]
-    assert others == [r for r in whole if r["mechanisms"] == "icp_only"]
+        run(made_up.MadeUpRobot(1, spoil=spoil))
+    rows, done = run()
+    assert done and len(rows) == 51

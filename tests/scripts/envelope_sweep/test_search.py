@@ -13,7 +13,6 @@ from nadia_balance.scripts.envelope_sweep.sweep import (
     Limit,
     SearchParams,
     limit,
-    next_attempts,
     next_batch,
 )
 
@@ -134,26 +133,6 @@ def test_pushes_are_round_numbers_up_to_the_largest():
     assert list(run(search, lambda *_: True)) == [(0.2, 0), (0.3, 0)]
     assert SearchParams(resolution=0.1, largest=0.39).grid[-1] == 0.3
     assert SearchParams().grid[7] == 0.14
-
-
-@given(
-    robots_of_one_limit() | robots_with_pockets(),
-    st.integers(0, 2**32),
-    st.integers(1, 6),
-)
-def test_the_attempts_are_the_same_whatever_ends_first(example, seed, slots):
-    """Oracle: the search in whole batches; here any trial may end first."""
-    search, robot = example
-    dice, known, running = random.Random(seed), {}, []
-    while True:
-        needed = next_attempts(known, search)
-        waiting = [attempt for attempt in needed if attempt not in running]
-        running += waiting[: slots - len(running)]
-        if not running:
-            break
-        attempt = running.pop(dice.randrange(len(running)))
-        known[attempt] = robot(*attempt)
-    assert known == run(search, robot)
 
 
 @pytest.mark.parametrize(

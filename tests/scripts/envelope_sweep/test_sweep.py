@@ -13,8 +13,9 @@ from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from
-from nadia_balance.scripts.envelope_sweep import sweep as fingerprint
-from nadia_balance.scripts.envelope_sweep.sweep import Cell, SearchParams
+from nadia_balance.scripts.envelope_sweep import rows as fingerprint
+from nadia_balance.scripts.envelope_sweep.rows import Cell
+from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import made_up_sweep
 from tests.source_files import ROOT, module_name
 

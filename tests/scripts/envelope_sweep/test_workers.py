@@ -8,37 +8,39 @@ import signal
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.run import open_workers
-from nadia_balance.scripts.envelope_sweep.trial import run_trial
-from tests.scripts.envelope_sweep.made_up import PATIENCE, facts, walk_of
+from nadia_balance.scripts.envelope_sweep.trial import open_workers, run_trial
+from tests.scripts.envelope_sweep.made_up import (
+    PATIENCE,
+    cell_to,
+    facts,
+    stepping_sweep,
+)
 
 TRIALS = [
-    ({}, walk_of(replica=replica), ("lipm", ""), delta_v, 120.0)
-    for replica, delta_v in ((1, 0.4), (0, 2.5))
+    (stepping_sweep(), cell_to(120.0), delta_v, replica)
+    for delta_v, replica in ((0.4, 1), (2.5, 0))
 ]
 
 
 @pytest.fixture(scope="module")
 def local():
-    """An executor, its number of workers, and the address of the scheduler."""
-    with open_workers(2) as (executor, slots):
-        address = executor._client.scheduler.address
-        yield executor, slots, address
+    """An executor, and the address of its scheduler."""
+    with open_workers(2) as executor:
+        yield executor, executor._client.scheduler.address
 
 
 def test_a_cluster_gives_the_rows_of_this_process(local):
     """Oracle: the rows; by its address, as the processes of this machine."""
-    executor, slots, address = local
+    _, address = local
     expected = [facts(run_trial(*trial)) for trial in TRIALS]
-    with open_workers(1, address) as (remote, other_slots):
-        assert slots == other_slots == 2
+    with open_workers(1, address) as remote:
         futures = [remote.submit(run_trial, *trial) for trial in TRIALS]
         assert [facts(f.result(PATIENCE)) for f in futures] == expected
 
 
 def test_a_trial_survives_the_worker_that_dies(local):
     """Oracle: the row; a real signal ends the first worker that tries."""
-    executor, *_ = local
+    executor, _ = local
     pid = executor.submit(os.getpid).result(PATIENCE)
     future = executor.submit(run_trial, *TRIALS[0])
     os.kill(pid, signal.SIGKILL)
