@@ -32,10 +32,10 @@ from nadia_balance.results.pages import (
 )
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
-from nadia_balance.scripts import INTERRUPTED, interruptible
 from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
+INTERRUPTED = 130  # by Ctrl-C, or SIGTERM
 CHAPTER = 120.0  # of a longer run, only the last is written [s]
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
@@ -53,7 +53,7 @@ ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
 # Flags that have no effect with --live.
 _NOT_LIVE = (
     *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "random", "controller"),
+    *("direction", "delta_v", "at", "shape", "controller"),
 )
 
 
@@ -64,16 +64,15 @@ Main = Callable[..., int]
 def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
-    Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
-    write, is reported in one line, with exit code 4.  A closed pipe of the
-    output is ignored.
+    Ctrl-C gives the exit code 130.  An OSError, such as a failed write, is
+    reported in one line, with exit code 4.  A closed pipe of the output is
+    ignored.
     """
 
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            with interruptible():
-                return main(argv)
+            return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
         except OSError as error:

@@ -9,7 +9,6 @@ Example:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
 """
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
 import math
@@ -26,7 +25,7 @@ from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
-from nadia_balance.scripts import INTERRUPTED, command_line
+from nadia_balance.scripts import command_line
 from nadia_balance.scripts.envelope_sweep import limits, report, trial
 from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
 from nadia_balance.scripts.envelope_sweep.sweep import (
@@ -136,7 +135,7 @@ def _run(sweep: Sweep, rows: Rows, executor: Executor) -> int:
     with until_ctrl_c() as stopped:
         try:
             if not trial.run_sweep(sweep, rows, executor, stopped):
-                code = INTERRUPTED
+                code = command_line.INTERRUPTED
         except RuntimeError as error:
             command_line.complain("envelope.py", error)
             code = command_line.FAILED

@@ -8,9 +8,6 @@ Example:
     python scripts/random_pushes.py --pushes 40 --out envelopes/random
 """
 
-import nadia_balance.scripts  # noqa: F401  (first, for Ctrl-C)
-
-# isort: split
 import contextlib
 import math
 import sys
@@ -28,7 +25,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.results.folder import appearing, prepare_folder
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts import INTERRUPTED, command_line
+from nadia_balance.scripts import command_line
 from nadia_balance.scripts.envelope_sweep import limits, trial
 from nadia_balance.scripts.envelope_sweep.report import outcomes, table
 from nadia_balance.scripts.envelope_sweep.rows import (
@@ -189,7 +186,7 @@ def main(argv: list[str] | None = None) -> int:
         text = failures_text(sweep, rows)
         (drafts / FAILURES).write_text(text, encoding="utf-8")
     command_line.say(outcomes(rows), f"wrote {folder}/{FAILURES}")
-    return command_line.DONE if done else INTERRUPTED
+    return command_line.DONE if done else command_line.INTERRUPTED
 
 
 if __name__ == "__main__":

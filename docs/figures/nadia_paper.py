@@ -36,7 +36,7 @@ from nadia_balance.core.steps.swing_geometry import (
 )
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
-from nadia_balance.results.plots.style import FAINT, arrow, draw_sole, fill
+from nadia_balance.results.plots import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 

@@ -53,13 +53,8 @@ SUMMARY = {
     "delta_v": ("m/s", "of its first push"),
     "commanded_steps": ("", "by the gait, without the one that closes it"),
     "duration_s": ("s", "simulated time"),
-    "switched_mechanisms": ("", "in Meshcat during the run: `time_s`, `on`"),
     "pushes": ("", "each push as it came, see below"),
     "estimate": ("", "errors of the estimated state (docs/sensors.md)"),
-    "body_sway_deg": (
-        "deg",
-        "largest tilt of the line from between the soles to the CoM",
-    ),
     "max_torso_tilt_deg": ("deg", "largest angle of the torso to the vertical"),
     "max_pelvis_tilt_deg": ("deg", "the same, of the pelvis"),
     "com_sag_m": ("m", "largest loss of the CoM's height over the lower sole"),
@@ -83,7 +78,6 @@ SUMMARY = {
     "positive_power_w": ("W", "the same, those that brake not counted"),
     "mean_swing_foot_speed": ("m/s", "of a sole's centre, the fastest swing"),
     "max_impact_body_weights": ("1", "largest force on a foot over the weight"),
-    "min_sole_distance_m": ("m", "between soles that pass, from above"),
     "min_edge_distances_m": (
         "m",
         "of each landed sole from the edge of its region; negative: beside it",
@@ -109,8 +103,6 @@ PUSHES = {
     "delta_v": ("m/s", "impulse over the robot's mass"),
     "direction_deg": ("deg", "from the support foot's heading, 90 left"),
     "force_n": ("N", "largest force"),
-    "impulse_n_s": ("N s", "as it was felt"),
-    "absorbed_energy_j": ("J", "work on the CoM"),
 }
 # Arrays of log.npz that have no named columns; n ticks, nu actuators.
 ARRAYS = {

@@ -22,12 +22,11 @@ readers of a log must handle this.
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.systems import signals
 
@@ -291,14 +290,3 @@ def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
         direction_deg=push_direction(walking_at(log, first), begins),
         rows=rows,
     )
-
-
-def switches(log: Log) -> list[tuple[float, list[str]]]:
-    """Returns the times [s] of switches, with the mechanisms on after them."""
-    if "mechanisms" not in log:
-        return []
-    on, names = log["mechanisms"], [f.name for f in fields(Mechanisms)]
-    return [
-        (float(log["t"][row]), list(itertools.compress(names, on[row] > 0.5)))
-        for row in _changes(*on.T)
-    ]

@@ -24,8 +24,7 @@ from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
 from nadia_balance.results.measurements import torque_ratio
-from nadia_balance.results.plots import footsteps, over_time
-from nadia_balance.results.plots.style import RC
+from nadia_balance.results.plots import RC, footsteps, over_time
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND

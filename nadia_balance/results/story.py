@@ -26,9 +26,6 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     """Returns times [s] and lines of pushes, changed steps and the result."""
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
-    for time, on in logs.switches(log):
-        names = ", ".join(on) or "nothing"
-        told.append((time, f"switched in Meshcat, now on: {names}"))
     told.sort(key=lambda entry: entry[0])
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:

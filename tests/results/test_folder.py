@@ -11,7 +11,7 @@ from nadia_balance.view.scene import start_meshcat
 from tests.results import made_up_run
 
 PLOTS = ["timeline.png", "footsteps.png", "icp.png", "effort.png"]
-EFFORT = "foot_forces", "momentum_qp_status"
+EFFORT = ("foot_forces",)
 
 
 @pytest.fixture(scope="module")

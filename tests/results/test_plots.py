@@ -20,7 +20,8 @@ def texts(figure):
 
 def test_the_timeline_says_how_long_each_phase_took(log):
     """Oracle: the recipe; plans in brackets where it was hurried."""
-    written = texts(over_time.draw_contacts(log, summary_of(log)))
+    figure = over_time.draw_contacts(log, summary_of(log))
+    written = "\n".join(texts(figure)).split("\n")
     for duration in ("0.30", "0.70", "0.43", "0.04", "0.50", "0.80"):
         assert duration in written
     assert written.count("(0.70)") == 2

@@ -27,17 +27,6 @@ def test_tells_a_recovery_from_the_push_to_the_end():
     ]
 
 
-def test_tells_what_was_switched():
-    """Oracle: the rows in which the made-up signal changes."""
-    log = make_log()
-    log["mechanisms"] = np.zeros((len(log["t"]), 4))
-    log["mechanisms"][500:900, [0, 3]] = 1.0
-    assert story(log)[:2] == [
-        "t=1.00 s  switched in Meshcat, now on: step, cross_over",
-        "t=1.80 s  switched in Meshcat, now on: nothing",
-    ]
-
-
 @pytest.mark.parametrize(
     ("degrees", "word"),
     [

@@ -1,15 +1,11 @@
 """Each figure of the summary, against the recipe of a made-up run."""
 
 import json
-import math
 
 import numpy as np
 import pytest
-from shapely import Polygon
-from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal
-from nadia_balance.results.plots import over_time
 from tests.results.made_up_run import MASS, cut, make_log, summary_of
 
 
@@ -23,16 +19,12 @@ def test_is_strict_json_and_repeats_what_it_was_told(log):
 
     Of six steps, five landed after the push, each 4 mm from its target.
     """
-    log["mechanisms"] = np.zeros((len(log["t"]), 4))
-    log["mechanisms"][500:, [0, 1]] = 1.0
     told = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
     cpu_time = float(log["t"][-1]) / 2.5
     summary = summary_of(log, cpu_time=cpu_time, **told)
     assert {name: summary[name] for name in told} == told
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert (summary["recovered"], summary["reason"]) == (True, "")
-    (switch,) = summary["switched_mechanisms"]
-    assert switch == {"time_s": 1.0, "on": ["step", "swing"]}
     (push,) = summary["pushes"]
     assert (push["time_s"], push["delta_v"]) == pytest.approx((1.976, 0.6))
     assert (summary["steps_taken"], summary["steps_after_push"]) == (6, 5)
@@ -125,26 +117,6 @@ def test_speed_of_the_swing_foot(log):
     assert found == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_distance_of_the_soles_in_plan_view(log, seed):
-    """Oracle: shapely; one foot far above the other does not pass it."""
-    rng, feet = np.random.default_rng(seed), signal(log, "foot_poses")
-    feet[:] = 0.0
-    feet.right_y[:], feet.right_z[:] = -5.0, 0.2
-    rows, least = rng.integers(len(log["t"]), size=6), math.inf
-    for row in rows:
-        soles = []
-        for foot in np.split(log["foot_poses"][row], 2):
-            foot[:2], foot[3] = rng.normal(size=2), rng.normal()
-            sole = rotate(Polygon(log["sole"]), foot[3], (0, 0), True)
-            soles.append(translate(sole, *foot[:2]))
-        log["foot_poses"][row, [2, 6]] = 0.5, 0.401
-        least = min(least, soles[0].distance(soles[1]))
-    assert summary_of(log)["min_sole_distance_m"] == pytest.approx(least)
-    log["foot_poses"][rows[0], [0, 4, 1, 5]] = 0.0
-    assert summary_of(log)["min_sole_distance_m"] == 0.0
-
-
 def test_slip_is_the_stance_foots_way_during_its_step(log):
     """Oracle: the left foot slides by 3 mm while the right one swings."""
     feet = signal(log, "foot_poses")
@@ -170,9 +142,6 @@ def test_sums_up_both_qps(log):
     assert summary["qp_failures"] == 2
     assert summary["qp_fallbacks"] == 3
     assert summary["max_qp_violation"] == 4e-5
-    legend = over_time.draw_effort(log, summary).axes[-1].get_legend()
-    told = {text.get_text() for text in legend.get_texts()}
-    assert told >= {"by Clarabel (3)", "torques held (2)"}
 
 
 @pytest.mark.parametrize(
@@ -212,34 +181,20 @@ def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
     assert summary["self_contacts"] == ["A - B"]
 
 
-def test_a_push_is_told_in_newton_seconds_and_joules(log):
-    """Oracles: m dv; work and energy of a free mass that was at rest."""
-    com = signal(log, "com_state")
-    first = int(np.flatnonzero(signal(log, "push_signal").number)[0])
-    share = np.clip((np.arange(len(log["t"])) - first + 1) / 50, 0.0, 1.0)
-    com.velocity[:] = 0.0
-    com.vy[:] = 0.6 * share
+def test_a_push_is_told_in_newtons_and_seconds(log):
+    """Oracles: m dv / T, and the recipe."""
     (push,) = summary_of(log)["pushes"]
-    assert push["impulse_n_s"] == pytest.approx(MASS * 0.6)
-    assert push["absorbed_energy_j"] == pytest.approx(0.5 * MASS * 0.6**2)
     assert push["force_n"] == pytest.approx(MASS * 0.6 / 0.1)
     assert push["duration_s"] == pytest.approx(0.1)
     assert push["direction_deg"] == pytest.approx(90.0)
 
 
-def test_sway_and_the_time_of_the_recovery(log):
-    """Oracles: tan; the last row, put in by hand, with an error of 5 cm."""
-    com, feet = signal(log, "com_state"), signal(log, "walking_signal")
-    com.position[:] = 0.0
-    com.z[:] = 0.9
-    for foot in feet.left, feet.right:
-        foot[:] = 0.0
-    com.x[300] = -0.9 * math.tan(math.radians(12.0))
+def test_the_time_of_the_recovery(log):
+    """Oracle: the last row, put in by hand, with an error of 5 cm."""
     log["icp"][:] = log["icp_reference"][:, :2]
     log["icp"][1500, 1] += 0.06
-    summary = summary_of(log)
-    assert summary["body_sway_deg"] == pytest.approx(12.0)
-    assert summary["recovery_time_s"] == pytest.approx(1500 * 0.002 - 1.976)
+    time = summary_of(log)["recovery_time_s"]
+    assert time == pytest.approx(1500 * 0.002 - 1.976)
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,7 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.results import pages
 from nadia_balance.results.folder import read_run
 from nadia_balance.scripts import command_line, simulate
-from tests.scripts.running import (
-    assert_refused,
-    ended,
-    program,
-    python,
-    run_script,
-)
+from tests.scripts.running import assert_refused, ended, program, run_script
 
 
 def piped(script, *argv, **options):
@@ -147,27 +141,3 @@ def test_a_present_folder_that_is_gone_is_one_line(
     tmp_path.rmdir()
     outcome = run_script(simulate, ["--scenario_name", "stand"], capsys)
     assert_refused(outcome, "present folder: must exist")
-
-
-def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
-    """Oracle: stderr, and what the shell calls 130."""
-    outcome = ended(python("-c", INTERRUPTED_START, "push", cwd=tmp_path))
-    assert (outcome.code, outcome.err) == (130, [])
-
-
-# Presses Ctrl-C as soon as a script begins to import the command line.
-INTERRUPTED_START = """
-import importlib.abc, os, runpy, signal, sys
-
-class Press(importlib.abc.MetaPathFinder):
-    def find_spec(self, name, path, target=None):
-        if name == "nadia_balance.scripts.command_line":
-            os.kill(os.getpid(), signal.SIGINT)
-
-# Of a suite that runs in the background, children ignore Ctrl-C.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-script = sys.argv.pop(1)
-sys.argv[0] = f"{script}.py"
-sys.meta_path.insert(0, Press())
-runpy.run_module(f"nadia_balance.scripts.{script}", run_name="__main__")
-"""

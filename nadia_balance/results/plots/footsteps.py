@@ -17,8 +17,15 @@ from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, PushSpan, Step, signal, sole_pose
 from nadia_balance.results.measurements import recovered_at
-from nadia_balance.results.plots import style
-from nadia_balance.results.plots.style import FAINT, TEXT, arrow, fill
+from nadia_balance.results.plots import (
+    FAINT,
+    TEXT,
+    arrow,
+    draw_sole,
+    fill,
+    plan_view,
+    title,
+)
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
 _MOST_LISTED = 8  # largest number of steps in the legend [-]
@@ -45,7 +52,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
     low, high = _limits(log, first, rows, shown)
     fig = Figure(figsize=_size(high - low), layout="constrained")
     ax = fig.subplots()
-    style.plan_view(ax, *zip(low, high, strict=True))
+    plan_view(ax, *zip(low, high, strict=True))
     _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
@@ -57,7 +64,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
     where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
     ax.legend(title="numbers: which step", alignment="left", **where)
     times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
-    ax.set_title(style.title(summary, f"Footsteps, {times}"))
+    ax.set_title(title(summary, f"Footsteps, {times}"))
     return fig
 
 
@@ -130,7 +137,7 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
 
     def show(pose: FootPose, side: Side, line: str, alpha: float) -> None:
         corners = pose.to_world(log["sole"])
-        style.draw_sole(ax, corners, side, alpha, linestyle=line)
+        draw_sole(ax, corners, side, alpha, linestyle=line)
 
     for side in Side:
         show(sole_pose(log, first, side), side, ":", 0.06)

@@ -1,4 +1,4 @@
-"""Plots over time: contacts, torques, speeds, forces, QPs; ICP; estimate."""
+"""Plots over time: contacts; torques, speeds, forces; ICP; estimate."""
 
 import math
 import re
@@ -6,7 +6,6 @@ import re
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from nadia_balance import palette
@@ -14,9 +13,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.log import QP_STATUS, Log, icp_error, signal
-from nadia_balance.results.plots import style
-from nadia_balance.results.plots.style import FAINT, RC, TEXT, time_axes
+from nadia_balance.results.log import Log, icp_error, signal
+from nadia_balance.results.plots import FAINT, TEXT, time_axes
 
 # Patterns of joint names per group, for robots of several manufacturers.
 GROUPS = {
@@ -27,18 +25,12 @@ GROUPS = {
     "arms": r"",
 }
 _GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
-_QP_COLORS = dict(zip(QP_STATUS, ("#7a5ba6", "#2b8a5f"), strict=True))
 SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 _AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
 _BAND = 0.2  # opacity of 3 standard deviations
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
-_WIDTH, _MAX_ROWS, _ROW_SECONDS = 12.0, 6, 10.0
+_SHORT = 20.0  # longest run whose durations are written [s]
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
-_PLAN, _MEASURED = (0.02, 0.42), (-0.42, -0.02)  # lanes of a foot
-_LABEL_Y, _LINE = (1.36, 0.82), 0.27  # lanes of the durations, their lines
-_NUMBER = {"ls": "none", "ms": 22}  # in the legend
-_PALE = 0.3  # opacity of planned contacts
-_LETTER = RC["font.size"] / 72.0 * 0.6  # width of a letter [in]
 
 
 def draw_effort(log: Log, summary: dict) -> Figure | None:
@@ -47,7 +39,6 @@ def draw_effort(log: Log, summary: dict) -> Figure | None:
         _draw_torques: 2.2 * (measured.torque_ratio(log).size > 0),
         _draw_speed: 1.3 * (measured.joint_speed(log).size > 0),
         _draw_forces: 1.8 * ("foot_forces" in log),
-        _draw_qps: 1.5 * any(name in log for name in QP_STATUS),
     }
     rows = {draw_row: height for draw_row, height in rows.items() if height}
     if not rows:
@@ -96,28 +87,6 @@ def _draw_forces(ax: Axes, log: Log) -> None:
         ax.plot(log["t"], getattr(forces, side.value), **look)
     ax.set(ylabel="normal force [N]", ylim=(0.0, None))
     _legend(ax, 2)
-
-
-def _draw_qps(ax: Axes, log: Log) -> None:
-    """Draws constraint violations; marks what Clarabel, or no one, solved."""
-    t = log["t"]
-    floor = 1e-16  # makes exact solutions visible on the logarithmic axis
-    for name in filter(log.__contains__, QP_STATUS):
-        qp = signal(log, name)
-        label = name.removesuffix("_qp_status").replace("_", "-") + " QP"
-        violation, color = np.maximum(qp.violation, floor), _QP_COLORS[name]
-        ax.semilogy(t, violation, color=color, linewidth=1.0, label=label)
-        _mark(ax, t[qp.fallback > 0.5], palette.ECMP, "by Clarabel")
-        _mark(ax, t[qp.solved < 0.5], palette.PUSH, "torques held")
-    ax.set(ylabel="QP violation")
-    _legend(ax, 4)
-
-
-def _mark(ax: Axes, times: np.ndarray, color: str, label: str) -> None:
-    if len(times):
-        look = {"color": color, "ms": 9, "label": f"{label} ({len(times)})"}
-        look["transform"] = ax.get_xaxis_transform()
-        ax.plot(times, np.full(len(times), 0.93), "|", **look)
 
 
 def _legend(ax: Axes, columns: int) -> None:
@@ -224,106 +193,38 @@ def _tilt(state: Array) -> Array:
 
 
 def draw_contacts(log: Log, summary: dict) -> Figure:
-    """Draws planned and measured contacts of both feet, with durations."""
-    t = log["t"]
-    total = max(t[-1] - t[0], 1e-3)
-    rows = min(max(round(total / _ROW_SECONDS), 1), _MAX_ROWS)
-    fig = Figure(figsize=(_WIDTH, 1.0 + 1.75 * rows), layout="constrained")
-    axes = np.atleast_1d(fig.subplots(rows, 1, squeeze=True))
-    seconds = total / rows
+    """Draws planned (pale) and measured contacts, with durations [s].
+
+    Those of a swing are where its foot is in the air, and below them in
+    brackets as planned, if that was changed.
+    """
+    fig, (ax,) = time_axes(log, summary, "Contacts", [2.4], label=True)
     spans = logs.phase_spans(log)
-    for i, ax in enumerate(axes):
-        begin = t[0] + i * seconds
-        _draw_row(ax, log, spans, begin, begin + seconds)
-        style.mark_pushes(ax, log, label=True)
-    axes[-1].set_xlabel("time [s]")
-    _add_key(fig, log)
-    style.set_title(fig, summary, "Contacts")
+    for side, y in _FOOT_Y.items():
+        look = {"facecolor": palette.foot_color(side), "lw": 0}
+        plan = [(s.start, s.duration) for s in spans if s.carries(side)]
+        ax.broken_barh(plan, (y + 0.02, 0.4), alpha=0.3, **look)
+        if "foot_forces" in log:
+            ax.broken_barh(logs.contacts(log, side), (y - 0.42, 0.4), **look)
+    ax.set(ylim=(-0.6, 2.6))
+    ax.set_yticks([*_FOOT_Y.values()], [s.value for s in _FOOT_Y])
+    ax.grid(axis="y", visible=False)
+    bars = [Patch(color=FAINT, alpha=0.3, label="as planned")] if spans else []
+    bars.append(Patch(color=FAINT, label="as measured"))
+    where = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
+    ax.legend(handles=bars, ncols=2, borderpad=0, **where)
+    for span in spans if np.ptp(log["t"]) < _SHORT else ():
+        if span.complete and span.phase is not Phase.STANDING:
+            _write_duration(ax, span)
     return fig
 
 
-def _add_key(fig: Figure, log: Log) -> None:
-    """Adds the legend of bars and numbers below the axes."""
-    planned = "walking_signal" in log
-    bars = [Patch(color=FAINT, alpha=_PALE, label="contact as planned")]
-    bars = bars if planned else []
-    if "foot_forces" in log:
-        label = "as measured" if planned else "contact as measured"
-        bars.append(Patch(color=FAINT, label=label))
-    numbers = [
-        Line2D([], [], color=color, marker=f"${text}$", label=label, **_NUMBER)
-        for text, color, label in (
-            ("0.54", palette.RIGHT, "swing [s], in the colour of its foot"),
-            ("0.54", TEXT, "transfer [s]"),
-            ("(0.70)", FAINT, "as planned, if changed"),
-        )
-        if planned
-    ]
-    style.key(fig, [*bars, *numbers, *style.push_key(log)])
-
-
-def _draw_row(
-    ax: Axes, log: Log, spans: list[logs.PhaseSpan], begin: float, end: float
-) -> None:
-    ax.set_xlim(begin, end)
-    ax.set_ylim(-0.6, 2.6)
-    ax.set_yticks([_FOOT_Y[s] for s in Side], [s.value for s in Side])
-    ax.tick_params(axis="y", length=0)
-    ax.spines["left"].set_visible(False)
-    ax.grid(axis="y", visible=False)
-    for side in Side:
-        plan = [(s.start, s.duration) for s in spans if s.carries(side)]
-        _bars(ax, plan, _FOOT_Y[side], _PLAN, side, _PALE)
-        if "foot_forces" in log:
-            _bars(
-                ax,
-                logs.contacts(log, side),
-                _FOOT_Y[side],
-                _MEASURED,
-                side,
-                1.0,
-            )
-    inches = _WIDTH * 0.9 / (end - begin)
-    free = [-math.inf] * len(_LABEL_Y)  # end of each lane's last label [s]
-    for span in spans:
-        if begin <= 0.5 * (span.start + span.end) < end:
-            _write_duration(ax, span, inches, free)
-
-
-def _bars(ax: Axes, bars, y: float, lane, side: Side, alpha: float) -> None:
-    look = {"facecolor": palette.foot_color(side), "alpha": alpha, "lw": 0}
-    ax.broken_barh(bars, (y + lane[0], lane[1] - lane[0]), **look)
-
-
-def _write_duration(
-    ax: Axes, span: logs.PhaseSpan, inches: float, free: list[float]
-) -> None:
-    """Writes the duration of a phase between the feet, if there is room.
-
-    `inches` is the width of a second on paper.  Labels that would overlap
-    alternate between the lanes; `free` is updated.
-    """
-    if span.phase is Phase.STANDING or not span.complete:
-        return
-    changed = abs(span.duration - span.planned) > CHANGED
-    lines = [f"{span.duration:.2f}"]
-    if changed and math.isfinite(span.planned):
-        lines.append(f"({span.planned:.2f})")
-    width = max(map(len, lines)) * _LETTER / inches
-    if not changed and span.duration < width:
-        return
-    middle = 0.5 * (span.start + span.end)
-    begins = middle - 0.5 * width
-    lane = next((i for i, t in enumerate(free) if t <= begins), None)
-    if lane is None:
-        lane = free.index(min(free))
-    free[lane] = middle + 0.5 * width
-    swing = span.phase is Phase.SWING
-    color = palette.foot_color(span.swing_side) if swing else TEXT
-    looks = (
-        {"color": color, "weight": "bold" if changed else "normal"},
-        {"color": FAINT, "fontsize": 7.5},
-    )
-    for row, (text, look) in enumerate(zip(lines, looks, strict=False)):
-        y = _LABEL_Y[lane] - row * _LINE
-        ax.text(middle, y, text, ha="center", va="center", **look)
+def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
+    swings, text = span.phase is Phase.SWING, f"{span.duration:.2f}"
+    if abs(span.duration - span.planned) > CHANGED:
+        text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
+    y = _FOOT_Y[span.swing_side] if swings else 1.0
+    color = palette.foot_color(span.swing_side) if swings else TEXT
+    where = 0.5 * (span.start + span.end), y
+    look = {"color": color, "fontsize": 7.5, "ha": "center", "va": "center"}
+    ax.text(*where, text, **look)

@@ -144,7 +144,7 @@ def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
         lipm.write_text(words)
         assert fingerprint.code_hash(tmp_path / "lib") == before
     for name, seen in (
-        ("lib/results/plots/style.py", False),
+        ("lib/results/plots/footsteps.py", False),
         ("lib/scripts/envelope_sweep/report.py", False),
         ("lib/scripts/envelope_sweep/trial.py", True),
         ("lib/core/math/lipm.py", True),
