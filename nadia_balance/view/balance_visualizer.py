@@ -15,7 +15,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import inputs
-from nadia_balance.view import overlay
+from nadia_balance.view import scene
 
 ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
@@ -61,9 +61,8 @@ class BalanceVisualizer(LeafSystem):
     and the eCMP (square) on the ground; the push (arrow).  During swings it
     also draws, at a lower rate, the capture regions (filled), the reachability
     region that limits the step, and the nominal foothold if it is adjusted
-    (outlined).  The regions of a `ground` are filled; the region of the next
-    step is darker.  Signals of unconnected ports are not drawn;
-    `walking_state` is required.
+    (outlined).  The regions of a `ground` are filled.  Signals of unconnected
+    ports are not drawn; `walking_state` is required.
 
     .. pydrake_system::
 
@@ -95,12 +94,10 @@ class BalanceVisualizer(LeafSystem):
             self.DeclareForcedPublishEvent(draw)
 
     def _add_objects(self, meshcat: Meshcat, ground: Ground | None) -> None:
-        def sole(path: str, color: str) -> overlay.Drawing:
-            corners = overlay.at_height(self._sole, _REGION)
+        def sole(path: str, color: str) -> scene.Drawing:
+            corners = scene.at_height(self._sole, _REGION)
             shade = palette.rgba(color)
-            return overlay.add_polygon(
-                meshcat, path, corners, shade, False, True
-            )
+            return scene.add_polygon(meshcat, path, corners, shade, False, True)
 
         self._footsteps = {
             side: [
@@ -113,37 +110,26 @@ class BalanceVisualizer(LeafSystem):
             for side in walking.Side
         }
         self._polygons = {
-            path: overlay.ChangingPolygon(meshcat, path, color, PERIOD, filled)
+            path: scene.ChangingPolygon(meshcat, path, color, PERIOD, filled)
             for path, (color, filled) in _POLYGONS.items()
         }
         self._nominal = sole(f"{REGIONS}/nominal", palette.NOMINAL)
-        self._region_view = overlay.Drawing(meshcat, REGIONS)
+        self._region_view = scene.Drawing(meshcat, REGIONS)
         self._markers = {
-            name: overlay.add_marker(meshcat, f"{ROOT}/{name}", *look)
+            name: scene.add_marker(meshcat, f"{ROOT}/{name}", *look)
             for name, look in _MARKERS.items()
         }
-        self._middle = overlay.Drawing(meshcat, MIDDLE)
-        self._arrow = overlay.add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
-        self._add_ground(meshcat, ground)
-
-    def _add_ground(self, meshcat: Meshcat, ground: Ground | None) -> None:
-        """Adds all regions without obstacles, each twice: usual and darker."""
-        self._ground, self._in_use = ground, {}
+        self._middle = scene.Drawing(meshcat, MIDDLE)
+        self._arrow = scene.add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
         for i, region in enumerate(ground.regions if ground else ()):
-            if region.obstacle:
-                continue
-            z = region.heights(region.polygon) + _ON_FLOOR
-            corners = np.column_stack([region.polygon, z])
-            usual, self._in_use[region.name] = (
-                overlay.add_polygon(
-                    meshcat,
-                    f"{ROOT}/ground/{name}",
-                    corners,
-                    palette.rgba(palette.GROUND, alpha),
+            if not region.obstacle:
+                z = region.heights(region.polygon) + _ON_FLOOR
+                corners = np.column_stack([region.polygon, z])
+                color = palette.rgba(palette.GROUND, 0.5)
+                path = f"{ROOT}/ground/{i}"
+                scene.add_polygon(meshcat, path, corners, color).show(
+                    True, None
                 )
-                for name, alpha in ((f"{i}", 0.5), (f"in_use_{i}", 0.6))
-            )
-            usual.show(True, None)
 
     def _forget(self, context):
         """Removes the drawings of the previous run."""
@@ -159,7 +145,6 @@ class BalanceVisualizer(LeafSystem):
         schedule = state.schedule
         ground = float(schedule.feet[schedule.support_side].p_WF[2])
         self._draw_feet(state, time)
-        self._draw_region_in_use(state, time)
         self._polygons[f"{ROOT}/support_polygon"].draw(
             walking.support_polygon(schedule, self._sole),
             ground + _OUTLINE,
@@ -208,23 +193,12 @@ class BalanceVisualizer(LeafSystem):
         path, is_new = f"{FOOTPRINTS}/{side.value}_{number}", False
         if not self._meshcat.HasPath(path):
             color = palette.rgba(palette.foot_color(side), 0.6)
-            corners, is_new = overlay.at_height(self._sole, 0.0), True
-            overlay.add_polygon(self._meshcat, path, corners, color)
-        drawing = overlay.Drawing(self._meshcat, path)
+            corners, is_new = scene.at_height(self._sole, 0.0), True
+            scene.add_polygon(self._meshcat, path, corners, color)
+        drawing = scene.Drawing(self._meshcat, path)
         if is_new:
-            overlay.hide_before(drawing, time, PERIOD)
-        drawing.place(overlay.sole_transform(pose, _PRINT), time)
-
-    def _draw_region_in_use(
-        self, state: walking.WalkingState, time: float
-    ) -> None:
-        """Highlights the region of the next foothold."""
-        if self._ground is None or not state.schedule.footsteps:
-            return
-        foothold = state.schedule.footsteps[0].pose
-        region = self._ground.region_under(foothold)
-        for name, surface in self._in_use.items():
-            surface.show(region is not None and name == region.name, time)
+            scene.hide_before(drawing, time, PERIOD)
+        drawing.place(scene.sole_transform(pose, _PRINT), time)
 
     def _draw_com_and_push(self, context, com: Array, time: float) -> None:
         self._markers["com"].place(RigidTransform(com), time)
@@ -272,10 +246,10 @@ class BalanceVisualizer(LeafSystem):
 
 
 def _draw_sole(
-    outline: overlay.Drawing, pose: walking.FootPose | None, time: float
+    outline: scene.Drawing, pose: walking.FootPose | None, time: float
 ) -> None:
     """Shows an outlined sole at `pose`; None hides it."""
     if pose is None:
         outline.show(False, time)
     else:
-        outline.place(overlay.sole_transform(pose), time)
+        outline.place(scene.sole_transform(pose), time)

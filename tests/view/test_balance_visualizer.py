@@ -40,7 +40,7 @@ from nadia_balance.view.balance_visualizer import (
     RADIUS,
     BalanceVisualizer,
 )
-from nadia_balance.view.overlay import LINE
+from nadia_balance.view.scene import LINE
 from tests.blocks import asked
 from tests.core.body.test_ground import square
 from tests.example_walks import MODEL, SOLE
