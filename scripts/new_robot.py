@@ -1,7 +1,6 @@
 """Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
 import sys
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import numpy as np
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.new_robot import Named
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import margins, reach_within
@@ -17,7 +15,7 @@ from nadia_balance.scripts import command_line
 
 # Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
-NAMES = fields(Named)
+NAMES = "pelvis", "torso", "left_foot", "right_foot"
 
 
 @command_line.program
@@ -44,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
             fix=args.fix or [],
             package_roots=roots,
             armature=args.armature,
-            named=Named(**{f.name: getattr(args, f.name) for f in NAMES}),
+            named={name: getattr(args, name) for name in NAMES},
         )
         command_line.say(*notes.lines())
         made = load_robot(str(robot), args.fidelity)
@@ -97,11 +95,8 @@ def _parser() -> command_line.CommandLine:
     add("--fidelity", **which, help="of the walk")
     add("--no-walk", action="store_true", help="make the folder only")
     group = parser.add_argument_group("names", "Default: they are found.")
-    for i, field in enumerate(NAMES):
-        flag = f"--{field.name.replace('_', '-')}"
-        named = {"metavar": "JOINT,JOINT", "help": "of both legs"}
-        named = named if i > 3 else {"metavar": "LINK"}
-        group.add_argument(flag, default="", **named)
+    for name in NAMES:
+        group.add_argument(f"--{name.replace('_', '-')}", metavar="LINK")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""A robot's description: a tree of links and joints, which may be changed."""
+"""A robot's description: a tree of links and joints, and its anatomy."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.vocabulary import Side
 
 VISUAL, COLLIDING = "visual", "collision"
 _make = trimesh.creation
@@ -25,6 +26,28 @@ SOLIDS = {
     ),
     "mesh": ((), None),
 }
+
+
+class Notes:
+    """Lines on guessed, changed and unknown properties, and warnings."""
+
+    KINDS = ("guessed", "changed", "unknown", "warning")
+
+    def __init__(self):
+        self._found = {kind: {} for kind in self.KINDS}
+
+    def add(self, kind: str, line: str, *names: str) -> None:
+        """Adds a line of one of KINDS; names join those of the same line."""
+        self._found[kind].setdefault(line, []).extend(names)
+
+    def of(self, kind: str) -> list[str]:
+        """The lines of a kind, with their names."""
+        found = [(k, ", ".join(v)) for k, v in self._found[kind].items()]
+        return [f"{line}: {names}" if names else line for line, names in found]
+
+    def lines(self) -> list[str]:
+        """All lines, each with its kind as prefix."""
+        return [f"{kind}: {x}" for kind in self.KINDS for x in self.of(kind)]
 
 
 @dataclass
@@ -245,3 +268,31 @@ class Description:
             elif joint.child == link:
                 joint.X_PC = joint.X_PC @ X_NL.inverse()
                 joint.axis = X_NL.rotation() @ joint.axis
+
+
+@dataclass
+class Leg:
+    """Names of one leg's foot and joints."""
+
+    foot: str
+    joints: list[str]  # from the pelvis to the foot
+    pitches: list[str] = field(default_factory=list)  # of hip, knee and ankle
+
+    @property
+    def knee(self) -> str:
+        """The joint between thigh and shin."""
+        return self.pitches[1]
+
+
+@dataclass
+class Anatomy:
+    """Names and axes of a robot at zero posture, in its root."""
+
+    torso: str
+    legs: dict[Side, Leg]
+    axes: Array  # (3, 3): forward, left, up, one a column
+
+    @property
+    def feet(self) -> dict[Side, str]:
+        """The foot links by side."""
+        return {side: leg.foot for side, leg in self.legs.items()}

@@ -15,12 +15,19 @@ from pydrake.multibody.tree import SpatialInertia
 
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.bounds import NADIA
-from nadia_balance.new_robot import Named, Notes
 from nadia_balance.new_robot import description as robots
-from nadia_balance.new_robot.anatomy import Anatomy, Leg, find_anatomy, two_legs
-from nadia_balance.new_robot.capsules import Pairs, fit_capsules
-from nadia_balance.new_robot.measure import Fields, measure, size_of, widths
+from nadia_balance.new_robot.description import Anatomy, Leg, Notes
+from nadia_balance.new_robot.measure import (
+    Fields,
+    Names,
+    find_anatomy,
+    measure,
+    size_of,
+    two_legs,
+    widths,
+)
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
+from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 
 # Rotor inertia scales with mass times leg length squared; 0.1 kg m^2 is assumed
 # for Nadia and Atlas at 90.9 kg.
@@ -36,8 +43,7 @@ _UNLIKE, _LARGEST = 0.2, 2.0
 _SIDES = {"l": 1, "left": 1, "r": -1, "right": -1}
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _FRICTION = "0.8"
-# Meshes with more faces are simplified; vertices are merged on a grid [m].
-_FACES, _GRID = 2000, 0.006
+_FACES = 2000  # meshes with more are made coarser
 _OF_URDF = ("box", "sphere", "cylinder", "mesh")
 _HEADER = "# Made by nadia-new-robot from the robot's description.\n"
 ElementTree.register_namespace("drake", DRAKE[1:-1])
@@ -50,7 +56,7 @@ def make_robot(
     fix: Sequence[str] = (),
     package_roots: Sequence[Path] = (),
     armature: Path | None = None,
-    named: Named | None = None,
+    named: Names | None = None,
 ) -> Notes:
     """Writes robot.urdf, robot.yaml and meshes into `folder`.
 
@@ -59,7 +65,7 @@ def make_robot(
 
     Raises ValueError: it is no biped with driven legs; OSError: as files do.
     """
-    notes, named = Notes(), named or Named()
+    notes, named = Notes(), named or {}
     robot = _read(file, package_roots, notes)
     legs = _clean(robot, fix, named, notes)
     anatomy = find_anatomy(robot, legs, named, notes)
@@ -95,7 +101,7 @@ def _read(
 
 
 def _clean(
-    robot: robots.Description, fix: Sequence[str], named: Named, notes: Notes
+    robot: robots.Description, fix: Sequence[str], named: Names, notes: Notes
 ) -> list[Leg]:
     """Welds joints that are not driven, adds masses; returns the legs."""
     welded = [j.name for j in robot.joints.values() if j.type == "weld"]
@@ -276,16 +282,12 @@ def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh; a large one with the vertices of each grid cell merged."""
-    if len(mesh.faces) <= _FACES:
-        return mesh
-    cells = np.round(mesh.vertices / _GRID)
-    _, first, cell = np.unique(
-        cells, axis=0, return_index=True, return_inverse=True
-    )
-    faces = np.unique(cell.ravel()[mesh.faces], axis=0)
-    faces = faces[[len(set(face)) == 3 for face in faces.tolist()]]
-    return trimesh.Trimesh(mesh.vertices[first], faces, process=False)
+    """The mesh; of a large one, vertices within 1 cm are merged."""
+    if len(mesh.faces) > _FACES:
+        mesh = mesh.copy()
+        mesh.merge_vertices(digits_vertex=2)
+        mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
+    return mesh
 
 
 def _joint(joint: robots.Joint) -> Element:

@@ -1,5 +1,10 @@
-"""Measurement of the fields of robot.yaml: soles, legs, standing posture."""
+"""Anatomy of a robot, and the fields of robot.yaml that are measured on it.
 
+Which links are pelvis, torso, legs and feet; sizes of soles and legs, and the
+standing posture.
+"""
+
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -7,17 +12,19 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import least_squares
-from scipy.spatial import ConvexHull, QhullError
 
 from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import Size, scaled
-from nadia_balance.new_robot import Notes
-from nadia_balance.new_robot import description as robots
-from nadia_balance.new_robot.anatomy import ALONG, Anatomy, Leg
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.new_robot.shapes import find_sole, largest_rectangle
 
+FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
+# Smallest cosine to the lateral axis, or of the up axis to the legs [-].
+ALONG = 0.75
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
 # Distances of the legs' pitch joints, and of all joints outside of the legs,
@@ -30,19 +37,145 @@ _SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
 _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
-# Tolerances for points on the plane, of meshes and of round solids [m].
-_ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
-_ON_PLANE_EXACT = 0.0025
-_SAME_NORMAL = np.cos(np.deg2rad(3.0))
-_DOWNWARD = np.cos(np.deg2rad(50.0))
-_WIDTHS = 10001  # of rectangles that are compared
 
+# Links by the user: of `pelvis`, `torso`, `left_foot` and `right_foot` those
+# that are not to be found.
+Names = Mapping[str, str]
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
 
 
-def measure(
-    robot: robots.Description, anatomy: Anatomy, notes: Notes
-) -> Fields:
+def two_legs(robot: Description, named: Names) -> list[Leg]:
+    """Returns the two legs, in arbitrary order; the root becomes the pelvis.
+
+    The legs are the heaviest pair of unbranched chains with the same number of
+    joints, 6 or 7, that start at one link.  No joint of `robot` is fixed.
+
+    Raises ValueError: no such pair exists, or a named link does not exist.
+    """
+    if named.get("pelvis"):
+        robot.reroot(robot.holder(named["pelvis"]))
+    leaves = [link for link in robot.links if not robot.children(link)]
+    feet = [robot.holder(named[name]) for name in FEET if named.get(name)]
+    pairs = []
+    for pair in itertools.combinations(dict.fromkeys(leaves + feet), 2):
+        chains = [robot.chain(link) for link in pair]
+        shared = sum(one is other for one, other in zip(*chains, strict=False))
+        one, other = legs = [chain[shared:] for chain in chains]
+        inner = [joint.child for leg in legs for joint in leg[:-1]]
+        if (
+            len(one) == len(other)
+            and len(one) in (6, 7)
+            and set(feet) <= set(pair)
+            and not (named.get("pelvis") and shared)
+            and all(len(robot.children(link)) == 1 for link in inner)
+        ):
+            mass = sum(robot.mass(robot.below(leg[0].child)) for leg in legs)
+            names = [[joint.name for joint in leg] for leg in legs]
+            found = list(map(Leg, pair, names))
+            pairs.append((mass, one[0].parent, found))
+    if not pairs:
+        ends = [f"{len(robot.chain(leaf))} to {leaf}" for leaf in leaves]
+        raise ValueError(
+            "legs: must be two, of 6 or 7 joints each (without ankle roll a "
+            "sole does not stay level); numbers of joints: " + ", ".join(ends)
+        )
+    _, pelvis, found = max(pairs, key=lambda pair: pair[0])
+    robot.reroot(pelvis)
+    return found
+
+
+def _torso(robot: Description, legs: Sequence[Leg]) -> str:
+    """The link of which arms and head are children, or the pelvis."""
+    link, of_legs = robot.root, {leg.joints[0] for leg in legs}
+    while True:
+        children = [j for j in robot.children(link) if j.name not in of_legs]
+        masses = {j.child: robot.mass(robot.below(j.child)) for j in children}
+        heaviest = max(masses, key=masses.__getitem__, default="")
+        least = max(0.6 * sum(masses.values()), robot.mass([link]))
+        if not heaviest or masses[heaviest] < least:
+            return link
+        link = heaviest
+
+
+def _snapped(direction: Array, what: str) -> Array:
+    i = int(np.abs(direction).argmax())
+    if abs(direction[i]) < ALONG * np.linalg.norm(direction):
+        why = "must lie along an axis of the root's frame, all joints at 0"
+        raise ValueError(f"{what}: {why}; now {np.round(direction, 3)} m")
+    return np.sign(direction[i]) * np.eye(3)[i]
+
+
+def find_anatomy(
+    robot: Description, legs: Sequence[Leg], named: Names, notes: Notes
+) -> Anatomy:
+    """Returns the anatomy; the root of `robot` is the pelvis.
+
+    Forward is opposite to the motion of the feet when the knees bend, or, if
+    they do not agree, from the ankles to the feet's centres of mass.
+    """
+    poses, ends = robot.poses(), [leg.foot for leg in legs]
+    feet = np.array([poses[foot].translation() for foot in ends])
+    hips, _ = robot.hinges([leg.joints[0] for leg in legs], poses)
+    up = _snapped(np.mean(hips - feet, axis=0), "the legs")
+    across = feet[0] - feet[1]
+    lateral = _snapped(across - up * (up @ across), "the feet")
+    for leg in legs:
+        leg.pitches = _pitches(robot, leg, lateral)
+    forward = np.cross(lateral, up)
+    # +1 if legs[0] is the left one, -1 if it is the right one.
+    ahead = [_back(robot, leg, forward) for leg in legs]
+    if min(ahead) * max(ahead) < 1e-4:
+        toes = [poses[n] @ robot.links[n].M.get_com() for n in ends]
+        ahead = [forward @ p for p in np.subtract(toes, feet)]
+    sign = 1.0 if sum(ahead) > 0.0 else -1.0
+    for foot, side in FEET.items():
+        if named.get(foot):
+            first = robot.holder(named[foot]) == legs[0].foot
+            sign = float(side.sign if first else -side.sign)
+    sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
+    torso = _torso(robot, legs)
+    if named.get("torso"):
+        torso = robot.holder(named["torso"])
+    names = ", ".join(leg.foot for leg in sides.values())
+    notes.add("guessed", f"pelvis {robot.root}, torso {torso}, feet {names}")
+    for side, leg in sides.items():
+        hip, knee, ankle = leg.pitches
+        line = f"hip pitch {hip}, knee {knee}, ankle pitch {ankle}"
+        notes.add("guessed", f"{side.value} leg: {line}")
+    axes = np.stack([sign * forward, sign * lateral, up], axis=1)
+    return Anatomy(torso, sides, axes)
+
+
+def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
+    """The joints of hip, knee and ankle about the `lateral` axis."""
+    points, axes = robot.hinges(leg.joints, robot.poses())
+    at = dict(zip(leg.joints, points, strict=True))
+    along = np.abs(axes @ lateral) > ALONG
+    pitches = list(itertools.compress(leg.joints, along))
+    if len(pitches) < 3:
+        why = "must have hip, knee and ankle about the lateral axis"
+        has = ", ".join(pitches) or "none"
+        raise ValueError(f"leg to {leg.foot}: {why}; it has {has}")
+    hip, *inner, ankle = pitches
+    ends = [at[hip], at[ankle]]
+
+    def far(name: str) -> float:
+        return float(np.linalg.norm(ends - at[name], axis=1).min())
+
+    return [hip, max(inner, key=far), ankle]
+
+
+def _back(robot: Description, leg: Leg, forward: Array) -> float:
+    """Difference [m] of the foot's ranges backward and forward by the knee."""
+    knee = robot.joints[leg.knee]
+    lower, middle, upper = (
+        robot.poses({leg.knee: angle})[leg.foot].translation()
+        for angle in (knee.lower, knee.nearest(0.0), knee.upper)
+    )
+    return float(forward @ (2.0 * middle - lower - upper))
+
+
+def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     """Returns the fields of robot.yaml; sets the frames of `robot`.
 
     Raises ValueError: a foot has no sole, or it cannot stand on level ones with
@@ -163,7 +296,7 @@ def widths(reach: ReachabilityParams) -> dict[str, float]:
     return {k: v for k, v in vars(reach).items() if k.startswith(kinds)}
 
 
-def _lean(robot: robots.Description, anatomy: Anatomy) -> float:
+def _lean(robot: Description, anatomy: Anatomy) -> float:
     """Largest outward angle [rad] of both legs, by the ranges of rolls."""
     poses, most = robot.poses(), _MOST_LEAN
     for side, leg in anatomy.legs.items():
@@ -199,7 +332,7 @@ class _Knee:
         return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
 
 
-def _knee(robot: robots.Description, leg: Leg) -> _Knee:
+def _knee(robot: Description, leg: Leg) -> _Knee:
     poses, joint = robot.poses(dict.fromkeys(leg.joints, 0.0)), leg.knee
     points, axes = robot.hinges(leg.pitches, poses)
     thigh, shin = np.diff(points[:, [0, 2]], axis=0)
@@ -211,7 +344,7 @@ def _knee(robot: robots.Description, leg: Leg) -> _Knee:
 
 
 def _posture(
-    robot: robots.Description,
+    robot: Description,
     legs: Sequence[Leg],
     knees: Mapping[str, _Knee],
     p_FS: Array,
@@ -254,94 +387,3 @@ def _posture(
         f"joints {', '.join(searched)}: must have the range to put level "
         f"soles under the CoM, the knees {_BENDS[-1]:.2f} rad from straight"
     )
-
-
-@dataclass
-class SolePlane:
-    """The plane of a sole in the frame of its link."""
-
-    down: Array  # (3,), its unit normal, out of the foot
-    depth: float  # distance of the plane from the link's origin [m]
-    points: Array  # (k, 3), on the plane
-    area: float  # of their convex hull [m^2]
-    source: str
-
-
-def find_sole(foot: robots.Link, down: Array) -> SolePlane:
-    """Returns the plane of the sole; `down` (3,) is its approximate normal.
-
-    The plane is that of the collision shapes, or of the visual ones if their
-    sole is more than twice as large, or the only flat one.
-
-    Raises ValueError: no shape is flat below.
-    """
-    roles = (robots.COLLIDING, robots.VISUAL)
-    found = [sole_plane(foot.of(role), down, role) for role in roles]
-    if not any(found):
-        why = "must have a shape with a flat side below"
-        also = f"; {foot.missing}" if foot.missing else ""
-        raise ValueError(f"foot {foot.name}: {why}{also}")
-    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
-    return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
-
-
-def sole_plane(
-    shapes: Sequence[robots.Shape], down: Array, source: str
-) -> SolePlane | None:
-    """The supporting plane with the largest area of the convex hull."""
-    if not shapes:
-        return None
-    hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
-    first, *others = hull.points[hull.simplices].swapaxes(0, 1)
-    sides = np.cross(*(corners - first for corners in others))
-    areas = 0.5 * np.linalg.norm(sides, axis=1)
-    normals = hull.equations[:, :3]
-    below = normals @ down > _DOWNWARD
-    areas, normals = areas[below], normals[below]
-    alike = normals @ normals.T > _SAME_NORMAL
-    if not len(areas):
-        return None
-    near = alike[int((alike @ areas).argmax())]
-    normal = areas[near] @ normals[near]
-    normal /= np.linalg.norm(normal)
-    # A round shape touches the ground with its point farthest along the normal.
-    lowest = [
-        s.spine(2).T + s.size["radius"] * normal
-        if s.kind in ("sphere", "capsule")
-        else s.points()
-        for s in shapes
-    ]
-    depth = max(float((points @ normal).max()) for points in lowest)
-    on_plane = [
-        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
-        for p, shape in zip(lowest, shapes, strict=True)
-    ]
-    flat = np.concatenate(on_plane)
-    across = np.linalg.svd(normal[None])[2][1:]
-    try:
-        area = ConvexHull(flat @ across.T).volume
-    except (QhullError, ValueError):  # collinear, or too few
-        return None
-    return SolePlane(normal, depth, flat, area, source)
-
-
-def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
-    """Returns x_min, x_max and half-width [m] of the largest rectangle.
-
-    It is symmetric about y = 0 and within the hulls of all `soles`, points
-    (k, 2) [m].  Raises ValueError: no such rectangle exists.
-    """
-    sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
-    a_x, a_y, c = sides.T
-    ahead, behind = a_x > 1e-9, a_x < -1e-9
-    beside = ~(ahead | behind)
-    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
-    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
-    widths = np.linspace(0.0, max(widest, 0.0), _WIDTHS)
-    room = -c[:, None] - np.abs(a_y)[:, None] * widths  # a_x x <= room
-    heels = (room[behind] / a_x[behind, None]).max(axis=0)
-    toes = (room[ahead] / a_x[ahead, None]).min(axis=0)
-    i = int((widths * (toes - heels)).argmax())
-    if not toes[i] > heels[i] or not widest > 0.0:
-        raise ValueError("soles: must have a part on y = 0 in common")
-    return float(heels[i]), float(toes[i]), float(widths[i])

@@ -15,7 +15,6 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot import description as robots
 
 DRAKE = "{http://drake.mit.edu}"
@@ -69,7 +68,7 @@ class _Part:
 
 
 def read_urdf(
-    top: Element, file: Path, roots: Sequence[Path], notes: Notes
+    top: Element, file: Path, roots: Sequence[Path], notes: robots.Notes
 ) -> robots.Description:
     """Returns the robot `top` of `file`; `roots` are folders of its packages.
 
@@ -153,7 +152,7 @@ def _take_shape(
     part: _Part,
     colours: Mapping[str, str],
     folders: Sequence[Path],
-    notes: Notes,
+    notes: robots.Notes,
 ) -> None:
     """Adds the shape in `part` to `link`, if it is known and found."""
     solids = part.element.findall("geometry/*")
@@ -206,7 +205,7 @@ def _load(path: Path) -> trimesh.Trimesh:
 
 
 def _turn_upright(
-    links: Sequence[robots.Link], coms: Sequence[Array], notes: Notes
+    links: Sequence[robots.Link], coms: Sequence[Array], notes: robots.Notes
 ) -> None:
     """Turns meshes of Collada files that say "y is up", if they mean it.
 
@@ -228,7 +227,9 @@ def _turn_upright(
             shape.X_LG = shape.X_LG @ _Z_UP
 
 
-def _inertia(part: _Part, link: robots.Link, notes: Notes) -> SpatialInertia:
+def _inertia(
+    part: _Part, link: robots.Link, notes: robots.Notes
+) -> SpatialInertia:
     """The inertia of a link; without moments it is that of a box."""
     mass, X = (
         part.number("inertial/mass", "value"),
@@ -264,7 +265,7 @@ def _possible(inertia: Array, mass: float) -> Array:
     return inertia if same else axes @ np.diag(moments) @ axes.T
 
 
-def read_mjcf(file: Path, notes: Notes) -> robots.Description:
+def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
     """Returns the one floating robot in an MJCF.
 
     A body with several joints becomes as many links.  Joint angles count from
@@ -304,7 +305,7 @@ def read_mjcf(file: Path, notes: Notes) -> robots.Description:
     return robots.Description(spec.modelname, links, joints)
 
 
-def _leave_out(spec: mujoco.MjSpec, file: Path, notes: Notes) -> None:
+def _leave_out(spec: mujoco.MjSpec, file: Path, notes: robots.Notes) -> None:
     """Drops what belongs to a scene, and shapes whose files are missing."""
     scene = spec.pairs, spec.excludes, spec.sensors, spec.keys
     for element in [element for part in scene for element in part]:

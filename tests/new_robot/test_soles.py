@@ -8,7 +8,7 @@ import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
-from nadia_balance.new_robot.measure import (
+from nadia_balance.new_robot.shapes import (
     find_sole,
     largest_rectangle,
     sole_plane,

@@ -1,18 +1,24 @@
-"""Collision capsules of links that do not overlap in the standing posture."""
+"""Shapes of links: soles that are found, capsules that are fitted."""
 
 import itertools
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial import ConvexHull, QhullError
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import Notes
 from nadia_balance.new_robot import description as robots
-from nadia_balance.new_robot.anatomy import Anatomy
-from nadia_balance.new_robot.measure import Fields
 
+# Tolerances for points on the plane, of meshes and of round solids [m].
+_ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
+_ON_PLANE_EXACT = 0.0025
+_SAME_NORMAL = np.cos(np.deg2rad(3.0))
+_DOWNWARD = np.cos(np.deg2rad(50.0))
+_WIDTHS = 10001  # of rectangles that are compared
 # Smallest size of a link with a capsule [leg length].
 _SMALLEST = 0.25
 _THICKNESS = 0.9  # diameter over the mean of a link's shorter extents [-]
@@ -27,12 +33,107 @@ Shapes = dict[str, list[robots.Shape]]  # by link
 Pairs = set[frozenset[str]]
 
 
+@dataclass
+class SolePlane:
+    """The plane of a sole in the frame of its link."""
+
+    down: Array  # (3,), its unit normal, out of the foot
+    depth: float  # distance of the plane from the link's origin [m]
+    points: Array  # (k, 3), on the plane
+    area: float  # of their convex hull [m^2]
+    source: str
+
+
+def find_sole(foot: robots.Link, down: Array) -> SolePlane:
+    """Returns the plane of the sole; `down` (3,) is its approximate normal.
+
+    The plane is that of the collision shapes, or of the visual ones if their
+    sole is more than twice as large, or the only flat one.
+
+    Raises ValueError: no shape is flat below.
+    """
+    roles = (robots.COLLIDING, robots.VISUAL)
+    found = [sole_plane(foot.of(role), down, role) for role in roles]
+    if not any(found):
+        why = "must have a shape with a flat side below"
+        also = f"; {foot.missing}" if foot.missing else ""
+        raise ValueError(f"foot {foot.name}: {why}{also}")
+    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
+    return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
+
+
+def sole_plane(
+    shapes: Sequence[robots.Shape], down: Array, source: str
+) -> SolePlane | None:
+    """The supporting plane with the largest area of the convex hull."""
+    if not shapes:
+        return None
+    hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
+    first, *others = hull.points[hull.simplices].swapaxes(0, 1)
+    sides = np.cross(*(corners - first for corners in others))
+    areas = 0.5 * np.linalg.norm(sides, axis=1)
+    normals = hull.equations[:, :3]
+    below = normals @ down > _DOWNWARD
+    areas, normals = areas[below], normals[below]
+    alike = normals @ normals.T > _SAME_NORMAL
+    if not len(areas):
+        return None
+    near = alike[int((alike @ areas).argmax())]
+    normal = areas[near] @ normals[near]
+    normal /= np.linalg.norm(normal)
+    # A round shape touches the ground with its point farthest along the normal.
+    lowest = [
+        s.spine(2).T + s.size["radius"] * normal
+        if s.kind in ("sphere", "capsule")
+        else s.points()
+        for s in shapes
+    ]
+    depth = max(float((points @ normal).max()) for points in lowest)
+    on_plane = [
+        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+        for p, shape in zip(lowest, shapes, strict=True)
+    ]
+    flat = np.concatenate(on_plane)
+    across = np.linalg.svd(normal[None])[2][1:]
+    try:
+        area = ConvexHull(flat @ across.T).volume
+    except (QhullError, ValueError):  # collinear, or too few
+        return None
+    return SolePlane(normal, depth, flat, area, source)
+
+
+def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
+    """Returns x_min, x_max and half-width [m] of the largest rectangle.
+
+    It is symmetric about y = 0 and within the hulls of all `soles`, points
+    (k, 2) [m].  Raises ValueError: no such rectangle exists.
+    """
+    sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
+    a_x, a_y, c = sides.T
+    ahead, behind = a_x > 1e-9, a_x < -1e-9
+    beside = ~(ahead | behind)
+    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
+    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
+    widths = np.linspace(0.0, max(widest, 0.0), _WIDTHS)
+    room = -c[:, None] - np.abs(a_y)[:, None] * widths  # a_x x <= room
+    heels = (room[behind] / a_x[behind, None]).max(axis=0)
+    toes = (room[ahead] / a_x[ahead, None]).min(axis=0)
+    i = int((widths * (toes - heels)).argmax())
+    if not toes[i] > heels[i] or not widest > 0.0:
+        raise ValueError("soles: must have a part on y = 0 in common")
+    return float(heels[i]), float(toes[i]), float(widths[i])
+
+
 def fit_capsules(
-    robot: robots.Description, anatomy: Anatomy, fields: Fields, notes: Notes
+    robot: robots.Description,
+    anatomy: robots.Anatomy,
+    fields: Mapping[str, Any],
+    notes: robots.Notes,
 ) -> Pairs:
     """Replaces the collision shapes of `robot` by capsules.
 
-    In a leg only thigh, shin and foot have some.  Returns pairs of links that
+    `fields` are those of robot.yaml.  In a leg only thigh, shin and foot have
+    some.  Returns pairs of links that
     do not collide: neighbours, and those that overlap where the robot stands.
     """
     feet, legs = anatomy.feet.values(), anatomy.legs.values()
