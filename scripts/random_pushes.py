@@ -11,7 +11,6 @@ Example:
 import contextlib
 import math
 import sys
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -108,35 +107,21 @@ def drawn(
 
 
 def failures_text(sweep: RandomPushes, rows: Rows) -> str:
-    """Returns the page: shares of recoveries, and each push that failed.
+    """Returns the page of each push that failed.
 
     A trial ends at the first figure that excludes a recovery: its reason.
     """
-    pushes, failed = sweep.pushes, []
-    tried: Counter[str] = Counter()
-    good: Counter[str] = Counter()
+    failed = []
     for row in rows.all:
-        push, moment = pushes[cell_of(row)], Moment.parse(row["at"])
-        phase, side = moment.phase, moment.swing.value
-        quarter = min(int(4.0 * moment.fraction), 3)
-        groups = (
-            *(push.body, f"{side} foot"),
-            f"{phase and phase.value} {25 * quarter} to {25 * quarter + 25} %",
-            f"{math.floor(10.0 * push.duration) / 10.0:.1f} s and longer",
-        )
-        tried.update(groups)
-        if row["outcome"] == "recovered":
-            good.update(groups)
-            continue
-        what = push.body, f"{push.duration:g}", row["outcome"], row["reason"]
-        size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
-        failed.append((*size, row["at"], *what))
+        if row["outcome"] != "recovered":
+            push = sweep.pushes[cell_of(row)]
+            size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
+            where = row["at"], push.body, f"{push.duration:g}"
+            failed.append((*size, *where, row["outcome"], row["reason"]))
     head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
-    shares = [(name, f"{good[name]} of {n}") for name, n in tried.items()]
     parts = [
         f"# Pushes at random, at {sweep.share:g} of the limits",
         f"{outcomes(rows)}; code `{rows.identity['code']}`.",
-        table(["pushes", "recovered"], sorted(shares)),
         table(head, failed),
     ]
     return "\n\n".join(parts) + "\n"

@@ -1,6 +1,5 @@
 """Execution of a sweep by Dask: the search of each cell, trial by trial."""
 
-import asyncio
 import contextlib
 import functools
 import logging
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent import futures
 
 from distributed import Client, LocalCluster
-from distributed.comm import connect
+from distributed.comm import get_address_host_port
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import Context
 from tqdm import tqdm
@@ -51,18 +50,10 @@ def open_workers(
 
     Raises ValueError: no worker, or no such scheduler.
     """
-    if scheduler is None and workers < 1:
-        raise ValueError(f"workers = {workers}: must be >= 1")
-    where = scheduler
-    if scheduler is not None:
-        try:
-            _greet(scheduler)
-        except (OSError, ValueError, TypeError) as error:
-            raise ValueError(
-                f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
-            ) from None
-    else:
-        where = LocalCluster(
+    if scheduler is None:
+        if workers < 1:
+            raise ValueError(f"workers = {workers}: must be >= 1")
+        cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             host="127.0.0.1",
@@ -70,25 +61,23 @@ def open_workers(
             memory_limit=None,
             silence_logs=logging.CRITICAL,
         )
-    client = Client(where, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    with where if scheduler is None else contextlib.nullcontext(), client:
+        with cluster, Client(cluster, set_as_default=False) as client:
+            client.run(os.setsid)  # Ctrl-C interrupts only this process
+            yield client.get_executor(pure=False)
+        return
+    try:
+        get_address_host_port(scheduler)  # or else the Client may hang
+        client = Client(
+            scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False
+        )
+    except (OSError, OverflowError, ValueError) as error:
+        raise ValueError(
+            f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
+        ) from None
+    with client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
-        if scheduler is None:
-            client.run(os.setsid)  # Ctrl-C interrupts only this process
         yield client.get_executor(pure=False)
-
-
-def _greet(scheduler: str) -> None:
-    """Connects once, as a Client that fails to start may hang when freed."""
-
-    async def greet() -> None:
-        comm = await connect(scheduler, timeout=CONNECT_TIMEOUT)
-        await comm.close()
-
-    # In a thread of its own: that of the caller may have an event loop.
-    with futures.ThreadPoolExecutor(1) as thread:
-        thread.submit(lambda: asyncio.run(greet())).result()
 
 
 def run_sweep(

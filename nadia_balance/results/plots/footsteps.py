@@ -28,11 +28,10 @@ from nadia_balance.results.plots import (
 )
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
-_MOST_LISTED = 8  # largest number of steps in the legend [-]
 _ON_EDGE = 1e-3  # tolerance for footholds on the edge of a region [m]
 _LONGEST, _SHORTEST = 10.0, (8.0, 2.4)  # sides of the figure [in]
 _MARGIN = 0.12  # margin of the axes [m]
-_ARROW, _BESIDE = 0.12, 0.03  # push arrow: length, distance from the ICP [m]
+_ARROW = 0.12  # length of the push's arrow [m]
 _FILL = 0.16  # opacity of a foothold
 _MEANING = {
     reachability.BASE: "feet side by side",
@@ -57,8 +56,7 @@ def draw(log: Log, summary: dict) -> Figure | None:
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
     for push in pushed[-1:]:
-        _draw_push(ax, log, push, rows)
-        _mark_touchdowns(ax, log, shown)
+        _draw_push(ax, log, push)
         _draw_reach(ax, log, shown)
     _key_to_footholds(ax, shown)
     where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
@@ -171,30 +169,10 @@ def _number(ax: Axes, step: Step, sole: Array) -> None:
     ax.annotate(str(step.number), place, **where, **look)
 
 
-def _mark_touchdowns(ax: Axes, log: Log, shown: list[Step]) -> None:
-    """Draws dots with the step's number at the ICP of each touchdown."""
-    label = "ICP when that step landed"
-    for step in shown:
-        point = log["icp"][step.swing.last + 1]
-        look = {"ms": 11, "mfc": "white", "mec": palette.ICP, "mew": 1.3}
-        ax.plot(*point, "o", zorder=4, label=label, **look)
-        label = None
-        where = {"ha": "center", "va": "center_baseline", "zorder": 5}
-        look = {"color": palette.ICP, "fontsize": 7.5, "weight": "bold"}
-        ax.text(*point, str(step.number), clip_on=True, **where, **look)
-
-
-def _draw_push(ax: Axes, log: Log, push: PushSpan, rows: slice) -> None:
-    """Draws an arrow beside the ICP at the start of the push, off the paths."""
+def _draw_push(ax: Axes, log: Log, push: PushSpan) -> None:
+    """Draws an arrow to the ICP at the start of the push."""
+    tip = log["icp"][push.first]
     direction = push.force[:2] / np.linalg.norm(push.force)
-    across = _BESIDE * np.array([-direction[1], direction[0]])
-    tips = log["icp"][push.first] + np.array([across, -across])
-    com = signal(log, "com_state", rows).position[:2].T
-    cop = signal(log, "ecmp_command", rows).cop.T
-    paths = np.concatenate([log["icp"][rows], com, cop])
-    middles = tips - 0.5 * _ARROW * direction
-    gaps = [np.min(np.linalg.norm(paths - p, axis=1)) for p in middles]
-    tip = tips[np.argmax(gaps)]
     arrow(ax, tip - _ARROW * direction, tip, palette.PUSH, width=2.5)
     ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
 
@@ -217,7 +195,7 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
 
 
 def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
-    """Adds the line styles and the durations of the steps to the legend."""
+    """Adds line styles and colours of the steps to the legend."""
     for line, label in (
         (":", "foot at first"),
         ("--", "foothold as planned"),
@@ -227,17 +205,6 @@ def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
     if any(map(_is_moved, shown)):
         head = {"marker": ">", "ms": 4, "markevery": [1]}
         ax.plot([], [], color=FAINT, lw=1.2, label="adjustment", **head)
-    feet = [(side, f"{side.value} foot") for side in Side]
-    if len(shown) <= _MOST_LISTED:
-        feet = [(step.side, _durations(step)) for step in shown]
-    for side, label in feet:
-        nowhere = np.full((1, 2), np.nan)
+    for side in Side:
+        nowhere, label = np.full((1, 2), np.nan), f"{side.value} foot"
         fill(ax, nowhere, palette.foot_color(side), label, alpha=_FILL)
-
-
-def _durations(step: Step) -> str:
-    transfer = step.transfer.duration if step.transfer else 0.0
-    return (
-        f"{step.number} {step.side.value}: {transfer:.2f} s transfer, "
-        f"{step.swing.duration:.2f} s swing"
-    )
