@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
     add = parser.add_argument
     add("--scenario_name", default="walk_in_place", help="one of the package")
     add("--scenario_text", help="YAML that overrides single fields")
-    add("--mechanisms", help=command_line.ONE_OF)
+    add("--mechanisms", help=command_line.MECHANISMS)
     add("--seconds", default=5.0, type=command_line.finite, help="[s]")
     add("--json", action="store_true", help="print JSON")
     where = {"nargs": "?", "const": Path("docs/results/speed.csv")}

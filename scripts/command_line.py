@@ -17,7 +17,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless
@@ -45,10 +45,7 @@ EXIT_CODES = (
     "too short, or nobody was pushed), 4 cannot write, 130 Ctrl-C or SIGTERM."
 )
 
-# Help of --mechanisms for a sweep, and for a single run.
-SEVERAL = f"to recover by: {', '.join(MECHANISMS)}"
-ONE_OF = f"to recover by: {', '.join(NAMED)} (default: as in the scenario)"
-
+MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 
 # Flags that have no effect with --live.
 _NOT_LIVE = (
@@ -155,13 +152,10 @@ class CommandLine(argparse.ArgumentParser):
 _FIELDS = "robot fidelity engine sensors mechanisms duration seed".split()
 
 
-def scenario_flags(
-    parser: argparse.ArgumentParser, name: str | None, mechanisms: str = SEVERAL
-) -> None:
-    """Adds the flags that choose and change the scenario.
+def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
+    """Adds the flags that choose and change the scenario, or the controller.
 
     `name` is what its help calls the default; None: the flag is required.
-    `mechanisms` is the help of that flag.
     """
     add = parser.add_argument_group("scenario").add_argument
     default = f" (default: {name})" if name else ""
@@ -175,7 +169,7 @@ def scenario_flags(
     add("--engine", help="drake, or mujoco: what moves the robot")
     about = "whether it is given the state, or estimates it from noisy sensors"
     add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
-    add("--mechanisms", help=mechanisms)
+    add("--mechanisms", help=MECHANISMS)
     about = "push.py takes the scenario of this name, if there is one"
     places = ", ".join((FLAT, *COURSES))
     add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
@@ -184,13 +178,8 @@ def scenario_flags(
     which = {"choices": ("humanoid", "lipm"), "default": "humanoid"}
     about = "the robot, or the point mass it stands for"
     add("--plant", **which, help=about)
-
-
-def policy_flag(parser: argparse.ArgumentParser, about: str = "") -> None:
-    """Adds the flag of a policy; `about` it is a line of the help."""
-    group = parser.add_argument_group("policy", about or None)
-    about = "file of the policy (docs/policy.md)"
-    group.add_argument("--controller", type=place, metavar="ONNX", help=about)
+    about = "file of a learned policy that walks instead (docs/policy.md)"
+    add("--controller", type=place, metavar="ONNX", help=about)
 
 
 def _output_flags(parser: argparse.ArgumentParser) -> None:
@@ -225,7 +214,6 @@ def main_job(
     make_scenario: Callable[[argparse.Namespace], Scenario],
 ) -> int:
     """Parses, simulates, prints and writes; returns the exit code."""
-    policy_flag(parser, "Of a learned policy that walks, not our controller.")
     _output_flags(parser)
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:

@@ -14,7 +14,7 @@ import contextlib
 import math
 import shlex
 import sys
-from concurrent.futures import Executor
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -43,7 +43,6 @@ QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
-    argv = sys.argv[1:] if argv is None else argv
     parser = parser_of()
     args = parser.parse_args(argv)
     if args.plot_only is not None:
@@ -61,17 +60,11 @@ def main(argv: list[str] | None = None) -> int:
         for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
             walk = sweep.walk(cell, replica=0)
             closed_loop(walk, sweep.plant, sweep.controller)
-        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
-    with contextlib.ExitStack() as stack:
-        with parser.refusing():
-            workers = trial.open_workers(args.workers, args.scheduler)
-            executor = stack.enter_context(workers)
-            folder = prepare_folder(out)
-            rows = stack.enter_context(opened(folder, sweep.identity()))
-        with open(folder / COMMAND, "a", encoding="utf-8") as file:
-            file.write(f"{shlex.join(['envelope.py', *argv])}\n")
-        return _run(sweep, rows, executor)
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    args.out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
+    return carry_out(
+        parser, args, argv, sweep, lambda rows: _report(rows, sweep.scenarios)
+    )
 
 
 def parser_of() -> command_line.CommandLine:
@@ -101,50 +94,70 @@ def parser_of() -> command_line.CommandLine:
     about = "of a push at the limit; four in five must be recovered from"
     add("--replicas", type=int, help=about)
     command_line.scenario_flags(parser, name="the protocol's")
-    command_line.policy_flag(parser)
     add = parser.add_argument_group("running").add_argument
     about = f"march up from {HEADROOM:g} m/s below the limits in FOLDER/"
     about += f"{limits.LIMITS}, which an earlier sweep found, not from zero"
     folder = {"type": place, "metavar": "FOLDER"}
     add("--from", dest="known", **folder, help=about)
-    about = "trials at a time on this machine (default: %(default)s)"
-    add("--workers", type=int, default=CPU_COUNT, help=about)
-    about = "of a Dask cluster to run on, tcp://host:port"
-    add("--scheduler", help=about)
-    about = f"folder for the results; one with a {TRIALS} goes on (default: "
-    about += "envelopes/<date>_<protocol>)"
-    add("--out", type=place, help=about)
+    running_flags(add, "envelopes/<date>_<protocol>")
     about = f"only write what follows from FOLDER/{TRIALS}"
     add("--plot-only", **folder, help=about)
     return parser
 
 
-def _run(sweep: Sweep, rows: Rows, executor: Executor) -> int:
-    """Runs the sweep and writes the report, also after an error or Ctrl-C."""
-    texts = (
-        yaml_dump_typed(scenario, child_name=name)
-        for name, scenario in sweep.scenarios.items()
-    )
-    (rows.folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
-    command_line.say(
-        f"{len(sweep.cells())} limits to find; {len(rows.all)} trials are "
-        "there already",
-        f"into {rows.folder}",
-    )
-    code = command_line.DONE
-    with until_ctrl_c() as stopped:
+def running_flags(add: Callable, out: str) -> None:
+    """Adds the flags of `carry_out`; `out` is what help calls the default."""
+    about = "processes on this machine (default: %(default)s)"
+    add("--workers", type=int, default=CPU_COUNT, help=about)
+    about = "of a Dask cluster to run on, tcp://host:port"
+    add("--scheduler", help=about)
+    about = f"folder for the results; one with a {TRIALS} goes on (default: "
+    add("--out", type=command_line.place, help=f"{about}{out})")
+
+
+def carry_out(
+    parser: command_line.CommandLine,
+    args: argparse.Namespace,
+    argv: list[str] | None,
+    sweep: Sweep,
+    report: Callable[[Rows], int],
+) -> int:
+    """Runs the sweep, and the report, also after an error or Ctrl-C.
+
+    Returns the exit code, that of the report if the sweep is complete.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    with contextlib.ExitStack() as stack:
+        with parser.refusing():
+            workers = trial.open_workers(args.workers, args.scheduler)
+            executor = stack.enter_context(workers)
+            folder = prepare_folder(args.out)
+            rows = stack.enter_context(opened(folder, sweep.identity()))
+        with open(folder / COMMAND, "a", encoding="utf-8") as file:
+            file.write(f"{shlex.join([parser.prog, *argv])}\n")
+        texts = (
+            yaml_dump_typed(scenario, child_name=name)
+            for name, scenario in sweep.scenarios.items()
+        )
+        (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
+        command_line.say(
+            f"{len(sweep.cells())} cells; {len(rows.all)} trials are there "
+            "already",
+            f"into {folder}",
+        )
+        code, stopped = command_line.DONE, stack.enter_context(until_ctrl_c())
         try:
             if not trial.run_sweep(sweep, rows, executor, stopped):
                 code = command_line.INTERRUPTED
         except RuntimeError as error:
-            command_line.complain("envelope.py", error)
+            command_line.complain(parser.prog, error)
             code = command_line.FAILED
-        undecided = _report(rows, sweep.scenarios)
-    if code:
-        command_line.say(
-            f"the same flags and --out {rows.folder} go on from here"
-        )
-    return code or undecided
+        reported = report(rows)
+        if code:
+            command_line.say(
+                f"the same flags and --out {folder} go on from here"
+            )
+        return code or reported
 
 
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:

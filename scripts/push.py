@@ -29,9 +29,7 @@ def main(argv: list[str] | None = None) -> int:
         'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
     )
     add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
-    command_line.scenario_flags(
-        parser, name="push", mechanisms=command_line.ONE_OF
-    )
+    command_line.scenario_flags(parser, name="push")
     return command_line.main_job(parser, argv, _pushed_scenario)
 
 

@@ -8,24 +8,21 @@ Example:
     python scripts/random_pushes.py --pushes 40 --out envelopes/random
 """
 
-import contextlib
 import math
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from dask.system import CPU_COUNT
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.diagrams.simulation import until_ctrl_c
-from nadia_balance.results.folder import appearing, prepare_folder
+from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts import command_line
-from nadia_balance.scripts.envelope_sweep import limits, trial
+from nadia_balance.scripts import command_line, envelope
+from nadia_balance.scripts.envelope_sweep import limits
 from nadia_balance.scripts.envelope_sweep.report import outcomes, table
 from nadia_balance.scripts.envelope_sweep.rows import (
     Attempt,
@@ -33,7 +30,6 @@ from nadia_balance.scripts.envelope_sweep.rows import (
     Results,
     Rows,
     cell_of,
-    opened,
 )
 from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep
 
@@ -144,8 +140,8 @@ def main(argv: list[str] | None = None) -> int:
     about = f"with a {limits.LIMITS} {shown}"
     add("--limits", **folder, default="docs/results/fig10", help=about)
     add("--seed", type=int, default=0, help=shown)
-    add("--workers", type=int, default=CPU_COUNT, help=shown)
-    add("--out", **folder, default="envelopes/random", help=shown)
+    envelope.running_flags(add, "envelopes/random")
+    parser.set_defaults(out=Path("envelopes/random"))
     args = parser.parse_args(argv)
     with parser.refusing():
         if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
@@ -160,18 +156,18 @@ def main(argv: list[str] | None = None) -> int:
             pushes=drawn(scenario, known, args.pushes, args.share),
             share=args.share,
         )
-    with contextlib.ExitStack() as stack:
-        with parser.refusing():
-            executor = stack.enter_context(trial.open_workers(args.workers))
-            folder = prepare_folder(args.out)
-            rows = stack.enter_context(opened(folder, sweep.identity()))
-        stopped = stack.enter_context(until_ctrl_c())
-        done = trial.run_sweep(sweep, rows, executor, stopped)
-        drafts = stack.enter_context(appearing(folder))
+    return envelope.carry_out(
+        parser, args, argv, sweep, lambda rows: _report(sweep, rows)
+    )
+
+
+def _report(sweep: RandomPushes, rows: Rows) -> int:
+    """Writes the page; returns DONE."""
+    with appearing(rows.folder) as drafts:
         text = failures_text(sweep, rows)
         (drafts / FAILURES).write_text(text, encoding="utf-8")
-    command_line.say(outcomes(rows), f"wrote {folder}/{FAILURES}")
-    return command_line.DONE if done else command_line.INTERRUPTED
+    command_line.say(outcomes(rows), f"wrote {rows.folder}/{FAILURES}")
+    return command_line.DONE
 
 
 if __name__ == "__main__":

@@ -16,9 +16,7 @@ def main(argv: list[str] | None = None) -> int:
         epilog=f"scenarios: {names}. "
         f"Exit code: 0 stood, walked or recovered, {command_line.EXIT_CODES}",
     )
-    command_line.scenario_flags(
-        parser, name=None, mechanisms=command_line.ONE_OF
-    )
+    command_line.scenario_flags(parser, name=None)
     return command_line.main_job(parser, argv, command_line.scenario_from)
 
 

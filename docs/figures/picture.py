@@ -25,7 +25,7 @@ from PIL import Image
 from playwright import sync_api
 
 from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.results.folder import appearing, read_run
+from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts import command_line
 from nadia_balance.view.balance_visualizer import MIDDLE, REGIONS_PERIOD
@@ -141,7 +141,12 @@ def moments(run: Path, gif: bool = False) -> list[float]:
         OSError: the log does not exist.
     """
     try:
-        log, _ = read_run(run)
+        # Opened here, because numpy does not close a corrupt archive.
+        with (
+            open(run / "log.npz", "rb") as file,
+            np.load(file, allow_pickle=False) as data,
+        ):
+            log = dict(data)
         pushed, landed = pushes(log), steps(log)
     except (BadZipFile, EOFError, KeyError, ValueError) as error:
         raise ValueError(

@@ -3,14 +3,11 @@
 import contextlib
 import fcntl
 import itertools
-import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
-
-import numpy as np
 
 
 @contextlib.contextmanager
@@ -85,14 +82,3 @@ def appearing(folder: Path) -> Iterator[Path]:
         yield drafts
         for draft in sorted(drafts.iterdir()):
             draft.replace(folder / draft.name)
-
-
-def read_run(folder: Path) -> tuple[dict[str, np.ndarray], dict]:
-    """Returns the log and the summary of a run."""
-    # Opened here, because numpy does not close a corrupt archive.
-    with (
-        open(folder / "log.npz", "rb") as file,
-        np.load(file, allow_pickle=False) as data,
-    ):
-        log = dict(data)
-    return log, json.loads((folder / "summary.json").read_text("utf-8"))

@@ -106,7 +106,7 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
     """Oracle: the files themselves."""
     folder, said = undisturbed
     rows = rows_in(folder)
-    assert said[0] == ("2 limits to find; 0 trials are there already")
+    assert said[0] == ("2 cells; 0 trials are there already")
     assert said[1] == f"into {folder}"
     (title,) = (i for i, line in enumerate(said) if line.startswith("largest"))
     for line, direction in zip(said[title + 3 :], (0.0, 90.0), strict=False):

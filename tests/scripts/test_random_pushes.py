@@ -47,8 +47,8 @@ def made_up(monkeypatch):
     largest = "tests.scripts.envelope_sweep.made_up.largest"
     monkeypatch.setattr(largest, lambda *_: 0.5)
     opened = contextlib.nullcontext(robot)
-    trial = random_pushes.trial
-    monkeypatch.setattr(trial, "open_workers", lambda _: opened)
+    trial = random_pushes.envelope.trial
+    monkeypatch.setattr(trial, "open_workers", lambda *_: opened)
     monkeypatch.setattr(trial, "run_trial", robot.trial)
     return robot
 
