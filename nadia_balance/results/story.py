@@ -48,7 +48,7 @@ def chapter_words(summary: dict) -> str:
 
 
 class LiveStory:
-    """Tells pushes, adjusted steps, recoveries and falls while they happen.
+    """Tells pushes, recoveries and falls while they happen.
 
     `last_push` and `result` are the line of the last push and its result.
     """
@@ -61,8 +61,6 @@ class LiveStory:
         # Steps taken before the push; None: no push, or recovered.
         self._pushed_after: int | None = None
         self._calm = CalmSteps()
-        # The next step: steps taken before it, foothold at first, and now.
-        self._step: tuple[int, FootPose, FootPose] | None = None
 
     def look(
         self,
@@ -72,7 +70,7 @@ class LiveStory:
         error: float,
     ) -> list[str]:
         """Returns lines on what is new at `time` [s]; `error` [m]: ICP's."""
-        taken, told = int(walking.steps_taken), self._look_at_step(walking)
+        taken, told = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
             newtons = float(np.linalg.norm(push.force))
             what = push_words(walking, push.force, push.delta_v)
@@ -96,23 +94,6 @@ class LiveStory:
         """Records a fall and returns the line that reports it."""
         self._pushed_after, self.result = None, f"FELL: {reason}"
         return self.result
-
-    def _look_at_step(self, walking: WalkingSignal) -> list[str]:
-        """Returns a line if a step has landed on an adjusted foothold."""
-        told, last, self._step = [], self._step, None
-        taken = int(walking.steps_taken)
-        if last is not None and last[0] != taken:
-            _, commanded, adjusted = last
-            side = support_side(walking)
-            move = move_words(side, commanded, adjusted)
-            if move and self._pushed_after is not None:
-                number = taken - self._pushed_after
-                told.append(step_words(number, side, move))
-            last = None
-        if walking.target_side != 0.0:
-            target = logs.to_pose(walking.target)
-            self._step = taken, target if last is None else last[1], target
-        return told
 
 
 def moment_words(walking: WalkingSignal) -> str:
