@@ -148,7 +148,8 @@ class MadeUpRobot:
     ):
         """Before each trial, `spoil` may do what it likes."""
         self._spoil = spoil
-        self.submit = ThreadPoolExecutor(workers).submit
+        self.threads = ThreadPoolExecutor(workers)
+        self.submit = self.threads.submit
         self.tried: list[tuple[str, float, float, int]] = []
 
     def trial(self, sweep, cell, delta_v, replica) -> dict:

@@ -1,5 +1,6 @@
 """A sweep makes each of its trials once, whatever happens meanwhile."""
 
+import contextlib
 import time
 
 import pytest
@@ -18,7 +19,12 @@ def run(monkeypatch, tmp_path):
         monkeypatch.setattr(trial, "run_trial", robot.trial)
         monkeypatch.setattr(trial, "of_process", lambda *_: {})
         sweep = made_up.made_up_sweep()
-        with opened(tmp_path, made_up.identity_of()) as rows:
+        with (
+            opened(tmp_path, made_up.identity_of()) as rows,
+            contextlib.ExitStack() as later,
+        ):
+            # What is abandoned must not go on in another test.
+            later.callback(robot.threads.shutdown, cancel_futures=True)
             done = trial.run_sweep(sweep, rows, robot, **more)
         return read(tmp_path).all, done
 
