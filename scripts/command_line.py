@@ -6,7 +6,9 @@ import functools
 import io
 import math
 import os
+import signal
 import sys
+import threading
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -58,18 +60,32 @@ _NOT_LIVE = (
 Main = Callable[..., int]
 
 
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Makes SIGTERM raise KeyboardInterrupt, as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
-    Ctrl-C gives the exit code 130.  An OSError, such as a failed write, is
-    reported in one line, with exit code 4.  A closed pipe of the output is
-    ignored.
+    Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
+    write, is reported in one line, with exit code 4.  A closed pipe of the
+    output is ignored.
     """
 
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            return main(argv)
+            with _terminable():
+                return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
         except OSError as error:

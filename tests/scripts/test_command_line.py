@@ -4,6 +4,7 @@ import errno
 import io
 import json
 import os
+import signal
 from importlib.metadata import version
 
 import numpy as np
@@ -87,6 +88,14 @@ def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
         command_line._hold(meshcat)
         assert meshcat.web_url() in capsys.readouterr().out
     assert lines.read() == "not read\n"
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_program_in_any_place(sent):
+    """Oracle: the shell's code of Ctrl-C; the signals of before are back."""
+    before = signal.getsignal(sent)
+    assert command_line.program(lambda _: signal.raise_signal(sent))([]) == 130
+    assert signal.getsignal(sent) is before
 
 
 STAND = ("simulate", "--scenario_name", "stand", "--out", "run", *QUICK)
