@@ -15,7 +15,7 @@ from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.point_mass_plant import PointMassPlant
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.push_source import PushSource, find_body
-from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
+from nadia_balance.systems.steps import SwingFootPlanner
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import add_mechanisms
 

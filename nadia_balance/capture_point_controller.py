@@ -22,15 +22,17 @@ from nadia_balance.core.steps.swing_geometry import (
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.systems.capture_region_step_adjuster import (
-    CaptureRegionStepAdjuster,
+from nadia_balance.systems.feedback import (
+    ComHeightController,
+    IcpStepController,
+    MomentumQp,
 )
-from nadia_balance.systems.com_height_controller import ComHeightController
-from nadia_balance.systems.icp_planner import IcpPlanner
-from nadia_balance.systems.icp_step_controller import IcpStepController
-from nadia_balance.systems.momentum_qp import MomentumQp
-from nadia_balance.systems.timing_adapter import TimingAdapter
-from nadia_balance.systems.walking_state_machine import WalkingStateMachine
+from nadia_balance.systems.plan import (
+    IcpPlanner,
+    TimingAdapter,
+    WalkingStateMachine,
+)
+from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.systems.wiring import fill, wire
 
 

@@ -18,10 +18,8 @@ from nadia_balance.core.steps.swing_geometry import (
     swing_geometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.capture_region_step_adjuster import (
-    CaptureRegionStepAdjuster,
-)
 from nadia_balance.systems.ports import NOTHING
+from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, standing, swing, walk
 

@@ -12,7 +12,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     plan_atlas_icp,
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.systems.icp_step_controller import IcpStepController
+from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.signals import EcmpCommand, IcpReference
 from tests.blocks import answer, asked, fix

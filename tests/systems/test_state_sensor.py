@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.imperfections import Imperfections
-from nadia_balance.systems.state_sensor import StateSensor
+from nadia_balance.systems.hardware import StateSensor
 from tests.blocks import answer, fix, running
 from tests.whole_body_examples import nadia, standing_state
 

@@ -1,18 +1,27 @@
-"""Step adjustment: moves the swing foot's foothold into capture regions."""
+"""Where the next foot goes, and how: its foothold, and its motion."""
 
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.steps import foothold_adjustment as rules
+from nadia_balance.core.steps import swing_foot
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
+from nadia_balance.core.steps.swing_clearance import edges_on_way
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     geometry_key,
     swing_geometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems import ports
+from nadia_balance.systems.ports import (
+    Outcome,
+    declare_cache,
+    declare_output,
+    declare_plan,
+    inputs,
+)
+from nadia_balance.systems.signals import sizes
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -43,13 +52,13 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._params, self._model, self._period = params, model, period
         names = "alip_icp walking_state time_adjustment foot_poses? mechanisms"
         self._icp, self._walking_state, self._time, self._feet, self._on = (
-            ports.inputs(self, names)
+            inputs(self, names)
         )
-        self._landing = ports.declare_cache(self, "landing", self._calc_landing)
-        self._adjustment = ports.declare_output(
+        self._landing = declare_cache(self, "landing", self._calc_landing)
+        self._adjustment = declare_output(
             self, "adjustment", self._calc_adjustment, [self._landing]
         )
-        ports.declare_output(
+        declare_output(
             self, "capture_regions", self._calc_regions, [self._landing]
         )
 
@@ -88,3 +97,59 @@ class CaptureRegionStepAdjuster(LeafSystem):
             self._walking_state(context)
         )
         return rules.capture_regions(landing, now)
+
+
+class SwingFootPlanner(LeafSystem):
+    """Computes the swing foot's reference, continued from its last value.
+
+    The reference clears the edges of uneven ground that the model contains.
+    It is that of the foot that swings, or swings next: like the state of a
+    StatePredictor, positions a `lead` ahead, velocities not.  The discrete
+    state is the output of the last tick, and the motion without the lead.
+
+    .. pydrake_system::
+
+        name: SwingFootPlanner
+        input_ports: [walking_state]
+        output_ports: [swing_foot_reference]
+    """
+
+    def __init__(
+        self,
+        params: swing_foot.SwingFootParams,
+        model: PointMassModel,
+        period: float,
+        lead: float = 0.0,
+    ):
+        super().__init__()
+        check(params)
+        self._params, self._model = params, model
+        self._period, self._lead = period, lead
+        (self._walking,) = inputs(self, "walking_state")
+        self._edges = declare_plan(
+            self,
+            self._walking,
+            lambda state: edges_on_way(state.schedule, model, params.clearance),
+        )
+        # The initial state is not used: the first swing begins at the pose of
+        # the standing foot.
+        Outcome(
+            self,
+            sizes("swing_foot_reference"),
+            {"motion": 12},
+            self._calc,
+            period,
+        )
+
+    def _calc(self, context, last) -> tuple:
+        motion, ahead = swing_foot.swing_foot_motion(
+            swing_foot.FootMotion.from_vector(last["motion"]),
+            self._walking(context),
+            self._period,
+            self._params,
+            self._model,
+            self._lead,
+            self._edges.Eval(context)[1],
+        )
+        reference = swing_foot.velocity_now(ahead.as_vector(), self._lead)
+        return reference, motion.as_vector()
