@@ -17,7 +17,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless

@@ -34,8 +34,12 @@ from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     swing_geometry,
 )
-from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
+from nadia_balance.core.walking.vocabulary import (
+    MECHANISMS,
+    FootPose,
+    FootPoses,
+    Side,
+)
 from nadia_balance.results.plots import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program

@@ -8,11 +8,11 @@ from nadia_balance.core.body import com_height
 from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback import momentum_qp
-from nadia_balance.core.feedback.icp_step_control import (
+from nadia_balance.core.feedback.icp_step_qp import (
     IcpStepControl,
+    IcpStepQpParams,
     StepFeedback,
 )
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import check

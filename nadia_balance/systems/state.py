@@ -5,7 +5,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nadia_balance.core.body.joint_drives import lag_share
+from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
 from nadia_balance.core.walking.vocabulary import (

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback.icp_step_control import IcpStepControl
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.feedback.icp_step_qp import (
+    IcpStepControl,
+    IcpStepQpParams,
+)
 from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,

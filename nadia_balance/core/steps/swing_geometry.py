@@ -31,7 +31,7 @@ from nadia_balance.core.math.polygon import (
 )
 from nadia_balance.core.steps.capture_region import later_steps, one_step_region
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import Mechanisms
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.body.joint_drives import torque_limits
+from nadia_balance.core.body.model import torque_limits
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import QpProblem
 from nadia_balance.core.whole_body.command import PELVIS, TORSO
