@@ -62,7 +62,7 @@ class StatePredictor(LeafSystem):
         self._plant = plant = robot.control_plant()
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
         size = plant.num_multibody_states()
-        self._state = self.DeclareVectorInputPort("estimated_state", size)
+        self._state = Input(self, "estimated_state", size)
         self._scratch = declare_scratch(self, plant)
         self._periods = whole_ticks("delay", delay, period)
         if self._periods:
@@ -91,19 +91,8 @@ class StatePredictor(LeafSystem):
         new.set_value(np.concatenate((*latest, *means[:-1])))
         return EventStatus.Succeeded()
 
-    def _checked_state(self, context) -> np.ndarray:
-        state = self._state.Eval(context)
-        if not math.isfinite(state @ state):
-            i = int(np.flatnonzero(~np.isfinite(state))[0])
-            raise RuntimeError(
-                f"{self.get_name() or type(self).__name__}: input port "
-                f"'estimated_state' is not finite: "
-                f"{self._plant.GetStateNames()[i]} = {state[i]}"
-            )
-        return state
-
     def _calc_state(self, context, output):
-        q, v = np.split(self._checked_state(context), [self._nq])
+        q, v = np.split(self._state(context), [self._nq])
         if self._periods:
             h, way = self._period, np.zeros(self._nv)
             for acceleration in self._accelerations(context)[:0:-1]:
