@@ -32,7 +32,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
 )
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
-    swing_geometry,
+    SwingGeometry,
 )
 from nadia_balance.core.walking.vocabulary import (
     MECHANISMS,
@@ -266,7 +266,7 @@ def draw_rules() -> Figure:
     on = MECHANISMS["all_with_cross_over"]
     in_place = [NOMINAL, STANCE] * 2
     schedule = right_swing(FootPoses(STANCE, NOMINAL), in_place, 0.4, 0.1)
-    geometry = swing_geometry(schedule, params, MODEL, on)
+    geometry = SwingGeometry(schedule, params, MODEL, on)
     for ax, (_, icp) in zip(axes, RULES, strict=True):
         landing = Landing(geometry, np.array(icp), TOUCHDOWN)
         captures = landing.capture_region

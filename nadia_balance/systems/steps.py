@@ -10,8 +10,8 @@ from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
 from nadia_balance.core.steps.swing_clearance import edges_on_way
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
+    SwingGeometry,
     geometry_key,
-    swing_geometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import (
@@ -71,7 +71,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
             geometry = last.geometry
         else:
             of = state.schedule, self._params, self._model, on
-            geometry = swing_geometry(*of)
+            geometry = SwingGeometry(*of)
         foot = None
         if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[geometry.swing].p_WF[:2]
