@@ -21,14 +21,7 @@ from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import Phase, support_polygon
-from nadia_balance.systems.ports import (
-    Input,
-    Outcome,
-    declare_cache,
-    declare_output,
-    declare_plan,
-    inputs,
-)
+from nadia_balance.systems import ports
 from nadia_balance.systems.signals import QpStatus, sizes
 
 
@@ -57,10 +50,10 @@ class MomentumQp(LeafSystem):
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._qp = momentum_qp.IcpFeedbackQp(params)
-        self._icp, self._reference, self._walking = inputs(
+        self._icp, self._reference, self._walking = ports.inputs(
             self, "icp", "icp_reference", "walking_state"
         )
-        self._limits = declare_plan(
+        self._limits = ports.declare_plan(
             self,
             self._walking,
             lambda state: momentum_qp.feedback_limits(
@@ -69,7 +62,7 @@ class MomentumQp(LeafSystem):
                 params,
             ),
         )
-        Outcome(
+        ports.Outcome(
             self,
             sizes("ecmp_command", "momentum_qp_status"),
             {"increments": 4},
@@ -121,21 +114,25 @@ class IcpStepController(LeafSystem):
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._control = IcpStepControl(params, model)
-        self._icp, self._walking_state = inputs(self, "icp", "walking_state")
-        self._icp_plan = Input(self, "icp_plan", AtlasIcpPlan)
-        self._time, self._mechanisms = inputs(
+        self._icp, self._walking_state = ports.inputs(
+            self, "icp", "walking_state"
+        )
+        self._icp_plan = ports.Input(self, "icp_plan", AtlasIcpPlan)
+        self._time, self._mechanisms = ports.inputs(
             self, "time_adjustment", "mechanisms"
         )
-        self._phase = declare_plan(
+        self._phase = ports.declare_plan(
             self, self._walking_state, self._control.phase
         )
-        self._feedback = declare_cache(self, "feedback", self._calc_feedback)
+        self._feedback = ports.declare_cache(
+            self, "feedback", self._calc_feedback
+        )
         needs = [self._feedback]
-        declare_output(self, "adjustment", self._adjustment, needs)
-        declare_output(
+        ports.declare_output(self, "adjustment", self._adjustment, needs)
+        ports.declare_output(
             self, "capture_regions", self._calc_capture_regions, needs
         )
-        Outcome(
+        ports.Outcome(
             self,
             sizes("ecmp_command", "momentum_qp_status", "icp_reference"),
             {},
@@ -195,17 +192,17 @@ class ComHeightController(LeafSystem):
         super().__init__()
         check(params)
         self._params, self._model = params, model
-        self._com_state, self._ecmp_command, self._walking_state = inputs(
+        self._com_state, self._ecmp_command, self._walking_state = ports.inputs(
             self, "com_state", "ecmp_command", "walking_state"
         )
-        self._height = declare_plan(
+        self._height = ports.declare_plan(
             self,
             self._walking_state,
             lambda state: com_height.plan_com_height(
                 state.schedule, params, model
             ),
         )
-        declare_output(self, "momentum_rate", self._calc_rate)
+        ports.declare_output(self, "momentum_rate", self._calc_rate)
 
     def _calc_rate(self, context) -> Array:
         com = self._com_state(context)

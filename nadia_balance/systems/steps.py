@@ -14,13 +14,7 @@ from nadia_balance.core.steps.swing_geometry import (
     geometry_key,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.ports import (
-    Outcome,
-    declare_cache,
-    declare_output,
-    declare_plan,
-    inputs,
-)
+from nadia_balance.systems import ports
 from nadia_balance.systems.signals import sizes
 
 
@@ -52,13 +46,13 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._params, self._model, self._period = params, model, period
         names = "alip_icp walking_state time_adjustment foot_poses? mechanisms"
         self._icp, self._walking_state, self._time, self._feet, self._on = (
-            inputs(self, names)
+            ports.inputs(self, names)
         )
-        self._landing = declare_cache(self, "landing", self._calc_landing)
-        self._adjustment = declare_output(
+        self._landing = ports.declare_cache(self, "landing", self._calc_landing)
+        self._adjustment = ports.declare_output(
             self, "adjustment", self._calc_adjustment, [self._landing]
         )
-        declare_output(
+        ports.declare_output(
             self, "capture_regions", self._calc_regions, [self._landing]
         )
 
@@ -125,15 +119,15 @@ class SwingFootPlanner(LeafSystem):
         check(params)
         self._params, self._model = params, model
         self._period, self._lead = period, lead
-        (self._walking,) = inputs(self, "walking_state")
-        self._edges = declare_plan(
+        (self._walking,) = ports.inputs(self, "walking_state")
+        self._edges = ports.declare_plan(
             self,
             self._walking,
             lambda state: edges_on_way(state.schedule, model, params.clearance),
         )
         # The initial state is not used: the first swing begins at the pose of
         # the standing foot.
-        Outcome(
+        ports.Outcome(
             self,
             sizes("swing_foot_reference"),
             {"motion": 12},
