@@ -22,6 +22,7 @@ from nadia_balance.core.walking.vocabulary import (
     WalkingState,
 )
 
+Halfspaces = tuple[Array, Array]  # A, b with A p <= b, in W
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
 
@@ -50,21 +51,6 @@ class IcpStepQpParams:
     settling_time: float = bounded(0.01, least=0.0, unit="s")
 
 
-@dataclass(frozen=True, eq=False)
-class StepLimits(walking.Immutable):
-    """The part of the QP that is constant for given contacts and steps.
-
-    A_cmp p <= b_cmp limits the CMP in W (Eq. 21), with A_cmp (k, 2).  The first
-    k rows of C x <= upper are reserved for it; the rows of the footholds
-    follow.
-    """
-
-    A_cmp: Array
-    b_cmp: Array
-    C: Array
-    upper: Array
-
-
 class IcpStepQp:
     """The quadratic program of the Atlas paper's Eq. 20, for N steps.
 
@@ -85,32 +71,26 @@ class IcpStepQp:
         self._H = np.diag([*costs, *(2 * [params.slack_weight])])
         self._R = params.feedback_weight
 
-    def limits(
-        self, cmp_room: tuple[Array, Array], step_room: tuple[Array, Array]
-    ) -> StepLimits:
-        """Returns the limits for `solve` from half-spaces A p <= b in W.
-
-        A is (k, 2) for the CMP, and (m, 2 n) for the shifts of n footholds.
-        """
-        (A_cmp, b_cmp), (A, b) = cmp_room, step_room
-        C = np.zeros((len(b_cmp) + len(b), self._size))
-        C[len(b_cmp) :, : A.shape[1]] = A
-        upper = np.concatenate((b_cmp, b))
-        return StepLimits(A_cmp, b_cmp, C, upper)
-
     def solve(
-        self, error: Array, cmp: Array, moves: Array, limits: StepLimits
+        self,
+        error: Array,
+        cmp: Array,
+        moves: Array,
+        cmp_room: Halfspaces,
+        step_room: Halfspaces,
     ) -> tuple[Array, QpResult]:
         """Returns the shifts (n, 2) [m] of the footholds from the planned ones.
 
         `error` (2,) is xi - xi_r [m] and `cmp` (2,) the reference CMP [m]; all
         are in W; `moves` (2, n) are their Gamma_i (Eq. 18) for n <= N
-        footholds.  Unless the result is solved, the shifts are NaN; its x ends
-        in eta (2,) [m], the slack in the ICP error.
+        footholds.  The limits A p <= b are those of the CMP, A (k, 2), and of
+        the shifts, A (m, 2 n).  Unless the result is solved, the shifts are
+        NaN; its x ends in eta (2,) [m], the slack in the ICP error.
 
         Raises ValueError: an argument is not finite.
         """
-        used, k = 2 * moves.shape[1], len(limits.b_cmp)
+        (A_cmp, b_cmp), (A, b) = cmp_room, step_room
+        used, k = 2 * moves.shape[1], len(b_cmp)
         # x = (steps, eta), and delta = delta_0 + D x by the constraint.
         delta_0, D = self._gain * error, np.zeros((2, self._size))
         D[0, 0:used:2] = D[1, 1:used:2] = -self._gain * moves[0]
@@ -118,9 +98,9 @@ class IcpStepQp:
         DR, cmp_D = self._R * D.T, D.copy()
         cmp_D[0, 0:used:2] += moves[1]
         cmp_D[1, 1:used:2] += moves[1]
-        C, upper = limits.C.copy(), limits.upper.copy()
-        C[:k] = limits.A_cmp @ cmp_D
-        upper[:k] = limits.b_cmp - limits.A_cmp @ (cmp + delta_0)
+        C = np.zeros((k + len(b), self._size))
+        C[:k], C[k:, :used] = A_cmp @ cmp_D, A
+        upper = np.concatenate((b_cmp - A_cmp @ (cmp + delta_0), b))
         result = self._qp.solve(
             QpProblem(
                 self._H + DR @ D,
@@ -154,15 +134,16 @@ class StepPhase(walking.Immutable):
     `steps` are the adjustments in force, `offsets` (n, 2) [m] in W their shifts
     from the nominal footholds; `adjustment` holds all of them; `reach` (n, 2)
     [m] in W is the region of the next foothold, `room` (k, 2) [m] that of the
-    CMP.
+    CMP, `cmp_room` its half-spaces, and `step_room` those of `reach_room`.
     """
 
     steps: tuple[Adjustment, ...]
     offsets: Array
     adjustment: Adjustment
     reach: Array
-    limits: StepLimits
     room: Array
+    cmp_room: Halfspaces
+    step_room: Halfspaces
 
 
 class StepFeedback(NamedTuple):
@@ -247,11 +228,9 @@ class IcpStepControl:
             _shifts(steps),
             _chain(steps) or unadjusted(schedule),
             in_world(self._reach, stance, schedule.support_side.other),
-            self.qp.limits(
-                polygon.halfspaces(room),
-                reach_room(stance, nominal, self._reach),
-            ),
             room,
+            polygon.halfspaces(room),
+            reach_room(stance, nominal, self._reach),
         )
 
     def may_move(self, state: WalkingState) -> bool:
@@ -288,7 +267,8 @@ class IcpStepControl:
                 icp - reference.icp + back[0],
                 reference.ecmp - back[1],
                 moves,
-                phase.limits,
+                phase.cmp_room,
+                phase.step_room,
             )
             if result.solved:
                 steps = _moved(phase, shifts, self._params.dead_band)

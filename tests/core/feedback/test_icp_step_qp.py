@@ -78,10 +78,7 @@ def by_quadprog(problem, params, gain):
 
 
 def solve(problem, params):
-    qp = icp_step_qp.IcpStepQp(params)
-    *arguments, cmp_room, step_room = problem
-    limits = qp.limits(cmp_room, step_room)
-    return qp.solve(*arguments, limits)
+    return icp_step_qp.IcpStepQp(params).solve(*problem)
 
 
 @pytest.mark.parametrize("seed", range(25))
