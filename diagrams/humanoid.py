@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -20,13 +20,15 @@ from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
-from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.hardware import (
+    FootForceSensor,
+    JointDrives,
+    StateSensor,
+)
 from nadia_balance.systems.imu import Imu
-from nadia_balance.systems.joint_drives import JointDrives
 from nadia_balance.systems.joint_encoders import JointEncoders
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.state_estimator import StateEstimator
-from nadia_balance.systems.state_sensor import StateSensor
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 

@@ -13,12 +13,12 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.imperfections import Imperfections
-from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
+from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, NAMED
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
+from nadia_balance.systems.hardware import Imperfections
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"

@@ -100,11 +100,7 @@ def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
 
 
 def simulate(
-    diagram: ClosedLoop | str,
-    duration: float | None = None,
-    *,
-    stop_at_failure: bool = False,
-    **changes: object,
+    diagram: ClosedLoop | str, duration: float | None = None, **changes: object
 ) -> Run:
     """Simulates `diagram` from its start for `duration` [s]; see advance.
 
@@ -126,7 +122,7 @@ def simulate(
         diagram = HumanoidDiagram(scenario)
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")
-    ends: dict = {"stop_at_failure": stop_at_failure}
+    ends: dict = {}
     if duration is None:
         duration = diagram.scenario.duration
         ends["until"] = RecoveryWatch(diagram)

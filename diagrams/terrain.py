@@ -4,12 +4,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nadia_balance.core.body import ground as core
-from nadia_balance.core.body.ground import (
-    Ground,
-    GroundError,
-    Region,
-    standing_on,
-)
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import NADIA, Size, bounded, check
 from nadia_balance.core.walking import vocabulary as walking
@@ -34,19 +28,19 @@ class Terrain:
     seed: int = bounded(0, least=0)  # of the error
     # Distance from a sole to the edge of its region, for the controller.
     margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
-    error: GroundError = field(default_factory=GroundError)
+    error: core.GroundError = field(default_factory=core.GroundError)
     # False: the controller's model is flat ground.
     seen: bool = True
 
     def validate_more(self) -> None:
         """Raises ValueError if the error would have no effect."""
-        if not self.seen and self.error != GroundError():
+        if not self.seen and self.error != core.GroundError():
             raise ValueError(
                 f"terrain.error = {self.error}: must not be given with "
                 "seen = False"
             )
 
-    def ground(self, sole: Array, size: Size = NADIA) -> Ground | None:
+    def ground(self, sole: Array, size: Size = NADIA) -> core.Ground | None:
         """The true ground for soles (n, 2) [m] of a robot of that `size`.
 
         None if it is flat.
@@ -56,25 +50,27 @@ class Terrain:
         """
         if self.name == FLAT:
             return None
-        ground = Ground(self._regions(size), sole, self.margin)
+        ground = core.Ground(self._regions(size), sole, self.margin)
         for region in ground.regions:
             check(region)
         core.check_ground(ground)
         return ground
 
-    def known(self, truth: Ground | None, start: Array) -> Ground | None:
+    def known(
+        self, truth: core.Ground | None, start: Array
+    ) -> core.Ground | None:
         """The controller's model of the ground, with its error.
 
         The region at the robot's `start` (2,) [m] has none.
         """
         if truth is None or not self.seen:
             return None
-        if self.error == GroundError():
+        if self.error == core.GroundError():
             return truth
         regions = core.believed(truth.regions, self.error, self.seed, start)
-        return Ground(regions, truth.sole, truth.margin)
+        return core.Ground(regions, truth.sole, truth.margin)
 
-    def _regions(self, size: Size) -> tuple[Region, ...]:
+    def _regions(self, size: Size) -> tuple[core.Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
         if not path.is_file():
             raise ValueError(
@@ -107,7 +103,7 @@ class Terrain:
 
 
 def check_start(
-    ground: Ground | None, feet: walking.FootPoses, friction: float
+    ground: core.Ground | None, feet: walking.FootPoses, friction: float
 ) -> None:
     """Checks that a robot can start on the true `ground` with these `feet`.
 
@@ -118,7 +114,7 @@ def check_start(
         return
     core.check_friction(ground, friction)
     for side in walking.Side:
-        for foot in standing_on(ground, feet)[side], feet[side]:
+        for foot in core.standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
                 raise ValueError(
                     f"{side.value} foot at the start: its region must be "
@@ -127,7 +123,7 @@ def check_start(
 
 
 def foot_beside(
-    ground: Ground | None, schedule: walking.ContactSchedule
+    ground: core.Ground | None, schedule: walking.ContactSchedule
 ) -> str:
     """Names a stance foot that is not on one region; empty if none is."""
     if ground is not None:
@@ -146,4 +142,4 @@ class RegionFile:
     along: str = bounded("", one_of=("", "leg", "tread"))
     # Height of its steps, which `terrain.rise` replaces.
     rise: float | None = bounded(None, above=0.0, unit="m")
-    regions: list[Region] = field(default_factory=list)
+    regions: list[core.Region] = field(default_factory=list)

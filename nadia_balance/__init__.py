@@ -15,12 +15,10 @@ _PUBLIC = {
     "core.body.model": ("PointMassModel",),
     "core.math.daqp_solver": ("DaqpSolver",),
     "core.plan.gait": ("Gait", "StepVector", "walking_start"),
-    "core.walking.imperfections": ("Imperfections",),
-    "core.walking.mechanisms": ("MECHANISMS", "Mechanisms"),
     "core.walking.push": ("Push",),
     "core.walking.vocabulary": (
-        *("Adjustment", "FootPose", "FootPoses", "Footstep", "Phase", "Side"),
-        "WalkingState",
+        *("Adjustment", "FootPose", "FootPoses", "Footstep", "MECHANISMS"),
+        *("Mechanisms", "Phase", "Side", "WalkingState"),
     ),
     "core.whole_body.tasks": ("Motion", "Task"),
     "diagrams.humanoid": ("HumanoidDiagram",),
@@ -31,21 +29,28 @@ _PUBLIC = {
     "policy_controller": ("PolicyController", "PolicyParams"),
     "robot.model": ("RobotModel", "load_robot"),
     "robot.plants": ("add_ground",),
+    "systems.feedback": (
+        "ComHeightController",
+        "IcpStepController",
+        "MomentumQp",
+    ),
+    "systems.hardware": (
+        *("FootForceSensor", "Imperfections", "JointDrives", "StateSensor"),
+    ),
+    "systems.imu": ("Imu",),
+    "systems.joint_encoders": ("JointEncoders",),
+    "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
+    "systems.push_source": ("PushSource",),
+    "systems.state": ("CentroidalEstimator", "StatePredictor"),
+    "systems.state_estimator": ("StateEstimator",),
+    "systems.steps": ("CaptureRegionStepAdjuster", "SwingFootPlanner"),
+    "systems.whole_body": ("FrictionEstimator", "WholeBodyInverseDynamics"),
     "systems.wiring": ("connect",),
     "view.balance_visualizer": ("BalanceVisualizer",),
     "view.live_controls": ("LiveControls",),
 }
-# Each of these systems has a file of its name.
-_SYSTEMS = """CaptureRegionStepAdjuster CentroidalEstimator ComHeightController
-    FootForceSensor FrictionEstimator IcpPlanner IcpStepController Imu
-    JointDrives JointEncoders MomentumQp PushSource StateEstimator
-    StatePredictor StateSensor SwingFootPlanner TimingAdapter
-    WalkingStateMachine WholeBodyInverseDynamics"""
 _HOME = {name: home for home, names in _PUBLIC.items() for name in names}
-for _name in _SYSTEMS.split():
-    _words = "".join(f"_{c.lower()}" if c.isupper() else c for c in _name)
-    _HOME[_name] = f"systems.{_words[1:]}"
 __all__ = sorted(_HOME)
 
 

@@ -15,11 +15,10 @@ from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
-from nadia_balance.systems.friction_estimator import FrictionEstimator
-from nadia_balance.systems.state_predictor import StatePredictor
-from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
-from nadia_balance.systems.whole_body_inverse_dynamics import (
+from nadia_balance.systems.state import CentroidalEstimator, StatePredictor
+from nadia_balance.systems.steps import SwingFootPlanner
+from nadia_balance.systems.whole_body import (
+    FrictionEstimator,
     WholeBodyInverseDynamics,
 )
 from nadia_balance.systems.wiring import fill, wire

@@ -22,15 +22,17 @@ from nadia_balance.core.steps.swing_geometry import (
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.systems.capture_region_step_adjuster import (
-    CaptureRegionStepAdjuster,
+from nadia_balance.systems.feedback import (
+    ComHeightController,
+    IcpStepController,
+    MomentumQp,
 )
-from nadia_balance.systems.com_height_controller import ComHeightController
-from nadia_balance.systems.icp_planner import IcpPlanner
-from nadia_balance.systems.icp_step_controller import IcpStepController
-from nadia_balance.systems.momentum_qp import MomentumQp
-from nadia_balance.systems.timing_adapter import TimingAdapter
-from nadia_balance.systems.walking_state_machine import WalkingStateMachine
+from nadia_balance.systems.plan import (
+    IcpPlanner,
+    TimingAdapter,
+    WalkingStateMachine,
+)
+from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.systems.wiring import fill, wire
 
 
@@ -51,11 +53,12 @@ class ControllerParams:
         default_factory=CaptureRegionStepAdjusterParams
     )
     icp_plan: IcpPlanParams = field(default_factory=IcpPlanParams)
-    # The Atlas paper's plan; replaces `icp_plan`.
-    atlas_icp_plan: AtlasIcpPlanParams | None = None
-    # The Atlas paper's QP, with its plan; replaces `step_adjuster` and
-    # `balance`.
+    # The Atlas paper's QP, with its plan; they replace `step_adjuster`,
+    # `balance` and `icp_plan`.
     icp_step_qp: IcpStepQpParams | None = None
+    atlas_icp_plan: AtlasIcpPlanParams = field(
+        default_factory=AtlasIcpPlanParams
+    )
     balance: MomentumQpParams = field(default_factory=MomentumQpParams)
     com_height: ComHeightParams = field(default_factory=ComHeightParams)
     swing_foot: SwingFootParams = field(default_factory=SwingFootParams)
@@ -63,7 +66,7 @@ class ControllerParams:
 
     def validate_more(self) -> None:
         """Raises ValueError if the QP moves more steps than are planned."""
-        qp, plan = self.icp_step_qp, self.atlas_icp_plan or AtlasIcpPlanParams()
+        qp, plan = self.icp_step_qp, self.atlas_icp_plan
         if qp and qp.num_steps > plan.num_previewed_steps:
             raise ValueError(
                 f"icp_step_qp.num_steps = {qp.num_steps}: must be <= "
@@ -148,13 +151,12 @@ class CapturePointController(Diagram):
         super().__init__()
         check(params)
         period, qp = params.control_period, params.icp_step_qp
-        plan = params.atlas_icp_plan or params.icp_plan
+        plan = params.atlas_icp_plan if qp else params.icp_plan
         stabilisers: dict = {
             "step_adjuster": (CaptureRegionStepAdjuster, params.step_adjuster),
             "momentum_qp": (MomentumQp, params.balance),
         }
         if qp:  # both in one, for the Atlas paper's plan
-            plan = params.atlas_icp_plan or AtlasIcpPlanParams()
             stabilisers = {"step_controller": (IcpStepController, qp)}
         clock = partial(WalkingStateMachine, start=start)
         usual = {

@@ -19,7 +19,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.live import LiveSession, endless
@@ -52,7 +52,7 @@ MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 # Flags that have no effect with --live.
 _NOT_LIVE = (
     *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "controller"),
+    *("direction", "delta_v", "at", "controller"),
 )
 
 

@@ -15,9 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.push import Moment, Push
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot

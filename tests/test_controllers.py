@@ -14,19 +14,16 @@ from nadia_balance.capture_point_controller import (
     ControllerParams,
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.steps.foothold_adjustment import current_adjustment
 from nadia_balance.core.walking.vocabulary import FootPose, Phase
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.results.log import steps
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.ports import declare_output, inputs
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 from nadia_balance.view.scene import start_meshcat
-from tests.blocks import answer, asked, fix
+from tests.blocks import answer, fix
 from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL
 
@@ -72,23 +69,6 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
         simulator.AdvanceTo((row + 0.5) * PERIOD)
         assert np.array_equal(told(row + 1), torques), row
         simulator.AdvanceTo((row + 1) * PERIOD)
-
-
-def test_the_plan_of_the_atlas_paper_also_goes_with_our_blocks():
-    """Oracle: the kind of plan; footholds in place, 6 cm further out.
-
-    The user's step adjuster has no capture regions.
-    """
-    scenario = scenario_of("pushes: []", ", controller: {atlas_icp_plan: {}}")
-    diagram = LipmDiagram(scenario, step_adjuster=Aside())
-    run = simulate(diagram, 3.6)
-    assert run.fall_reason == ""
-    found = [step.achieved.p_WF[1] for step in steps(run.logs)]
-    out = 0.5 * diagram.robot.point_mass.step_width + 0.06
-    assert found == pytest.approx([-out, out, -out], abs=1e-3)
-    assert not diagram.controller.HasOutputPort("capture_regions")
-    plan = answer(diagram.controller, asked(diagram.controller), "icp_plan")
-    assert isinstance(plan, AtlasIcpPlan)
 
 
 class Aside(LeafSystem):

@@ -24,7 +24,7 @@ FLOORS = (
     "core.walking",
     "core.body palette",
     "core.estimation core.plan core.steps core.whole_body new_robot",
-    "core.feedback robot analysis",
+    "core.feedback robot lipm_limit",
     "systems",
     "capture_point_controller policy_controller engines view",
     "balance_controller results",
@@ -37,7 +37,8 @@ FLOOR = {
     for room in rooms.split()
 }
 PACKAGE = python_files("nadia_balance")
-MATHEMATICS = python_files("nadia_balance/core", "nadia_balance/analysis")
+LIMIT = Path("nadia_balance/lipm_limit.py")
+MATHEMATICS = [*python_files("nadia_balance/core"), LIMIT]
 RUNTIME = python_files("nadia_balance", "diagrams", "scripts")
 IMPORTS = {path: set(imports(syntax_tree(path))) for path in RUNTIME}
 
@@ -123,7 +124,7 @@ def test_nothing_is_imported_from_the_top_of_the_repository():
     assert not offenders(lambda _, name: name.split(".")[0] in folders)
 
 
-def test_core_and_analysis_are_pure_mathematics():
+def test_core_and_the_limit_are_pure_mathematics():
     """Only the QP files know Drake, and of Drake only its solvers.
 
     DAQP is one of these, in a file of its own.
@@ -161,8 +162,8 @@ def test_names_the_solver_of_every_program():
 
 
 def test_every_module_has_the_tests_of_its_name():
-    """Each __init__ is empty, and has none."""
-    folders = ("analysis", "core", "engines", "systems", "view")
+    """Each __init__ is empty, and has none.  A LeafSystem has its own."""
+    folders = ("core", "engines", "view")
     modules = python_files(*(f"nadia_balance/{name}" for name in folders))
     untested = [
         path
@@ -173,6 +174,17 @@ def test_every_module_has_the_tests_of_its_name():
     ]
     assert {path.name for path in untested} == {"__init__.py"}
     assert not any(IMPORTS[path] for path in untested)
+    systems = [
+        node.name
+        for path in python_files("nadia_balance/systems")
+        for node in ast.walk(syntax_tree(path))
+        if isinstance(node, ast.ClassDef)
+        and any("LeafSystem" in ast.unparse(base) for base in node.bases)
+    ]
+    assert "MomentumQp" in systems
+    for name in systems:
+        words = re.sub("(?<=[a-z])(?=[A-Z])", "_", name).lower()
+        assert (ROOT / "tests" / "systems" / f"test_{words}.py").exists()
 
 
 def test_no_meshcat_listens_on_all_interfaces():

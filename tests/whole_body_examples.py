@@ -2,6 +2,7 @@
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,11 +88,15 @@ def solve(
     state: np.ndarray,
     contacts: tuple[bool, bool] = (True, True),
     params: WholeBodyQpParams | None = None,
+    max_torque: np.ndarray | None = None,
     **kwargs,
 ) -> tuple[whole_body_command.WholeBodyTerms, WholeBodySolution]:
     """The terms at `state`, and the solution of a `command` there."""
     terms = terms_at(state)
-    qp = WholeBodyQp(params or WholeBodyQpParams(), model(), PERIOD)
+    robot = model()
+    if max_torque is not None:
+        robot = replace(robot, max_torque=max_torque)
+    qp = WholeBodyQp(params or WholeBodyQpParams(), robot, PERIOD)
     found = qp.solve(terms, command(terms, contacts, **kwargs))
     assert found.qp.solved
     return terms, found

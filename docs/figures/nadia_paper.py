@@ -32,10 +32,14 @@ from nadia_balance.core.steps.foothold_adjustment import (
 )
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
-    swing_geometry,
+    SwingGeometry,
 )
-from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
+from nadia_balance.core.walking.vocabulary import (
+    MECHANISMS,
+    FootPose,
+    FootPoses,
+    Side,
+)
 from nadia_balance.results.plots import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
@@ -262,7 +266,7 @@ def draw_rules() -> Figure:
     on = MECHANISMS["all_with_cross_over"]
     in_place = [NOMINAL, STANCE] * 2
     schedule = right_swing(FootPoses(STANCE, NOMINAL), in_place, 0.4, 0.1)
-    geometry = swing_geometry(schedule, params, MODEL, on)
+    geometry = SwingGeometry(schedule, params, MODEL, on)
     for ax, (_, icp) in zip(axes, RULES, strict=True):
         landing = Landing(geometry, np.array(icp), TOUCHDOWN)
         captures = landing.capture_region

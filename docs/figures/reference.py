@@ -18,9 +18,8 @@ from unittest import mock
 
 from nadia_balance.core.math.bounds import UNBOUNDED
 from nadia_balance.core.plan.gait import Gait
-from nadia_balance.core.walking.imperfections import Imperfections
-from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import Mechanisms
 from nadia_balance.diagrams.scenario import (
     Place,
     Scenario,
@@ -30,6 +29,7 @@ from nadia_balance.diagrams.scenario import (
 from nadia_balance.diagrams.terrain import Terrain
 from nadia_balance.results.log import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
+from nadia_balance.systems.hardware import Imperfections
 
 PAGE = Path(__file__).parents[1] / "reference.md"
 SCRIPTS = (

@@ -36,7 +36,6 @@ _SHAPES = {  # Drake's type: the end of the name of MuJoCo's, and its size
 }
 _JOINTS = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
-    "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
     "quaternion_floating": mujoco.mjtJoint.mjJNT_FREE,
 }
 
@@ -106,8 +105,7 @@ class MujocoModel:
         added = body.add_joint(name=str(int(joint.index())), type=_JOINTS[kind])
         if joint.num_velocities() > 1:
             return
-        turns = kind == "revolute"
-        axis = joint.revolute_axis() if turns else joint.translation_axis()
+        axis = joint.revolute_axis()
         limits = joint.position_lower_limit(), joint.position_upper_limit()
         added.pos, added.axis = X_BM.translation(), X_BM.rotation() @ axis
         added.limited = bool(np.isfinite(limits).any())

@@ -14,7 +14,7 @@ from nadia_balance.results import measurements as measured
 from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.signals import PHASES
-from nadia_balance.systems.whole_body_inverse_dynamics import GIVES_UP_AFTER
+from nadia_balance.systems.whole_body import GIVES_UP_AFTER
 
 SETTLED = 0.5  # time below ICP_BACK at the end of a run without steps [s]
 STEADY = 2.0  # time of steps at the end, to walk on without an ICP [s]

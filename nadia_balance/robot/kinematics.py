@@ -10,12 +10,6 @@ from pydrake.systems.framework import Context
 from nadia_balance.core.math.arrays import cross
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body import command
-from nadia_balance.core.whole_body.command import (
-    BASE,
-    PELVIS,
-    TORSO,
-    WholeBodyModel,
-)
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import plants
 from nadia_balance.robot.model import RobotModel
@@ -62,14 +56,16 @@ class WholeBodyKinematics:
         self._mass = robot.mass
         # Constant rows: the base's angular velocity is that of the pelvis.
         self._rows = np.zeros((24 + num_joints, 7 + num_joints))
-        self._rows[PELVIS, :3] = np.eye(3)
+        self._rows[command.PELVIS, :3] = np.eye(3)
 
     def calc(self, context: Context) -> command.WholeBodyTerms:
         """Returns the terms of the state in the plant's `context`."""
         plant, rows = self.plant, self._rows.copy()
         state = plant.GetPositionsAndVelocities(context)
         v = state[-self._damping.size :]
-        self._fill_forces(context, v, rows[BASE.start : TORSO.start])
+        self._fill_forces(
+            context, v, rows[command.BASE.start : command.TORSO.start]
+        )
         self._fill_motions(context, rows)
         poses = (
             plants.body_poses(plant, context, self._bodies) @ self._X_BodyFrame
@@ -95,11 +91,11 @@ class WholeBodyKinematics:
         the moment due to the motion of the base's origin.
         """
         turns = rows[:, -1].copy()
-        turns[PELVIS] = 0.0
-        turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        moved = cross(v[3:6], velocities[BASE][3:])
-        turns[BASE.start : BASE.start + 3] -= moved
-        turns[BASE.stop : TORSO.start] = 0.0
+        turns[command.PELVIS] = 0.0
+        turns[command.BASE] += rows[command.BASE, 3:6] @ self._gravity
+        moved = cross(v[3:6], velocities[command.BASE][3:])
+        turns[command.BASE.start : command.BASE.start + 3] -= moved
+        turns[command.BASE.stop : command.TORSO.start] = 0.0
         velocities -= self._lead * turns
 
     def _fill_forces(self, context, v, forces):
@@ -121,10 +117,10 @@ class WholeBodyKinematics:
             rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
                 context, _V, frame, p_BP, world, world
             ).get_coeffs()
-        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+        rows[command.TORSO, :-1] = plant.CalcJacobianAngularVelocity(
             context, _V, self._torso, world, world
         )
-        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+        rows[command.TORSO, -1] = plant.CalcBiasSpatialAcceleration(
             context, _V, self._torso, _ORIGIN, world, world
         ).rotational()
 
@@ -135,13 +131,13 @@ def _com_state(p_WB, rows, velocities) -> np.ndarray:
     A linear velocity v of the base, expressed in W, gives the angular momentum
     p_BC x v per mass about the base's origin B, from which p_BC follows.
     """
-    (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
-    return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
+    (_, _, y), (z, _, _), (_, x, _) = rows[command.BASE][:3, 3:6].tolist()
+    return np.concatenate((p_WB + (x, y, z), velocities[command.BASE][3:]))
 
 
 def whole_body_model(
     robot: RobotModel, plant: MultibodyPlant, params: WholeBodyQpParams
-) -> WholeBodyModel:
+) -> command.WholeBodyModel:
     """Returns the constants of `robot`, joints in the order of velocities.
 
     Position limits are the tighter ones of `plant` and `params`.
@@ -167,7 +163,7 @@ def whole_body_model(
 
     lower = values(params.joint_lower_limits, -np.inf)
     upper = values(params.joint_upper_limits, np.inf)
-    return WholeBodyModel(
+    return command.WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
         sole_width=robot.sole_width,

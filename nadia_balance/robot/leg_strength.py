@@ -11,14 +11,7 @@ from pydrake.systems.framework import Context
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.robot.plants import (
-    actuators,
-    context_at,
-    effort_limits,
-    is_pitch,
-    joints_above,
-    sole_jacobian,
-)
+from nadia_balance.robot import plants
 from nadia_balance.robot.urdf import require
 
 Feet = Mapping[Side, str]
@@ -41,7 +34,7 @@ def check_standing(
     """
     shares = dict.fromkeys(feet, 0.5)
     torques = standing_torques(plant, q, feet, X_FootSole, shares)
-    for drive in actuators(plant):
+    for drive in plants.actuators(plant):
         joint, limit = drive.joint(), drive.effort_limit()
         needed = abs(torques[joint.velocity_start()])
         require(
@@ -62,13 +55,13 @@ def standing_torques(
 
     `shares` of its weight are at the centres of the soles.
     """
-    context = context_at(plant, q)
+    context = plants.context_at(plant, q)
     gravity = plant.gravity_field().gravity_vector()
     weight = -plant.CalcTotalMass(context) * gravity
     torques = -plant.CalcGravityGeneralizedForces(context)
     for side, share in shares.items():
         p_FS = X_FootSole[side].translation()
-        J = sole_jacobian(plant, context, feet[side], p_FS)
+        J = plants.sole_jacobian(plant, context, feet[side], p_FS)
         torques -= share * weight @ J[3:]
     return torques
 
@@ -84,14 +77,18 @@ def foot_limits(
     The speed follows in the same way from the joints' limits `speeds` (nj,)
     [rad/s].  The robot stands at `q` (nq,); `soles` are X_FootSole.
     """
-    context, effort = context_at(plant, q), effort_limits(plant)
+    context, effort = plants.context_at(plant, q), plants.effort_limits(plant)
     M = plant.CalcMassMatrix(context)
     room = effort - np.abs(plant.CalcGravityGeneralizedForces(context))
     fastest = np.append(np.zeros(6), speeds)
     found = []
     for side, foot in feet.items():
-        J = sole_jacobian(plant, context, foot, soles[side].translation())
-        leg = [joint.velocity_start() for joint in joints_above(plant, foot)]
+        J = plants.sole_jacobian(
+            plant, context, foot, soles[side].translation()
+        )
+        leg = [
+            joint.velocity_start() for joint in plants.joints_above(plant, foot)
+        ]
         motion = np.linalg.lstsq(J[:, leg], _WAYS, rcond=None)[0]
         # The largest of x cos(s) + y sin(s) over all directions s.
         speed = np.hypot(*motion.T)
@@ -116,12 +113,12 @@ def cop_area(
 
     Raises ValueError: an ankle cannot carry the robot at any point of the sole.
     """
-    context, effort = context_at(plant, q), effort_limits(plant)
+    context, effort = plants.context_at(plant, q), plants.effort_limits(plant)
     weight = plant.CalcTotalMass(context) * GRAVITY
     low, high = sole.min(axis=0), sole.max(axis=0)
     for side, foot in feet.items():
         p_FS = soles[side].translation()
-        at = sole_jacobian(plant, context, foot, p_FS)
+        at = plants.sole_jacobian(plant, context, foot, p_FS)
         for joint in _ankle(plant, context, foot):
             i = joint.velocity_start()
             # Torque per unit of vertical force at the sole's centre, and its
@@ -147,8 +144,8 @@ def _ankle(plant: MultibodyPlant, context: Context, foot: str) -> list[Joint]:
     """The joints between foot and knee; none if there is no such knee."""
     ankle: list[Joint] = []
     pitches = 0
-    for joint in joints_above(plant, foot):
-        pitches += is_pitch(joint, context)
+    for joint in plants.joints_above(plant, foot):
+        pitches += plants.is_pitch(joint, context)
         if pitches == 2:
             return ankle
         ankle.append(joint)

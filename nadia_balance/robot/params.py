@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import nadia_balance
-from nadia_balance.core.body.joint_drives import JointDriveParams
-from nadia_balance.core.body.model import LegGeometry
+from nadia_balance.core.body.model import JointDriveParams, LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.estimation.sensors import SensorParams

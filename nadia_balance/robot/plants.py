@@ -6,17 +6,9 @@ import numpy as np
 from pydrake.geometry import Convex, RoleAssign, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody import plant as mbp
+from pydrake.multibody import tree
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import (
-    BodyIndex,
-    JacobianWrtVariable,
-    Joint,
-    JointActuator,
-    ModelInstanceIndex,
-    RigidBody,
-    world_index,
-)
 from pydrake.systems.framework import Context
 
 from nadia_balance import palette
@@ -29,12 +21,12 @@ _DEPTH = 0.5  # depth of the ground below its lowest point [m]
 _PITCH = 0.75  # least |y| of a pitch axis; also of slanted hips [-]
 
 
-def joints(plant: MultibodyPlant) -> list[Joint]:
+def joints(plant: MultibodyPlant) -> list[tree.Joint]:
     """All joints, also welds and those of floating bodies."""
     return [plant.get_joint(i) for i in plant.GetJointIndices()]
 
 
-def actuators(plant: MultibodyPlant) -> list[JointActuator]:
+def actuators(plant: MultibodyPlant) -> list[tree.JointActuator]:
     """All actuators, by index."""
     indices = plant.GetJointActuatorIndices()
     return [plant.get_joint_actuator(i) for i in indices]
@@ -59,7 +51,7 @@ def context_at(plant: MultibodyPlant, q: Array) -> Context:
     return context
 
 
-def joints_above(plant: MultibodyPlant, body: str) -> list[Joint]:
+def joints_above(plant: MultibodyPlant, body: str) -> list[tree.Joint]:
     """The moving joints from a body up to the floating base."""
     above = {joint.child_body().name(): joint for joint in joints(plant)}
     found, link = [], body
@@ -69,7 +61,7 @@ def joints_above(plant: MultibodyPlant, body: str) -> list[Joint]:
     return found
 
 
-def is_pitch(joint: Joint, context: Context) -> bool:
+def is_pitch(joint: tree.Joint, context: Context) -> bool:
     """True if a revolute joint turns about y of W, or nearly so."""
     R_WJ = joint.frame_on_child().CalcPoseInWorld(context).rotation()
     return abs((R_WJ @ joint.revolute_axis())[1]) > _PITCH
@@ -81,12 +73,12 @@ def sole_jacobian(
     """Jacobian (6, nv) [w, v] of the point `p_FS` (3,) of a foot, in W."""
     frame, world = plant.GetFrameByName(foot), plant.world_frame()
     return plant.CalcJacobianSpatialVelocity(
-        context, JacobianWrtVariable.kV, frame, p_FS, world, world
+        context, tree.JacobianWrtVariable.kV, frame, p_FS, world, world
     )
 
 
 def body_poses(
-    plant: MultibodyPlant, context: Context, bodies: Iterable[RigidBody]
+    plant: MultibodyPlant, context: Context, bodies: Iterable[tree.RigidBody]
 ) -> np.ndarray:
     """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
     poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
@@ -132,7 +124,7 @@ def scale_friction(
     inspector, source = scene_graph.model_inspector(), plant.get_source_id()
     replaces = RoleAssign.kReplace
     for i in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(i))
+        body = plant.get_body(tree.BodyIndex(i))
         for shape in plant.GetCollisionGeometriesForBody(body):
             properties = inspector.GetProximityProperties(shape)
             mu = properties.GetProperty("material", "coulomb_friction")
@@ -145,7 +137,7 @@ def scale_friction(
 def improper_contacts(
     plant: MultibodyPlant,
     results: mbp.ContactResults,
-    robot: ModelInstanceIndex,
+    robot: tree.ModelInstanceIndex,
     feet: set[str],
 ) -> set[str]:
     """Returns the pairs of bodies in contact that are not foot and ground.
@@ -157,11 +149,13 @@ def improper_contacts(
     points = range(results.num_point_pair_contacts())
     infos = map(results.point_pair_contact_info, points)
     for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
-        bodies = [plant.get_body(BodyIndex(body)) for body in pair]
+        bodies = [plant.get_body(tree.BodyIndex(body)) for body in pair]
         own = {b.name() for b in bodies if b.model_instance() == robot}
         # Two robots may have bodies of the same name.
         others = {
-            "ground" if b.index() == world_index() else str(b.scoped_name())
+            "ground"
+            if b.index() == tree.world_index()
+            else str(b.scoped_name())
             for b in bodies
             if b.model_instance() != robot
         }

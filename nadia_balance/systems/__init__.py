@@ -1,1 +1,1 @@
-"""Drake LeafSystems, one per file; signals.py has the units of their ports."""
+"""Drake LeafSystems, by rooms of core; signals.py has their ports' units."""

@@ -20,8 +20,11 @@ from pydrake.common.value import Value
 from pydrake.systems import framework
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.vocabulary import (
+    MECHANISMS,
+    Mechanisms,
+    WalkingState,
+)
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 _REQUIRED = object()

@@ -3,7 +3,7 @@
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
-from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"

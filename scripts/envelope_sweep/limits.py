@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nadia_balance.analysis.lipm_limit import LipmLimit
-from nadia_balance.core.walking.mechanisms import (
+from nadia_balance.core.walking.vocabulary import (
     ATLAS_MECHANISMS,
     MECHANISMS,
     NAMED,
@@ -18,6 +17,7 @@ from nadia_balance.core.walking.mechanisms import (
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
+from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
 from nadia_balance.scripts.envelope_sweep.rows import (
     Cell,

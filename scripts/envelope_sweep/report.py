@@ -20,7 +20,7 @@ from matplotlib.projections.polar import PolarAxes
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot

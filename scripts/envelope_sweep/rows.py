@@ -33,7 +33,7 @@ OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
 PACKAGE = Path(nadia_balance.__file__).parent
 # Files on which a row depends; not reports and plots.
 FOLDERS = (
-    *("", "analysis", "core/**", "diagrams", "engines", "models/*"),
+    *("", "core/**", "diagrams", "engines", "models/*"),
     *("results", "robot", "systems", "view"),
 )
 TRIAL_FILES = ("rows.py", "sweep.py", "trial.py")

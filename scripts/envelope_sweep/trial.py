@@ -16,11 +16,11 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.framework import Context
 from tqdm import tqdm
 
-from nadia_balance.analysis.lipm_limit import LipmLimit
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.results.summary import Run
 from nadia_balance.scripts.envelope_sweep.rows import (
     FROM_SUMMARY,

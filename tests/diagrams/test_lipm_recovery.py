@@ -7,7 +7,7 @@ first right swing, while stepping in place.
 import pytest
 
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from tests.diagrams.simulated import judged
 

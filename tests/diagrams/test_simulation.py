@@ -42,7 +42,7 @@ def test_ends_with_a_failure_if_it_is_told_to(stops, end):
     diagram.fall_reason = lambda context: (
         "made up" if context.get_time() >= 0.605 else ""
     )
-    run = simulate(diagram, 1.0, stop_at_failure=stops)
+    run = advance(start(diagram), 1.0, stop_at_failure=stops)
     assert run.improper_contacts == ("hand - ground",)
     assert not run.until
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
@@ -52,7 +52,7 @@ def test_ends_with_a_failure_if_it_is_told_to(stops, end):
     assert (run.error, run.interrupted) == ("", False)
     diagram.improper_contacts = lambda context: set()
     diagram.passed_limit = lambda context: context.get_time() >= 0.305
-    run = simulate(diagram, 0.4, stop_at_failure=stops)
+    run = advance(start(diagram), 0.4, stop_at_failure=stops)
     end = min(end, 0.4)
     assert run.simulated_time == pytest.approx(end, abs=1.01 * PERIOD)
     assert (run.fell_at, run.until) == (None, False)

@@ -15,13 +15,11 @@ from nadia_balance.core.steps.foothold_adjustment import (
 )
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
-    swing_geometry,
+    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.capture_region_step_adjuster import (
-    CaptureRegionStepAdjuster,
-)
 from nadia_balance.systems.ports import NOTHING
+from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, standing, swing, walk
 
@@ -49,7 +47,7 @@ def drawn(adjuster, context):
 
 
 def landing(icp, gain=0.0, on=ALL):
-    geometry = swing_geometry(IN_PLACE, PARAMS, MODEL, on)
+    geometry = SwingGeometry(IN_PLACE, PARAMS, MODEL, on)
     return Landing(geometry, icp, touchdown_interval(IN_AIR, gain, PARAMS))
 
 

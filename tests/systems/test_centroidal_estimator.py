@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.systems.centroidal_estimator import CentroidalEstimator
+from nadia_balance.systems.state import CentroidalEstimator
 from tests.blocks import answer, asked
 from tests.whole_body_examples import nadia, random_state
 

@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.walking.vocabulary import FootPose, Side
-from nadia_balance.systems.com_height_controller import ComHeightController
+from nadia_balance.systems.feedback import ComHeightController
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL
 from tests.systems.test_momentum_qp import FEET, TRANSFER

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.systems.foot_force_sensor import FootForceSensor
+from nadia_balance.systems.hardware import FootForceSensor
 from tests.boxes import ground, register
 
 ROBOT = SimpleNamespace(

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RollPitchYaw
 
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.systems.friction_estimator import FrictionEstimator
+from nadia_balance.systems.whole_body import FrictionEstimator
 from tests.blocks import answer, running, tick
 from tests.whole_body_examples import nadia, standing_state, terms_at
 

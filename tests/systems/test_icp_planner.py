@@ -15,7 +15,7 @@ from nadia_balance.core.plan.icp_plan import (
     reference_of,
 )
 from nadia_balance.core.walking.vocabulary import Phase, WalkingState
-from nadia_balance.systems.icp_planner import IcpPlanner
+from nadia_balance.systems.plan import IcpPlanner
 from nadia_balance.systems.signals import IcpReference
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL, successor, walk

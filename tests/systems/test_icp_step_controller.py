@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback.icp_step_control import IcpStepControl
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.feedback.icp_step_qp import (
+    IcpStepControl,
+    IcpStepQpParams,
+)
 from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.systems.icp_step_controller import IcpStepController
+from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.signals import EcmpCommand, IcpReference
 from tests.blocks import answer, asked, fix

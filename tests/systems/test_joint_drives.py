@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.systems.joint_drives import JointDrives
+from nadia_balance.systems.hardware import JointDrives
 from tests.blocks import answer, running
 from tests.whole_body_examples import nadia, standing_state
 

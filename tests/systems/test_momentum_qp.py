@@ -16,7 +16,7 @@ from nadia_balance.core.walking.vocabulary import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.momentum_qp import MomentumQp
+from nadia_balance.systems.feedback import MomentumQp
 from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import answer, asked, running, tick
 from tests.example_walks import MODEL, SOLE, at_rest

@@ -3,8 +3,12 @@
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
+from nadia_balance.core.walking.vocabulary import (
+    MECHANISMS,
+    FootPose,
+    Footstep,
+    Side,
+)
 from nadia_balance.systems import ports
 from tests.blocks import asked, fix
 

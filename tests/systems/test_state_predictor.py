@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
-from nadia_balance.systems.state_predictor import StatePredictor
+from nadia_balance.systems.state import StatePredictor
 from tests.blocks import answer, asked, running, tick
 from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import random_state, standing_state

@@ -14,7 +14,7 @@ from nadia_balance.core.steps.swing_foot import (
     velocity_now,
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.systems.swing_foot_planner import SwingFootPlanner
+from nadia_balance.systems.steps import SwingFootPlanner
 from tests.blocks import answer, asked
 from tests.core.body.test_ground import square
 from tests.example_walks import MODEL, swing

@@ -10,8 +10,8 @@ from nadia_balance.core.plan.walking_state_machine import (
     WalkingStateMachineParams,
 )
 from nadia_balance.core.walking.vocabulary import Phase, WalkingState
+from nadia_balance.systems.plan import WalkingStateMachine
 from nadia_balance.systems.signals import PHASES, WalkingSignal
-from nadia_balance.systems.walking_state_machine import WalkingStateMachine
 from tests.blocks import answer, fix, running
 from tests.example_walks import FEET, MODEL, walk
 

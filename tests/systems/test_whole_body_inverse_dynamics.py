@@ -8,9 +8,7 @@ from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.systems.signals import QpStatus
-from nadia_balance.systems.whole_body_inverse_dynamics import (
-    WholeBodyInverseDynamics,
-)
+from nadia_balance.systems.whole_body import WholeBodyInverseDynamics
 from tests import example_walks
 from tests.blocks import answer, asked, fix, running
 from tests.core.whole_body.test_tasks import ELBOW, JointTask

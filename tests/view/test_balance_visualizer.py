@@ -30,9 +30,7 @@ from nadia_balance.core.steps.swing_geometry import (
 )
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.results.pages import start_recording, write_replay
-from nadia_balance.systems.capture_region_step_adjuster import (
-    CaptureRegionStepAdjuster,
-)
+from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import (

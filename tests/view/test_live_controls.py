@@ -3,7 +3,7 @@
 import pytest
 from pydrake.geometry import Meshcat
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.view import live_controls
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, running, tick

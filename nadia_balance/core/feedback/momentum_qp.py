@@ -9,7 +9,7 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.polygon import halfspaces, project, shrink
+from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 
 
@@ -52,33 +52,19 @@ class MomentumQpParams:
         return self.feedback_gain * share
 
 
-@dataclass(frozen=True, eq=False)
-class FeedbackLimits:
+class FeedbackLimits(NamedTuple):
     """The constraints of the Nadia paper's Eq. 8 for constant contacts.
 
     lower <= C (cop, kappa) <= upper, with the total kappa = ecmp - cop: the
-    CoP is in the `polygon` (n, 2) [m] in W, and kappa within +-max_kappa [m]
-    along the rows of `axes` (2, 2), the last two rows of C (n + 2, 4).  The
-    bound on kappa also bounds the distance of the eCMP from the polygon.
+    CoP is in the `polygon` (n, 2) [m] in W, and kappa within +-max_kappa along
+    and across the foot, the last two rows of C (n + 2, 4).  The bound on kappa
+    also bounds the distance of the eCMP from the polygon.
     """
 
     polygon: Array
-    axes: Array
-    max_kappa: float
     C: Array
     lower: Array
     upper: Array
-
-    def clipped(self, increments: Array, reference: Array) -> Array:
-        """Returns the closest feasible increments (delta, kappa) (4,) [m].
-
-        `reference` (4,) [m] is (cop_r, kappa_r), to which they are added.
-        """
-        total = reference + increments
-        cop = project(total[:2], self.polygon)
-        on_axes = self.axes @ total[2:]
-        kappa = self.axes.T @ on_axes.clip(-self.max_kappa, self.max_kappa)
-        return np.asarray(np.concatenate((cop, kappa)) - reference)
 
 
 def feedback_limits(
@@ -94,12 +80,11 @@ def feedback_limits(
     polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
     A, b = halfspaces(polygon)
     c, s = math.cos(heading), math.sin(heading)
-    axes = np.array([[c, s], [-s, c]])
     C = np.zeros((len(A) + 2, 4))
-    C[:-2, :2], C[-2:, 2:] = A, axes
+    C[:-2, :2], C[-2:, 2:] = A, [[c, s], [-s, c]]
     upper = np.append(b, 2 * [params.max_kappa])
     lower = np.append(np.full(len(A), -np.inf), 2 * [-params.max_kappa])
-    return FeedbackLimits(polygon, axes, params.max_kappa, C, lower, upper)
+    return FeedbackLimits(polygon, C, lower, upper)
 
 
 class IcpFeedback(NamedTuple):
@@ -147,8 +132,7 @@ class IcpFeedbackQp:
 
         `cop_r` and `kappa_r` = ecmp_r - cop_r (2,) [m] are the reference,
         `previous` (4,) [m] the increments of the last tick.  If the QP has no
-        solution, they are used again, clipped to the limits, and
-        `result.solved` is False.
+        solution, they are used again, and `result.solved` is False.
 
         Raises ValueError: an argument is not finite.
         """
@@ -157,9 +141,7 @@ class IcpFeedbackQp:
         shift = limits.C @ reference
         lower, upper = limits.lower - shift, limits.upper - shift
         result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
-        x = result.x
-        if not result.solved:
-            x = limits.clipped(previous, reference)
+        x = result.x if result.solved else previous
         cop = cop_r + x[:2]
         return IcpFeedback(x, cop, cop + kappa_r + x[2:], result)
 

@@ -71,35 +71,6 @@ class IcpPlanParams:
     num_previewed_steps: int = bounded(3, least=1)
 
 
-class Sole:
-    """A sole and its `inner` part, `margin` [m] from the edge, for the CoP."""
-
-    def __init__(self, corners: Array, margin: float) -> None:
-        """Takes `corners` (k, 2) [m] in the sole frame, counter-clockwise.
-
-        Raises ValueError: the margin leaves no area of the sole.
-        """
-        self.corners, self.centroid = corners, polygon.centroid(corners)
-        self.inner = polygon.shrink(corners, margin, "margin")
-
-    def step_length(self, foot: FootPose, other: FootPose) -> float:
-        """Returns the distance [m] from toe to toe by which `other` leads."""
-        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        x, y, _ = other.p_WF - foot.p_WF
-        turn = other.yaw - foot.yaw
-        toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
-        return float(c * x + s * y + toes.max() - self.corners[:, 0].max())
-
-    def cop_point(
-        self, params: CopPointParams, side: Side, step_length: float
-    ) -> Array:
-        """Returns the CoP point (2,) [m] in the sole frame of `side`."""
-        x = params.step_length_factor * step_length
-        x = min(max(x, params.min_x), params.max_x)
-        offset = np.array([x, -side.sign * params.offset_inside])
-        return polygon.project(self.centroid + offset, self.inner)
-
-
 @dataclass(frozen=True, eq=False)
 class CopWaypoints:
     """N linear CoP segments.
@@ -140,7 +111,7 @@ def cop_waypoints(
     if schedule.phase is walking.Phase.STANDING:
         steps = ()
     unseen = steps[params.num_previewed_steps :]
-    stance = _Stance(params, Sole(sole, params.margin))
+    stance = Stance(params, sole)
     phases = []
     for i, step in enumerate(steps[: params.num_previewed_steps]):
         if i > 0 or schedule.phase is walking.Phase.TRANSFER:
@@ -182,11 +153,20 @@ class _Phase(NamedTuple):
     supports: list[Array]
 
 
-class _Stance(NamedTuple):
-    """The segments of each phase, for feet on the ground."""
+class Stance:
+    """The segments of each phase, for feet on the ground.
 
-    params: IcpPlanParams
-    sole: Sole
+    `inner` is the part of the sole in which the CoP may be.
+    """
+
+    def __init__(self, params: IcpPlanParams, sole: Array) -> None:
+        """Takes the corners `sole` (k, 2) [m] in the sole frame.
+
+        Raises ValueError: the margin leaves no area of the sole.
+        """
+        self.params, self.corners = params, sole
+        self.centroid = polygon.centroid(sole)
+        self.inner = polygon.shrink(sole, params.margin, "margin")
 
     def transfer(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
         """Returns the shift of the weight to the other foot of `step`."""
@@ -215,23 +195,40 @@ class _Stance(NamedTuple):
 
     def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
         """Returns the shift to midway between the soles."""
-        left, right = (feet[s].to_world(self.sole.centroid) for s in Side)
+        left, right = (feet[s].to_world(self.centroid) for s in Side)
         mid, split = 0.5 * (left + right), self.params.transfer_split
         supports = [self._support(feet, *Side)]
         return _Phase([mid, mid], [split, 1.0 - split], duration, supports)
 
     def _support(self, feet: FootPoses, *sides: Side) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
-        soles = [feet[side].to_world(self.sole.inner) for side in sides]
+        soles = [feet[side].to_world(self.inner) for side in sides]
         return polygon.convex_hull(np.concatenate(soles))
 
     def _cops(
         self, side: Side, foot: FootPose, other: FootPose, *names: str
     ) -> list[Array]:
         """Returns the named points (2,) of the foot of `side`."""
-        length = self.sole.step_length(foot, other)
+        length = self.step_length(foot, other)
         cops = (
-            self.sole.cop_point(getattr(self.params, name), side, length)
+            self.cop_point(getattr(self.params, name), side, length)
             for name in names
         )
         return [foot.to_world(cop) for cop in cops]
+
+    def step_length(self, foot: FootPose, other: FootPose) -> float:
+        """Returns the distance [m] from toe to toe by which `other` leads."""
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        x, y, _ = other.p_WF - foot.p_WF
+        turn = other.yaw - foot.yaw
+        toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
+        return float(c * x + s * y + toes.max() - self.corners[:, 0].max())
+
+    def cop_point(
+        self, params: CopPointParams, side: Side, step_length: float
+    ) -> Array:
+        """Returns the CoP point (2,) [m] in the sole frame of `side`."""
+        x = params.step_length_factor * step_length
+        x = min(max(x, params.min_x), params.max_x)
+        offset = np.array([x, -side.sign * params.offset_inside])
+        return polygon.project(self.centroid + offset, self.inner)

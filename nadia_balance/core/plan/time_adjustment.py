@@ -14,10 +14,10 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import contains, project
 from nadia_balance.core.plan.icp_plan import IcpPlan, IcpReference
-from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
     FootPoses,
+    Mechanisms,
     Phase,
     WalkingState,
     support_polygon,

@@ -139,7 +139,7 @@ class Landing(walking.Immutable):
         if self.foot is None:
             return 0.0
         g = self.geometry
-        return time_of_way(self.foot, goal, g.stance, g.swing, g.detour)
+        return time_of_way(self.foot, goal, g.stance, g.swing, g.model.detour)
 
 
 def propose_adjustment(

@@ -6,17 +6,15 @@ constant during the swing.
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from nadia_balance.core.body import reachability
-from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import in_world
-from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import (
@@ -31,7 +29,7 @@ from nadia_balance.core.math.polygon import (
 )
 from nadia_balance.core.steps.capture_region import later_steps, one_step_region
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.vocabulary import Mechanisms
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]
@@ -117,45 +115,70 @@ class Place(walking.Immutable):
     polygon: Array
 
 
-@dataclass(frozen=True, eq=False)
 class SwingGeometry(walking.Immutable):
-    """All polygons of one swing, (n, 2) [m] in W; constant during the swing."""
+    """All polygons of one swing, (n, 2) [m] in W; constant during the swing.
 
-    key: tuple[object, ...]  # `geometry_key` of the swing
-    stance: walking.FootPose
-    swing: walking.Side
-    omega: float  # [rad/s]
-    foot: Array  # CoP polygon of the stance foot
-    regions: Mapping[str, Array]  # reachability regions, by name
-    places: tuple[Place, ...]  # the ground within these regions
-    ground: Ground | None  # None: flat
-    reach: reachability.ReachabilityParams  # source of `regions`
-    detour: SwingDetourParams  # path and timing of the swing foot
-    offsets: tuple[Array, ...]  # D_1, ..., D_N of `later_steps`
-    # A foothold p with A p < b is on, beside or across the stance foot.
-    stance_A: Array
-    stance_b: Array
+    It is the swing of `schedule`, or the next one.  `regions` are the
+    reachability regions by name, `places` the ground within them; `foot` is the
+    CoP polygon of the stance foot; `offsets` are D_1, ..., D_N of
+    `later_steps`, with N at most the number of queued steps.
+
+    The next foothold is on the ground; later steps are taken as on flat ground.
+    With cross-over, these use the hull of base and cross-over regions and
+    ignore the stance foot as an obstacle.  This approximation enlarges D_2 by
+    at most 1.4, 7.3, 10.8 mm for steps of 1.0, 0.5, 0.38 s and Nadia's height
+    and reach, D_3 by 2.4, 30.6, 44.3 mm, and C_3 in mid-swing by 2.4, 19, 27
+    mm, which is 0.01, 0.2, 0.3 % of its area.
+    """
+
+    def __init__(
+        self,
+        schedule: walking.ContactSchedule,
+        params: CaptureRegionStepAdjusterParams,
+        model: PointMassModel,
+        on: Mechanisms,
+    ) -> None:
+        self.key, self.model = geometry_key(schedule, on), model
+        self.stance = stance = schedule.feet[schedule.support_side]
+        step = schedule.footsteps[0]
+        self.swing = step.side
+        usable = params.usable_foot(model.cop_area)
+        self.foot = in_world(usable, stance, step.side)
+        regions = reachability.step_regions(model.reach, on.cross_over)
+        self.regions = {
+            name: in_world(region, stance, step.side)
+            for name, region in regions.items()
+        }
+        self.places = tuple(self._places(step.pose.yaw))
+        steps = schedule.footsteps[: params.num_steps]
+        self.offsets = _offsets(steps, model, on)
+        # A foothold p with A p < b is on, beside or across the stance foot.
+        A, b = _stance_foot(stance, step, model.sole)
+        apart = max(params.sole_clearance, model.sole_clearance)
+        self._blocking = A, b + apart
 
     def blocked(self, foothold: Array) -> bool:
         """True if a foot at `foothold` (2,) [m] would hit the stance foot."""
-        return bool((self.stance_A @ foothold < self.stance_b).all())
+        A, b = self._blocking
+        return bool((A @ foothold < b).all())
 
     def free_parts(self, polygon: Array) -> list[Array]:
         """Returns the parts of `polygon` (n, 2) [m] that are not `blocked`."""
         parts = [
             clip_all(polygon, -normal[None], -offset[None])
-            for normal, offset in zip(self.stance_A, self.stance_b, strict=True)
+            for normal, offset in zip(*self._blocking, strict=True)
         ]
         return [part for part in parts if len(part)]
 
     def allows(self, foot: walking.FootPose) -> bool:
         """True if the foot is on the ground, in reach without crossing legs."""
         x, y = self.stance.to_sole(foot.p_WF[:2]).tolist()
-        if not self.reach.in_base_region(x, self.swing.sign * y):
+        ground, reach = self.model.ground, self.model.reach
+        if not reach.in_base_region(x, self.swing.sign * y):
             return False
         rise = abs(foot.p_WF[2] - self.stance.p_WF[2])
-        return self.ground is None or (
-            rise <= self.reach.rise_max + ROUNDING and self.ground.allows(foot)
+        return ground is None or (
+            rise <= reach.rise_max + ROUNDING and ground.allows(foot)
         )
 
     def foot_at(
@@ -166,9 +189,9 @@ class SwingGeometry(walking.Immutable):
         Its height and normal are those of the ground, on flat ground `nominal`.
         """
         height = float(nominal.p_WF[2])
-        if self.ground is None:
+        if self.model.ground is None:
             return walking.FootPose(np.append(point, height), nominal.yaw)
-        return self.ground.pose(point, nominal.yaw, height)
+        return self.model.ground.pose(point, nominal.yaw, height)
 
     def place_at(self, foothold: Array, reach: str = "") -> Place | None:
         """Returns the place of `foothold` (2,) [m], if possible of `reach`.
@@ -187,7 +210,7 @@ class SwingGeometry(walking.Immutable):
         self, icp: Array, touchdown: tuple[float, float]
     ) -> Array:
         """Returns C_1 (n, 2) [m]; `icp` (2,) [m], `touchdown` [s] from now."""
-        return one_step_region(icp, self.foot, self.omega, touchdown)
+        return one_step_region(icp, self.foot, self.model.omega, touchdown)
 
     def capture_region(self, one_step: Array, n: int = -1) -> Array:
         """Returns C_N (k, 2) [m] for `one_step` = C_1; with n given, C_n+1."""
@@ -198,46 +221,20 @@ class SwingGeometry(walking.Immutable):
         """The edges of -D_1, ..., -D_N."""
         return [edges(-offsets) for offsets in self.offsets]
 
+    def _places(self, yaw: float) -> Iterator[Place]:
+        """Yields the places for a foot of this `yaw` [rad].
 
-def swing_geometry(
-    schedule: walking.ContactSchedule,
-    params: CaptureRegionStepAdjusterParams,
-    model: PointMassModel,
-    on: Mechanisms,
-) -> SwingGeometry:
-    """Returns the geometry of the swing of `schedule`, or of the next one.
-
-    The next foothold is on the ground; later steps are taken as on flat ground.
-    With cross-over, these use the hull of base and cross-over regions and
-    ignore the stance foot as an obstacle.  This approximation enlarges D_2 by
-    at most 1.4, 7.3, 10.8 mm for steps of 1.0, 0.5, 0.38 s and Nadia's height
-    and reach, D_3 by 2.4, 30.6, 44.3 mm, and C_3 in mid-swing by 2.4, 19, 27
-    mm, which is 0.01, 0.2, 0.3 % of its area.
-    """
-    stance = schedule.feet[schedule.support_side]
-    step = schedule.footsteps[0]
-    A, b = _stance_foot(stance, step, model.sole)
-    regions = {
-        name: in_world(region, stance, step.side)
-        for name, region in reachability.step_regions(
-            model.reach, on.cross_over
-        ).items()
-    }
-    return SwingGeometry(
-        key=geometry_key(schedule, on),
-        stance=stance,
-        swing=step.side,
-        omega=model.omega,
-        foot=in_world(params.usable_foot(model.cop_area), stance, step.side),
-        regions=regions,
-        places=tuple(_places(regions, stance, step.pose.yaw, model)),
-        ground=model.ground,
-        reach=model.reach,
-        detour=model.detour,
-        offsets=_offsets(schedule.footsteps, params, model, on),
-        stance_A=A,
-        stance_b=b + max(params.sole_clearance, model.sole_clearance),
-    )
+        They rise or fall from the stance foot by at most `rise_max`.
+        """
+        ground, rise = self.model.ground, self.model.reach.rise_max + ROUNDING
+        z = float(self.stance.p_WF[2])
+        for name, region in self.regions.items():
+            if ground is None:
+                yield Place(name, 0, region)
+                continue
+            parts = ground.footholds_within(region, yaw, z - rise, z + rise)
+            for index, part in parts:
+                yield Place(name, index, part)
 
 
 def geometry_key(
@@ -253,48 +250,10 @@ def geometry_key(
     return (on.cross_over, stance, step.side, step.pose.yaw, *later)
 
 
-def step_contractions(
-    steps: tuple[walking.Footstep, ...],
-    params: CaptureRegionStepAdjusterParams,
-    omega: float,
-) -> list[float]:
-    """Returns E_2, ..., E_N [-] of `later_steps`, transfers included.
-
-    N is at most the number of queued steps; omega [rad/s].
-    """
-    return [
-        math.exp(-omega * (step.transfer_duration + step.swing_duration))
-        for step in steps[1 : params.num_steps]
-    ]
-
-
-def _places(
-    regions: Mapping[str, Array],
-    stance: walking.FootPose,
-    yaw: float,
-    model: PointMassModel,
-) -> Iterator[Place]:
-    """Yields the places for a foot of this `yaw` [rad].
-
-    They rise or fall from the `stance` foot by at most `rise_max`.
-    """
-    z, rise = float(stance.p_WF[2]), model.reach.rise_max + ROUNDING
-    for name, region in regions.items():
-        if model.ground is None:
-            yield Place(name, 0, region)
-            continue
-        parts = model.ground.footholds_within(region, yaw, z - rise, z + rise)
-        for ground, part in parts:
-            yield Place(name, ground, part)
-
-
 def _offsets(
-    steps: tuple[walking.Footstep, ...],
-    params: CaptureRegionStepAdjusterParams,
-    model: PointMassModel,
-    on: Mechanisms,
+    steps: tuple[walking.Footstep, ...], model: PointMassModel, on: Mechanisms
 ) -> tuple[Array, ...]:
-    """Returns D_1, ..., D_N in W; N is at most the number of queued steps.
+    """Returns D_1, ..., D_N in W of N `steps`, transfers included.
 
     Each foothold is the stance foot of the following step, whose reach is about
     it.
@@ -302,9 +261,12 @@ def _offsets(
     total = reachability.total_region(model.reach, on.cross_over)
     reaches = [
         in_world(total, walking.FootPose(yaw=step.pose.yaw), following.side)
-        for step, following in itertools.pairwise(steps[: params.num_steps])
+        for step, following in itertools.pairwise(steps)
     ]
-    contractions = step_contractions(steps, params, model.omega)
+    contractions = [
+        math.exp(-model.omega * (step.transfer_duration + step.swing_duration))
+        for step in steps[1:]
+    ]
     return tuple(later_steps(reaches, contractions))
 
 

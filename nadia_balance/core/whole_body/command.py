@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nadia_balance.core.body.joint_drives import JointDriveParams
+from nadia_balance.core.body.model import JointDriveParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.body.joint_drives import torque_limits
+from nadia_balance.core.body.model import torque_limits
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import QpProblem
 from nadia_balance.core.whole_body.command import PELVIS, TORSO
@@ -94,9 +94,7 @@ class WholeBodyLimits:
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
         self._wrench[0, -1] = self._least_force
-        self._torques: Array = (
-            params.max_effort_ratio / model.mass * model.max_torque * _SIGNS
-        )
+        self._torques: Array = 1.0 / model.mass * model.max_torque * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
         self._max_speed, self._drives = model.max_speed, model.drives
         self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS

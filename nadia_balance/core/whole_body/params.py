@@ -137,9 +137,8 @@ class WholeBodyQpParams:
     )
     # Damping of the joints while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Shares of the actuators' limits; the speed reserve is for deviations of
-    # the robot from the model.
-    max_effort_ratio: float = bounded(1.0, above=0.0, most=1.0)
+    # Share of the speed limits; the reserve is for deviations of the robot from
+    # the model.
     max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = field(
         default_factory=CrossingTurnParams

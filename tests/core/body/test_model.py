@@ -1,10 +1,12 @@
-"""Oracle: the formula of the natural frequency."""
+"""Oracles: a formula, a refusal; the rest: systems/test_joint_drives.py."""
 
 import math
 from dataclasses import replace
 
 import pytest
 
+from nadia_balance.core.body.model import JointDriveParams
+from nadia_balance.core.math.bounds import check
 from tests.example_walks import MODEL
 
 
@@ -13,3 +15,14 @@ def test_the_natural_frequency_is_that_of_the_com_height():
     assert math.sqrt(9.81 / 0.95) == MODEL.omega
     lower = replace(MODEL, com_height=0.5)
     assert lower.omega == pytest.approx(math.sqrt(9.81 / 0.5))
+
+
+@pytest.mark.parametrize("torque", [0.0, -5.0])
+def test_refuses_a_drive_without_torque(torque):
+    """Oracle: the message names joint, value and unit."""
+    check(JointDriveParams(max_torque={"KNEE": 1e-3}))
+    drives = JointDriveParams(max_torque={"HIP": 5.0, "KNEE": torque})
+    with pytest.raises(ValueError) as error:
+        check(drives, "drives")
+    message = f"drives.max_torque.KNEE = {torque}: must be > 0 N m"
+    assert str(error.value) == message

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.feedback.icp_step_control import (
+from nadia_balance.core.feedback.icp_step_qp import (
     IcpStepControl,
+    IcpStepQp,
+    IcpStepQpParams,
     reach_room,
     uncrossed_reach,
 )
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQp, IcpStepQpParams
 from nadia_balance.core.math.polygon import contains, shrink
 from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import (

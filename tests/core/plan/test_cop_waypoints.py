@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from nadia_balance.core.plan.cop_waypoints import (
     CopPointParams,
     IcpPlanParams,
-    Sole,
+    Stance,
     cop_waypoints,
 )
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from tests.example_walks import SOLE, at_rest, standing, walk
 
-INNER = Sole(SOLE, 0.01)
+STANCE = Stance(IcpPlanParams(), SOLE)
 EXIT = CopPointParams(
     offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
 )
@@ -26,7 +26,7 @@ def test_leans_to_the_other_foot_and_forward_with_the_step():
     """Oracle: a third of the step, clamped to [0, 0.08] m, by hand."""
     for length, x in (-0.3, 0.0), (0.0, 0.0), (0.15, 0.05), (0.3, 0.08):
         for side, y in (Side.LEFT, -0.025), (Side.RIGHT, 0.025):
-            point = INNER.cop_point(EXIT, side, length)
+            point = STANCE.cop_point(EXIT, side, length)
             np.testing.assert_allclose(point, [x, y], atol=1e-15)
 
 
@@ -34,15 +34,15 @@ def test_leans_to_the_other_foot_and_forward_with_the_step():
 def test_measures_the_step_from_toe_to_toe(x0, y0, yaw0, x1, y1, yaw1):
     """Oracle: all corners of the other sole, taken into the sole frame."""
     foot, other = FootPose([x0, y0, 0], yaw0), FootPose([x1, y1, 0], yaw1)
-    toes = foot.to_sole(other.to_world(INNER.corners))[:, 0]
+    toes = foot.to_sole(other.to_world(STANCE.corners))[:, 0]
     expected = max(toes) - 0.125
-    assert INNER.step_length(foot, other) == pytest.approx(expected, abs=1e-13)
+    assert STANCE.step_length(foot, other) == pytest.approx(expected, abs=1e-13)
 
 
 def test_refuses_a_margin_that_leaves_nothing():
     """Oracle: half the width of the sole."""
     with pytest.raises(ValueError, match=r"^margin = 0\.06: must"):
-        Sole(SOLE, 0.06)
+        Stance(IcpPlanParams(margin=0.06), SOLE)
 
 
 PARAMS = IcpPlanParams()

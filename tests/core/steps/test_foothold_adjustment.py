@@ -1,5 +1,6 @@
 """Oracles: shapely's distances, the paper's rules by hand, dense search."""
 
+import copy
 import itertools
 import math
 from dataclasses import dataclass, replace
@@ -32,7 +33,7 @@ from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     Place,
     ReachRulesParams,
-    swing_geometry,
+    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests.core.body.test_ground import square
@@ -51,12 +52,21 @@ PARAMS = CaptureRegionStepAdjusterParams()
 
 
 def geometry(schedule, params=PARAMS, on=ALL):
-    return swing_geometry(schedule, params, MODEL, on)
+    return SwingGeometry(schedule, params, MODEL, on)
 
 
 IN_PLACE = swing(length=0.0)
 NOMINAL = IN_PLACE.footsteps[0].pose
 GEOMETRY = geometry(IN_PLACE)
+
+
+def geometry_with(**parts):
+    """GEOMETRY, but for these parts."""
+    found = copy.copy(GEOMETRY)
+    vars(found).update(parts)
+    return found
+
+
 PUSHES = [
     [0.0, 0.0],
     [0.2, 0.0],
@@ -151,7 +161,7 @@ def chosen(
 
     places = tuple(Place(*place) for place in places)
     case = Case(
-        replace(GEOMETRY, places=places),
+        geometry_with(places=places),
         np.zeros(2),
         (0.3, 0.8),
         capture_region=ABOVE,
@@ -308,7 +318,7 @@ def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
     Nearest to the nominal foothold, or to the point that is next to the spot.
     """
     reach = GEOMETRY.regions[FORWARD]
-    found = replace(GEOMETRY, places=(Place(FORWARD, 0, reach),))
+    found = geometry_with(places=(Place(FORWARD, 0, reach),))
     free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
     pose = walking.FootPose([0.15, 0.02, 0.0])
     nominal = replace(STEP, pose=pose)
@@ -448,7 +458,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     case = Landing(GEOMETRY, icp, now, foot)
     ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
     corner, _ = closest_point(ahead, case.capture_region)
-    detour = GEOMETRY.detour
+    detour = GEOMETRY.model.detour
     t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
     t += detour.settling
     for least, under_way, first in (
@@ -482,7 +492,7 @@ def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
     """Oracle: by hand: straight, accelerating for one half and braking for the
     other, a foot under way goes a / 4 (t / sqrt(0.5) - settling)^2.
     """
-    detour = GEOMETRY.detour
+    detour = GEOMETRY.model.detour
     reach = math.sqrt(2.0) * time - detour.settling
     reach = 0.25 * detour.max_acceleration * reach**2
     last, goal = LAST.pose.p_WF[:2], WANTED.pose.p_WF[:2]
@@ -527,7 +537,7 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
         Place(FORWARD, 2, strip(0.2, 0.41)),
         Place(FORWARD, 3, strip(0.47, 0.9)),
     )
-    found = replace(GEOMETRY, places=places)
+    found = geometry_with(places=places)
 
     class Case(Landing):
         def time_to(self, goal):
@@ -548,7 +558,7 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
 def test_if_all_goals_are_on_the_stance_foot_nothing_changes():
     """Oracle: the very same adjustment, although the goal is elsewhere."""
     small = rectangle(0.1, 0.05) + IN_PLACE.feet.left.p_WF[:2]
-    found = replace(GEOMETRY, places=(Place(BASE, 0, small),))
+    found = geometry_with(places=(Place(BASE, 0, small),))
     everywhere = convex_hull(rectangle(0.3, 0.3) + [0.0, 0.2])
     case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=everywhere)
     current = walking.Adjustment(STEP, LAST.pose, FORWARD, ground=4)
@@ -595,7 +605,7 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
     )
     ground = Ground(stones, SOLE)
     params = replace(PARAMS, num_steps=1, dead_band=0.0)
-    found = swing_geometry(
+    found = SwingGeometry(
         IN_PLACE, params, replace(MODEL, ground=ground), UNCROSSED
     )
     everywhere = convex_hull(rectangle(2.0, 2.0))
@@ -626,7 +636,7 @@ def test_what_is_drawn_is_what_was_decided():
     assert drawn.reach is GEOMETRY.regions[adjustment.region]
     assert (drawn.nominal, drawn.adjusted) == (NOMINAL, adjustment.pose)
     assert not drawn.reach.flags.writeable
-    base_only = replace(GEOMETRY, regions={BASE: GEOMETRY.regions[BASE]})
+    base_only = geometry_with(regions={BASE: GEOMETRY.regions[BASE]})
     gone = replace(adjustment, region=FORWARD)
     drawn = capture_regions(landing(state_at(0.3), OUT, base_only), gone)
     assert drawn.reach is GEOMETRY.regions[BASE]

@@ -14,8 +14,8 @@ from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import contains, convex_hull
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
+    SwingGeometry,
     geometry_key,
-    swing_geometry,
 )
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 from tests.core.body.test_ground import square
@@ -26,7 +26,7 @@ PARAMS = CaptureRegionStepAdjusterParams()
 
 
 def geometry(schedule, params=PARAMS, on=ALL):
-    return swing_geometry(schedule, params, MODEL, on)
+    return SwingGeometry(schedule, params, MODEL, on)
 
 
 def test_n_is_no_more_than_the_steps_in_the_queue():
@@ -138,7 +138,7 @@ def test_the_foot_is_cut_on_its_proper_sides():
 
 def on_ground(regions, schedule, on=ALL, model=MODEL):
     model = replace(model, ground=Ground(regions, SOLE))
-    return swing_geometry(schedule, PARAMS, model, on)
+    return SwingGeometry(schedule, PARAMS, model, on)
 
 
 def raised(schedule, height):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts.envelope_sweep.limits import (
     known_limits,

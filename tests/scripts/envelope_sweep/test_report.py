@@ -5,7 +5,7 @@ Oracle: the limits from which the trials were made up; the rest by hand.
 
 import pytest
 
-from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.scripts.envelope_sweep import report
 from nadia_balance.scripts.envelope_sweep.limits import protocol_of
 from nadia_balance.scripts.envelope_sweep.rows import Cell

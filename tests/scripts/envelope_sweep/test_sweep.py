@@ -9,7 +9,7 @@ import sys
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from

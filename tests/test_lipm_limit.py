@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.analysis.lipm_limit import LOST, LipmLimit
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.vocabulary import MECHANISMS
+from nadia_balance.lipm_limit import LOST, LipmLimit
 from tests.example_walks import ALL, FEET, MODEL, walk
 
 SPEED = 3.0  # of a foot [m/s]

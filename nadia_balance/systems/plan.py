@@ -1,17 +1,23 @@
-"""State machine of the walking clock, the phases and the contacts."""
+"""Where to walk and when: the walking clock, the ICP plan, its timing."""
 
 import math
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.plan import walking_state_machine
+from nadia_balance.core.plan import (
+    atlas_icp_plan,
+    icp_plan,
+    walking_state_machine,
+)
 from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.ports import declare_output, inputs
+from nadia_balance.systems.ports import declare_output, declare_plan, inputs
 from nadia_balance.systems.signals import PHASES
 
 
@@ -104,3 +110,79 @@ def walking_signal(state: walking.WalkingState) -> list[float]:
 def _planar(pose: walking.FootPose) -> tuple[float, float, float]:
     x, y, _ = pose.p_WF.tolist()
     return x, y, pose.yaw
+
+
+class IcpPlanner(LeafSystem):
+    """Plans the ICP for each new contact schedule.
+
+    The plan is that of the Nadia paper (Eq. 4) or, with AtlasIcpPlanParams, of
+    the Atlas paper (Sec. II-A), an AtlasIcpPlan.  `icp_reference` exists only
+    if it `has_reference`.
+
+    .. pydrake_system::
+
+        name: IcpPlanner
+        input_ports: [walking_state]
+        output_ports: [icp_plan, icp_reference]
+    """
+
+    def __init__(
+        self,
+        params: icp_plan.IcpPlanParams | atlas_icp_plan.AtlasIcpPlanParams,
+        model: PointMassModel,
+        period: float,
+        has_reference: bool = True,
+    ):
+        super().__init__()
+        check(params)
+        (self._walking,) = inputs(self, "walking_state")
+        self._planned = declare_plan(
+            self,
+            self._walking,
+            lambda state: (
+                atlas_icp_plan.plan_atlas_icp(state.schedule, params, model)
+                if isinstance(params, atlas_icp_plan.AtlasIcpPlanParams)
+                else icp_plan.plan_icp(state.schedule, params, model)
+            ),
+        )
+        declare_output(self, "icp_plan", self._plan, [self._planned])
+        if has_reference:
+            declare_output(
+                self, "icp_reference", self._calc_reference, [self._planned]
+            )
+
+    def _plan(self, context) -> icp_plan.IcpPlan:
+        return self._planned.Eval(context)[1]
+
+    def _calc_reference(self, context) -> np.ndarray:
+        now = icp_plan.reference_of(self._plan(context), self._walking(context))
+        return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
+
+
+class TimingAdapter(LeafSystem):
+    """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
+
+    `time_adjustment` is the time to add to the clock in this tick, besides the
+    control period, and the present estimate of the total over this and the next
+    ticks; the clock is held while it is negative.
+
+    .. pydrake_system::
+
+        name: TimingAdapter
+        input_ports: [walking_state, icp_plan, icp, foot_poses, mechanisms]
+        output_ports: [time_adjustment]
+    """
+
+    def __init__(
+        self, params: TimingAdapterParams, model: PointMassModel, period: float
+    ):
+        super().__init__()
+        check(params)
+        self._timing = Timing(params, model, period)
+        names = "walking_state icp_plan icp foot_poses mechanisms"
+        self._inputs = list(inputs(self, names))
+        declare_output(self, "time_adjustment", self._calc)
+
+    def _calc(self, context) -> tuple[float, float]:
+        signals = [read(context) for read in self._inputs]
+        return self._timing.adjustment(*signals)

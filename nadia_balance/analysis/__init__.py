@@ -1,1 +1,0 @@
-"""Limits of the model; no controller reads them."""
