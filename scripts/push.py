@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from nadia_balance.core.walking.push import SHAPES
 from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
 from nadia_balance.scripts import command_line
 
@@ -27,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
         'right foot swings) or "left transfer 50 %%" (the left one will), at a '
         'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
     )
+    add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
     command_line.scenario_flags(parser, name="push")
     return command_line.main_job(parser, argv, _pushed_scenario)
 
@@ -39,6 +41,8 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
+    if args.shape is not None and scenario.pushes:
+        scenario.pushes[0].shape = args.shape
     set_push(scenario, args.direction, args.delta_v, args.at)
     return scenario
 

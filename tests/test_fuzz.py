@@ -58,9 +58,10 @@ def bad_yaml(rng, folder):
 def bad_push(rng, folder):
     fields = {"delta_v": "0.1", "at": "1 s"}
     name = rng.choice(
-        "delta_v force duration direction_deg after_steps delay at body".split()
+        "delta_v force duration direction_deg after_steps delay frequency "
+        "shape at body".split()
     )
-    words = ("BOGUS", "7", "[]") if name in ("at", "body") else HUGE
+    words = ("BOGUS", "7", "[]") if name in ("shape", "at", "body") else HUGE
     fields[name] = rng.choice(words)
     text = ", ".join(f"{key}: {value}" for key, value in fields.items())
     return ["--scenario_text", f"pushes: [{{{text}}}]"]

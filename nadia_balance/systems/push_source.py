@@ -35,12 +35,12 @@ class PushSource(framework.LeafSystem):
     Whenever the count in the optional input `live_push` increases, a live push
     begins, with a number of its own; it replaces the previous live push.
 
-    Numeric parameter i: [force [N], direction [deg]] of push i, so that
+    Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can have different pushes (see `set_push`).
     Without a `walking_state`, pushes can only begin at a time, and their
     directions are relative to W.
     State, for each push and then for the live one: [ticks left, heading [rad]
-    in W (of the support foot until the push begins, then of the force),
+    in W (of the support foot until the push begins, then of the force), peak
     force [N]]; the last three entries are the last count, the number of live
     pushes, and the duration of the last one in ticks.  The outputs depend on
     the state only.
@@ -75,7 +75,8 @@ class PushSource(framework.LeafSystem):
             check(push)
             whole_ticks("duration", push.duration, period)
         self._pushes, self._mass, self.period = list(pushes), mass, period
-        self._ticks = [number_of_ticks(p.duration, period) for p in pushes]
+        self._shares = [push.shares(period) for push in pushes]
+        self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
         # Before these times a push is not looked at [s].
         self._not_before = np.array(
@@ -87,7 +88,7 @@ class PushSource(framework.LeafSystem):
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
-            size = [push.newtons(mass), push.direction_deg]
+            size = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(framework.BasicVector(size))
         self._state = self.DeclareDiscreteState(
             [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
@@ -122,7 +123,7 @@ class PushSource(framework.LeafSystem):
 
         It takes effect if the push has not begun; `context` is this system's.
         """
-        newtons = self._mass * delta_v / self._pushes[0].duration
+        newtons = self._mass * delta_v / self._effective[0]
         parameter = context.get_mutable_numeric_parameter(0)
         parameter.SetFromVector([newtons, direction_deg])
 
@@ -163,7 +164,7 @@ class PushSource(framework.LeafSystem):
                 ticks = round(push.duration / self.period)
                 heading = _yaw(self._walking_state(context))
                 heading += math.radians(push.direction_deg)
-                newtons = push.newtons(self._mass)
+                newtons = push.newtons(self._mass, self.period)
                 rows[-1] = ticks, heading, newtons
             count = clicks
         now.set_value([*rows.ravel(), count, number, ticks])
@@ -193,7 +194,7 @@ class PushSource(framework.LeafSystem):
             row[:2] = _EXPECTED, _yaw(walking)
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
-            ticks = self._ticks[i] + self._delays[i]
+            ticks = len(self._shares[i]) + self._delays[i]
             row[:] = ticks, row[1] + math.radians(direction_deg), newtons
 
     def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
@@ -202,13 +203,15 @@ class PushSource(framework.LeafSystem):
         if not (self._rows(context)[:, 0] > 0.0).any():
             return active
         # The last push is the live one.
-        lasts = [*self._ticks, round(self._live(context)[2])]
+        shares = [*self._shares, np.ones(round(self._live(context)[2]))]
         for i, (left, heading, newtons) in enumerate(
             self._rows(context).tolist()
         ):
-            if 0.0 < left <= lasts[i]:  # more ticks left: in its delay
+            if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
+                passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
-                active.append((i, lasts[i] - round(left), newtons * along))
+                force = newtons * shares[i][passed] * along
+                active.append((i, passed, force))
         return active
 
     def _calc_force(self, context) -> np.ndarray:
@@ -223,8 +226,8 @@ class PushSource(framework.LeafSystem):
             _, count, ticks = self._live(context)
             is_live = i == len(self._pushes)
             number = i + (count if is_live else 1)
-            lasts = ticks if is_live else self._ticks[i]
-            delta_v = rows[i, 2] * lasts * self.period / self._mass
+            effective = ticks * self.period if is_live else self._effective[i]
+            delta_v = rows[i, 2] * effective / self._mass
         waiting = np.count_nonzero(rows[:-1, 0])
         return [number, delta_v, *force, waiting]
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 
@@ -51,9 +52,16 @@ class Moment:
         return f"{self.swing.value} {self.phase.value} {percent} %"
 
 
+# Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
+# (quasi-static, if it is slow); sin(2 pi f t).
+SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = tuple(
+    "rectangle half_sine ramp sine".split()
+)
+
+
 @dataclass(kw_only=True)
 class Push:
-    """A constant horizontal force on one body.
+    """A horizontal force on one body.
 
     Either `delta_v` or `force` is given.  The direction is relative to the
     heading of the support foot when the push begins.
@@ -65,7 +73,11 @@ class Push:
     point: list[float] | None = None
     # Velocity change of the total mass.
     delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
+    # Peak force.
     force: float | None = bounded(None, least=0.0, most=1e5, unit="N")
+    shape: str = bounded(RECTANGLE, one_of=SHAPES)
+    # Frequency of a sine.
+    frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")
     duration: float = bounded(0.1, above=0.0, most=60.0, unit="s", of="")
     # Direction: 0 forward, 90 left [deg].
     direction_deg: float = bounded(0.0, least=-3600.0, most=3600.0)
@@ -87,6 +99,11 @@ class Push:
                 f"delta_v = {self.delta_v}, force = {self.force}: must give "
                 "exactly one of them"
             )
+        if self.shape == SINE and self.force is None:
+            raise ValueError(
+                f"delta_v = {self.delta_v}: must be null for a {SINE}, which "
+                "has a force"
+            )
         point = self.point or [0.0] * 3
         if len(point) != 3 or not all(abs(x) <= MOST_POINT for x in point):
             raise ValueError(
@@ -95,12 +112,34 @@ class Push:
             )
         Moment.parse(self.at)
 
-    def newtons(self, mass: float) -> float:
-        """Returns the force [N] on a robot of this mass [kg]: m delta_v / T."""
+    def shares(self, period: float) -> Array:
+        """Returns force / peak (n,) at the middle of each tick.
+
+        Ticks last `period` [s].
+        """
+        n = max(round(self.duration / period), 1)
+        x = (np.arange(n) + 0.5) / n
+        if self.shape == HALF_SINE:
+            return np.sin(np.pi * x)
+        if self.shape == RAMP:
+            return x
+        if self.shape == SINE:
+            return np.sin(2.0 * np.pi * self.frequency * n * period * x)
+        return np.ones(n)
+
+    def effective_duration(self, period: float) -> float:
+        """Returns how long the peak force has the same impulse [s]."""
+        return self.duration * float(np.mean(self.shares(period)))
+
+    def newtons(self, mass: float, period: float) -> float:
+        """Returns the peak force [N] on a robot of this mass [kg].
+
+        The impulse over all ticks of `period` [s] is m delta_v.
+        """
         if self.force is not None:
             return self.force
         assert self.delta_v is not None
-        return mass * self.delta_v / self.duration
+        return mass * self.delta_v / self.effective_duration(period)
 
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
         """True if the push begins at or before `time` [s], without `delay`.

@@ -20,11 +20,32 @@ RIGHT_SWING = WalkingState(
 )
 
 
-def test_a_push_has_the_impulse_m_delta_v():
-    """Oracle: m dv; a force that is given stays as it is."""
-    push = Push(delta_v=0.6, duration=0.4, at="1 s")
-    assert push.newtons(90.0) * 0.4 == pytest.approx(54.0)
-    assert Push(force=200.0, at="1 s").newtons(90.0) == 200.0
+@pytest.mark.parametrize(
+    ("shape", "peak", "square"),
+    [
+        ("rectangle", 1.0, 1.0),
+        ("half_sine", math.pi / 2.0, math.pi**2 / 8.0),
+        ("ramp", 2.0, 4.0 / 3.0),
+    ],
+)
+def test_each_shape_has_the_same_impulse(shape, peak, square):
+    """Oracles: m dv; peak and mean square over the mean, by integration."""
+    push = Push(delta_v=0.6, duration=0.4, at="1 s", shape=shape)
+    forces = push.newtons(90.0, 1e-4) * push.shares(1e-4)
+    assert np.sum(forces) * 1e-4 == pytest.approx(54.0)
+    mean = 54.0 / 0.4
+    assert np.max(forces) == pytest.approx(peak * mean, rel=1e-3)
+    assert np.mean(forces**2) == pytest.approx(square * mean**2, rel=1e-3)
+    assert Push(force=200.0, at="1 s").newtons(90.0, PERIOD) == 200.0
+
+
+def test_a_sine_goes_to_and_fro():
+    """Oracle: whole periods have no impulse; half of one has 2 / omega."""
+    push = Push(force=50.0, duration=1.0, at="1 s", shape="sine", frequency=2.0)
+    forces = push.newtons(90.0, PERIOD) * push.shares(PERIOD)
+    assert np.sum(forces) == pytest.approx(0.0, abs=1e-9)
+    half = np.sum(forces[:125]) * PERIOD
+    assert half == pytest.approx(50.0 * 2.0 / (4.0 * math.pi), rel=1e-4)
 
 
 def test_random_pushes_are_those_of_their_seed():
@@ -90,7 +111,7 @@ def test_a_moment_is_what_its_text_says_and_back(text, moment):
     [
         *(("delta_v", math.nan), ("force", -1.0), ("force", None)),
         *(("delay", -1.0), ("duration", 0.0), ("direction_deg", math.nan)),
-        *(("after_steps", -1), ("at", "")),
+        *(("after_steps", -1), ("shape", "saw"), ("at", "")),
         *(("at", "noon"), ("at", "25 %"), ("at", "right swing")),
         ("at", "\N{ARABIC-INDIC DIGIT ONE} s"),
         *(("at", "right standing 25 %"), ("at", "right swing 101 %")),
