@@ -1,5 +1,6 @@
 """The state of the robot, from IMU, joint encoders and foot forces."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,16 +25,16 @@ SETTLING = 0.02  # [s]
 START = 0.005, 1e-3, 0.005  # [rad], [m/s], [m]
 
 _V = JacobianWrtVariable.kV
+_SHAPES = {"R": (3, 3), "x": (4, 3), "bias": (2, 3), "heading": (2,)}
+_SHAPES["cov"] = ekf.SIZE, ekf.SIZE
 
 
-class _Legs(NamedTuple):
+class _Joints(NamedTuple):
     """What the joints tell of base B, IMU I and soles, without the base."""
 
     X_BI: RigidTransform
     V_BI: np.ndarray  # angular, linear velocity of I in B (2, 3)
-    soles: np.ndarray  # in I (2, 3) [m]
-    up: np.ndarray  # their normals in I (2, 3)
-    J: np.ndarray  # Jacobians of rotation, place by joint angles (2, 6, nj)
+    soles: ekf.Legs
 
 
 class StateEstimator(LeafSystem):
@@ -87,7 +88,7 @@ class StateEstimator(LeafSystem):
         Outcome(
             self,
             {"estimated_state": size, "estimate_covariance": 81},
-            {"R": 9, "x": 12, "bias": 6, "cov": 441, "loaded": 2},
+            {name: math.prod(n) for name, n in _SHAPES.items()} | {"loaded": 2},
             self._calc,
             period,
             [self._imu, self._joints, self._forces],
@@ -128,47 +129,39 @@ class StateEstimator(LeafSystem):
 
     def _moved(self, last, imu) -> ekf.Estimate:
         """The estimate of this tick by the IMU alone."""
-        return self._filter.predict(
-            ekf.Estimate(
-                last["R"].reshape(3, 3),
-                last["x"].reshape(4, 3),
-                last["bias"].reshape(2, 3),
-                last["cov"].reshape(ekf.SIZE, ekf.SIZE),
-            ),
-            imu[:6],
-        )
+        parts = {name: last[name].reshape(n) for name, n in _SHAPES.items()}
+        return self._filter.predict(ekf.Estimate(**parts), imu[:6])
 
     def _standing(self, estimate, legs, was, stands) -> ekf.Estimate:
         """The estimate with the feet that stand; some `was` before."""
-        f, soles, J = self._filter, legs.soles, legs.J
-        estimate, _ = f.correct(estimate, was & stands, soles, J[:, 3:])
+        f, soles = self._filter, legs.soles
+        estimate, _ = f.correct(estimate, was & stands, soles)
         new = np.flatnonzero(stands & ~was)
         for i in new:
-            estimate = f.touch(estimate, i, soles[i], J[i, 3:])
+            estimate = f.touch(estimate, i, soles)
         # One has settled: the other, with all of the weight until now, is flat.
         if self._height is not None:
             for i in 1 - new[stands[1 - new]]:
-                more = self._height, legs.up[i], J[i, :3]
-                estimate = f.level(estimate, i, *more)
+                estimate = f.level(estimate, i, self._height, soles)
         return estimate
 
-    def _begin(self, legs: _Legs) -> ekf.Estimate:
+    def _begin(self, legs: _Joints) -> ekf.Estimate:
         q = self._q0
         X_WI = RigidTransform(_rotation(q), q[4:7]) @ legs.X_BI
         R = X_WI.rotation().matrix()
         return self._filter.begin(R, X_WI.translation(), START)
 
-    def _legs(self, context, joints) -> _Legs:
+    def _legs(self, context, joints) -> _Joints:
         plant, own, n = self._plant, self._scratch.Eval(context), self._nj
         state = np.zeros(7 + 6 + 2 * n)
         state[0], state[7 : 7 + n], state[-n:] = 1.0, joints[:n], joints[n:]
         plant.SetPositionsAndVelocities(own, state)
         X_IB = self._X_BodyI.inverse()
         R_IB, body = X_IB.rotation().matrix(), self._body.body_frame()
-        soles, up, J = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 6, n))
+        p, R, J = np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 6, n))
         for i, (frame, X) in enumerate(self._soles):
             X_IF = X_IB @ frame.CalcPose(own, body) @ X
-            soles[i], up[i] = X_IF.translation(), X_IF.rotation().col(2)
+            p[i], R[i] = X_IF.translation(), X_IF.rotation().matrix()
             J_B = plant.CalcJacobianSpatialVelocity(
                 own, _V, frame, X.translation(), body, body
             )
@@ -177,11 +170,11 @@ class StateEstimator(LeafSystem):
         V = plant.EvalBodySpatialVelocityInWorld(own, self._body)
         V = V.Shift(X_BBody.rotation() @ self._X_BodyI.translation())
         V_BI = np.array((V.rotational(), V.translational()))
-        return _Legs(X_BBody @ self._X_BodyI, V_BI, soles, up, J)
+        return _Joints(X_BBody @ self._X_BodyI, V_BI, ekf.Legs(p, R, J))
 
-    def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Legs) -> tuple:
+    def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Joints) -> tuple:
         """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""
-        R_WI, (v_WI, p_WI, *_), (bias, _), cov = estimate
+        R_WI, (v_WI, p_WI, *_), (bias, _), _, cov = estimate
         R_BI, p_BI = legs.X_BI.rotation().matrix(), legs.X_BI.translation()
         R = R_WI @ R_BI.T
         r = R @ p_BI
@@ -190,7 +183,8 @@ class StateEstimator(LeafSystem):
         p = p_WI - r
         T = np.eye(9)
         T[3:, :3] = -ekf.skew(np.array((v, p))).reshape(6, 3)
-        return (R, p, w, v), T @ cov[:9, :9] @ T.T
+        T = T @ ekf.IN_W
+        return (R, p, w, v), T @ cov @ T.T
 
     def _state(self, R, p, w, v, joints) -> np.ndarray:
         R_WB = RotationMatrix.ProjectToRotationMatrix(R)

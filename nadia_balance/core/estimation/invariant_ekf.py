@@ -12,17 +12,23 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 
 # Standard deviations of what the sensors do not tell.
-# A standing sole creeps and sinks [m/sqrt(s)].  With less, legs tell the yaw of
-# the past, and the place of a robot far from where it began jumps with it.
-STANCE_NOISE = 0.003
+# A standing sole creeps and sinks [m/sqrt(s)], and turns [rad/sqrt(s)].
+STANCE_NOISE, TURNING = 0.00075, 0.0005
 SINKING = 0.0005  # into level ground, once a step [m]
 FLATNESS = 0.001  # of a sole that stands on it, once a step [rad]
-GATE = 21.1  # of a foot's squared innovation: 1e-4 of chi^2 of 3 [-]
+GATE = 23.5  # of a foot's squared innovation: 1e-4 of chi^2 of 4 [-]
 
 THETA, V, P, BIAS = slice(0, 3), slice(3, 6), slice(6, 9), slice(15, 21)
 GYRO_BIAS, FORCE_BIAS = slice(15, 18), slice(18, 21)
-FEET = slice(9, 12), slice(12, 15)
-SIZE = 21
+# Place and heading of each sole, and what the legs measure them from.
+FEET, BODY = ([9, 10, 11, 21], [12, 13, 14, 22]), [6, 7, 8, 2]
+HEADINGS, GAUGE, SIZE = slice(21, 23), slice(23, 26), 26
+# What GAUGE turns about W's z axis, and moves along x and y.
+_ALL = np.zeros((SIZE, 3))
+_ALL[[2, 21, 22], 0] = _ALL[[6, 9, 12], 1] = _ALL[[7, 10, 13], 2] = 1.0
+# The error of rotation, velocity and position in W, by all of xi.
+IN_W = np.eye(9, SIZE)
+IN_W[:, GAUGE] = _ALL[:9]
 _G = np.array([0.0, 0.0, -GRAVITY])
 # skew(a) = a @ _SKEW, reshaped to (3, 3).
 _SKEW = np.zeros((3, 9))
@@ -61,17 +67,27 @@ def gammas(phi: Array) -> tuple[Array, Array, Array]:
     )
 
 
+class Legs(NamedTuple):
+    """What the joint angles tell of the soles' frames F in I."""
+
+    p: Array  # p_IF (2, 3) [m]
+    R: Array  # R_IF (2, 3, 3)
+    J: Array  # Jacobians of rotation and place by the angles (2, 6, nj)
+
+
 class Estimate(NamedTuple):
     """Mean and covariance of the filter, of the IMU's frame I in W.
 
-    The truth is exp(xi) (R, x), bias + xi[15:]: xi (21,) ~ N(0, cov) is the
-    right-invariant error, of rotation, rows of `x`, biases.
+    The truth is exp(_ALL xi[23:]) exp(xi) (R, x), bias + xi[15:21] and heading
+    + xi[21:23] + xi[23]: xi (26,) ~ N(0, cov) is the right-invariant error, of
+    rotation, rows of `x`, biases, headings, and, not corrected, the gauge.
     """
 
     R: Array  # R_WI (3, 3)
     x: Array  # velocity [m/s], position, left and right sole [m] (4, 3), in W
     bias: Array  # of gyro [rad/s] and specific force [m/s^2] (2, 3), in I
-    cov: Array  # (21, 21)
+    heading: Array  # of the soles' x axes (2,) [rad]
+    cov: Array  # (26, 26)
 
 
 class InvariantEkf:
@@ -79,9 +95,12 @@ class InvariantEkf:
 
     The right-invariant extended Kalman filter of Hartley, Ghaffari, Eustice
     and Grizzle (2020, "Contact-aided invariant extended Kalman filtering for
-    robot state estimation", IJRR 39(4)), with biases.  Neither the transition
-    of the error nor its measurement depends on the estimate, but for the
-    biases.  Equations are numbered as in docs/sensors.md.
+    robot state estimation", IJRR 39(4)), with biases, and with the soles'
+    headings.  Neither the transition of the error nor its measurement depends
+    on the estimate, but for the biases.  Legs cannot tell turn and horizontal
+    place of the whole in W: what these were at the last landing is Schmidt's
+    considered gauge, of which the covariance knows, and which no measurement
+    moves.  Equations are numbered as in docs/sensors.md.
     """
 
     def __init__(self, sensors: SensorParams, period: float):
@@ -93,6 +112,7 @@ class InvariantEkf:
         self._noise = np.zeros(SIZE)
         self._noise[V] = sensors.force_noise**2 * T
         self._noise[9:15] = STANCE_NOISE**2 * T
+        self._noise[HEADINGS] = TURNING**2 * T
         self._noise[BIAS] = np.repeat(np.square(walks), 3) * T
         self._biases = sensors.gyro_bias, sensors.force_bias
         # The transition of the error without biases: exp(A T), Eq. (3).
@@ -108,16 +128,14 @@ class InvariantEkf:
         [m/s] and position [m].
         """
         x = np.vstack((np.zeros(3), p, p, p))
-        cov = np.diag(
-            np.square(np.repeat((*error, 0.0, 0.0, *self._biases), 3))
-        )
-        start = Estimate(R, x, np.zeros((2, 3)), cov)
+        cov = np.zeros((SIZE, SIZE))
+        deviations = np.repeat((*error, 0.0, 0.0, *self._biases), 3)
+        np.fill_diagonal(cov[:21, :21], np.square(deviations))
         # The error of the position itself, not that of a rotation about W.
         A = np.eye(SIZE)
         A[3:9, THETA] = skew(x[:2]).reshape(6, 3)
-        for foot in FEET:
-            A[foot] = A[P]
-        return start._replace(cov=A @ cov @ A.T)
+        cov = A @ cov @ A.T
+        return Estimate(R, x, np.zeros((2, 3)), np.zeros(2), cov)
 
     def predict(self, last: Estimate, imu: Array) -> Estimate:
         """The estimate a period later, Eqs. (1) to (4).
@@ -125,7 +143,7 @@ class InvariantEkf:
         `imu` (6,) are the mean angular velocity [rad/s] and specific force
         [m/s^2] in I over the period.
         """
-        T, (R, x, bias, cov) = self._period, last
+        T, (R, x, bias, heading, cov) = self._period, last
         w, f = imu.reshape(2, 3) - bias
         turned, mean, double = gammas(w * T)
         RG = R @ mean
@@ -144,78 +162,91 @@ class InvariantEkf:
         spread = np.vstack((np.eye(3), cross.reshape(12, 3)))
         cov[:15, :15] += self._gyro_var * (spread @ spread.T)
         cov.ravel()[:: SIZE + 1] += self._noise
-        return Estimate(R @ turned, moved, bias, cov)
+        return Estimate(R @ turned, moved, bias, heading, cov)
 
-    def touch(self, last: Estimate, i: int, p_IF: Array, J: Array) -> Estimate:
+    def touch(self, last: Estimate, i: int, legs: Legs) -> Estimate:
         """The estimate after sole `i` has landed: it is where the leg says.
 
-        Eq. (6); the sole's former place is forgotten.  `p_IF` (3,) [m] and its
-        Jacobian `J` (3, nj) by joint angles are in I.
+        Eq. (6); the sole's former place is forgotten, and the errors of yaw
+        and horizontal place go to the gauge, Eq. (8).
         """
-        x, cov, foot = last.x.copy(), last.cov.copy(), FEET[i]
-        x[2 + i] = x[1] + last.R @ p_IF
-        cov[foot] = cov[P]
-        cov[:, foot] = cov[:, P]
-        RJ = last.R @ J
-        cov[foot, foot] += self._joint_var * (RJ @ RJ.T)
-        return last._replace(x=x, cov=cov)
+        x, heading, cov = last.x.copy(), last.heading.copy(), last.cov.copy()
+        foot, (place, ahead) = FEET[i], _seen(last, legs)
+        x[2 + i], heading[i] = place[i], ahead[i]
+        cov[foot] = cov[BODY]
+        cov[:, foot] = cov[:, BODY]
+        cov[np.ix_(foot, foot)] += self._leg_noise(last, [i], legs)
+        told = np.eye(SIZE)[[2, 6, 7]]
+        A = np.eye(SIZE) - _ALL @ told
+        A[GAUGE] += told
+        return last._replace(x=x, heading=heading, cov=A @ cov @ A.T)
 
     def level(
-        self, last: Estimate, i: int, height: float, up: Array, J: Array
+        self, last: Estimate, i: int, height: float, legs: Legs
     ) -> Estimate:
         """The estimate with sole `i` flat on ground of known `height` [m].
 
         Eq. (7), once a step: how the sole lies does not change within one.
-        `up` (3,) is the normal of the sole in I, `J` (3, nj) the Jacobian of
-        its rotation.  A sole above GATE stands on an edge: it tells nothing.
+        A sole above GATE stands on an edge: it tells nothing.
         """
         d, H = last.x[2 + i], np.zeros((3, SIZE))
-        H[0, :2], H[0, FEET[i].stop - 1] = (d[1], -d[0]), 1.0
+        H[0, :2], H[0, FEET[i][2]] = (d[1], -d[0]), 1.0
         H[1, 1], H[2, 0] = 1.0, -1.0
-        RJ = last.R @ J
+        RJ = last.R @ legs.J[i, :3]
         noise = np.diag(np.square((SINKING, FLATNESS, FLATNESS)))
         noise[1:, 1:] += self._joint_var * (H[1:, :3] @ RJ @ RJ.T @ H[1:, :3].T)
-        r = np.array((height - d[2], *(-last.R @ up)[:2]))
+        r = np.array((height - d[2], *(-last.R @ legs.R[i, :, 2])[:2]))
         HP = H @ last.cov
         found, distance = _corrected(last, HP, HP @ H.T + noise, r)
         return found if distance <= GATE else last
 
     def correct(
-        self, last: Estimate, stands: Array, p_IF: Array, J: Array
+        self, last: Estimate, stands: Array, legs: Legs
     ) -> tuple[Estimate, list[int]]:
         """The estimate with the legs' measurement of the soles, Eq. (5).
 
-        `stands` (2,) are the soles on the ground, `p_IF` (2, 3) [m] their
-        measured positions and `J` (2, 3, nj) the Jacobians.  One whose squared
-        innovation is above GATE has slipped: it has landed anew.  The second
-        result are these.
+        `stands` (2,) are the soles on the ground.  One whose squared innovation
+        is above GATE has slipped: it has landed anew.  The second result are
+        these.
         """
         rows: list[int] = np.flatnonzero(stands).tolist()
-        found, distance = self._corrected(last, rows, p_IF, J)
+        found, distance = self._corrected(last, rows, legs)
         if distance <= GATE:  # that of each is less
             return found, []
         slipped = [
-            i for i in rows if self._corrected(last, [i], p_IF, J)[1] > GATE
+            i for i in rows if self._corrected(last, [i], legs)[1] > GATE
         ]
         rows = [i for i in rows if i not in slipped]
-        found, _ = self._corrected(last, rows, p_IF, J)
+        found, _ = self._corrected(last, rows, legs)
         for i in slipped:
-            found = self.touch(found, i, p_IF[i], J[i])
+            found = self.touch(found, i, legs)
         return found, slipped
 
     def _corrected(
-        self, last: Estimate, rows: list[int], p_IF: Array, J: Array
+        self, last: Estimate, rows: list[int], legs: Legs
     ) -> tuple[Estimate, float]:
         """The estimate with the soles `rows`, and their squared innovation."""
         if not rows:
             return last, 0.0
-        R, x, _, cov = last
-        r = (p_IF[rows] @ R.T - (x[2:][rows] - x[1])).ravel()
-        HP = np.concatenate([cov[FEET[i]] - cov[P] for i in rows])
-        S = np.concatenate([HP[:, FEET[i]] - HP[:, P] for i in rows], axis=1)
-        RJ = (R @ J[rows]).reshape(len(r), -1)
-        S += self._joint_var * (RJ @ RJ.T)
-        return _corrected(last, HP, S, r)
+        place, ahead = _seen(last, legs)
+        turn = np.remainder(ahead - last.heading + math.pi, 2.0 * math.pi)
+        r = np.column_stack((place - last.x[2:], turn - math.pi))[rows].ravel()
+        HP = np.concatenate([last.cov[FEET[i]] - last.cov[BODY] for i in rows])
+        S = np.concatenate([HP[:, FEET[i]] - HP[:, BODY] for i in rows], axis=1)
+        return _corrected(last, HP, S + self._leg_noise(last, rows, legs), r)
+
+    def _leg_noise(self, last: Estimate, rows: list[int], legs: Legs) -> Array:
+        """Covariance of place and heading of the soles `rows` by the legs."""
+        RJ = last.R @ legs.J[rows].reshape(-1, 2, 3, legs.J.shape[-1])
+        RJ = np.concatenate((RJ[:, 1], RJ[:, 0, 2:]), axis=1)
+        RJ = RJ.reshape(4 * len(rows), -1)
+        return self._joint_var * (RJ @ RJ.T)
+
+
+def _seen(last: Estimate, legs: Legs) -> tuple[Array, Array]:
+    """Places (2, 3) [m] and headings (2,) [rad] of the soles by the legs."""
+    x, y, _ = last.R @ legs.R[:, :, 0].T
+    return last.x[1] + legs.p @ last.R.T, np.arctan2(y, x)
 
 
 def _corrected(
@@ -224,8 +255,9 @@ def _corrected(
     """The estimate exp(K r) `last`, and r' S^-1 r of the innovation `r`."""
     K = np.linalg.solve(S, np.column_stack((HP, r)))
     xi, cov = r @ K[:, :-1], last.cov - HP.T @ K[:, :-1]
+    cov[GAUGE, GAUGE] = last.cov[GAUGE, GAUGE]  # Schmidt's: K = 0 there
     turned, mean, _ = gammas(xi[THETA])
     x = last.x @ turned.T + xi[3:15].reshape(4, 3) @ mean.T
     bias = last.bias + xi[BIAS].reshape(2, 3)
-    moved = Estimate(turned @ last.R, x, bias, 0.5 * (cov + cov.T))
-    return moved, float(r @ K[:, -1])
+    heading, cov = last.heading + xi[HEADINGS], 0.5 * (cov + cov.T)
+    return Estimate(turned @ last.R, x, bias, heading, cov), float(r @ K[:, -1])

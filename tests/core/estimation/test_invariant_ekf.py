@@ -1,14 +1,15 @@
 """Oracles: series, fine integration, finite differences, least squares."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 from scipy.optimize import least_squares
 
 from nadia_balance.core.estimation import invariant_ekf as ekf
-from nadia_balance.core.estimation.invariant_ekf import InvariantEkf
+from nadia_balance.core.estimation.invariant_ekf import InvariantEkf, Legs
 from nadia_balance.core.estimation.sensors import SensorParams
 
 T = 0.004
@@ -23,7 +24,15 @@ NOISY = SensorParams(
     force_walk=1e-3,
     joint_noise=1e-3,
 )
-LEG = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 3, 6))  # Jacobians
+JOINTS = 12
+LEG = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 6, JOINTS))  # Jacobians
+LEG[0, :, 6:] = LEG[1, :, :6] = 0.0
+# The error (23,) in W of rotation, x, biases, headings: of all of xi.  What is
+# in W turns about its z axis, and moves along x and y.
+IN_W = np.eye(23, 26)
+IN_W[[2, 21, 22], 23] = 1.0
+IN_W[[6, 9, 12], 24] = IN_W[[7, 10, 13], 25] = 1.0
+BOTH = np.array([True, True])
 W, F = np.array([0.8, -1.1, 2.0]), np.array([3.0, -2.0, 11.0])
 ERROR = 0.005, 0.001, 0.005
 
@@ -48,19 +57,28 @@ def exp(xi):
 
 
 def shifted(estimate, xi):
-    """The truth that has the error `xi` (21,), by matrices alone."""
+    """The truth that has the error `xi` (23,), by matrices alone."""
     X = group(*exp(xi[:15])) @ group(estimate.R, estimate.x)
-    bias = estimate.bias + xi[15:].reshape(2, 3)
-    return estimate._replace(R=X[:3, :3], x=X[:3, 3:].T, bias=bias)
+    bias = estimate.bias + xi[15:21].reshape(2, 3)
+    heading = estimate.heading + xi[21:]
+    return estimate._replace(
+        R=X[:3, :3], x=X[:3, 3:].T, bias=bias, heading=heading
+    )
 
 
 def between(truth, estimate):
-    """The error (21,), to first order."""
+    """The error (23,), to first order."""
     X = group(truth.R, truth.x) @ np.linalg.inv(group(estimate.R, estimate.x))
     turn = 0.5 * (X[:3, :3] - X[:3, :3].T)
     turn = turn[2, 1], turn[0, 2], turn[1, 0]
     bias = (truth.bias - estimate.bias).ravel()
-    return np.concatenate((turn, X[:3, 3:].T.ravel(), bias))
+    heading = truth.heading - estimate.heading
+    return np.concatenate((turn, X[:3, 3:].T.ravel(), bias, heading))
+
+
+def in_w(estimate):
+    """The covariance (23, 23) of the errors in W."""
+    return IN_W @ estimate.cov @ IN_W.T
 
 
 def moved(state, imu, steps=400):
@@ -77,12 +95,30 @@ def moved(state, imu, steps=400):
     return state._replace(R=R, x=x)
 
 
+def turned(heading):
+    """The rotation of a level sole."""
+    return expm(cross(np.array([0.0, 0.0, heading])))
+
+
+def legs_of(state, noise):
+    """What encoders with `noise` (JOINTS,) tell of soles that lie level."""
+    p = [state.R.T @ (d - state.x[1]) for d in state.x[2:]] + LEG[:, 3:] @ noise
+    wrong = [expm(cross(turn)) for turn in LEG[:, :3] @ noise]
+    R = [
+        E @ state.R.T @ turned(h)
+        for E, h in zip(wrong, state.heading, strict=True)
+    ]
+    return Legs(p, np.array(R), LEG)
+
+
 def start(params=BLIND):
     R = expm(cross(np.array([0.1, -0.2, 0.5])))
     filter_ = InvariantEkf(params, T)
     begun = filter_.begin(R, np.array([3.0, -1.0, 0.9]), ERROR)
+    p, turn = np.array([0.1, 0.1, -0.9]), R.T @ turned(0.3)
+    legs = Legs(np.array([p, p]), np.array([turn, turn]), LEG)
     for i in (0, 1):
-        begun = filter_.touch(begun, i, np.array([0.1, 0.1, -0.9]), LEG[i])
+        begun = filter_.touch(begun, i, legs)
     x = begun.x.copy()
     x[0] = 0.4, -0.3, 0.2
     return begun._replace(x=x)
@@ -112,69 +148,81 @@ def test_the_mean_moves_as_the_body_does():
 def test_the_error_moves_as_its_transition_says(monkeypatch):
     """Oracle: finite differences of the motion in 40 steps, per error."""
     monkeypatch.setattr(ekf, "STANCE_NOISE", 0.0)
+    monkeypatch.setattr(ekf, "TURNING", 0.0)
     imu, last, eps = np.concatenate((W, F)), start(), 1e-6
     mean = moved(last, imu, 40)
     Phi = np.column_stack(
         [
             between(moved(shifted(last, eps * e), imu, 40), mean) / eps
-            for e in np.eye(21)
+            for e in np.eye(23)
         ]
     )
-    A = np.random.default_rng(0).standard_normal((21, 21))
+    Phi = block_diag(Phi, np.eye(3))
+    A = np.random.default_rng(0).standard_normal((26, 26))
     found = InvariantEkf(BLIND, T).predict(last._replace(cov=A @ A.T), imu).cov
     # What turns and moves within a period squared: (2.4 rad/s * 4 ms)^2 / 12.
     expected = Phi @ A @ A.T @ Phi.T
     assert found == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
-def legs_of(state, i, noise):
-    """The measured sole `i` in I."""
-    measured = state.R.T @ (state.x[2 + i] - state.x[1])
-    return measured + LEG[i] @ noise
-
-
 def test_a_filter_without_process_noise_is_least_squares(monkeypatch):
     """Oracle: the start that fits 40 ticks of legs best, moved to the end.
 
-    Of all errors at once, by scipy, with a motion integrated here.
+    Of all errors at once, by scipy, with a motion integrated here.  A filter
+    that has turn and place in the gauge leaves these as they were, and what it
+    tells within the robot is the same.
     """
     monkeypatch.setattr(ekf, "STANCE_NOISE", 0.0)
-    rng, filter_ = np.random.default_rng(5), InvariantEkf(BLIND, T)
-    first = start()
+    monkeypatch.setattr(ekf, "TURNING", 0.0)
+    # A twentieth of the errors: of their squares the filter knows nothing.
+    rng, sharp = np.random.default_rng(5), replace(BLIND, joint_noise=5e-5)
+    filter_ = InvariantEkf(sharp, T)
     # Soles stand a little aside, so that the prior is of full rank.
-    first = first._replace(cov=first.cov + 1e-6 * np.eye(21))
-    root = np.linalg.cholesky(first.cov)
-    truth, estimate = shifted(first, root @ rng.standard_normal(21)), first
+    gauged = start()
+    gauged.cov[:23, :23] += 1e-6 * np.eye(23)
+    gauged.cov[:] /= 400.0
+    cov = in_w(gauged)
+    first = gauged._replace(cov=block_diag(cov, np.zeros((3, 3))))
+    root = np.linalg.cholesky(cov)
+    truth, estimate = shifted(first, root @ rng.standard_normal(23)), first
     imus = [np.concatenate((W, F)) * math.cos(0.1 * k) for k in range(40)]
-    measured = []
+    measured, weights, kept = [], [], gauged
     for imu in imus:
         truth = moved(truth, imu, 4)
-        noise = 1e-3 * rng.standard_normal(6)
-        measured.append([legs_of(truth, i, noise) for i in (0, 1)])
+        measured.append(legs_of(truth, 5e-5 * rng.standard_normal(JOINTS)))
+        J = np.concatenate((LEG[:, 3:], (truth.R @ LEG[:, :3])[:, 2:]), axis=1)
+        J = 5e-5 * J.reshape(8, JOINTS)
+        weights.append(np.linalg.inv(np.linalg.cholesky(J @ J.T)))
         estimate = filter_.predict(estimate, imu)
-        both = np.ones(2, dtype=bool)
-        estimate, _ = filter_.correct(
-            estimate, both, np.array(measured[-1]), LEG
-        )
-    S = 1e-6 * np.concatenate(LEG) @ np.concatenate(LEG).T
-    weight = np.linalg.inv(np.linalg.cholesky(S))
+        estimate, _ = filter_.correct(estimate, BOTH, measured[-1])
+        kept = filter_.predict(kept, imu)
+        kept, _ = filter_.correct(kept, BOTH, measured[-1])
 
     def misfit(z):
         state, found = shifted(first, root @ z), [z]
-        for imu, soles in zip(imus, measured, strict=True):
+        for imu, legs, weight in zip(imus, measured, weights, strict=True):
             state = moved(state, imu, 4)
-            told = [legs_of(state, i, np.zeros(6)) for i in (0, 1)]
-            found.append(weight @ (np.ravel(soles) - np.ravel(told)))
+            x, y, _ = state.R @ legs.R[:, :, 0].T
+            off = legs.p - legs_of(state, np.zeros(JOINTS)).p
+            turn = np.arctan2(y, x) - state.heading
+            found.append(weight @ np.column_stack((off, turn)).ravel())
         return np.concatenate(found)
 
-    best = shifted(first, root @ least_squares(misfit, np.zeros(21)).x)
+    best = shifted(first, root @ least_squares(misfit, np.zeros(23)).x)
     for imu in imus:
         best = moved(best, imu, 4)
     error = between(best, estimate)
     # Parts of a standard deviation.
-    assert np.max(np.abs(error) / np.sqrt(np.diag(estimate.cov))) < 0.02
+    assert np.max(np.abs(error) / np.sqrt(np.diag(in_w(estimate)))) < 0.02
     off = between(truth, estimate)
-    assert np.max(np.abs(off) / np.sqrt(np.diag(estimate.cov))) > 0.5
+    assert np.max(np.abs(off) / np.sqrt(np.diag(in_w(estimate)))) > 0.5
+    # The whole of both, but for one turn about z and a move along x and y.
+    other = between(estimate, kept)
+    gauge = np.linalg.lstsq(IN_W[:, 23:], other, rcond=None)[0]
+    rest = other - IN_W[:, 23:] @ gauge
+    assert np.max(np.abs(rest) / np.sqrt(np.diag(in_w(estimate)))) < 0.02
+    assert np.array_equal(kept.cov[23:, 23:], gauged.cov[23:, 23:])
+    assert np.all(np.linalg.eigvalsh(in_w(kept) - in_w(estimate)) > -1e-9)
 
 
 def test_errors_are_as_large_as_the_filter_says():
@@ -187,35 +235,37 @@ def test_errors_are_as_large_as_the_filter_says():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         estimate = start(NOISY)
-        values, vectors = np.linalg.eigh(estimate.cov)
+        values, vectors = np.linalg.eigh(in_w(estimate))
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        truth = shifted(estimate, root @ rng.standard_normal(21))
+        truth = shifted(estimate, root @ rng.standard_normal(23))
         white = np.repeat([2e-4, 3e-3], 3) / math.sqrt(T)
         walk = np.array([[1e-4], [1e-3]]) * math.sqrt(T)
         for k in range(150):
             ideal = np.concatenate((W * math.sin(0.07 * k), -truth.R.T @ G))
             bias = truth.bias.ravel()
-            truth = moved(truth, ideal + bias, 2)
+            truth = moved(truth, ideal + bias, 1)
             x = truth.x.copy()
             x[2:] += (
                 ekf.STANCE_NOISE * math.sqrt(T) * rng.standard_normal((2, 3))
             )
-            if k % 25 == 0:
-                x[2 + k // 25 % 2, :2] += 0.3
-            truth = truth._replace(
-                x=x, bias=truth.bias + walk * rng.standard_normal((2, 3))
+            heading = truth.heading + (
+                ekf.TURNING * math.sqrt(T) * rng.standard_normal(2)
             )
+            foot = k // 25 % 2
+            if k % 25 == 0:
+                x[2 + foot, :2] += 0.3
+                heading[foot] += 0.2
+            walked = truth.bias + walk * rng.standard_normal((2, 3))
+            truth = truth._replace(x=x, bias=walked, heading=heading)
             imu = ideal + bias + white * rng.standard_normal(6)
             estimate = filter_.predict(estimate, imu)
-            noise = 1e-3 * rng.standard_normal(6)
-            soles = np.array([legs_of(truth, i, noise) for i in (0, 1)])
-            stands = np.ones(2, dtype=bool)
+            legs = legs_of(truth, 1e-3 * rng.standard_normal(JOINTS))
+            stands = BOTH.copy()
             if k % 25 == 0:
-                foot = k // 25 % 2
                 stands[foot] = False
-                estimate = filter_.touch(estimate, foot, soles[foot], LEG[foot])
-            estimate, _ = filter_.correct(estimate, stands, soles, LEG)
-        e, cov = between(truth, estimate), estimate.cov
+                estimate = filter_.touch(estimate, foot, legs)
+            estimate, _ = filter_.correct(estimate, stands, legs)
+        e, cov = between(truth, estimate), in_w(estimate)
         used = [*range(9), *range(15, 21)]
         e, cov = e[used], cov[np.ix_(used, used)]
         total += e @ np.linalg.solve(cov, e)
@@ -226,33 +276,35 @@ def test_errors_are_as_large_as_the_filter_says():
 def test_a_foot_that_slips_is_not_believed():
     """Oracle: the other foot, without it."""
     filter_, last = InvariantEkf(BLIND, T), start()
-    soles = np.array([legs_of(last, i, np.zeros(6)) for i in (0, 1)])
-    soles[0, 0] += 0.1
-    both, right = np.array([True, True]), np.array([False, True])
-    found, slipped = filter_.correct(last, both, soles, LEG)
-    expected, _ = filter_.correct(last, right, soles, LEG)
+    legs = legs_of(last, np.zeros(JOINTS))
+    legs.p[0, 0] += 0.1
+    found, slipped = filter_.correct(last, BOTH, legs)
+    expected, _ = filter_.correct(last, np.array([False, True]), legs)
     assert slipped == [0]
     assert np.array_equal(found.R, expected.R)
     assert np.array_equal(found.x[:2], expected.x[:2])
-    assert found.x[2] == pytest.approx(found.x[1] + found.R @ soles[0])
+    assert found.x[2] == pytest.approx(found.x[1] + found.R @ legs.p[0])
 
 
 def test_a_flat_sole_on_known_ground_bounds_height_and_tilt():
     """Oracle: variances of parallel measurements, without a lever arm."""
-    last = start()._replace(cov=np.diag(np.full(21, 1e-4)), R=np.eye(3))
+    last = start()._replace(cov=np.diag(np.full(26, 1e-4)), R=np.eye(3))
     x = np.zeros((4, 3))
     x[2, 2] = 0.03
-    turn, J = 0.01, np.diag([1.0, 2.0, 3.0])
-    up = expm(cross(np.array([turn, 0.0, 0.0])))[:, 2]
+    turn, J = 0.01, np.zeros((2, 6, 3))
+    J[0, :3] = np.diag([1.0, 2.0, 3.0])
+    tilted = expm(cross(np.array([turn, 0.0, 0.0])))
+    legs = Legs(np.zeros((2, 3)), np.array([tilted, tilted]), J)
     filter_, last = InvariantEkf(BLIND, T), last._replace(x=x)
-    found = filter_.level(last, 0, 0.01, up, J)
+    found = filter_.level(last, 0, 0.01, legs)
     share = 1e-4 / (1e-4 + ekf.SINKING**2)
     assert found.x[2, 2] == pytest.approx(0.03 - share * 0.02, abs=1e-5)
     assert found.cov[11, 11] == pytest.approx(1e-4 * (1.0 - share))
     noise = ekf.FLATNESS**2 + np.square([1e-3, 2e-3])
     share = 1e-4 / (1e-4 + noise)
     assert np.diag(found.cov)[:2] == pytest.approx(1e-4 * (1.0 - share))
-    tilt = np.arcsin((found.R @ up)[:2])
+    tilt = np.arcsin((found.R @ tilted[:, 2])[:2])
     assert tilt == pytest.approx([0.0, -turn * (1.0 - share[0])], abs=1e-6)
-    on_edge = expm(cross(np.array([0.05, 0.0, 0.0])))[:, 2]
-    assert filter_.level(last, 0, 0.01, on_edge, J) is last
+    on_edge = expm(cross(np.array([0.06, 0.0, 0.0])))
+    legs = legs._replace(R=np.array([on_edge, on_edge]))
+    assert filter_.level(last, 0, 0.01, legs) is last
