@@ -52,7 +52,7 @@ MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 # Flags that have no effect with --live.
 _NOT_LIVE = (
     *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "controller"),
+    *("direction", "delta_v", "at", "shape", "random", "controller"),
 )
 
 

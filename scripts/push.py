@@ -3,9 +3,12 @@
 import argparse
 import sys
 
-from nadia_balance.core.walking.push import SHAPES
+from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking.push import SHAPES, random_pushes
 from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
 from nadia_balance.scripts import command_line
+
+MOST_RANDOM = 100  # largest number of random pushes
 
 
 @command_line.program
@@ -29,6 +32,9 @@ def main(argv: list[str] | None = None) -> int:
         'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
     )
     add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
+    about = "N pushes instead, in directions at random, of up to --delta-v, 1 "
+    about += "to 3 s after each other; --seed gives others"
+    add("--random", type=int, metavar="N", help=about)
     command_line.scenario_flags(parser, name="push")
     return command_line.main_job(parser, argv, _pushed_scenario)
 
@@ -44,7 +50,36 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     if args.shape is not None and scenario.pushes:
         scenario.pushes[0].shape = args.shape
     set_push(scenario, args.direction, args.delta_v, args.at)
+    if args.random is not None:
+        _push_at_random(args, scenario)
+        check(scenario)
     return scenario
+
+
+def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
+    """Replaces the scenario's pushes by --random ones.
+
+    The gait has steps for all of them, and so has the run without --duration.
+    """
+    for name in ("at", "direction", "shape"):
+        if (value := getattr(args, name)) is not None:
+            raise ValueError(f"{name} = {value!r}: must not come with --random")
+    if not 1 <= args.random <= MOST_RANDOM:
+        raise ValueError(
+            f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
+        )
+    largest = scenario.pushes[0].delta_v
+    if largest is None:
+        raise ValueError("delta_v: must be given with --random")
+    pushes = random_pushes(args.random, scenario.seed, largest)
+    for push in pushes:
+        push.body = scenario.pushes[0].body
+    scenario.pushes, gait = pushes, scenario.gait
+    if args.duration is None:
+        scenario.duration += pushes[-1].moment.time
+    if gait.num_steps:
+        step = gait.swing_duration + gait.transfer_duration
+        gait.num_steps = max(gait.num_steps, int(scenario.duration / step) + 1)
 
 
 if __name__ == "__main__":

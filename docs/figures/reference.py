@@ -55,6 +55,10 @@ SUMMARY = {
     "duration_s": ("s", "simulated time"),
     "pushes": ("", "each push as it came, see below"),
     "estimate": ("", "errors of the estimated state (docs/sensors.md)"),
+    "body_sway_deg": (
+        "deg",
+        "largest tilt of the line from between the soles to the CoM",
+    ),
     "max_torso_tilt_deg": ("deg", "largest angle of the torso to the vertical"),
     "max_pelvis_tilt_deg": ("deg", "the same, of the pelvis"),
     "com_sag_m": ("m", "largest loss of the CoM's height over the lower sole"),
@@ -78,6 +82,7 @@ SUMMARY = {
     "positive_power_w": ("W", "the same, those that brake not counted"),
     "mean_swing_foot_speed": ("m/s", "of a sole's centre, the fastest swing"),
     "max_impact_body_weights": ("1", "largest force on a foot over the weight"),
+    "min_sole_distance_m": ("m", "between soles that pass, from above"),
     "min_edge_distances_m": (
         "m",
         "of each landed sole from the edge of its region; negative: beside it",
@@ -103,6 +108,8 @@ PUSHES = {
     "delta_v": ("m/s", "impulse over the robot's mass"),
     "direction_deg": ("deg", "from the support foot's heading, 90 left"),
     "force_n": ("N", "largest force"),
+    "impulse_n_s": ("N s", "as it was felt"),
+    "absorbed_energy_j": ("J", "work on the CoM"),
 }
 # Arrays of log.npz that have no named columns; n ticks, nu actuators.
 ARRAYS = {

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import halfspaces
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.results import log as logs
 from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
+PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 # The estimator is lost when the NEES of its 9 errors, 9 on average [-], has
 # been above LOST_NEES for LOST_AFTER [s].
 ESTIMATE = "state estimated_state estimate_covariance"
@@ -80,14 +81,37 @@ def largest(values: Array) -> float | None:
     return float(np.max(values)) if values.size else None
 
 
-def _measure_push(push: logs.PushSpan) -> dict[str, Any]:
+def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
+    """Data of one push, with its impulse and the work done on the CoM."""
+    felt = push.rows
+    before = np.maximum(felt - 1, 0)
+    force = signal(log, "push_signal", felt).force
+    impulses = force * (log["t"][felt] - log["t"][before])
+    work = None
+    if "com_state" in log:
+        com = signal(log, "com_state").velocity
+        work = float(np.sum(impulses * 0.5 * (com[:, before] + com[:, felt])))
     return {
         "time_s": push.start,
         "duration_s": push.end - push.start,
         "delta_v": push.delta_v,
         "direction_deg": push.direction_deg,
         "force_n": float(np.linalg.norm(push.force)),
+        "impulse_n_s": float(np.linalg.norm(np.sum(impulses, axis=1))),
+        "absorbed_energy_j": work,
     }
+
+
+def body_sway(log: Log) -> Array:
+    """Tilt (n,) [deg] of the line from the midpoint of the soles to the CoM.
+
+    A foot in the air has its last pose on the ground; the height is
+    `com_height`.
+    """
+    feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
+    middle = 0.5 * (feet.left[:2] + feet.right[:2])
+    away = np.hypot(*(com[:2] - middle))
+    return np.degrees(np.arctan2(away, com_height(log)))
 
 
 def com_height(log: Log) -> Array:
@@ -174,6 +198,19 @@ def _swing_speeds(log: Log) -> Array:
     return np.array(speeds)
 
 
+def _sole_distance(log: Log) -> float:
+    """Least distance [m] in plan view of PASSING soles; 0: one is above."""
+    poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
+    heights, least = poses[:, :, 2], math.inf
+    for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
+        left, right = (
+            FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet
+        )
+        gap = project(np.zeros(2), minkowski_sum(left, -right))
+        least = min(least, float(np.hypot(*gap)))
+    return least
+
+
 def _edge_distances(log: Log) -> list[float]:
     """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in logs.ground_regions(log)]
@@ -257,7 +294,8 @@ def _qp_failures(log: Log) -> int:
 # largest entry counts.  Units are in the names, or as of the functions.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
-    "pushes": ("t", lambda log: [_measure_push(p) for p in pushes(log)]),
+    "pushes": ("t", lambda log: [_measure_push(log, p) for p in pushes(log)]),
+    "body_sway_deg": ("com_state", body_sway),
     "max_torso_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[0]),
     "max_pelvis_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[1]),
     "com_sag_m": (
@@ -295,6 +333,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
         lambda log: log["foot_forces"] / log["weight"],
     ),
     "estimate": (ESTIMATE, measure_estimate),
+    "min_sole_distance_m": ("foot_poses", _sole_distance),
     "min_edge_distances_m": ("ground", _edge_distances),
     "qp_failures": ("t", _qp_failures),
     "qp_fallbacks": (

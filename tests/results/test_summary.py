@@ -1,9 +1,12 @@
 """Each figure of the summary, against the recipe of a made-up run."""
 
 import json
+import math
 
 import numpy as np
 import pytest
+from shapely import Polygon
+from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal
 from tests.results.made_up_run import MASS, cut, make_log, summary_of
@@ -117,6 +120,26 @@ def test_speed_of_the_swing_foot(log):
     assert found == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_of_the_soles_in_plan_view(log, seed):
+    """Oracle: shapely; one foot far above the other does not pass it."""
+    rng, feet = np.random.default_rng(seed), signal(log, "foot_poses")
+    feet[:] = 0.0
+    feet.right_y[:], feet.right_z[:] = -5.0, 0.2
+    rows, least = rng.integers(len(log["t"]), size=6), math.inf
+    for row in rows:
+        soles = []
+        for foot in np.split(log["foot_poses"][row], 2):
+            foot[:2], foot[3] = rng.normal(size=2), rng.normal()
+            sole = rotate(Polygon(log["sole"]), foot[3], (0, 0), True)
+            soles.append(translate(sole, *foot[:2]))
+        log["foot_poses"][row, [2, 6]] = 0.5, 0.401
+        least = min(least, soles[0].distance(soles[1]))
+    assert summary_of(log)["min_sole_distance_m"] == pytest.approx(least)
+    log["foot_poses"][rows[0], [0, 4, 1, 5]] = 0.0
+    assert summary_of(log)["min_sole_distance_m"] == 0.0
+
+
 def test_slip_is_the_stance_foots_way_during_its_step(log):
     """Oracle: the left foot slides by 3 mm while the right one swings."""
     feet = signal(log, "foot_poses")
@@ -181,20 +204,34 @@ def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
     assert summary["self_contacts"] == ["A - B"]
 
 
-def test_a_push_is_told_in_newtons_and_seconds(log):
-    """Oracles: m dv / T, and the recipe."""
+def test_a_push_is_told_in_newton_seconds_and_joules(log):
+    """Oracles: m dv; work and energy of a free mass that was at rest."""
+    com = signal(log, "com_state")
+    first = int(np.flatnonzero(signal(log, "push_signal").number)[0])
+    share = np.clip((np.arange(len(log["t"])) - first + 1) / 50, 0.0, 1.0)
+    com.velocity[:] = 0.0
+    com.vy[:] = 0.6 * share
     (push,) = summary_of(log)["pushes"]
+    assert push["impulse_n_s"] == pytest.approx(MASS * 0.6)
+    assert push["absorbed_energy_j"] == pytest.approx(0.5 * MASS * 0.6**2)
     assert push["force_n"] == pytest.approx(MASS * 0.6 / 0.1)
     assert push["duration_s"] == pytest.approx(0.1)
     assert push["direction_deg"] == pytest.approx(90.0)
 
 
-def test_the_time_of_the_recovery(log):
-    """Oracle: the last row, put in by hand, with an error of 5 cm."""
+def test_sway_and_the_time_of_the_recovery(log):
+    """Oracles: tan; the last row, put in by hand, with an error of 5 cm."""
+    com, feet = signal(log, "com_state"), signal(log, "walking_signal")
+    com.position[:] = 0.0
+    com.z[:] = 0.9
+    for foot in feet.left, feet.right:
+        foot[:] = 0.0
+    com.x[300] = -0.9 * math.tan(math.radians(12.0))
     log["icp"][:] = log["icp_reference"][:, :2]
     log["icp"][1500, 1] += 0.06
-    time = summary_of(log)["recovery_time_s"]
-    assert time == pytest.approx(1500 * 0.002 - 1.976)
+    summary = summary_of(log)
+    assert summary["body_sway_deg"] == pytest.approx(12.0)
+    assert summary["recovery_time_s"] == pytest.approx(1500 * 0.002 - 1.976)
 
 
 @pytest.mark.parametrize(

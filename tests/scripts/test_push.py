@@ -81,6 +81,8 @@ REFUSED = [
     ),
     (["--duration", "nan"], "argument --duration: 'nan': must be a finite"),
     (["--delta-v", "-1"], "pushes[0].delta_v = -1.0: must be in [0, 100]"),
+    (["--random", "0"], "random = 0: must be in [1, 100]"),
+    (["--random", "3", "--at", "2 s"], "at = '2 s': must not come with --ran"),
     (["--out", ""], "argument --out: '': must be a path"),
     (["--out", "x/" * 2000], "out = 'x/x/x/x/"),
     (
@@ -92,6 +94,16 @@ REFUSED = [
     (["--hold"], "hold = True: must not come with --no-meshcat"),
     (["--live"], "no_meshcat = True: must not come with --live"),
 ]
+
+
+def test_random_pushes_come_one_after_the_other(asked_for):
+    """Oracle: the last but for its own time leaves as long as the first had."""
+    scenario = asked_for("--random", 5, "--seed", 2, "--delta-v", 0.2)
+    times = [push.moment.time for push in scenario.pushes]
+    assert len(times) == 5 and times == sorted(times)
+    assert all(push.delta_v <= 0.2 for push in scenario.pushes)
+    assert scenario.duration == pytest.approx(14.1 + times[-1])
+    assert scenario.gait.num_steps >= scenario.duration - 1.0
 
 
 @pytest.fixture
