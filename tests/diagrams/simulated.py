@@ -17,12 +17,8 @@ SOON = EARLY % "num_steps: 2, first_swing: %s"
 
 
 def scenario_of(text: str = "{}") -> Scenario:
-    """Stands, by ankles and hips alone, but for what the YAML says.
-
-    The point mass has the robot's control period, so that one holds for both.
-    """
-    usual = ("mechanisms: icp_only, ", "lipm_period: 0.002, ")
-    base = "".join(item for item in usual if item.split()[0] not in text)
+    """Stands, by ankles and hips alone, but for what the YAML says."""
+    base = "" if "mechanisms:" in text else "mechanisms: icp_only, "
     return load_scenario("stand", text=f"{{{base}{text[1:]}")
 
 

@@ -18,7 +18,7 @@ from nadia_balance.diagrams.simulation import (
 from nadia_balance.results.measurements import calm_steps
 from tests.diagrams.simulated import diagram_of
 
-PERIOD = 0.002
+PERIOD = 0.01  # of the point mass [s]
 PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
 
 
@@ -61,7 +61,7 @@ def test_ends_with_a_failure_if_it_is_told_to(stops, end):
 def test_the_watch_sees_the_recovery_that_the_summary_finds():
     """Oracle: calm_steps of the whole run's log, cut off row by row."""
     text = "{mechanisms: all_with_cross_over, gait: {num_steps: 12}, "
-    text += "calm_steps: 2, lipm_period: 0.01, pushes: [{delta_v: 0.5, "
+    text += "calm_steps: 2, pushes: [{delta_v: 0.5, "
     text += "direction_deg: 270, at: right swing 25 %}]}"
     diagram = diagram_of(text, "lipm")
     watches = [RecoveryWatch(diagram, more_steps=more) for more in (0, 1)]
@@ -128,8 +128,8 @@ def test_a_number_that_is_none_stops_the_point_mass():
     where = "walking_state_machine: input port 'icp'"
     assert run.error == f"{where} is not finite at {run.simulated_time:.3f} s"
     assert (run.fell_at, run.fall_reason) == (None, "")  # it did not fall
-    # The fall is looked for, and so the number put in, every 0.01 s.
-    assert run.simulated_time == pytest.approx(1.6, abs=0.013)
+    # Put in after one tick, and read in the next.
+    assert run.simulated_time == pytest.approx(1.6, abs=2.01 * PERIOD)
     # The row of that very tick is there unless it cannot be computed.
     rows = round(run.simulated_time / PERIOD)
     assert len(run.logs["t"]) in (rows, rows + 1)
@@ -147,7 +147,7 @@ def test_a_number_that_is_none_stops_the_point_mass():
 )
 def test_counts_the_pushes_that_did_not_come(when, missed):
     """Oracle: 0.5 s of standing, then 0.8 s of transfer, then a swing."""
-    run = simulate(diagram_of(PUSHED.format(when), "lipm"), 1.002)
+    run = simulate(diagram_of(PUSHED.format(when), "lipm"), 1.0 + PERIOD)
     assert run.missed_pushes == missed
 
 
@@ -159,17 +159,17 @@ WALKS = {
 
 
 @pytest.mark.parametrize("when", WALKS)
-def test_from_a_walk_one_goes_on_as_in_one_go(when, period=0.01):
+def test_from_a_walk_one_goes_on_as_in_one_go(when):
     """Oracle: all arrays of the log of one run from start to end.
 
     From one walk, with a push of nothing, two pushes of different sizes.
     """
-    text = f"{{mechanisms: all_with_cross_over, seed: 3, lipm_period: {period}"
-    text += f", gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
+    text = "{mechanisms: all_with_cross_over, seed: 3, "
+    text += f"gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
     diagram = diagram_of(text.replace("SIZE", "delta_v: 0"), "lipm")
     walked, run = walk_to_push(diagram)
     assert run.until
-    assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * period)
+    assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * PERIOD)
     for delta_v, direction in (0.3, 40.0), (0.6, -130.0):
         size = f"delta_v: {delta_v}, direction_deg: {direction}"
         other = diagram_of(text.replace("SIZE", size), "lipm")
