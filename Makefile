@@ -8,6 +8,8 @@ PIP_INSTALL := $(BIN)/python -m pip install --only-binary :all: --editable
 # Matrices here are small: threads inside BLAS cost more than they save.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# What Python compiles is kept: tests start many of it.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: push test lint browser results clean
 
