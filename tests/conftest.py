@@ -23,6 +23,12 @@ def pytest_configure(config: pytest.Config) -> None:
         run_cache.folder = config.cache.mkdir("simulated")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that need the browser come first: one worker has all of them."""
+    need = {item.path for item in items if "browser" in item.fixturenames}
+    items.sort(key=lambda item: item.path not in need)
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator:
     """A headless Chromium: the system's, else the one playwright got."""
