@@ -6,6 +6,7 @@ itself, and once more tick by tick, each after a tick of the closed loop, with
 the caches as the controller leaves them: an upper bound of the closed loop.
 """
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import csv
 import json

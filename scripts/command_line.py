@@ -61,16 +61,23 @@ Main = Callable[..., int]
 
 
 @contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Makes SIGTERM raise KeyboardInterrupt, as Ctrl-C does."""
+def _interruptible() -> Iterator[None]:
+    """Makes Ctrl-C and SIGTERM raise KeyboardInterrupt, unless ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    ends = [
+        number
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if signal.getsignal(number) is signal.SIG_DFL
+    ]
+    for number in ends:
+        signal.signal(number, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number in ends:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def program(main: Main) -> Main:
@@ -84,7 +91,7 @@ def program(main: Main) -> Main:
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            with _terminable():
+            with _interruptible():
                 return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED

@@ -9,6 +9,7 @@ Example:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
 """
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
 import math

@@ -1,5 +1,6 @@
 """Estimates a robot's state from a log of its sensors, and draws it."""
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import sys
 import zipfile

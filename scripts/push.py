@@ -1,5 +1,6 @@
 """Pushes the walking robot, and shows whether and how it recovers."""
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 

@@ -8,6 +8,7 @@ Example:
     python scripts/random_pushes.py --pushes 40 --out envelopes/random
 """
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import math
 import sys
 from dataclasses import dataclass, field

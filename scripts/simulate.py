@@ -1,5 +1,6 @@
 """Simulates any scenario, and shows and writes what happened."""
 
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import sys
 
 from nadia_balance.diagrams.scenario import scenario_names

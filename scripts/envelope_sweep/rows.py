@@ -53,7 +53,7 @@ Attempt = tuple[float, int]
 # True if the robot recovered; None: undecided, as the run was too short.
 Results = dict[Attempt, bool | None]
 
-# Of a run's summary.
+# Columns that are fields of a run's summary.
 FROM_SUMMARY = (
     *("reason", "steps_after_push", "max_icp_error_m", "max_torque_ratio"),
     *("max_joint_speed", "max_torso_tilt_deg", "max_pelvis_tilt_deg"),

@@ -13,7 +13,13 @@ import pytest
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, simulate
-from tests.scripts.running import assert_refused, ended, program, run_script
+from tests.scripts.running import (
+    assert_refused,
+    ended,
+    program,
+    python,
+    run_script,
+)
 
 
 def piped(script, *argv, **options):
@@ -97,6 +103,29 @@ def test_a_signal_ends_a_program_in_any_place(sent):
     assert command_line.program(lambda _: signal.raise_signal(sent))([]) == 130
     assert signal.getsignal(sent) is before
 
+
+def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
+    """Oracle: stderr, and that the signal itself ended it (130 in a shell)."""
+    outcome = ended(python("-c", INTERRUPTED_START, "push", cwd=tmp_path))
+    assert (outcome.code, outcome.err) == (-signal.SIGINT, [])
+
+
+# Presses Ctrl-C as soon as a script begins to import the command line.
+INTERRUPTED_START = """
+import importlib.abc, os, runpy, signal, sys
+
+class Press(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "nadia_balance.scripts.command_line":
+            os.kill(os.getpid(), signal.SIGINT)
+
+# Of a suite that runs in the background, children ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+script = sys.argv.pop(1)
+sys.argv[0] = f"{script}.py"
+sys.meta_path.insert(0, Press())
+runpy.run_module(f"nadia_balance.scripts.{script}", run_name="__main__")
+"""
 
 STAND = ("simulate", "--scenario_name", "stand", "--out", "run", *QUICK)
 
