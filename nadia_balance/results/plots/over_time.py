@@ -223,8 +223,10 @@ def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
     swings, text = span.phase is Phase.SWING, f"{span.duration:.2f}"
     if abs(span.duration - span.planned) > CHANGED:
         text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
-    y = _FOOT_Y[span.swing_side] if swings else 1.0
-    color = palette.foot_color(span.swing_side) if swings else TEXT
+    side = span.swing_side
+    # Of a short step, the transfers before and after have a line each.
+    y = _FOOT_Y[side] if swings else 1.0 + 0.3 * side.sign
+    color = palette.foot_color(side) if swings else TEXT
     where = 0.5 * (span.start + span.end), y
     look = {"color": color, "fontsize": 7.5, "ha": "center", "va": "center"}
     ax.text(*where, text, **look)
