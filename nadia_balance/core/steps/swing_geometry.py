@@ -56,6 +56,10 @@ class CaptureRegionStepAdjusterParams:
 
     # N of C_N; fewer if fewer steps are queued.
     num_steps: int = bounded(3, least=1, most=10)
+    # Share of their planned durations that later steps take in C_N if swings
+    # adapt; they can last 0.28 of it.  A smaller share lets C_N grow, and the
+    # next foothold be closer to the nominal one, for which later steps pay.
+    later_duration: float = bounded(0.6, above=0.0, most=1.0)
     rules: ReachRulesParams = field(default_factory=ReachRulesParams)
     # Margins between the sole's front, back, inner and outer edge and the CoPs
     # that the capture regions assume.
@@ -151,7 +155,8 @@ class SwingGeometry(walking.Immutable):
         }
         self.places = tuple(self._places(step.pose.yaw))
         steps = schedule.footsteps[: params.num_steps]
-        self.offsets = _offsets(steps, model, on)
+        share = params.later_duration if on.swing else 1.0
+        self.offsets = _offsets(steps, model, on, share)
         # A foothold p with A p < b is on, beside or across the stance foot.
         A, b = _stance_foot(stance, step, model.sole)
         apart = max(params.sole_clearance, model.sole_clearance)
@@ -247,24 +252,29 @@ def geometry_key(
     """
     step, *later = schedule.footsteps
     stance = schedule.feet[schedule.support_side]
-    return (on.cross_over, stance, step.side, step.pose.yaw, *later)
+    reach = on.cross_over, on.swing
+    return (*reach, stance, step.side, step.pose.yaw, *later)
 
 
 def _offsets(
-    steps: tuple[walking.Footstep, ...], model: PointMassModel, on: Mechanisms
+    steps: tuple[walking.Footstep, ...],
+    model: PointMassModel,
+    on: Mechanisms,
+    share: float,
 ) -> tuple[Array, ...]:
     """Returns D_1, ..., D_N in W of N `steps`, transfers included.
 
     Each foothold is the stance foot of the following step, whose reach is about
-    it.
+    it.  Later steps take `share` of their planned durations.
     """
     total = reachability.total_region(model.reach, on.cross_over)
     reaches = [
         in_world(total, walking.FootPose(yaw=step.pose.yaw), following.side)
         for step, following in itertools.pairwise(steps)
     ]
+    rate = -share * model.omega
     contractions = [
-        math.exp(-model.omega * (step.transfer_duration + step.swing_duration))
+        math.exp(rate * (step.transfer_duration + step.swing_duration))
         for step in steps[1:]
     ]
     return tuple(later_steps(reaches, contractions))

@@ -11,7 +11,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import BASE, in_world, total_region
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
-from nadia_balance.core.math.polygon import contains, convex_hull
+from nadia_balance.core.math.polygon import area, contains, convex_hull
 from nadia_balance.core.steps.swing_geometry import (
     CaptureRegionStepAdjusterParams,
     SwingGeometry,
@@ -33,6 +33,17 @@ def test_n_is_no_more_than_the_steps_in_the_queue():
     """Oracle: three, or fewer if there are fewer."""
     for queued, expected in (1, 1), (2, 2), (5, 3):
         assert len(geometry(swing(num_steps=queued)).offsets) == expected
+
+
+def test_later_steps_hurry_only_if_swings_adapt():
+    """Oracle: steps that were planned to take 0.6 of the time."""
+    unhurried = replace(ALL, swing=False)
+    planned = swing(transfer=0.2, swing=0.5)
+    quick = geometry(swing(transfer=0.12, swing=0.3), on=unhurried).offsets
+    for one, other in zip(geometry(planned).offsets, quick, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+    slow = geometry(planned, on=unhurried).offsets
+    assert area(slow[-1]) < area(quick[-1])
 
 
 def test_random_turning_steps_that_recover_start_in_the_region():
@@ -121,6 +132,7 @@ def test_the_key_changes_with_all_that_the_geometry_depends_on():
     assert not same(replace(schedule, feet=feet))
     assert not same(replace(schedule, footsteps=(step,)))
     assert not same(schedule, UNCROSSED)
+    assert not same(schedule, replace(ALL, swing=False))
 
 
 def test_the_foot_is_cut_on_its_proper_sides():
