@@ -14,7 +14,7 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
-from nadia_balance.engines.mujoco_plant import add_mujoco_plant
+from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot

@@ -12,7 +12,7 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
-from nadia_balance.engines.point_mass_plant import PointMassPlant
+from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.steps import SwingFootPlanner
