@@ -15,8 +15,7 @@ from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
 from nadia_balance.results.measurements import lost_at, measure_estimate
-from nadia_balance.results.plots import RC
-from nadia_balance.results.plots.over_time import draw_estimate
+from nadia_balance.results.plots import RC, draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line

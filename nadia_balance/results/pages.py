@@ -21,20 +21,21 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.results import plots
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
 from nadia_balance.results.measurements import torque_ratio
-from nadia_balance.results.plots import RC, footsteps, over_time
+from nadia_balance.results.plots import footsteps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
 PLOTS = {
-    "timeline.png": over_time.draw_contacts,
+    "timeline.png": plots.draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": over_time.draw_icp,
-    "effort.png": over_time.draw_effort,
-    "estimate.png": over_time.draw_estimate,
+    "icp.png": plots.draw_icp,
+    "effort.png": plots.draw_effort,
+    "estimate.png": plots.draw_estimate,
 }
 
 # All files that a run may write.
@@ -89,7 +90,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
         return written
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
-        mpl.rcParams.update(RC)
+        mpl.rcParams.update(plots.RC)
         for name, draw in PLOTS.items():
             figure = draw(log, summary)
             if figure is not None:
