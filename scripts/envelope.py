@@ -27,8 +27,15 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import command_line
-from nadia_balance.scripts.envelope_sweep import limits, report, trial
-from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
+from nadia_balance.scripts.envelope_sweep import (
+    TRIALS,
+    Rows,
+    limits,
+    opened,
+    read,
+    report,
+    trial,
+)
 from nadia_balance.scripts.envelope_sweep.sweep import (
     AT,
     HEADROOM,

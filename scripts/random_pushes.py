@@ -22,15 +22,15 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.envelope_sweep import limits
-from nadia_balance.scripts.envelope_sweep.report import outcomes, table
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.envelope_sweep import (
     Attempt,
     Cell,
     Results,
     Rows,
     cell_of,
+    limits,
 )
+from nadia_balance.scripts.envelope_sweep.report import outcomes, table
 from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep
 
 LENGTHS = 0.05, 0.4  # of a push [s]

@@ -13,10 +13,10 @@ import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.bounds import NADIA
-from nadia_balance.new_robot import description as robots
-from nadia_balance.new_robot.description import Anatomy, Leg, Notes
+from nadia_balance.new_robot import Anatomy, Leg, Notes
 from nadia_balance.new_robot.measure import (
     Fields,
     Names,

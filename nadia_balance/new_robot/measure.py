@@ -19,7 +19,7 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.new_robot import Anatomy, Description, Leg, Notes
 from nadia_balance.new_robot.shapes import find_sole, largest_rectangle
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}

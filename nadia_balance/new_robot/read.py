@@ -14,8 +14,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import description as robots
 
 DRAKE = "{http://drake.mit.edu}"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")

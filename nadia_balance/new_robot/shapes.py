@@ -10,8 +10,8 @@ import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial import ConvexHull, QhullError
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import description as robots
 
 # Tolerances for points on the plane, of meshes and of round solids [m].
 _ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}

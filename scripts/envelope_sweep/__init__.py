@@ -1,1 +1,234 @@
-"""Sweeps that find the largest pushes that a robot recovers from."""
+"""The rows of a sweep: a line of trials.csv for each finished trial.
+
+The first line has what all rows share, as JSON: the identity of the sweep.  A
+row is on the disk when `add` returns; the last line may be torn after a power
+cut, and is left out.
+"""
+
+import ast
+import contextlib
+import csv
+import functools
+import hashlib
+import io
+import json
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, TextIO
+
+from pydrake.common.yaml import yaml_dump_typed
+
+import nadia_balance
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.folder import appearing, locked
+from nadia_balance.results.summary import versions
+from nadia_balance.robot.model import load_robot
+
+TRIALS = "trials.csv"
+RECOVERED, UNDECIDED = "recovered", "undecided"
+OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
+
+PACKAGE = Path(nadia_balance.__file__).parent
+# Files on which a row depends; not reports and plots.
+FOLDERS = (
+    *("", "core/**", "diagrams", "engines", "models/*"),
+    *("results", "robot", "systems", "view"),
+)
+TRIAL_FILES = ("__init__.py", "sweep.py", "trial.py")
+
+
+class Cell(NamedTuple):
+    """Conditions of one limit to find, named as the columns of a row."""
+
+    scenario: str  # its name
+    at: str  # when the push begins, as Moment writes it
+    mechanisms: str  # a name of NAMED
+    direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
+
+
+# delta_v [m/s], replica from 0 on.
+Attempt = tuple[float, int]
+# True if the robot recovered; None: undecided, as the run was too short.
+Results = dict[Attempt, bool | None]
+
+# Columns that are fields of a run's summary.
+FROM_SUMMARY = (
+    *("reason", "steps_after_push", "max_icp_error_m", "max_torque_ratio"),
+    *("max_joint_speed", "max_torso_tilt_deg", "max_pelvis_tilt_deg"),
+    *("com_sag_m", "positive_power_w", "qp_failures"),
+)
+
+KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
+COLUMNS = (
+    *(*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push"),
+    "cpu_s",  # differs between runs of the same trial
+)
+_TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
+
+
+def cell_of(row: dict) -> Cell:
+    """The cell of a row's trial."""
+    return Cell(*(row[name] for name in Cell._fields))
+
+
+def recovered(row: dict) -> bool | None:
+    """True if the robot recovered; None if the trial is undecided."""
+    return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
+
+
+def by_cell(rows: list[dict]) -> dict[Cell, list[dict]]:
+    """The rows of each cell."""
+    cells: dict[Cell, list[dict]] = {}
+    for row in rows:
+        cells.setdefault(cell_of(row), []).append(row)
+    return cells
+
+
+def results_of(rows: list[dict]) -> Results:
+    """The results of the search of one cell, by its rows."""
+    return {(row["delta_v"], row["replica"]): recovered(row) for row in rows}
+
+
+@dataclass
+class Rows:
+    """The rows in a folder, in the order in which the trials ended."""
+
+    folder: Path
+    identity: dict  # what all trials share, see Sweep.identity
+    all: list[dict]  # missing numbers are None
+    file: TextIO | None = None  # for `add`
+
+    def add(self, row: dict) -> None:
+        """Adds a trial; raises OSError if it cannot be written."""
+        row = {k: row.get(k) for k in COLUMNS}
+        row["reason"] = " ".join((row["reason"] or "").split())
+        csv.DictWriter(self.file, COLUMNS, lineterminator="\n").writerow(row)
+        self.file.flush()
+        os.fsync(self.file.fileno())
+        self.all.append(row)
+
+
+def read(folder: Path) -> Rows:
+    """Returns the rows in a folder; ValueError: none, or of another program."""
+    path = folder / TRIALS
+    try:
+        text = path.read_text(encoding="utf-8")
+        first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
+        identity = json.loads(first.removeprefix("# "))
+        if "resolution" not in identity:
+            raise ValueError("its first line is of no sweep")
+        found = list(csv.DictReader(io.StringIO(lines)))
+        return Rows(folder, identity, list(map(_parsed, found)))
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(
+            f"trials = {path}: must be rows of this program ({error})"
+        ) from None
+
+
+def _parsed(line: dict[str, str]) -> dict:
+    if line["outcome"] not in OUTCOMES or tuple(line) != COLUMNS:
+        raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
+    return {
+        name: text if name in _TEXTS else json.loads(text or "null")
+        for name, text in line.items()
+    }
+
+
+@contextlib.contextmanager
+def opened(folder: Path, identity: dict) -> Iterator[Rows]:
+    """Yields the rows in `folder`, to be added to; creates them if need be.
+
+    At the end they are sorted: the file does not depend on the order of trials.
+
+    Raises ValueError: the rows are of another identity, or another process has
+    the folder.  Raises OSError: they cannot be written.
+    """
+    with locked(folder):
+        rows = Rows(folder, identity, [])
+        if (folder / TRIALS).exists():
+            rows = read(folder)
+        for name in identity | rows.identity:
+            asked, found = identity.get(name), rows.identity.get(name)
+            if asked != found:
+                raise ValueError(
+                    f"{name} = {asked}: must be {found} as in "
+                    f"{folder / TRIALS}, or --out another folder"
+                )
+        _write(rows)  # without a torn line
+        with open(folder / TRIALS, "a", encoding="utf-8", newline="") as file:
+            rows.file = file
+            yield rows
+        _write(rows)
+
+
+def _write(rows: Rows) -> None:
+    """Writes the whole file, or nothing."""
+    rows.all.sort(key=lambda row: [row[name] for name in KEY])
+    with (
+        appearing(rows.folder) as drafts,
+        open(drafts / TRIALS, "w", encoding="utf-8", newline="") as file,
+    ):
+        file.write(f"# {json.dumps(rows.identity)}\n")
+        lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        lines.writeheader()
+        lines.writerows(rows.all)
+
+
+def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
+    """Returns versions and hashes: this process' code, robot and policy."""
+    file = Path(controller)
+    policy = f"{file.name} {digest([file.read_bytes()])}" if controller else ""
+    return {
+        **versions(scenario.engine),
+        **({"controller": policy} if controller else {}),
+        "code": _first_hash(PACKAGE),
+        "robot_files": robot_hash(scenario.robot),
+    }
+
+
+def code_hash(package: Path = PACKAGE) -> str:
+    """Returns a hash (16 hex digits) of the code of trials, without words."""
+    parts = []
+    for path in code_files(package):
+        parts.append(path.relative_to(package).as_posix().encode())
+        text = path.read_bytes()
+        parts.append(without_words(text) if path.suffix == ".py" else text)
+    return digest(parts)
+
+
+_first_hash = functools.cache(code_hash)  # the files may change later
+
+
+def code_files(package: Path) -> list[Path]:
+    """Returns the files in `package` that trials use, in order."""
+    paths = {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
+    for folder in FOLDERS:
+        for ending in ("py", "yaml", "urdf"):
+            paths.update(package.glob(f"{folder}/*.{ending}".lstrip("/")))
+    return sorted(paths)
+
+
+@functools.cache
+def without_words(text: bytes) -> bytes:
+    """Returns Python code without docstrings and comments."""
+    tree = ast.parse(text)
+    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
+    for node in ast.walk(tree):
+        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return ast.dump(tree).encode()
+
+
+def robot_hash(name: str) -> str:
+    """Returns a hash (16 hex digits) of a robot's files, not of their paths."""
+    robot = load_robot(name)
+    params = yaml_dump_typed(robot.params).encode()
+    return digest([params, robot.urdf.read_bytes()])
+
+
+def digest(parts: Iterable[bytes]) -> str:
+    """Returns a hash (16 hex digits) of the parts and their order."""
+    whole = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(whole).hexdigest()[:16]

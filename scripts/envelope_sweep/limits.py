@@ -19,7 +19,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.envelope_sweep import (
     Cell,
     Rows,
     by_cell,

@@ -24,13 +24,13 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts.envelope_sweep import OUTCOMES, Rows
 from nadia_balance.scripts.envelope_sweep.limits import (
     LIMITS,
     LimitTable,
     Record,
     protocol_of,
 )
-from nadia_balance.scripts.envelope_sweep.rows import OUTCOMES, Rows
 from nadia_balance.scripts.envelope_sweep.sweep import Situation
 
 PICTURE, TABLES = "envelope.png", "tables.md"

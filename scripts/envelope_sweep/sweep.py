@@ -20,7 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.envelope_sweep import (
     Attempt,
     Cell,
     Results,

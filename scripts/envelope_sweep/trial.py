@@ -22,7 +22,7 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.results.summary import Run
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.envelope_sweep import (
     FROM_SUMMARY,
     Cell,
     Results,

@@ -13,8 +13,8 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
+from nadia_balance.scripts.envelope_sweep import TRIALS, cell_of, read
 from nadia_balance.scripts.envelope_sweep.limits import known_limits
-from nadia_balance.scripts.envelope_sweep.rows import TRIALS, cell_of, read
 from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM
 from tests import run_cache
 from tests.scripts.envelope_sweep.made_up import PATIENCE, facts

@@ -9,8 +9,8 @@ import pytest
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.scripts import random_pushes
+from nadia_balance.scripts.envelope_sweep import read
 from nadia_balance.scripts.envelope_sweep.limits import known_limits
-from nadia_balance.scripts.envelope_sweep.rows import read
 from tests.scripts.envelope_sweep.made_up import MadeUpRobot, push_scenario
 from tests.scripts.running import assert_refused, run_script
 from tests.source_files import ROOT

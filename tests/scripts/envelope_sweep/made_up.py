@@ -12,9 +12,8 @@ import numpy as np
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.lipm_limit import Capture
-from nadia_balance.scripts.envelope_sweep import limits
+from nadia_balance.scripts.envelope_sweep import Cell, Rows, limits
 from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
-from nadia_balance.scripts.envelope_sweep.rows import Cell, Rows
 from nadia_balance.scripts.envelope_sweep.sweep import (
     SearchParams,
     Situation,

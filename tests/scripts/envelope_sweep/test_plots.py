@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.rows import Cell
+from nadia_balance.scripts.envelope_sweep import Cell, report
 from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
 

@@ -6,9 +6,8 @@ Oracle: the limits from which the trials were made up; the rest by hand.
 import pytest
 
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.scripts.envelope_sweep import report
+from nadia_balance.scripts.envelope_sweep import Cell, report
 from nadia_balance.scripts.envelope_sweep.limits import protocol_of
-from nadia_balance.scripts.envelope_sweep.rows import Cell
 from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
 from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
 

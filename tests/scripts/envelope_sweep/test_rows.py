@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.envelope_sweep import (
     KEY,
     TRIALS,
     code_hash,

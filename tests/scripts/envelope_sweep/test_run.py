@@ -5,8 +5,7 @@ import time
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import trial
-from nadia_balance.scripts.envelope_sweep.rows import opened, read
+from nadia_balance.scripts.envelope_sweep import opened, read, trial
 from tests.scripts.envelope_sweep import made_up
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.scripts.envelope_sweep import FROM_SUMMARY, Cell
 from nadia_balance.scripts.envelope_sweep import trial as module
-from nadia_balance.scripts.envelope_sweep.rows import FROM_SUMMARY, Cell
 from nadia_balance.scripts.envelope_sweep.sweep import Sweep
 from nadia_balance.scripts.envelope_sweep.trial import run_trial
 from tests.diagrams import simulated
