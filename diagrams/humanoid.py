@@ -20,14 +20,8 @@ from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
-from nadia_balance.systems.hardware import (
-    FootForceSensor,
-    JointDrives,
-    StateSensor,
-)
-from nadia_balance.systems.imu import Imu
+from nadia_balance.systems import hardware, imu, push_source
 from nadia_balance.systems.joint_encoders import JointEncoders
-from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.state_estimator import StateEstimator
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
@@ -98,13 +92,13 @@ class HumanoidDiagram(ClosedLoop):
         builder.AddNamedSystem("balance_controller", controller)
         known = self.robot.mass, period, self.plant, self.robot.pelvis_body
         self.push = builder.AddNamedSystem(
-            "push_source", PushSource(scenario.pushes, *known)
+            "push_source", push_source.PushSource(scenario.pushes, *known)
         )
         self._sensors = None
         if scenario.sensors != "perfect":
             self._sensors = load_sensors(scenario.sensors)
         noise = self._sensors, scenario.seed
-        sensor = FootForceSensor(
+        sensor = hardware.FootForceSensor(
             self.plant, self.robot, period, self.engine, *noise
         )
         self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
@@ -174,7 +168,7 @@ class HumanoidDiagram(ClosedLoop):
         self._drives = None
         if self.robot.drives is not None:
             self._drives = builder.AddNamedSystem(
-                "joint_drives", JointDrives(self.plant, self.robot)
+                "joint_drives", hardware.JointDrives(self.plant, self.robot)
             )
             connect(builder, controller, self._drives, "actuation")
             connect(builder, engine, self._drives, "state")
@@ -205,7 +199,9 @@ class HumanoidDiagram(ClosedLoop):
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
             period = scenario.controller.control_period
-            sensor = StateSensor(self.plant, errors, period, scenario.seed)
+            sensor = hardware.StateSensor(
+                self.plant, errors, period, scenario.seed
+            )
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -227,7 +223,7 @@ class HumanoidDiagram(ClosedLoop):
         estimator = StateEstimator(*common, told, height)
         builder.AddNamedSystem("state_estimator", estimator)
         for name, sensor, signal in (
-            ("imu", Imu(*common, seed), "imu"),
+            ("imu", imu.Imu(*common, seed), "imu"),
             ("joint_encoders", JointEncoders(*common, seed), "joints"),
         ):
             builder.AddNamedSystem(name, sensor)

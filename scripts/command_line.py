@@ -20,18 +20,10 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.vocabulary import NAMED
-from nadia_balance.diagrams import simulation
-from nadia_balance.diagrams.closed_loop import ClosedLoop
-from nadia_balance.diagrams.live import LiveSession, endless
+from nadia_balance.diagrams import closed_loop, live, simulation, terrain
 from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
-from nadia_balance.diagrams.terrain import COURSES, FLAT
+from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
-from nadia_balance.results.pages import (
-    FILES,
-    LivePage,
-    start_recording,
-    write_run,
-)
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
 from nadia_balance.view.scene import set_scene, start_meshcat
@@ -194,7 +186,7 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
     add("--mechanisms", help=MECHANISMS)
     about = "push.py takes the scenario of this name, if there is one"
-    places = ", ".join((FLAT, *COURSES))
+    places = ", ".join((terrain.FLAT, *terrain.COURSES))
     add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
     add("--duration", type=finite, help="[s]")
     add("--seed", type=int, help="shifts the start by <= 10 um")
@@ -244,7 +236,7 @@ def main_job(
             shown = _shows_meshcat(args)
             scenario = make_scenario(args)
             if args.live:
-                scenario = endless(scenario)
+                scenario = live.endless(scenario)
             meshcat = _meshcat(args.port) if shown else None
             if args.controller is not None:
                 refuse_with_policy(args)
@@ -253,7 +245,7 @@ def main_job(
             )
             if not args.live:
                 simulator = simulation.start(diagram)
-                folder = new_folder(args.out, args.scenario_name, FILES)
+                folder = new_folder(args.out, args.scenario_name, pages.FILES)
                 folder = held.enter_context(folder)
         say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
         if args.live:
@@ -279,7 +271,7 @@ def _run(
     end = 0.0
     while True:
         if meshcat is not None:
-            start_recording(meshcat, live=args.open or args.hold)
+            pages.start_recording(meshcat, live=args.open or args.hold)
         end = min(end + CHAPTER, scenario.duration)
         run = simulation.advance(simulator, end, until=watch)
         summary = run.summary | {"scenario": args.scenario_name}
@@ -289,7 +281,7 @@ def _run(
         diagram.forget_logs(simulator.get_mutable_context())
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
-        written = write_run(folder, run.logs, summary, text, meshcat)
+        written = pages.write_run(folder, run.logs, summary, text, meshcat)
     finally:
         say(*telling_lines(run.logs, summary))
     say(f"wrote {folder}/{{{', '.join(written)}}}")
@@ -336,10 +328,10 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(diagram: closed_loop.ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
-    session = LiveSession(diagram, meshcat, say)
-    with LivePage(meshcat) as page:
+    session = live.LiveSession(diagram, meshcat, say)
+    with pages.LivePage(meshcat) as page:
         say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")
         if args.open:
             webbrowser.open(page.url)

@@ -18,12 +18,7 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.ports import (
-    Input,
-    declare_cache,
-    declare_output,
-    inputs,
-)
+from nadia_balance.systems import ports
 from nadia_balance.systems.signals import ComState, SwingFootReference
 
 
@@ -75,7 +70,7 @@ class MujocoPlant(framework.LeafSystem):
                 "engine = 'mujoco': must have its package: pip install mujoco"
             ) from None
         self._model = MujocoModel(plant, scene_graph.model_inspector())
-        self._actuation = Input(self, "actuation", plant.num_actuators())
+        self._actuation = ports.Input(self, "actuation", plant.num_actuators())
         self._forces = self.DeclareAbstractInputPort(
             "applied_spatial_force",
             AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -90,7 +85,7 @@ class MujocoPlant(framework.LeafSystem):
             self._actuation,
             self._forces,
         ]
-        self._step = declare_cache(self, "step", self._calc_step, needs)
+        self._step = ports.declare_cache(self, "step", self._calc_step, needs)
         self.DeclareAbstractOutputPort(
             "contact_results",
             lambda: Value[object](),
@@ -197,15 +192,15 @@ class PointMassPlant(framework.LeafSystem):
             [*start.com, model.com_height, *start.com_velocity, 0.0]
         )
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
-        self._ecmp, self._swing, self._walking, self._push = inputs(
+        self._ecmp, self._swing, self._walking, self._push = ports.inputs(
             self, "ecmp_command swing_foot_reference walking_state push_force"
         )
         self.DeclareStateOutputPort("com_state", self._com)
         com = [self.discrete_state_ticket(self._com)]
-        declare_output(self, "icp", self._calc_icp, com)
+        ports.declare_output(self, "icp", self._calc_icp, com)
         feet = [self.discrete_state_ticket(self._foot), self._walking]
-        declare_output(self, "foot_poses", self._calc_foot_poses, feet)
-        declare_output(self, "foot_forces", self._calc_forces, feet)
+        ports.declare_output(self, "foot_poses", self._calc_foot_poses, feet)
+        ports.declare_output(self, "foot_forces", self._calc_forces, feet)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._step)
 
     def _calc_icp(self, context) -> np.ndarray:

@@ -21,10 +21,9 @@ from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import plots
+from nadia_balance.results import measurements, plots
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
-from nadia_balance.results.measurements import torque_ratio
 from nadia_balance.results.plots import footsteps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
@@ -212,7 +211,7 @@ def _curves(log: Log) -> list[list]:
         ),
         (
             "effort_limits",
-            lambda log: np.max(torque_ratio(log), axis=1),
+            lambda log: np.max(measurements.torque_ratio(log), axis=1),
             "largest torque, up to {:.0%} of its limit",
             [palette.SUPPORT],
         ),

@@ -9,11 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nadia_balance.core.walking.vocabulary import (
-    ATLAS_MECHANISMS,
-    MECHANISMS,
-    NAMED,
-)
+from nadia_balance.core.walking import vocabulary
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
@@ -87,7 +83,7 @@ PROTOCOLS = {
         scenario_name="push",
         at=AT,
         directions="12",
-        mechanisms=",".join(MECHANISMS),
+        mechanisms=",".join(vocabulary.MECHANISMS),
         paper="the Nadia paper's, Fig. 10",
         figures="nadia_fig10.csv",
     ),
@@ -97,7 +93,7 @@ PROTOCOLS = {
         "atlas_in_place_fast,atlas_in_place_slow",
         at="right swing 50 %",
         directions="0,30,45,90,135,150,180,210,225,240,270,300,315,330",
-        mechanisms=",".join(ATLAS_MECHANISMS),
+        mechanisms=",".join(vocabulary.ATLAS_MECHANISMS),
         paper="the Atlas paper's, Fig. 6",
         figures="atlas_fig6.csv",
         unit_speed=0.981,  # forces over the weight, for 0.1 s
@@ -143,13 +139,13 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         key=lambda one: (protocol_of(robot, one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
-    mechanisms = [name for name in NAMED if name in tried]
+    mechanisms = [name for name in vocabulary.NAMED if name in tried]
     records, assumptions = [], set()
     for one in situations:
         limits = limits_of(scenarios[one[0]], one, plant)
         assumptions.add(limits[0].assumptions)
         for name in mechanisms:
-            on = [replace(limit, on=NAMED[name]) for limit in limits]
+            on = [replace(limit, on=vocabulary.NAMED[name]) for limit in limits]
             for direction in sorted({cell.direction_deg for cell in groups}):
                 cell = Cell(*one, name, direction)
                 trials = groups.get(cell, [])
