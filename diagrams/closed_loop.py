@@ -75,9 +75,8 @@ class ClosedLoop(framework.Diagram):
         )
         for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
-        self._log = LogVectorOutput(
-            multiplexer.get_output_port(), builder, publish_period=period
-        )
+        port = multiplexer.get_output_port()
+        self._log = LogVectorOutput(port, builder, publish_period=period)
         self._log.set_name("log")
         for name in filter(of.get, EXPORTED):
             builder.ExportOutput(of[name], name)
@@ -118,13 +117,10 @@ class ClosedLoop(framework.Diagram):
         logs |= {f"region_{name}": region for name, region in regions.items()}
         logs["sole"] = self.robot.sole
         if self._ground is not None:
-            logs["ground"] = np.concatenate(
-                [
-                    np.column_stack([np.full(len(r.polygon), i), r.polygon])
-                    for i, r in enumerate(self._ground.regions)
-                    if not r.obstacle
-                ]
-            )
+            regions = enumerate(self._ground.regions)
+            steppable = [(i, r.polygon) for i, r in regions if not r.obstacle]
+            corners = [np.insert(p, 0, i, axis=1) for i, p in steppable]
+            logs["ground"] = np.concatenate(corners)
         return logs
 
     def forget_logs(self, context: framework.Context) -> None:
@@ -139,10 +135,8 @@ class MeasuredPoses:
         """Uses a plant of the `robot` alone."""
         self._plant = plant = robot.control_plant()
         self._context = plant.CreateDefaultContext()
-        self._soles = [
-            (plant.GetBodyByName(name), robot.X_FootSole[side])
-            for side, name in robot.foot_bodies.items()
-        ]
+        feet, body = robot.foot_bodies.items(), plant.GetBodyByName
+        self._soles = [(body(name), robot.X_FootSole[of]) for of, name in feet]
         trunk = robot.torso_body, robot.pelvis_body
         self._trunk = [plant.GetBodyByName(name) for name in trunk]
 

@@ -72,9 +72,8 @@ class HumanoidDiagram(ClosedLoop):
         friction = slip * self.robot.whole_body(params.whole_body).friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
-        self._standing = self.robot.standing_positions(
-            scenario.gait.step_width, scenario.place.pose
-        )
+        stance = scenario.gait.step_width, scenario.place.pose
+        self._standing = self.robot.standing_positions(*stance)
         builder = DiagramBuilder()
         self._add_plant(builder)
         if controller is None:
@@ -91,16 +90,14 @@ class HumanoidDiagram(ClosedLoop):
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
         known = self.robot.mass, period, self.plant, self.robot.pelvis_body
-        self.push = builder.AddNamedSystem(
-            "push_source", push_source.PushSource(scenario.pushes, *known)
-        )
+        push = push_source.PushSource(scenario.pushes, *known)
+        self.push = builder.AddNamedSystem("push_source", push)
         self._sensors = None
         if scenario.sensors != "perfect":
             self._sensors = load_sensors(scenario.sensors)
         noise = self._sensors, scenario.seed
-        sensor = hardware.FootForceSensor(
-            self.plant, self.robot, period, self.engine, *noise
-        )
+        known = self.plant, self.robot, period, self.engine
+        sensor = hardware.FootForceSensor(*known, *noise)
         self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
         self._close_loop(builder, meshcat)
         if meshcat is not None:
@@ -167,18 +164,16 @@ class HumanoidDiagram(ClosedLoop):
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:
-            self._drives = builder.AddNamedSystem(
-                "joint_drives", hardware.JointDrives(self.plant, self.robot)
-            )
+            drives = hardware.JointDrives(self.plant, self.robot)
+            self._drives = builder.AddNamedSystem("joint_drives", drives)
             connect(builder, controller, self._drives, "actuation")
             connect(builder, engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, engine.GetInputPort("actuation"))
         mouse = None
         if meshcat is not None and engine is self.plant:
-            mouse = scene.add_mouse(
-                builder, self.plant, self.scene_graph, meshcat
-            )
+            where = self.plant, self.scene_graph, meshcat
+            mouse = scene.add_mouse(builder, *where)
         pushes = self.push.GetOutputPort("spatial_forces")
         scene.connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
@@ -199,9 +194,8 @@ class HumanoidDiagram(ClosedLoop):
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
             period = scenario.controller.control_period
-            sensor = hardware.StateSensor(
-                self.plant, errors, period, scenario.seed
-            )
+            known = self.plant, errors, period, scenario.seed
+            sensor = hardware.StateSensor(*known)
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -249,9 +243,8 @@ class HumanoidDiagram(ClosedLoop):
             )
         if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
-            own.SetDiscreteState(
-                self._drives.GetInputPort("actuation").Eval(own)
-            )
+            commanded = self._drives.GetInputPort("actuation").Eval(own)
+            own.SetDiscreteState(commanded)
 
     def _load_torso(self, context: Context) -> None:
         """Scales the torso's mass and inertia by `torso_mass_ratio`."""
@@ -311,10 +304,8 @@ class HumanoidDiagram(ClosedLoop):
         torso, _ = self._poses.trunk_tilt(state)
         speeds = np.abs(state[self.plant.num_positions() + 6 :])
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
-        return bool(
-            torso > math.radians(self.scenario.max_torso_tilt_deg)
-            or (speeds > limits).any()
-        )
+        tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
+        return bool(tilts or (speeds > limits).any())
 
     def _read(self, context: Context, port: str):
         """The value of a `port` of the engine."""

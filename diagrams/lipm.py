@@ -80,9 +80,8 @@ class LipmDiagram(ClosedLoop):
         self._watched = [self.plant.GetOutputPort(name) for name in watched]
         self._close_loop(builder)
         systems = self.plant, self.controller, self.swing, self.push
-        self._finish(
-            builder, meshcat, period, systems, mechanisms=self._mechanisms
-        )
+        more = {"mechanisms": self._mechanisms}
+        self._finish(builder, meshcat, period, systems, **more)
 
     def _close_loop(self, builder: DiagramBuilder) -> None:
         controller, plant = self.controller, self.plant

@@ -8,7 +8,6 @@ import math
 import os
 import signal
 import sys
-import threading
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -52,26 +51,6 @@ _NOT_LIVE = (
 Main = Callable[..., int]
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """Makes Ctrl-C and SIGTERM raise KeyboardInterrupt, unless ignored."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    ends = [
-        number
-        for number in (signal.SIGINT, signal.SIGTERM)
-        if signal.getsignal(number) is signal.SIG_DFL
-    ]
-    for number in ends:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number in ends:
-            signal.signal(number, signal.SIG_DFL)
-
-
 def program(main: Main) -> Main:
     """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
 
@@ -83,7 +62,9 @@ def program(main: Main) -> Main:
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            with _interruptible():
+            # Unless they are ignored, or Python's own handler raises it.
+            raises = signal.default_int_handler, signal.SIG_DFL
+            with simulation.at_ctrl_c(*raises):
                 return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
@@ -136,6 +117,15 @@ def place(text: str) -> Path:
 
 class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
+
+    def __init__(self, file: str, about: str, codes: str, **more):
+        """Of the program in `file`; help says what it is about, and its codes.
+
+        Of `about` only the first line, unless `more` has a formatter of it.
+        """
+        about = about if more else about.partition("\n")[0]
+        name, codes = Path(file).name, f"Exit code: {codes}" * bool(codes)
+        super().__init__(name, description=about, epilog=codes, **more)
 
     def parse_args(self, args=None, namespace=None):
         """Refuses --flag=-- (an empty list), and a folder that is gone."""
@@ -211,12 +201,9 @@ def _output_flags(parser: argparse.ArgumentParser) -> None:
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the checked scenario of the flags."""
-    scenario = load_scenario(
-        args.scenario_name,
-        args.scenario_file,
-        args.scenario_text,
-        **{field: getattr(args, field) for field in _FIELDS},
-    )
+    changes = {field: getattr(args, field) for field in _FIELDS}
+    file, text = args.scenario_file, args.scenario_text
+    scenario = load_scenario(args.scenario_name, file, text, **changes)
     if args.terrain is not None:
         scenario.terrain.name = args.terrain
         check(scenario)
@@ -240,9 +227,8 @@ def main_job(
             meshcat = _meshcat(args.port) if shown else None
             if args.controller is not None:
                 refuse_with_policy(args)
-            diagram = simulation.closed_loop(
-                scenario, args.plant, args.controller or "", meshcat
-            )
+            system = args.plant, args.controller or "", meshcat
+            diagram = simulation.closed_loop(scenario, *system)
             if not args.live:
                 simulator = simulation.start(diagram)
                 folder = new_folder(args.out, args.scenario_name, pages.FILES)

@@ -75,12 +75,8 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
 
 def _parser() -> command_line.CommandLine:
-    parser = command_line.CommandLine(
-        prog="new_robot.py",
-        description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
-        "2 bad input.",
-    )
+    codes = "0 it walks in place (or --no-walk), 1 it does not, 2 bad input."
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     add, path = parser.add_argument, command_line.place
     add("--out", type=path, required=True, help="the folder")
@@ -103,9 +99,8 @@ def _parser() -> command_line.CommandLine:
 
 def _walk(robot: str, fidelity: str) -> int:
     """Simulates walking in place and prints the result; returns the code."""
-    scenario = load_scenario(
-        "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
-    )
+    which = {"robot": robot, "fidelity": fidelity}
+    scenario = load_scenario("walk_in_place", text=WALK, **which)
     try:
         diagram = HumanoidDiagram(scenario)
     except ValueError as error:  # it may be too small for the parameters

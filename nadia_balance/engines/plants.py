@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import (
-    ExternallyAppliedSpatialForce,
-    MultibodyPlant,
-    PointPairContactInfo,
-)
+from pydrake.multibody import plant as mbp
 from pydrake.systems import framework
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
@@ -29,13 +25,13 @@ class PointContacts:
     ContactResults itself cannot be filled from Python.
     """
 
-    pairs: tuple[PointPairContactInfo, ...] = ()
+    pairs: tuple[mbp.PointPairContactInfo, ...] = ()
 
     def num_point_pair_contacts(self) -> int:
         """The number of point contacts."""
         return len(self.pairs)
 
-    def point_pair_contact_info(self, i: int) -> PointPairContactInfo:
+    def point_pair_contact_info(self, i: int) -> mbp.PointPairContactInfo:
         """Bodies, point and force of contact `i`."""
         return self.pairs[i]
 
@@ -55,7 +51,7 @@ class MujocoPlant(framework.LeafSystem):
         output_ports: [state, contact_results]
     """
 
-    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph):
+    def __init__(self, plant: mbp.MultibodyPlant, scene_graph: SceneGraph):
         """Replaces `plant`, finalized and discrete, with its time step.
 
         Shapes and collision filters are those of `scene_graph` at this call.
@@ -71,20 +67,14 @@ class MujocoPlant(framework.LeafSystem):
             ) from None
         self._model = MujocoModel(plant, scene_graph.model_inspector())
         self._actuation = ports.Input(self, "actuation", plant.num_actuators())
-        self._forces = self.DeclareAbstractInputPort(
-            "applied_spatial_force",
-            AbstractValue.Make([ExternallyAppliedSpatialForce()]),
-        )
-        default = plant.CreateDefaultContext()
-        self._state = self.DeclareDiscreteState(
-            plant.GetPositionsAndVelocities(default)
-        )
+        forces = AbstractValue.Make([mbp.ExternallyAppliedSpatialForce()])
+        name = "applied_spatial_force"
+        self._forces = self.DeclareAbstractInputPort(name, forces)
+        x = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+        self._state = self.DeclareDiscreteState(x)
         self.DeclareStateOutputPort("state", self._state)
-        needs = [
-            self.discrete_state_ticket(self._state),
-            self._actuation,
-            self._forces,
-        ]
+        state = self.discrete_state_ticket(self._state)
+        needs = [state, self._actuation, self._forces]
         self._step = ports.declare_cache(self, "step", self._calc_step, needs)
         self.DeclareAbstractOutputPort(
             "contact_results",
@@ -92,9 +82,8 @@ class MujocoPlant(framework.LeafSystem):
             self._calc_contacts,
             {self._step.ticket()},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            plant.time_step(), 0.0, self._update
-        )
+        step = plant.time_step()
+        self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._update)
 
     def SetPositions(self, context: framework.Context, q: np.ndarray) -> None:
         """Sets the positions q (nq,) in `context`."""
@@ -105,12 +94,10 @@ class MujocoPlant(framework.LeafSystem):
     def _calc_step(
         self, context: framework.Context, _
     ) -> tuple[np.ndarray, PointContacts]:
-        forces = self._forces
-        x, contacts = self._model.step(
-            context.get_discrete_state(self._state).value(),
-            self._actuation(context),
-            forces.Eval(context) if forces.HasValue(context) else (),
-        )
+        x = context.get_discrete_state(self._state).value()
+        pushed = self._forces.HasValue(context)
+        forces = self._forces.Eval(context) if pushed else ()
+        x, contacts = self._model.step(x, self._actuation(context), forces)
         return x, PointContacts(tuple(contacts))
 
     def _calc_contacts(self, context, output):
@@ -129,7 +116,7 @@ def add_mujoco_plant(
     robot: RobotModel,
     time_step: float = 0.001,
     ground: Ground | None = None,
-) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
+) -> tuple[MujocoPlant, mbp.MultibodyPlant, SceneGraph]:
     """Adds a MujocoPlant in which `robot` stands on the `ground`.
 
     `time_step` [s]; without `ground` it is flat.  The MultibodyPlant that the
@@ -139,21 +126,15 @@ def add_mujoco_plant(
     Raises ValueError: MuJoCo is not installed, or cannot express the robot.
     """
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    plant = MultibodyPlant(time_step)
+    plant = mbp.MultibodyPlant(time_step)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     robot.stand_in(plant, scene_graph, ground)
-    engine = builder.AddNamedSystem(
-        "mujoco_plant", MujocoPlant(plant, scene_graph)
-    )
-    poses = builder.AddNamedSystem(
-        "poses",
-        MultibodyPositionToGeometryPose(plant, input_multibody_state=True),
-    )
+    engine, add = MujocoPlant(plant, scene_graph), builder.AddNamedSystem
+    add("mujoco_plant", engine)
+    poses = add("poses", MultibodyPositionToGeometryPose(plant, True))
     builder.Connect(engine.GetOutputPort("state"), poses.get_input_port())
-    builder.Connect(
-        poses.get_output_port(),
-        scene_graph.get_source_pose_port(plant.get_source_id()),
-    )
+    seen = scene_graph.get_source_pose_port(plant.get_source_id())
+    builder.Connect(poses.get_output_port(), seen)
     return engine, plant, scene_graph
 
 
@@ -244,9 +225,8 @@ class PointMassPlant(framework.LeafSystem):
             com.position[:2], com.velocity[:2], pivot, self._omega, self._period
         )
         state.get_mutable_discrete_state(self._com).set_value(com[:])
-        state.get_mutable_discrete_state(self._foot).set_value(
-            self._foot_after(self._swing(context))
-        )
+        foot = self._foot_after(self._swing(context))
+        state.get_mutable_discrete_state(self._foot).set_value(foot)
         return framework.EventStatus.Succeeded()
 
     def _foot_after(self, now: SwingFootReference) -> np.ndarray:

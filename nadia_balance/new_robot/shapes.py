@@ -82,12 +82,10 @@ def sole_plane(
     normal = areas[near] @ normals[near]
     normal /= np.linalg.norm(normal)
     # A round shape touches the ground with its point farthest along the normal.
-    lowest = [
-        s.spine(2).T + s.size["radius"] * normal
-        if s.kind in ("sphere", "capsule")
-        else s.points()
-        for s in shapes
-    ]
+    lowest = [s.points() for s in shapes]
+    for i, shape in enumerate(shapes):
+        if shape.kind in ("sphere", "capsule"):
+            lowest[i] = shape.spine(2).T + shape.size["radius"] * normal
     depth = max(float((points @ normal).max()) for points in lowest)
     on_plane = [
         p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]

@@ -95,11 +95,8 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
         return []
     t, walking = log["t"], signal(log, "walking_signal")
     last = len(t) - 1
-    edges = [
-        *([0] if len(t) else []),
-        *_changes(walking.phase, walking.support_side, walking.steps_taken),
-        len(t),
-    ]
+    columns = walking.phase, walking.support_side, walking.steps_taken
+    edges = [*([0] if len(t) else []), *_changes(*columns), len(t)]
     return [
         PhaseSpan(
             phase=signals.PHASES[int(walking.phase[first])],
@@ -190,9 +187,8 @@ def landings(log: Log) -> list[float]:
     for spans in (contacts(log, side) for side in Side):
         ends = [start + duration for start, duration in spans]
         starts = [start for start, _ in spans[1:]]
-        found += [
-            b for a, b in zip(ends, starts, strict=False) if b - a > BOUNCE
-        ]
+        flights = zip(ends, starts, strict=False)
+        found += [end for start, end in flights if end - start > BOUNCE]
     return sorted(found)
 
 

@@ -137,10 +137,8 @@ def _legend() -> str:
     def square(color: str, outlined: bool) -> str:
         return f'<b style="color:{color}">&#{9632 + outlined};</b>'
 
-    entries = [
-        f"{square(color, name in palette.OUTLINED)} {name}"
-        for name, color in palette.LEGEND.items()
-    ]
+    named, outlined = palette.LEGEND.items(), palette.OUTLINED
+    entries = [f"{square(c, name in outlined)} {name}" for name, c in named]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
     entries.append(f"{feet} foothold as adjusted")
     return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)

@@ -98,12 +98,10 @@ class Run:
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
             "versions": versions(info.engine),
         }
-        return {  # JSON has neither NaN nor infinity
-            name: None
-            if isinstance(value, float) and not math.isfinite(value)
-            else value
-            for name, value in summary.items()
-        }
+        for name, value in summary.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                summary[name] = None  # JSON has neither NaN nor infinity
+        return summary
 
 
 def _judge(run: Run) -> tuple[str, str]:

@@ -84,10 +84,8 @@ def time_axes(
     shape = {"sharex": True, "squeeze": False, "height_ratios": heights}
     axes = fig.subplots(len(heights), **shape)[:, 0]
     swings = [s for s in logs.phase_spans(log) if s.phase is Phase.SWING]
-    look = {
-        side: {"color": palette.foot_color(side), "alpha": 0.12}
-        for side in Side
-    }
+    pale, color = {"alpha": 0.12}, palette.foot_color
+    look = {side: {"color": color(side), **pale} for side in Side}
     for ax in axes:
         for span in swings:
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])

@@ -12,9 +12,9 @@ import numpy as np
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.lipm_limit import Capture
-from nadia_balance.scripts.envelope_sweep import Cell, Rows, limits
-from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
-from nadia_balance.scripts.envelope_sweep.sweep import (
+from nadia_balance.scripts.sweep import Cell, Rows, limits
+from nadia_balance.scripts.sweep.limits import LimitTable, protocol_of
+from nadia_balance.scripts.sweep.search import (
     SearchParams,
     Situation,
     Sweep,

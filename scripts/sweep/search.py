@@ -20,7 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.scripts.envelope_sweep import (
+from nadia_balance.scripts.sweep import (
     Attempt,
     Cell,
     Results,
@@ -30,9 +30,6 @@ from nadia_balance.scripts.envelope_sweep import (
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
-
-# Name of the gait's scenario, and when the push begins, as Moment writes it.
-Situation = tuple[str, str]
 
 
 @dataclass(kw_only=True)
