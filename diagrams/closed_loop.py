@@ -102,7 +102,7 @@ class ClosedLoop(framework.Diagram):
         return False
 
     def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
-        """All logged signals, and `t` [s] (see nadia_balance.results.log)."""
+        """All logged signals, and `t` [s] (see nadia_balance.results)."""
         log = self._log.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
         # A simulation from a cloned Context logs its first row a second time.

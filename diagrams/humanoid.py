@@ -313,7 +313,7 @@ class HumanoidDiagram(ClosedLoop):
         return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.results.log)."""
+        """All logged signals (see nadia_balance.results)."""
         logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
         return {

@@ -21,8 +21,8 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
 from nadia_balance.policy_controller import PolicyController, PolicyParams
-from nadia_balance.results.log import Log, pushes
-from nadia_balance.results.log import signal as logged
+from nadia_balance.results import Log, pushes
+from nadia_balance.results import signal as logged
 from nadia_balance.results.measurements import CalmSteps, LostWatch
 from nadia_balance.results.summary import STEADY, Run, RunInfo
 from nadia_balance.robot.model import load_robot

@@ -12,8 +12,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.results import Log
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.log import Log
 from nadia_balance.results.measurements import lost_at, measure_estimate
 from nadia_balance.results.plots import RC, draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot

@@ -27,7 +27,7 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.diagrams.terrain import Terrain
-from nadia_balance.results.log import _VIEWS
+from nadia_balance.results import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 from nadia_balance.systems.hardware import Imperfections
 

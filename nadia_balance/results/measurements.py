@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
+from nadia_balance.results import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]

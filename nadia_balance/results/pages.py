@@ -19,11 +19,11 @@ import matplotlib as mpl
 import numpy as np
 from pydrake.geometry import Meshcat
 
+import nadia_balance.results as logs
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import measurements, plots
+from nadia_balance.results import Log, measurements, plots, pushes, steps
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
 from nadia_balance.results.plots import footsteps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
@@ -170,7 +170,7 @@ def replay_status(log: Log, summary: dict) -> str:
                 if span.phase is Phase.STANDING
                 else f"{span.swing_side.value} {span.phase.value}",
             ]
-            for span in phase_spans(log)
+            for span in logs.phase_spans(log)
         ],
         "story": story,
         "jumps": [
@@ -197,7 +197,7 @@ def _curves(log: Log) -> list[list]:
     for needs, values, label, of_curves in (
         (
             "icp_reference",
-            icp_error,
+            logs.icp_error,
             "ICP error, up to {:.2f} m",
             [palette.ICP],
         ),

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results.log import Log, pushes, signal, support_side
+from nadia_balance.results import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import CalmSteps, recovered_at
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.walking.vocabulary import Phase
-from nadia_balance.results import log as logs
+from nadia_balance.results import Log, icp_error, pushes, signal
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.systems.whole_body import GIVES_UP_AFTER

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
+import nadia_balance.results as logs
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import log as logs
+from nadia_balance.results import Log, icp_error, pushes, signal
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.log import Log, icp_error, pushes, signal
 
 TEXT = "#2f3440"
 FAINT = "#8a93a3"

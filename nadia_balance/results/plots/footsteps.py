@@ -9,14 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+import nadia_balance.results as logs
 from nadia_balance import palette
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import contains
 from nadia_balance.core.walking.vocabulary import FootPose, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results import plots
-from nadia_balance.results.log import Log, PushSpan, Step, signal, sole_pose
+from nadia_balance.results import Log, PushSpan, Step, plots, signal, sole_pose
 from nadia_balance.results.measurements import recovered_at
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
