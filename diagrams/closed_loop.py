@@ -57,12 +57,10 @@ class ClosedLoop(framework.Diagram):
         Where several have a signal, it is that of the first.  `ports` are
         logged, too, every `period` [s].
         """
-        of = {
-            name: system.GetOutputPort(name)
-            for system in reversed(systems)
-            for name in (*LOGGED, *DRAWN, *EXPORTED)
-            if system.HasOutputPort(name)
-        }
+        of, names = {}, (*LOGGED, *DRAWN, *EXPORTED)
+        for system in reversed(systems):
+            known = filter(system.HasOutputPort, names)
+            of |= {name: system.GetOutputPort(name) for name in known}
         if meshcat is not None and "walking_state" in of:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             builder.AddNamedSystem("balance_visualizer", view)

@@ -77,14 +77,10 @@ class HumanoidDiagram(ClosedLoop):
         builder = DiagramBuilder()
         self._add_plant(builder)
         if controller is None:
-            controller = BalanceController(
-                params,
-                self.robot,
-                start=start,
-                ground=model.ground,
-                delay=scenario.delay,
-                **blocks,
-            )
+            given = {"start": start, "ground": model.ground}
+            given["delay"] = scenario.delay
+            known = params, self.robot
+            controller = BalanceController(*known, **given, **blocks)
         else:
             self._check_controller(controller, blocks)
         self.controller = controller
@@ -103,15 +99,10 @@ class HumanoidDiagram(ClosedLoop):
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
             scene.move_floor(meshcat, scenario.place.pose.p_WF)
-        self._finish(
-            builder,
-            meshcat,
-            period,
-            (self.engine, self.sensor, self.push, controller),
-            mechanisms=self._mechanisms,
-            torques=self._torques,
-            **self._measured,
-        )
+        systems = self.engine, self.sensor, self.push, controller
+        logged = {"mechanisms": self._mechanisms, "torques": self._torques}
+        logged |= self._measured
+        self._finish(builder, meshcat, period, systems, **logged)
 
     def _check_controller(self, controller: System, blocks: dict) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
@@ -284,12 +275,11 @@ class HumanoidDiagram(ClosedLoop):
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}
-        now = {
-            name: port.Eval(port.get_system().GetMyContextFromRoot(context))
-            for name, port in ports.items()
-            if name in ESTIMATE.split()
-        }
-        return float(nees({n: row[None] for n, row in now.items()})[0])
+        now = {}
+        for name in ESTIMATE.split():
+            own = ports[name].get_system().GetMyContextFromRoot(context)
+            now[name] = ports[name].Eval(own)[None]
+        return float(nees(now)[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""

@@ -41,10 +41,8 @@ EXIT_CODES = (
 MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 
 # Flags that have no effect with --live.
-_NOT_LIVE = (
-    *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "random", "controller"),
-)
+_NOT_LIVE = """no_meshcat out hold duration direction delta_v at shape random
+    controller""".split()
 
 
 # The `main` of a script: argv=None -> exit code.

@@ -37,14 +37,9 @@ def main(argv: list[str] | None = None) -> int:
         except ImportError as error:
             install = "pip install 'nadia_balance[robots]'"
             raise ValueError(f"{error.name} is missing: {install}") from None
-        notes = make_robot(
-            args.file,
-            args.out,
-            fix=args.fix or [],
-            package_roots=roots,
-            armature=args.armature,
-            named={name: getattr(args, name) for name in NAMES},
-        )
+        given = {"package_roots": roots, "armature": args.armature}
+        given["named"] = {name: getattr(args, name) for name in NAMES}
+        notes = make_robot(args.file, args.out, fix=args.fix or [], **given)
         command_line.say(*notes.lines())
         made = load_robot(str(robot), args.fidelity)
         command_line.say(_fit_reach(made, args.out))

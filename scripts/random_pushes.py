@@ -108,12 +108,9 @@ def failures_text(sweep: RandomPushes, rows: Rows) -> str:
             where = row["at"], push.body, f"{push.duration:g}"
             failed.append((*size, *where, row["outcome"], row["reason"]))
     head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
-    parts = [
-        f"# Pushes at random, at {sweep.share:g} of the limits",
-        f"{outcomes(rows)}; code `{rows.identity['code']}`.",
-        table(head, failed),
-    ]
-    return "\n\n".join(parts) + "\n"
+    title = f"# Pushes at random, at {sweep.share:g} of the limits"
+    about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
+    return "\n\n".join([title, about, table(head, failed)]) + "\n"
 
 
 @command_line.program

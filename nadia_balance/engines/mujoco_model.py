@@ -121,18 +121,14 @@ class MujocoModel:
         pairs = sorted(inspector.GetCollisionCandidates())
         for shape in sorted({shape for pair in pairs for shape in pair}):
             self._add_shape(inspector, shape)
-        for pair in pairs:
-            a, b = (_friction(inspector, shape) for shape in pair)
+        for shapes in pairs:
+            a, b = (_friction(inspector, shape) for shape in shapes)
             mu = 2.0 * a * b / (a + b) if a + b else 0.0  # Drake's rule
-            first, second = map(_name, pair)
-            self._spec.add_pair(
-                geomname1=first,
-                geomname2=second,
-                condim=3,
-                friction=[mu, mu, 0.0, 0.0, 0.0],
-                solref=self._softness,
-                solimp=_HARDNESS,
-            )
+            first, second = map(_name, shapes)
+            pair = {"geomname1": first, "geomname2": second, "condim": 3}
+            soft = {"solref": self._softness, "solimp": _HARDNESS}
+            friction = [mu, mu, 0.0, 0.0, 0.0]
+            self._spec.add_pair(**pair, **soft, friction=friction)
 
     def _add_shape(self, inspector: SceneGraphInspector, shape) -> None:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))

@@ -284,13 +284,9 @@ def _joint(joint: robots.Joint) -> Element:
     limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
         limits["velocity"] = joint.speed
-    parts = [
-        _origin(joint.X_PC),
-        _tag("parent", link=joint.parent),
-        _tag("child", link=joint.child),
-        _tag("axis", xyz=joint.axis),
-        _tag("limit", **limits),
-    ]
+    parts = [_origin(joint.X_PC), _tag("parent", link=joint.parent)]
+    parts += [_tag("child", link=joint.child), _tag("axis", xyz=joint.axis)]
+    parts.append(_tag("limit", **limits))
     if joint.damping:
         parts.append(_tag("dynamics", damping=joint.damping))
     return _tag("joint", *parts, name=joint.name, type="revolute")
@@ -301,13 +297,9 @@ def _transmission(joint: robots.Joint) -> Element:
     kind.text = "transmission_interface/SimpleTransmission"
     rotor = _tag(f"{DRAKE}rotor_inertia", value=joint.rotor_inertia)
     actuator = rotor, _tag(f"{DRAKE}gear_ratio", value="1")
-    return _tag(
-        "transmission",
-        kind,
-        _tag("joint", name=joint.name),
-        _tag("actuator", *actuator, name=joint.name),
-        name=f"{joint.name}_drive",
-    )
+    driven = _tag("joint", name=joint.name)
+    drive = _tag("actuator", *actuator, name=joint.name)
+    return _tag("transmission", kind, driven, drive, name=f"{joint.name}_drive")
 
 
 def write_yaml(folder: Path, fields: measure.Fields) -> None:

@@ -101,10 +101,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
 def start_recording(meshcat: Meshcat, live: bool = False) -> None:
     """Starts the recording; if `live`, the scene is also shown meanwhile."""
     meshcat.DeleteRecording()
-    meshcat.StartRecording(
-        frames_per_second=FRAMES_PER_SECOND,
-        set_visualizations_while_recording=live,
-    )
+    meshcat.StartRecording(FRAMES_PER_SECOND, live)
 
 
 def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:

@@ -85,10 +85,8 @@ class BalanceVisualizer(LeafSystem):
         self._push, self._regions = inputs(self, "push_force? capture_regions?")
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
-        for period, draw in (
-            (PERIOD, self._draw),
-            (REGIONS_PERIOD, self._draw_regions),
-        ):
+        draws = {PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
+        for period, draw in draws.items():
             self.DeclarePeriodicPublishEvent(period, 0.0, draw)
             self.DeclareForcedPublishEvent(draw)
 

@@ -71,11 +71,9 @@ def add_robot_view(
     builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
 ) -> None:
     """Adds a MeshcatVisualizer of the robot's visual shapes only."""
-    params = geometry.MeshcatVisualizerParams(
-        role=geometry.Role.kIllustration,
-        prefix=ROBOT,
-        publish_period=1.0 / FRAMES_PER_SECOND,
-    )
+    params = geometry.MeshcatVisualizerParams(prefix=ROBOT)
+    params.role = geometry.Role.kIllustration
+    params.publish_period = 1.0 / FRAMES_PER_SECOND
     add = geometry.MeshcatVisualizer.AddToBuilder
     add(builder, scene_graph, meshcat, params)
 
@@ -191,12 +189,9 @@ def add_polygon(
     fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     j = np.roll(i, -1)
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
-    meshcat.SetTriangleMesh(
-        path,
-        np.vstack([corners, _inset(corners)]).T,
-        np.hstack([fan] * filled + [edges] * outlined),
-        color,
-    )
+    points = np.vstack([corners, _inset(corners)]).T
+    triangles = np.hstack([fan] * filled + [edges] * outlined)
+    meshcat.SetTriangleMesh(path, points, triangles, color)
     # Objects that are painted later, but lie lower, must stay visible.
     if color.a() < 1.0:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)

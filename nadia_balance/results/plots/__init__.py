@@ -91,11 +91,9 @@ def time_axes(
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
         _mark_pushes(ax, log, label and ax is axes[0])
     axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
-    swung = {span.swing_side for span in swings}
-    bands = [
-        Patch(label=f"{side.value} foot swings", **look[side])
-        for side in filter(swung.__contains__, Side)
-    ]
+    swung = filter({span.swing_side for span in swings}.__contains__, Side)
+    words = {side: f"{side.value} foot swings" for side in swung}
+    bands = [Patch(label=text, **look[side]) for side, text in words.items()]
     if pushes(log):
         bands.append(Patch(label="push", **_PUSH))
     key(fig, bands)
