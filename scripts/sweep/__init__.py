@@ -75,14 +75,11 @@ COLUMNS = (
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 
-def recovered(row: dict) -> bool | None:
-    """True if the robot recovered; None if the trial is undecided."""
-    return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
-
-
 def results_of(rows: list[dict]) -> Results:
     """The results of the search of one cell, by its rows."""
-    return {(row["delta_v"], row["replica"]): recovered(row) for row in rows}
+    good = {RECOVERED: True, UNDECIDED: None}
+    ended = {(r["delta_v"], r["replica"]): r["outcome"] for r in rows}
+    return {attempt: good.get(how, False) for attempt, how in ended.items()}
 
 
 @dataclass
