@@ -13,10 +13,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems import framework
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
-from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
@@ -38,11 +37,16 @@ class ClosedLoop(framework.Diagram):
     """
 
     PLANT = "humanoid"  # or lipm
-    scenario: Scenario
-    robot: RobotModel
     push: PushSource  # one of its systems
     controller: framework.System  # one of its systems
-    _ground: Ground | None  # the true one, if it is not flat
+
+    def __init__(self, scenario: Scenario):
+        """Loads the robot and the true ground (None: flat) of `scenario`."""
+        super().__init__()
+        self.scenario = scenario
+        self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
+        size = robot.params.size
+        self._ground = scenario.terrain.ground(robot.sole, size)
 
     def _finish(
         self,

@@ -17,7 +17,6 @@ from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems import hardware, imu, push_source
@@ -57,14 +56,9 @@ class HumanoidDiagram(ClosedLoop):
         Raises ValueError: the robot cannot stand with the step width of the
         gait or on the terrain, or a block or the `controller` lacks a port.
         """
-        super().__init__()
-        self.scenario = scenario
+        super().__init__(scenario)
         params = scenario.controller
         period = params.control_period
-        self.robot = load_robot(scenario.robot, scenario.fidelity)
-        self._ground = scenario.terrain.ground(
-            self.robot.sole, self.robot.params.size
-        )
         model = scenario.point_mass(self.robot)
         start = scenario.start(model)
         # The controller's friction coefficient: a margin below the ground's.

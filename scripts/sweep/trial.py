@@ -101,9 +101,8 @@ def run_sweep(
     seldom = 0.5 if sys.stderr.isatty() else 30.0
     with tqdm(total=len(running), unit="limit", mininterval=seldom) as bar:
         while running and not stopped():
-            ended, running = futures.wait(
-                running, LOOK, futures.FIRST_COMPLETED
-            )
+            until = LOOK, futures.FIRST_COMPLETED
+            ended, running = futures.wait(running, *until)
             for future in ended:
                 try:
                     found = future.result()
