@@ -115,9 +115,8 @@ class Scenario:
                 f"time_step = {self.time_step}: must divide "
                 f"controller.control_period = {period} s"
             )
-        walking.whole_ticks(
-            "imperfections.delay", self.imperfections.delay, period
-        )
+        own = self.imperfections.delay
+        walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
         if self.sensors != "perfect" and self.imperfections.has_noise:
@@ -163,9 +162,8 @@ class Scenario:
             raise ValueError(
                 f"at = {push.at!r}: must be before duration = {self.duration} s"
             )
-        if moment.phase and not (
-            gait.num_steps or gait.steps or gait.footholds
-        ):
+        steps = gait.num_steps or gait.steps or gait.footholds
+        if moment.phase and not steps:
             raise ValueError(
                 f"at = {push.at!r}: must come with steps in the gait"
             )
@@ -173,11 +171,8 @@ class Scenario:
 
 def scenario_names() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    return {
-        name: path
-        for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
-        for name in yaml_load_file(str(path))
-    }
+    files = sorted(SCENARIO_FOLDER.glob("*.yaml"))
+    return {name: path for path in files for name in yaml_load_file(str(path))}
 
 
 def load_scenario(
@@ -211,9 +206,8 @@ def load_scenario(
     if scenario.units == "si":
         given = load_tree(Path(filename).read_text(encoding="utf-8"), name)
     if text:
-        scenario = load_typed(
-            Scenario, "scenario_text", data=text, defaults=scenario
-        )
+        over = {"data": text, "defaults": scenario}
+        scenario = load_typed(Scenario, "scenario_text", **over)
         tree = load_tree(text)
         if "units" in tree:
             raise ValueError(

@@ -21,8 +21,8 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
 from nadia_balance.policy_controller import PolicyController, PolicyParams
-from nadia_balance.results.log import Log, pushes
-from nadia_balance.results.log import signal as logged
+from nadia_balance.results import Log, pushes
+from nadia_balance.results import signal as logged
 from nadia_balance.results.measurements import CalmSteps, LostWatch
 from nadia_balance.results.summary import STEADY, Run, RunInfo
 from nadia_balance.robot.model import load_robot
@@ -172,12 +172,9 @@ def walk_to_push(diagram: ClosedLoop) -> tuple[Context, Run]:
     Context is not that of a push.
     """
     simulator, push = start(diagram), diagram.push
-    run = advance(
-        simulator,
-        diagram.scenario.duration,
-        stop_at_failure=True,
-        until=lambda all_: push.begins(push.GetMyContextFromRoot(all_)),
-    )
+    ends = {"until": lambda all_: push.begins(push.GetMyContextFromRoot(all_))}
+    duration = diagram.scenario.duration
+    run = advance(simulator, duration, stop_at_failure=True, **ends)
     return simulator.get_context(), run
 
 
@@ -261,22 +258,33 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
     A second one raises KeyboardInterrupt.  Outside of the main thread the
     function always returns False.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
     pressed: list[bool] = []
 
     def press(number: int, _: object) -> None:
         pressed.append(True)
         signal.signal(number, signal.default_int_handler)
 
-    ends = signal.SIGINT, signal.SIGTERM
-    before = {number: signal.signal(number, press) for number in ends}
-    try:
+    with at_ctrl_c(press):
         yield lambda: bool(pressed)
+
+
+@contextlib.contextmanager
+def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
+    """Calls `handler` at Ctrl-C or SIGTERM, in a block of the main thread.
+
+    Only for those that have the `usual` handler, if there is one.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {
+        number: signal.signal(number, handler)
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if is_main and usual in (None, signal.getsignal(number))
+    }
+    try:
+        yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:

@@ -136,20 +136,16 @@ class PolicyController(LeafSystem):
         self._q0 = np.array([default(name, 0.0) for name in self.joints])
         self._limits = plant.GetEffortUpperLimits()[places]
         self._actuators = np.argsort(places)  # from the policy's order
-        self._state = Input(
-            self, "estimated_state", plant.num_multibody_states()
-        )
+        size = plant.num_multibody_states()
+        self._state = Input(self, "estimated_state", size)
         first = [*np.zeros(len(names)), *_FIRST.values()]
         self._memory = self.DeclareDiscreteState(first)
-        self.DeclareVectorOutputPort(
-            "actuation",
-            len(names),
-            self._calc_torques,
-            {self._state.ticket(), self.discrete_state_ticket(self._memory)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            params.period, 0.0, self._update
-        )
+        torques, calc = ("actuation", len(names)), self._calc_torques
+        memory = self.discrete_state_ticket(self._memory)
+        needs = {self._state.ticket(), memory}
+        self.DeclareVectorOutputPort(*torques, calc, needs)
+        every = params.period, 0.0
+        self.DeclarePeriodicUnrestrictedUpdateEvent(*every, self._update)
 
     def time_of(self, moment: Moment) -> float:
         """Returns the time [s] of the first tick at `moment` by the clock.

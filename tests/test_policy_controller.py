@@ -20,7 +20,7 @@ from nadia_balance.results.pages import write_plots
 from nadia_balance.results.story import telling_lines
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import envelope, push
-from nadia_balance.scripts.envelope_sweep.trial import run_trial, search
+from nadia_balance.scripts.sweep.trial import run_trial, search
 from tests.blocks import answer, running
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script

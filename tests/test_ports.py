@@ -27,7 +27,7 @@ from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.engines.mujoco_plant import PointContacts
+from nadia_balance.engines.plants import PointContacts
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import fix

@@ -14,8 +14,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import description as robots
 
 DRAKE = "{http://drake.mit.edu}"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -82,11 +82,10 @@ def read_urdf(
         if any(word in tag for word in _LOOPS):
             raise ValueError(f"<{tag}>: must not be there, a closed loop")
         notes.add("changed", "left out the tags", tag)
-    colours = {
-        material.get("name", ""): colour.get("rgba", "")
-        for material in top.iter("material")
-        for colour in material.findall("color")
-    }
+    colours: dict[str, str] = {}
+    for material in top.iter("material"):
+        for colour in material.findall("color"):
+            colours[material.get("name", "")] = colour.get("rgba", "")
     folders = [*roots, *file.resolve().parents]
     parts, links = _parts(top, "link"), {}
     for name, part in parts.items():
@@ -231,16 +230,13 @@ def _inertia(
     part: _Part, link: robots.Link, notes: robots.Notes
 ) -> SpatialInertia:
     """The inertia of a link; without moments it is that of a box."""
-    mass, X = (
-        part.number("inertial/mass", "value"),
-        part.pose("inertial/origin"),
-    )
+    mass = part.number("inertial/mass", "value")
+    X = part.pose("inertial/origin")
     if not mass:
         return SpatialInertia.Zero()
     com, R = X.translation(), X.rotation().matrix()
-    xx, yy, zz, xy, xz, yz = (
-        part.number("inertial/inertia", key) for key in MOMENTS
-    )
+    moments = (part.number("inertial/inertia", key) for key in MOMENTS)
+    xx, yy, zz, xy, xz, yz = moments
     given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     what = "moments of inertia"
     if link.shapes and not given.any():

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
+from nadia_balance.results import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
@@ -66,14 +66,12 @@ def recovery_time(log: Log) -> float | None:
 
 def measure(log: Log) -> dict[str, Any]:
     """Returns all measurements as plain values, None if not available."""
-    found = {
-        name: function(log) if {*needs.split()} <= {*log} else None
-        for name, (needs, function) in _MEASUREMENTS.items()
-    }
-    return {
-        name: largest(value) if isinstance(value, np.ndarray) else value
-        for name, value in found.items()
-    }
+    found: dict[str, Any] = {}
+    for name, (needs, function) in _MEASUREMENTS.items():
+        value = function(log) if {*needs.split()} <= {*log} else None
+        is_array = isinstance(value, np.ndarray)
+        found[name] = largest(value) if is_array else value
+    return found
 
 
 def largest(values: Array) -> float | None:
@@ -132,11 +130,8 @@ def trunk_tilts(log: Log) -> Array:
 
 def _durations(log: Log, phase: Phase) -> list[float]:
     """Durations [s] of the completed phases of this kind."""
-    return [
-        round(span.duration, 6)
-        for span in logs.phase_spans(log)
-        if span.phase is phase and span.complete
-    ]
+    ended = (span for span in logs.phase_spans(log) if span.complete)
+    return [round(span.duration, 6) for span in ended if span.phase is phase]
 
 
 def _steps_after_push(log: Log) -> int:
@@ -215,9 +210,8 @@ def _edge_distances(log: Log) -> list[float]:
     """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in logs.ground_regions(log)]
     soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
-    return [
-        float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
-    ]
+    inside = ([np.min(b - sole @ A.T) for A, b in sides] for sole in soles)
+    return [float(max(distances)) for distances in inside]
 
 
 def estimation_errors(log: Log) -> Array:
@@ -285,9 +279,8 @@ def _qps(log: Log) -> list[Any]:
 
 
 def _qp_failures(log: Log) -> int:
-    return sum(
-        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
-    )
+    several = (max(np.sum(q.solved < 0.5), q.failures[-1]) for q in _qps(log))
+    return sum(map(int, several))
 
 
 # Name: the signals that are needed, and a function of the log; of an array the

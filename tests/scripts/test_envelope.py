@@ -13,12 +13,12 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
-from nadia_balance.scripts.envelope_sweep.limits import known_limits
-from nadia_balance.scripts.envelope_sweep.rows import TRIALS, cell_of, read
-from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM
+from nadia_balance.scripts.sweep import TRIALS, Cell, Rows
+from nadia_balance.scripts.sweep.limits import known_limits
+from nadia_balance.scripts.sweep.search import HEADROOM
 from tests import run_cache
-from tests.scripts.envelope_sweep.made_up import PATIENCE, facts
 from tests.scripts.running import assert_refused, program, run_script
+from tests.scripts.sweep.made_up import PATIENCE, facts
 from tests.source_files import ROOT
 
 SOON = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
@@ -55,7 +55,7 @@ def here(monkeypatch):
 
 
 def rows_in(folder):
-    return list(map(facts, read(folder).all))
+    return list(map(facts, Rows.read(folder).all))
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def started(folder):
     while number < 2 and process.poll() is None and time.monotonic() < late:
         time.sleep(0.02)
         with contextlib.suppress(ValueError):
-            number = len(read(folder).all)
+            number = len(Rows.read(folder).all)
     assert process.poll() is None, process.communicate()
     return process
 
@@ -138,7 +138,7 @@ def test_begins_below_the_limits_that_another_folder_knows(
     limits = known_limits(tmp_path)
     assert limits == known_limits(undisturbed[0])
     for row in rows_in(tmp_path):
-        lowest = limits[cell_of(row)] - HEADROOM
+        lowest = limits[Cell.of(row)] - HEADROOM
         assert row["delta_v"] > min(lowest, 0.4) - 0.101  # a first stride
 
 

@@ -8,13 +8,8 @@ import signal
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.trial import open_workers, run_trial
-from tests.scripts.envelope_sweep.made_up import (
-    PATIENCE,
-    cell_to,
-    facts,
-    stepping_sweep,
-)
+from nadia_balance.scripts.sweep.trial import open_workers, run_trial
+from tests.scripts.sweep.made_up import PATIENCE, cell_to, facts, stepping_sweep
 
 TRIALS = [
     (stepping_sweep(), cell_to(120.0), delta_v, replica)
