@@ -28,8 +28,8 @@ from nadia_balance.systems.hardware import (
 from nadia_balance.systems.imu import Imu
 from nadia_balance.systems.joint_encoders import JointEncoders
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.state_estimator import StateEstimator
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start

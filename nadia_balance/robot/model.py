@@ -24,8 +24,9 @@ from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.bounds import check, scaled
 from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.robot import leg_strength, plants
+from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
+from nadia_balance.robot.leg_strength import StandingLegs
 from nadia_balance.robot.params import (
     MODELS,
     RobotParams,
@@ -66,12 +67,11 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        shaped, q = self.control_diagram()[1], self.standing_positions()
-        self.remarks = robot_urdf.remarks_on(shaped, set(feet))
+        self.remarks = robot_urdf.remarks_on(
+            self.control_diagram()[1], set(feet)
+        )
         with naming(f"urdf = {urdf}"):
-            leg_strength.check_standing(
-                self.control_plant(), q, self.foot_bodies, self.X_FootSole
-            )
+            self.legs_at(self.standing_positions()).check_standing()
 
     @cached_property
     def mass(self) -> float:
@@ -94,9 +94,8 @@ class RobotModel:
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
-        plant, q = self.control_plant(), self.standing_positions()
-        legs = plant, q, self.foot_bodies, self.X_FootSole
-        a, v = leg_strength.foot_limits(*legs, self.max_joint_speeds)
+        legs = self.legs_at(self.standing_positions())
+        a, v = legs.foot_limits(self.max_joint_speeds)
         detour = self.params.swing_detour
         detour = replace(
             detour,
@@ -120,11 +119,17 @@ class RobotModel:
             com_height=self.com_height,
             step_width=self.params.step_width,
             sole=self.sole,
-            held=leg_strength.cop_area(*legs, self.sole),
+            held=legs.cop_area(self.sole),
             legs=self.params.legs,
             reach=reach,
             sole_clearance=max(apart - self.sole_width, 0.0),
             detour=detour,
+        )
+
+    def legs_at(self, q: np.ndarray) -> StandingLegs:
+        """Returns the legs of the robot, standing at `q` (nq,)."""
+        return StandingLegs(
+            self.control_plant(), q, self.foot_bodies, self.X_FootSole
         )
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
@@ -168,9 +173,15 @@ class RobotModel:
     ) -> tuple[MultibodyPlant, SceneGraph]:
         """Adds a plant, finalized, in which the robot stands on the `ground`.
 
-        It has point contacts and this `time_step` [s]; see `add_ground`.
+        It has point contacts and this `time_step` [s], by default the longest
+        that is accurate enough; see `add_ground`.
         """
-        config = plants.default_plant_config(time_step)
+        config = mbp.MultibodyPlantConfig(
+            time_step=time_step,
+            contact_model="point",
+            discrete_contact_approximation="sap",
+            use_sampled_output_ports=False,
+        )
         plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
