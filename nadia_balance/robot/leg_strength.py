@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.math import RigidTransform
+from pydrake.multibody import inverse_kinematics as ik
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, Joint
+from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
@@ -157,3 +160,56 @@ class StandingLegs:
                 return ankle
             ankle.append(joint)
         return []
+
+
+class StandingKinematics(ik.InverseKinematics):
+    """Inverse kinematics with level soles and a bounded centre of mass."""
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        feet: Mapping[Side, str],
+        X_FootSole: Mapping[Side, RigidTransform],
+        places: Mapping[Side, ArrayLike],
+        com_lower: ArrayLike,
+        com_upper: ArrayLike,
+    ):
+        """Constrains the `plant` of one robot, see StandingLegs.
+
+        `places` are the positions (2,) [m] of the sole centres on the plane
+        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
+        `com_upper`.
+        """
+        self.plant = plant
+        super().__init__(plant)
+        world, free = plant.world_frame(), np.inf
+        for side, (x, y) in places.items():
+            foot = plant.GetFrameByName(feet[side])
+            p_FS = X_FootSole[side].translation()
+            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
+            for p_S, low, high in (
+                ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
+                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
+                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
+            ):
+                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
+        prog = self.prog()
+        self._com = prog.NewContinuousVariables(3, "com")
+        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
+        context = self.get_mutable_context()
+        com = ik.ComPositionConstraint(plant, None, world, context)
+        prog.AddConstraint(com, [*self.q(), *self._com])
+
+    def nearest(
+        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
+    ) -> np.ndarray | None:
+        """Returns the positions (nq,) nearest to `q`; None if there are none.
+
+        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
+        """
+        prog = self.prog()
+        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
+        prog.SetInitialGuess(self.q(), q)
+        prog.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(prog)
+        return result.GetSolution(self.q()) if result.is_success() else None

@@ -1,21 +1,18 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody import inverse_kinematics as ik
 from pydrake.multibody import plant as mbp
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nadia_balance.core.body.ground import Ground
@@ -26,7 +23,7 @@ from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
-from nadia_balance.robot.leg_strength import StandingLegs
+from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.params import (
     MODELS,
     RobotParams,
@@ -264,8 +261,9 @@ class RobotModel:
             raise ValueError(f"step_width = {width}: must be > 0 m")
         com = [0.0, 0.0, self.com_height]
         places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
-        found = StandingKinematics(self, places, com, com)
-        plant = found.plant
+        plant = self.control_plant()
+        legs = plant, self.foot_bodies, self.X_FootSole
+        found = StandingKinematics(*legs, places, com, com)
         upright = [1.0, 0.0, 0.0, 0.0]
         found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
         nominal = np.zeros(plant.num_positions())
@@ -286,57 +284,6 @@ class RobotModel:
             f"be within reach of the legs of {self.name}, in m; with "
             f"straight ones, the CoM is {highest:.3f} m high"
         )
-
-
-class StandingKinematics(ik.InverseKinematics):
-    """Inverse kinematics with level soles and a bounded centre of mass."""
-
-    def __init__(
-        self,
-        robot: RobotModel,
-        places: Mapping[Side, ArrayLike],
-        com_lower: ArrayLike,
-        com_upper: ArrayLike,
-    ):
-        """Constrains the `plant` of the `robot` alone.
-
-        `places` are the positions (2,) [m] of the sole centres on the plane
-        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
-        `com_upper`.
-        """
-        self.plant = plant = robot.control_plant()
-        super().__init__(plant)
-        world, free = plant.world_frame(), np.inf
-        for side, (x, y) in places.items():
-            foot = plant.GetFrameByName(robot.foot_bodies[side])
-            p_FS = robot.X_FootSole[side].translation()
-            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
-            for p_S, low, high in (
-                ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
-                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
-                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-            ):
-                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
-        prog = self.prog()
-        self._com = prog.NewContinuousVariables(3, "com")
-        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
-        context = self.get_mutable_context()
-        com = ik.ComPositionConstraint(plant, None, world, context)
-        prog.AddConstraint(com, [*self.q(), *self._com])
-
-    def nearest(
-        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
-    ) -> np.ndarray | None:
-        """Returns the positions (nq,) nearest to `q`; None if there are none.
-
-        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
-        """
-        prog = self.prog()
-        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
-        prog.SetInitialGuess(self.q(), q)
-        prog.SetInitialGuess(self._com, com)
-        result = SnoptSolver().Solve(prog)
-        return result.GetSolution(self.q()) if result.is_success() else None
 
 
 def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:

@@ -17,7 +17,8 @@ from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.plan.gait import Gait
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.robot import plants
-from nadia_balance.robot.model import RobotModel, StandingKinematics
+from nadia_balance.robot.leg_strength import StandingKinematics
+from nadia_balance.robot.model import RobotModel
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
 _LEVEL = 0.01  # tolerance of the planned CoM height [m]
@@ -40,7 +41,9 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     height = ComHeight(ComHeightParams(), model).height_limit(FootPose(), other)
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
     ik = StandingKinematics(
-        robot,
+        robot.control_plant(),
+        robot.foot_bodies,
+        robot.X_FootSole,
         dict(zip(Side, feet, strict=True)),
         [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
         [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
