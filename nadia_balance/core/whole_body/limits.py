@@ -93,7 +93,7 @@ class WholeBodyLimits:
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
         self._wrench[0, -1] = self._least_force
-        self._torques: Array = 1.0 / model.mass * model.max_torque * _SIGNS
+        self._torques: Array = model.max_torque / model.mass * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
         self._max_speed, self._drives = model.max_speed, model.drives
         self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS
