@@ -21,8 +21,8 @@ from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems import hardware, imu, push_source
 from nadia_balance.systems.joint_encoders import JointEncoders
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.state_estimator import StateEstimator
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start

@@ -7,15 +7,15 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
-from nadia_balance.capture_point_controller import CapturePointController
+from nadia_balance.balance_controller import CapturePointController
 from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.systems.push_source import PushSource, find_body
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import SwingFootPlanner
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import add_mechanisms
 
 FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]

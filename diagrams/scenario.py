@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_load_file
 
-from nadia_balance.capture_point_controller import ControllerParams
+from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.gait import Gait, walking_start

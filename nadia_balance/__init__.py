@@ -9,8 +9,9 @@ import importlib
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
 # they are links to the folders of the same names beside it.
 _PUBLIC = {
-    "balance_controller": ("BalanceController",),
-    "capture_point_controller": ("CapturePointController", "ControllerParams"),
+    "balance_controller": (
+        *("BalanceController", "CapturePointController", "ControllerParams"),
+    ),
     "core.body.ground": ("Ground", "Region"),
     "core.body.model": ("PointMassModel",),
     "core.math.daqp_solver": ("DaqpSolver",),
@@ -41,11 +42,11 @@ _PUBLIC = {
     "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
     "systems.push_source": ("PushSource",),
+    "systems.signals": ("connect",),
     "systems.state": ("CentroidalEstimator", "StatePredictor"),
     "systems.state_estimator": ("StateEstimator",),
     "systems.steps": ("CaptureRegionStepAdjuster", "SwingFootPlanner"),
     "systems.whole_body": ("FrictionEstimator", "WholeBodyInverseDynamics"),
-    "systems.wiring": ("connect",),
     "view.balance_visualizer": ("BalanceVisualizer",),
     "view.live_controls": ("LiveControls",),
 }

@@ -8,8 +8,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.balance_controller import BalanceController
-from nadia_balance.capture_point_controller import (
+from nadia_balance.balance_controller import (
+    BalanceController,
     CapturePointController,
     ControllerParams,
 )

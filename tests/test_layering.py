@@ -26,8 +26,8 @@ FLOORS = (
     "core.estimation core.plan core.steps core.whole_body new_robot",
     "core.feedback robot lipm_limit",
     "systems",
-    "capture_point_controller policy_controller engines view",
-    "balance_controller results",
+    "balance_controller policy_controller engines view",
+    "results",
     "diagrams",
     "scripts",
 )

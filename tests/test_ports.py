@@ -17,8 +17,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System
 
 import nadia_balance
-from nadia_balance.balance_controller import BalanceController
-from nadia_balance.capture_point_controller import (
+from nadia_balance.balance_controller import (
+    BalanceController,
     CapturePointController,
     ControllerParams,
 )

@@ -20,11 +20,7 @@ from pydrake.common.value import Value
 from pydrake.systems import framework
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
-    Mechanisms,
-    WalkingState,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 _REQUIRED = object()
@@ -118,10 +114,10 @@ class Input:
 
 # What a signal is for a block that is not connected to it.
 _DEFAULTS = {
-    "mechanisms": MECHANISMS["all_with_cross_over"],
+    "mechanisms": walking.MECHANISMS["all_with_cross_over"],
     "time_adjustment": (0.0, 0.0),
 }
-_VIEWS = {"mechanisms": Mechanisms.from_vector}
+_VIEWS = {"mechanisms": walking.Mechanisms.from_vector}
 # What a value depends on; None: all inputs of its block.
 Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 
@@ -220,7 +216,7 @@ def declare_scratch(
 def declare_plan(
     system: LeafSystem,
     walking_state: Input,
-    calc: Callable[[WalkingState], object],
+    calc: Callable[[walking.WalkingState], object],
 ) -> framework.CacheEntry:
     """Declares a cache entry (schedule, plan), with plan = `calc(state)`.
 

@@ -29,7 +29,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Mechanisms
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.wiring import connect
+from nadia_balance.systems.signals import connect
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0

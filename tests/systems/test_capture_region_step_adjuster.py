@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+)
 from nadia_balance.core.steps.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -12,10 +16,6 @@ from nadia_balance.core.steps.foothold_adjustment import (
     propose_adjustment,
     touchdown_interval,
     unadjusted,
-)
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import NOTHING

@@ -19,6 +19,12 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.polygon import contains, convex_hull
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    Place,
+    ReachRulesParams,
+    SwingGeometry,
+)
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -28,12 +34,6 @@ from nadia_balance.core.steps.foothold_adjustment import (
     propose_adjustment,
     touchdown_interval,
     unadjusted,
-)
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    Place,
-    ReachRulesParams,
-    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests.core.body.test_ground import square

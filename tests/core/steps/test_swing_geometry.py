@@ -12,7 +12,7 @@ from nadia_balance.core.body.reachability import BASE, in_world, total_region
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import area, contains, convex_hull
-from nadia_balance.core.steps.swing_geometry import (
+from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
     SwingGeometry,
     geometry_key,
