@@ -159,7 +159,7 @@ def test_the_scenario_left_behind_gives_the_same_bits(tmp_path, capsys):
     The robot is not Nadia: what its size has scaled stays as it is.
     """
     first, second = tmp_path / "first", tmp_path / "second"
-    argv = [*QUICK, "--duration", 2, "--delta-v", 0.123456789, "--seed", 7]
+    argv = [*QUICK, "--duration", 3.6, "--delta-v", 0.123456789, "--seed", 7]
     argv += ["--robot", "g1"]
     run_script(push, [*argv, "--out", first], capsys)
     file = first / "scenario.yaml"
