@@ -165,7 +165,7 @@ class Biped:
 def make_once(file: Path, folder: Path, **options) -> Notes:
     """`make_robot`, whose notes and files are kept on disk, see run_cache.
 
-    They follow from the files beside `file`; no path may be in them.
+    They follow from the files beside `file`; no path of a run may be in them.
     """
 
     def make() -> tuple[Notes, dict[Path, bytes]]:

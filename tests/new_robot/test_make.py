@@ -1,7 +1,6 @@
 """A biped that nobody has seen goes through; a faulty one is told so."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import yaml
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.reach import reaches
 from tests.new_robot.biped import Biped, make_once
@@ -99,7 +99,7 @@ def test_stands_with_bent_knees_and_keeps_them_bent(biped, made):
     assert limits[f"joint_{other}_limits"] == {}
 
 
-def faulty(folder, *faults, **options):
+def faulty(folder, *faults, make=make_once, **options):
     """Makes the robot of a URDF in which regular expressions are replaced."""
     file = Biped(turned=False).write(folder)
     text = file.read_text()
@@ -107,7 +107,7 @@ def faulty(folder, *faults, **options):
         text, count = re.subn(pattern, replacement, text, flags=re.DOTALL)
         assert count, pattern
     file.write_text(text)
-    return make_once(file, folder / "made", **options)
+    return make(file, folder / "made", **options)
 
 
 def times(attribute, factor, within=""):
@@ -218,14 +218,13 @@ def test_rotor_inertias_may_be_of_another_file(tmp_path):
     assert text.count('rotor_inertia value="0.03"') == 1
 
 
-def test_says_what_it_mends(tmp_path, monkeypatch):
-    """Oracle: what is wrong with the biped, by hand."""
-    monkeypatch.chdir(tmp_path)
+def test_says_what_it_mends(tmp_path):
+    """Oracle: what is wrong with the biped, by hand; paths are of this run."""
     mesh = '<mesh filename="package://hands/thumb.stl"'
     (tmp_path / "broken.stl").write_bytes(80 * b" " + b"\7\0\0\0")
     broken = '<mesh filename="broken.stl"'
     notes = faulty(
-        Path(),
+        tmp_path,
         (r'(name="l_shin".*?ixx=")', r"\g<1>-"),
         (r'(name="waist" type=")revolute', r"\1continuous"),
         (r'(name="bow".*?) effort="250"', r"\1"),
@@ -236,13 +235,14 @@ def test_says_what_it_mends(tmp_path, monkeypatch):
             r'\g<1>0\g<2>0\g<3>0"',
         ),
         fix=["r_sw.*"],
+        make=make_robot,
     )
     assert notes.of("changed") == [
         "left out the tags: gazebo",
         "left out visual of link l_thumb: there is no "
         "package://hands/thumb.stl (--package-root?)",
-        "left out visual of link r_thumb: broken.stl: must be a whole STL, OBJ "
-        "or Collada file",
+        f"left out visual of link r_thumb: {tmp_path}/broken.stl: must be a "
+        "whole STL, OBJ or Collada file",
         "moments of inertia of 0, now of a box: chest",
         "moments of inertia that no body has, made possible: l_shin",
         "welded as asked: r_swing",
