@@ -68,6 +68,8 @@ def once(folder, *argv):
         ):
             patch.setattr(envelope.trial, "open_workers", workers_here)
             code = envelope.main([*map(str, argv), str(folder)])
+        if code == envelope.command_line.INTERRUPTED:
+            raise KeyboardInterrupt  # nothing to be kept
         said = (
             text.getvalue().replace(str(folder), "FOLDER") for text in texts
         )
