@@ -197,13 +197,34 @@ def _sole_distance(log: Log) -> float:
     """Least distance [m] in plan view of PASSING soles; 0: one is above."""
     poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights, least = poses[:, :, 2], math.inf
-    for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
+    poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
+    gaps = _gaps(poses, log["sole"])
+    for row in np.argsort(gaps):
+        if least == 0.0 or gaps[row] > least + 1e-9:
+            break
         left, right = (
-            FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet
+            FootPose(foot[:3], foot[3]).to_world(log["sole"])
+            for foot in poses[row]
         )
         gap = project(np.zeros(2), minkowski_sum(left, -right))
         least = min(least, float(np.hypot(*gap)))
     return least
+
+
+def _gaps(poses: Array, sole: Array) -> Array:
+    """Gaps (n,) [m] between two soles, seen along or across one of them.
+
+    They are the largest of four, and no larger than the soles' distance.
+    `poses` (n, 2, 4) are p_WF and yaw of each foot, the `sole` is (k, 2).
+    """
+    x, y, _, yaw = np.moveaxis(poses, 2, 0)
+    turns = np.exp(1j * yaw)  # the plane as complex numbers
+    corners = (x + 1j * y)[..., None] + turns[..., None] * (sole @ [1.0, 1j])
+    gaps = []
+    for way in (*turns.T, *(1j * turns.T)):
+        a, b = np.moveaxis((corners * way.conj()[:, None, None]).real, 1, 0)
+        gaps += [a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1)]
+    return np.max(gaps, axis=0)
 
 
 def _edge_distances(log: Log) -> list[float]:

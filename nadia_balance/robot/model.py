@@ -1,5 +1,7 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
+import copy
+import functools
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -327,14 +329,30 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
 
     Raises ValueError, FileNotFoundError: as load_robot.
     """
-    what, path = f"robot = {name}", Path(name)
     if name in robot_names():
-        path = MODELS / name / "robot.yaml"
-    elif path.suffix not in (".yaml", ".yml"):
+        files = sorted((MODELS / name).iterdir())
+        changed = tuple(file.stat().st_mtime_ns for file in files)
+        params, urdf = _params_of_package(name, changed)
+        return copy.deepcopy(params), urdf
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
         raise ValueError(
             f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
             "or a path to a robot.yaml"
         )
+    return _read_params(name, path)
+
+
+@functools.lru_cache(maxsize=16)
+def _params_of_package(
+    name: str, changed: tuple[int, ...]
+) -> tuple[RobotParams, Path]:
+    """Reads a robot once, and again when one of its files has `changed`."""
+    return _read_params(name, MODELS / name / "robot.yaml")
+
+
+def _read_params(name: str, path: Path) -> tuple[RobotParams, Path]:
+    what = f"robot = {name}"
     if not path.is_file():
         raise FileNotFoundError(f"{what}: no such file")
     params = load_typed(RobotParams, what, filename=path)

@@ -12,7 +12,7 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.reach import reaches
-from tests.new_robot.biped import Biped
+from tests.new_robot.biped import Biped, make_once
 
 # Rows: forward, left, up.
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -33,7 +33,7 @@ def biped(request):
 def made(biped, tmp_path_factory):
     """robot.yaml as it is written, and the robot as it is loaded."""
     folder = tmp_path_factory.mktemp("biped")
-    make_robot(biped.write(folder), folder / "made")
+    make_once(biped.write(folder), folder / "made")
     file = folder / "made" / "robot.yaml"
     return yaml.safe_load(file.read_text()), load_robot(str(file))
 
@@ -99,7 +99,7 @@ def test_stands_with_bent_knees_and_keeps_them_bent(biped, made):
     assert limits[f"joint_{other}_limits"] == {}
 
 
-def faulty(folder, *faults, **options):
+def faulty(folder, *faults, make=make_once, **options):
     """Makes the robot of a URDF in which regular expressions are replaced."""
     file = Biped(turned=False).write(folder)
     text = file.read_text()
@@ -107,7 +107,7 @@ def faulty(folder, *faults, **options):
         text, count = re.subn(pattern, replacement, text, flags=re.DOTALL)
         assert count, pattern
     file.write_text(text)
-    return make_robot(file, folder / "made", **options)
+    return make(file, folder / "made", **options)
 
 
 def times(attribute, factor, within=""):
@@ -212,14 +212,14 @@ def test_rotor_inertias_may_be_of_another_file(tmp_path):
         'xmlns:d="http://drake.mit.edu"/></actuator></transmission></robot>'
     )
     beside.write_text(beside.read_text().replace("</robot>", drive))
-    made = make_robot(file, tmp_path / "made", armature=beside)
+    made = make_once(file, tmp_path / "made", armature=beside)
     assert "rotor inertia of 15 joints" in made.of("unknown")[0]
     text = (tmp_path / "made" / "robot.urdf").read_text()
     assert text.count('rotor_inertia value="0.03"') == 1
 
 
 def test_says_what_it_mends(tmp_path):
-    """Oracle: what is wrong with the biped, by hand."""
+    """Oracle: what is wrong with the biped, by hand; paths are of this run."""
     mesh = '<mesh filename="package://hands/thumb.stl"'
     (tmp_path / "broken.stl").write_bytes(80 * b" " + b"\7\0\0\0")
     broken = '<mesh filename="broken.stl"'
@@ -235,6 +235,7 @@ def test_says_what_it_mends(tmp_path):
             r'\g<1>0\g<2>0\g<3>0"',
         ),
         fix=["r_sw.*"],
+        make=make_robot,
     )
     assert notes.of("changed") == [
         "left out the tags: gazebo",
@@ -259,11 +260,11 @@ def test_names_of_the_user_come_first(tmp_path):
     """Oracle: the names; what is found has others."""
     named = {"torso": "spine", "left_foot": "l_sole"}
     file = Biped(turned=False).write(tmp_path)
-    notes = make_robot(file, tmp_path / "made", named=named)
+    notes = make_once(file, tmp_path / "made", named=named)
     guessed = notes.of("guessed")
     assert guessed[0] == "pelvis pelvis, torso spine, feet l_foot, r_foot"
     with pytest.raises(ValueError, match="^link tail: must be one of chest"):
-        make_robot(file, tmp_path / "a", named={"torso": "tail"})
+        make_once(file, tmp_path / "a", named={"torso": "tail"})
 
 
 def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
@@ -272,7 +273,7 @@ def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
     roots.mkdir()
     package = "biped_description"
     (tmp_path / package).rename(roots / package)
-    made = make_robot(file, tmp_path / "made", package_roots=[roots])
+    made = make_once(file, tmp_path / "made", package_roots=[roots])
     guessed = made.of("guessed")
     assert guessed[3].startswith("sole 0.240 x 0.100 m, of 0.240 x 0.120 m")
 
@@ -282,7 +283,7 @@ def test_stiff_ankles_keep_it_from_nadias_width(tmp_path):
 
     They roll by 11 degrees only.
     """
-    make_robot(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
+    make_once(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
     stiff = load_robot(str(tmp_path / "made" / "robot.yaml"))
     own = stiff.point_mass.reach
     nadias = scaled(ReachabilityParams(), stiff.params.size)
