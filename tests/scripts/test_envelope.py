@@ -181,11 +181,11 @@ def test_killed_at_any_time_it_goes_on_where_it_was(
     None of its processes is left.  What it goes on with are these rows' trials,
     but for those that are there.
     """
-    whole, made = read(undisturbed[0]).all, []
+    whole, made = Rows.read(undisturbed[0]).all, []
 
     def looked_up(_, cell, *attempt):
         for row in whole:
-            if (cell_of(row), row["delta_v"], row["replica"]) == (
+            if (Cell.of(row), row["delta_v"], row["replica"]) == (
                 cell,
                 *attempt,
             ):
