@@ -25,9 +25,8 @@ from nadia_balance.systems.hardware import (
     JointDrives,
     StateSensor,
 )
-from nadia_balance.systems.imu import Imu
-from nadia_balance.systems.joint_encoders import JointEncoders
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.sensors import Imu, JointEncoders
 from nadia_balance.systems.state_estimator import StateEstimator
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
@@ -224,7 +223,8 @@ class HumanoidDiagram(ClosedLoop):
         ):
             height = 0.0
         told = StateEstimator.told(self._standing, seed)
-        estimator = StateEstimator(*common, told, height)
+        kind = self.scenario.estimator
+        estimator = StateEstimator(*common, told, height, kind)
         builder.AddNamedSystem("state_estimator", estimator)
         for name, sensor, signal in (
             ("imu", Imu(*common, seed), "imu"),

@@ -1,4 +1,4 @@
-"""Model of an inertial measurement unit."""
+"""Models of an inertial measurement unit and of joint encoders."""
 
 import math
 
@@ -112,3 +112,49 @@ class Imu(LeafSystem):
         V_WI = V_WB.Shift(X_WB.rotation() @ self._X_BI.translation())
         R_WI = X_WB.rotation() @ self._X_BI.rotation()
         return R_WI.matrix(), V_WI.translational(), V_WI.rotational()
+
+
+class JointEncoders(LeafSystem):
+    """Measures joint angles and speeds with white noise, a sample a period.
+
+    `state` is [q, v] of the robot's `control_plant`, `joints` (2 nj,) are the
+    angles [rad], then the speeds [rad/s].  The noise of a tick depends on the
+    seed and the tick's number only.
+
+    .. pydrake_system::
+
+        name: JointEncoders
+        input_ports: [state]
+        output_ports: [joints]
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        sensors: SensorParams,
+        period: float,
+        seed: int = 0,
+    ):
+        """Measures the `robot` every `period` [s]."""
+        super().__init__()
+        plant = robot.control_plant()
+        self._period, self._seed = period, seed
+        joints = plant.num_velocities() - 6
+        self._deviations = np.repeat(
+            (sensors.joint_noise, sensors.joint_speed_noise), joints
+        )
+        self._state = Input(self, "state", plant.num_multibody_states())
+        self.DeclareVectorOutputPort(
+            "joints",
+            2 * joints,
+            self._calc,
+            {self._state.ticket(), self.time_ticket()},
+        )
+
+    def _calc(self, context, output):
+        state, n = self._state(context), self._deviations.size // 2
+        tick = round(context.get_time() / self._period)
+        random = np.random.default_rng((self._seed, tick, 2))
+        noise = random.standard_normal(2 * n)
+        told = np.concatenate((state[7 : 7 + n], state[-n:]))
+        output.SetFromVector(told + self._deviations * noise)
