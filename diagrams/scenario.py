@@ -29,7 +29,7 @@ STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 PAUSE = 10.0  # between random pushes [s]
 ENGINES = ("drake", "mujoco")
-SENSORS = ("perfect", "industrial", "consumer", "faulty")
+SENSORS = ("perfect", "industrial", "consumer")
 
 
 @dataclass(kw_only=True)

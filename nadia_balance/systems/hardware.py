@@ -127,11 +127,10 @@ class FootForceSensor(LeafSystem):
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
         self._step, self._seed, self._noise = step, seed, None
-        if sensors:
-            weight = robot.mass * GRAVITY
+        if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
             random = np.random.default_rng((seed, 0, 3)).standard_normal(2)
-            bias = sensors.load_bias * weight * random
-            self._noise = sensors.load_noise, bias, sensors.load_faults, weight
+            bias = sensors.load_bias * robot.mass * GRAVITY * random
+            self._noise = sensors.load_noise, bias
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
@@ -144,13 +143,11 @@ class FootForceSensor(LeafSystem):
         state.set_value(self._samples, samples)
         mean = self._average @ samples
         if self._noise is not None:
-            share, bias, faults, weight = self._noise
+            share, bias = self._noise
             step = round(context.get_time() / self._step)
             random = np.random.default_rng((self._seed, 1 + step, 3))
             noise = share * random.standard_normal(2)
             mean = np.maximum(mean * (1.0 + noise) + bias, 0.0)
-            other = np.where(mean > 0.3 * weight, 0.0, 0.6 * weight)
-            mean = np.where(random.random(2) < faults, other, mean)
         state.set_value(self._mean, mean)
         return EventStatus.Succeeded()
 

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.estimation.invariant_ekf import gammas
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -30,6 +31,15 @@ def imu_place(
         raise ValueError(f"imu_body = {body!r}: must be a body of {robot.name}")
     turn = RollPitchYaw(np.radians(sensors.imu_rpy_deg))
     return plant.GetBodyByName(body), RigidTransform(turn, sensors.imu_position)
+
+
+def imu_motion(
+    plant: MultibodyPlant, own: Context, body: RigidBody, X_BI: RigidTransform
+) -> tuple[RigidTransform, SpatialVelocity]:
+    """Returns the pose X_WI and the velocity V_WI of an IMU on a `body`."""
+    X_WB = plant.EvalBodyPoseInWorld(own, body)
+    V_WB = plant.EvalBodySpatialVelocityInWorld(own, body)
+    return X_WB @ X_BI, V_WB.Shift(X_WB.rotation() @ X_BI.translation())
 
 
 class Imu(LeafSystem):
@@ -64,7 +74,7 @@ class Imu(LeafSystem):
         super().__init__()
         self._period, self._seed, s = period, seed, sensors
         self._plant = plant = robot.control_plant()
-        self._body, self._X_BI = imu_place(plant, robot, sensors)
+        self._place = imu_place(plant, robot, sensors)
         root, short = math.sqrt(period), math.sqrt(SAMPLE)
         noise = s.gyro_noise / root, s.force_noise / root, s.gyro_noise / short
         self._white = np.repeat(noise, 3)
@@ -85,7 +95,10 @@ class Imu(LeafSystem):
         )
 
     def _calc(self, context, last) -> tuple:
-        R, v, w = self._motion(context)
+        own = self._scratch.Eval(context)
+        self._plant.SetPositionsAndVelocities(own, self._state(context))
+        X_WI, V_WI = imu_motion(self._plant, own, *self._place)
+        R, v = X_WI.rotation().matrix(), V_WI.translational()
         tick = int(last["ticks"][0])
         rate, force = np.zeros(3), R.T @ -_G  # at rest
         if tick:
@@ -98,20 +111,11 @@ class Imu(LeafSystem):
         random = np.random.default_rng((self._seed, tick, 1))
         walked, noise = random.standard_normal(6), random.standard_normal(9)
         bias = last["bias"] + (self._walk if tick else self._bias) * walked
-        told = np.concatenate((rate, force, w @ R)) + self._white * noise
+        told = np.concatenate((rate, force, V_WI.rotational() @ R))
+        told += self._white * noise
         told += np.concatenate((bias, bias[:3]))
         told = np.clip(told, -self._range, self._range)
         return told, R.ravel(), v, bias, (tick + 1.0,)
-
-    def _motion(self, context) -> tuple[np.ndarray, ...]:
-        """R_WI (3, 3), v_WI and w_WI (3,) of the IMU."""
-        own = self._scratch.Eval(context)
-        self._plant.SetPositionsAndVelocities(own, self._state(context))
-        X_WB = self._plant.EvalBodyPoseInWorld(own, self._body)
-        V_WB = self._plant.EvalBodySpatialVelocityInWorld(own, self._body)
-        V_WI = V_WB.Shift(X_WB.rotation() @ self._X_BI.translation())
-        R_WI = X_WB.rotation() @ self._X_BI.rotation()
-        return R_WI.matrix(), V_WI.translational(), V_WI.rotational()
 
 
 class JointEncoders(LeafSystem):

@@ -16,7 +16,7 @@ from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, Outcome, declare_scratch
-from nadia_balance.systems.sensors import imu_place
+from nadia_balance.systems.sensors import imu_motion, imu_place
 
 FILTERS = {"invariant": ekf.InvariantEkf, "complementary": Complementary}
 # A foot has landed above this share of the weight on it; it is let go below the
@@ -171,12 +171,11 @@ class StateEstimator(LeafSystem):
                 own, _V, frame, X.translation(), body, body
             )
             J[i] = (R_IB @ J_B[:, 6:].reshape(2, 3, n)).reshape(6, n)
-        X_BBody = plant.EvalBodyPoseInWorld(own, self._body)
-        V = plant.EvalBodySpatialVelocityInWorld(own, self._body)
-        V = V.Shift(X_BBody.rotation() @ self._X_BodyI.translation())
+        # The base is at W's origin.
+        X_BI, V = imu_motion(plant, own, self._body, self._X_BodyI)
         V_BI = np.array((V.rotational(), V.translational()))
         v = J[:, 3:] @ joints[n:] - p @ ekf.skew(rate)
-        return _Joints(X_BBody @ self._X_BodyI, V_BI, ekf.Legs(p, R, J, v))
+        return _Joints(X_BI, V_BI, ekf.Legs(p, R, J, v))
 
     def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Joints) -> tuple:
         """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""

@@ -96,16 +96,6 @@ def test_noise_is_a_share_of_the_load_and_the_offset_stays():
     assert np.array_equal(loads, recorded(*feet, sensors=sensors)[150:])
 
 
-def test_some_readings_are_of_a_foot_that_is_elsewhere():
-    """Oracle: of two feet, one on the ground, 150 ticks of a binomial law."""
-    sensors = SensorParams(load_faults=0.2)
-    loads = recorded([0.0, 0.3, 9.0], ON_GROUND_RIGHT, sensors=sensors)[150:]
-    total = WEIGHT_LEFT + WEIGHT_RIGHT
-    for foot, wrong in enumerate((0.6 * total, 0.0)):
-        share = np.mean(np.abs(loads[:, foot] - wrong) < 1e-9)
-        assert share == pytest.approx(0.2, abs=0.13)  # 4 deviations
-
-
 @pytest.mark.parametrize(("period", "step"), [(0.0015, 0.001), (0.002, 0.0)])
 def test_refuses_a_period_that_the_plant_does_not_keep(period, step):
     """Oracle: the message names both."""

@@ -36,9 +36,6 @@ class SensorParams:
     # offset as a share of the robot's weight.
     load_noise: float = bounded(0.0, least=0.0, most=1.0)
     load_bias: float = bounded(0.0, least=0.0, most=1.0)
-    # Share of the readings that are wrong: 0 of a foot on the ground, 0.6 of
-    # the weight of another.
-    load_faults: float = bounded(0.0, least=0.0, most=1.0)
     # Delay from measurement to controller, which knows it [s].
     delay: float = bounded(0.0, least=0.0, most=0.1)
 

@@ -1,7 +1,5 @@
 """Oracle: by hand."""
 
-from dataclasses import replace
-
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -27,9 +25,7 @@ def test_the_figures_are_of_the_data_sheets():
         found = load_sensors(name)
         assert found.gyro_noise == pytest.approx(gyro * 0.0174533, rel=5e-3)
         assert found.force_noise == pytest.approx(force * 9.81e-6, rel=5e-3)
-    faulty = replace(load_sensors("consumer"), load_faults=0.05)
-    assert load_sensors("faulty") == faulty
-    assert set(SENSORS) == {"perfect", "consumer", "industrial", "faulty"}
+    assert set(SENSORS) == {"perfect", "consumer", "industrial"}
 
 
 @pytest.mark.parametrize(
