@@ -111,7 +111,7 @@ class Misled(StateEstimator):
 def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
     """Oracle: the plant's state, after half of docs/results/fig10's limits.
 
-    Friction 0.4; the feet that swing are loaded for the filter, too.
+    Friction 0.4, and soles slip; feet that swing are loaded for the filter.
     """
     scenario = scenario_of(
         "{mechanisms: all_with_cross_over, duration: 3.5, sensors: consumer, "
@@ -131,6 +131,10 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
     assert run.fell_at is None
     found = measurements.measure_estimate(run.logs)
     assert found["rms_velocity_m_s"] < 0.05
+    feet = run.logs["foot_poses"].reshape(-1, 2, 4)
+    loaded = run.logs["foot_forces"] > 0.3 * run.logs["weight"]
+    slips = np.linalg.norm(np.diff(feet[..., :2], axis=0), axis=2)
+    assert np.sum(slips * loaded[1:] * loaded[:-1]) > 0.02  # both soles'
 
 
 def test_a_saturated_imu_is_an_error_that_tells_when():
