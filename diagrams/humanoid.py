@@ -19,8 +19,8 @@ from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
-from nadia_balance.systems import hardware, imu, push_source
-from nadia_balance.systems.joint_encoders import JointEncoders
+from nadia_balance.systems import hardware, push_source
+from nadia_balance.systems.sensors import Imu, JointEncoders
 from nadia_balance.systems.signals import connect
 from nadia_balance.systems.state_estimator import StateEstimator
 from nadia_balance.view import scene
@@ -199,10 +199,11 @@ class HumanoidDiagram(ClosedLoop):
         ):
             height = 0.0
         told = StateEstimator.told(self._standing, seed)
-        estimator = StateEstimator(*common, told, height)
+        kind = self.scenario.estimator
+        estimator = StateEstimator(*common, told, height, kind)
         builder.AddNamedSystem("state_estimator", estimator)
         for name, sensor, signal in (
-            ("imu", imu.Imu(*common, seed), "imu"),
+            ("imu", Imu(*common, seed), "imu"),
             ("joint_encoders", JointEncoders(*common, seed), "joints"),
         ):
             builder.AddNamedSystem(name, sensor)

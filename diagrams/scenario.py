@@ -19,6 +19,7 @@ from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.hardware import Imperfections
+from nadia_balance.systems.state_estimator import FILTERS
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -61,6 +62,8 @@ class Scenario:
     # perfect: the controller is given the state.  Others (models/sensors)
     # measure, and a StateEstimator gives it an estimate.
     sensors: str = bounded("perfect", one_of=SENSORS)
+    # Its filter: a Kalman filter, or fixed gains (docs/sensors.md).
+    estimator: str = bounded("invariant", one_of=tuple(FILTERS))
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; otherwise it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)

@@ -37,11 +37,10 @@ _PUBLIC = {
     "systems.hardware": (
         *("FootForceSensor", "Imperfections", "JointDrives", "StateSensor"),
     ),
-    "systems.imu": ("Imu",),
-    "systems.joint_encoders": ("JointEncoders",),
     "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
     "systems.push_source": ("PushSource",),
+    "systems.sensors": ("Imu", "JointEncoders"),
     "systems.signals": ("connect",),
     "systems.state": ("CentroidalEstimator", "StatePredictor"),
     "systems.state_estimator": ("StateEstimator",),
