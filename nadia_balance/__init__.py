@@ -41,7 +41,7 @@ _PUBLIC = {
     "systems.joint_encoders": ("JointEncoders",),
     "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
-    "systems.push_source": ("PushSource",),
+    "systems.push_source": ("ContactClock", "PushSource"),
     "systems.state": ("CentroidalEstimator", "StatePredictor"),
     "systems.state_estimator": ("StateEstimator",),
     "systems.steps": ("CaptureRegionStepAdjuster", "SwingFootPlanner"),
