@@ -161,16 +161,17 @@ def _take_shape(
         notes.add("changed", f"left out the {kind} of {part.name}")
         return
     mesh, at = None, f"geometry/{solids[0].tag}"
-    if kind == "mesh":
-        try:
-            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
-        except OSError as error:
-            link.missing = link.missing or str(error)
-            notes.add("changed", f"left out {part.name}: {error}")
-            return
-        mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
     zeros, keys = _ZERO if kind == "box" else "0", robots.SOLIDS[kind][0]
-    size = {key: part.numbers(at, key, zeros) for key in keys}
+    try:
+        size = {key: part.numbers(at, key, zeros) for key in keys}
+        if kind == "mesh":
+            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
+            mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
+    except (OSError, ValueError) as error:
+        why = str(error).removeprefix(f"{part.name}: ")
+        link.missing = link.missing or why
+        notes.add("changed", f"left out {part.name}: {why}")
+        return
     material = colours.get(part.text("material", "name"), "")
     colour = part.text("material/color", "rgba", material)
     X, role = part.pose("origin"), part.element.tag
