@@ -1,6 +1,6 @@
 """Readers of anybody's URDF, mended where no robot is as it says, or MJCF."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -108,7 +108,23 @@ def read_urdf(
         if rotor and name in joints:
             joints[name].rotor_inertia = rotor * gear**2
     joints = {n: j for n, j in joints.items() if j.type != "floating"}
+    _let_go(links, joints, notes)
     return robots.Description(top.get("name") or file.stem, links, joints)
+
+
+def _let_go(
+    links: Collection[str], joints: dict[str, robots.Joint], notes: robots.Notes
+) -> None:
+    """Frees a robot that is welded to the world, if no other base is free."""
+    if {joint.child for joint in joints.values()} >= {*links} - {"world"}:
+        holders = {joint.parent for joint in joints.values()}
+        for name, joint in list(joints.items()):
+            held = joint.type == "weld" and joint.parent == "world"
+            if held and joint.child in holders:
+                notes.add(
+                    "changed", "no longer welded to the world", joint.child
+                )
+                del joints[name]
 
 
 def _parts(top: Element, tag: str) -> dict[str, _Part]:
@@ -303,6 +319,7 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
             raise ValueError(
                 f"equality {model.eq(i).name}: must not be there, a closed loop"
             )
+    _let_go(links, joints, notes)
     return robots.Description(spec.modelname, links, joints)
 
 
