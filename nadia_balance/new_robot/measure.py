@@ -47,9 +47,9 @@ Fields = dict[str, Any]  # of robot.yaml [m, rad]
 def two_legs(robot: Description, named: Names) -> list[Leg]:
     """Returns the two legs, in arbitrary order; the root becomes the pelvis.
 
-    The legs are, of the pairs of unbranched chains with the same number of
-    joints, 6 or 7, that start at one link, that with the largest product of mass
-    and mean effort limit.  No joint of `robot` is fixed.
+    The legs are the pair of unbranched chains with the same number of joints, 6
+    or 7, that start at one link, with the largest product of mass and mean
+    effort limit.  No joint of `robot` is fixed.
 
     Raises ValueError: no such pair exists, or a named link does not exist.
     """
