@@ -49,8 +49,8 @@ class HumanoidDiagram(ClosedLoop):
         `controller` replaces the BalanceController: it has the input
         `estimated_state` and the output `actuation` of one.  Its inputs
         `foot_forces` and `mechanisms` are connected if it has them, its outputs
-        logged and drawn, too.  Without a `walking_state`, pushes must begin at
-        a time, in directions relative to W.  `blocks` are those of the
+        logged and drawn, too.  Without a `walking_state`, a ContactClock times
+        the pushes, in directions relative to W.  `blocks` are those of the
         BalanceController, or its `tasks`.
 
         Raises ValueError: the robot cannot stand with the step width of the
@@ -114,13 +114,6 @@ class HumanoidDiagram(ClosedLoop):
             get = getattr(controller, f"Get{way}Port")
             if not has(name) or get(name).size() != size:
                 raise ValueError(f"{what} have a port {name!r} of size {size}")
-        walks = controller.HasOutputPort("walking_state")
-        for push in self.scenario.pushes:
-            if push.moment.phase and not walks:
-                raise ValueError(
-                    f"at = {push.at!r}: must be a time with a controller that "
-                    "has no port 'walking_state'"
-                )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
@@ -144,8 +137,14 @@ class HumanoidDiagram(ClosedLoop):
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._sense(builder)
-        if controller.HasOutputPort("walking_state"):
-            connect(builder, controller, self.push, "walking_state")
+        clock = controller
+        if not controller.HasOutputPort("walking_state"):
+            clock = push_source.ContactClock(
+                self.robot.mass * GRAVITY, self.push.period
+            )
+            builder.AddNamedSystem("contact_clock", clock)
+            connect(builder, self.sensor, clock, "foot_forces")
+        connect(builder, clock, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:

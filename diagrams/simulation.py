@@ -14,8 +14,6 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -30,6 +28,7 @@ from nadia_balance.systems.signals import IcpReference, PushSignal
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery
+SETTLED = 8  # steps after which a policy walks steadily
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
@@ -51,10 +50,10 @@ def closed_loop(
 
 
 def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
-    """Returns the policy in the file `onnx`; its clock times the pushes.
+    """Returns the policy in the file `onnx`.
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
-    The moments of the scenario's pushes become times.
+    Pushes in a phase of its gait are after SETTLED steps.
 
     Raises ValueError: the policy does not fit the robot or the scenario.
     """
@@ -66,11 +65,9 @@ def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
     if not gait.num_steps or any(way):
         params.command = tuple(part / time for part in way)
     robot = load_robot(scenario.robot, scenario.fidelity)
-    policy = PolicyController(robot, onnx, params)
     for push in scenario.pushes:
-        push.at = str(Moment(time=policy.time_of(push.moment)))
-    check(scenario)
-    return policy
+        push.after_steps = max(push.after_steps, SETTLED)
+    return PolicyController(robot, onnx, params)
 
 
 def start(diagram: ClosedLoop) -> Simulator:

@@ -39,7 +39,7 @@ _PUBLIC = {
     ),
     "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
-    "systems.push_source": ("PushSource",),
+    "systems.push_source": ("ContactClock", "PushSource"),
     "systems.sensors": ("Imu", "JointEncoders"),
     "systems.signals": ("connect",),
     "systems.state": ("CentroidalEstimator", "StatePredictor"),

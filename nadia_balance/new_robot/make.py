@@ -16,6 +16,7 @@ from pydrake.multibody.tree import SpatialInertia
 import nadia_balance.new_robot as robots
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.bounds import NADIA
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.new_robot import Anatomy, Leg, Notes, measure
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
@@ -25,6 +26,7 @@ from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
+_TURN = 6.3  # largest angle of a leg's joint [rad]
 _LEAST = 0.02  # mass of links without one [kg]
 # Mass over the cubed length of the legs, of any humanoid [kg/m^3].
 _DENSITY = np.array([20.0, 2000.0])
@@ -127,6 +129,9 @@ def _clean(
             why, unlike = joint.type, "must be revolute or prismatic"
         elif name in of_legs and (why or joint.type == "continuous"):
             unlike = "must be a driven hinge with limits, in a leg"
+        elif name in of_legs and max(-joint.lower, joint.upper) > _TURN:
+            why = f"range of {joint.lower:.4g} to {joint.upper:.4g}"
+            unlike = "must be within +-2 pi; units are rad"
         if unlike:
             raise ValueError(f"joint {name}: {why or joint.type}: {unlike}")
         if why:
@@ -149,6 +154,12 @@ def _clean(
             f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
             f"({least:.3g}, {most:.3g}) kg; units are kg and m"
         )
+    for link in robot.links.values():
+        if (far := np.linalg.norm(link.M.get_com())) > 3.0 * length:
+            raise ValueError(
+                f"link {link.name}: centre of mass: must be within "
+                f"{3.0 * length:.3g} m of its origin; it is {far:.3g} m away"
+            )
     return legs
 
 
@@ -184,8 +195,8 @@ def _doubt(robot: robots.Description, anatomy: Anatomy, notes: Notes) -> None:
 
 def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
     """Adds rotor inertias by the leg's length [m]; notes what is unknown."""
-    inertia = _ROTOR_SHARE * robot.mass(robot.links) * leg**2
-    joints = list(robot.joints.values())
+    mass, joints = robot.mass(robot.links), list(robot.joints.values())
+    inertia, strong = _ROTOR_SHARE * mass * leg**2, GRAVITY * mass * leg
     bare = [joint for joint in joints if not joint.rotor_inertia]
     for joint in bare:
         joint.rotor_inertia = inertia
@@ -193,6 +204,9 @@ def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
         line = f"taken as {inertia:.3g} kg m^2, Nadia's by mass and length"
         notes.add("unknown", f"rotor inertia of {len(bare)} joints: {line}")
     for joint in joints:
+        if joint.effort > strong:
+            line = f"effort limits > {strong:.3g} N m, weight times leg"
+            notes.add("warning", f"{line}: no motor's?", joint.name)
         if not joint.speed or joint.speed > _PLAUSIBLE:
             known = f"> {_PLAUSIBLE:g}" if joint.speed else f"now {_SPEED:g}"
             notes.add("unknown", f"speed limits, {known} rad/s", joint.name)

@@ -47,8 +47,9 @@ Fields = dict[str, Any]  # of robot.yaml [m, rad]
 def two_legs(robot: Description, named: Names) -> list[Leg]:
     """Returns the two legs, in arbitrary order; the root becomes the pelvis.
 
-    The legs are the heaviest pair of unbranched chains with the same number of
-    joints, 6 or 7, that start at one link.  No joint of `robot` is fixed.
+    The legs are the pair of unbranched chains with the same number of joints, 6
+    or 7, that start at one link, with the largest product of mass and mean
+    effort limit.  No joint of `robot` is fixed.
 
     Raises ValueError: no such pair exists, or a named link does not exist.
     """
@@ -70,9 +71,11 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             and all(len(robot.children(link)) == 1 for link in inner)
         ):
             mass = sum(robot.mass(robot.below(leg[0].child)) for leg in legs)
+            # Arms may be as heavy, not as strong.
+            strength = 1.0 + np.mean([j.effort for leg in legs for j in leg])
             names = [[joint.name for joint in leg] for leg in legs]
             found = list(map(Leg, pair, names))
-            pairs.append((mass, one[0].parent, found))
+            pairs.append((mass * strength, one[0].parent, found))
     if not pairs:
         ends = [f"{len(robot.chain(leaf))} to {leaf}" for leaf in leaves]
         raise ValueError(

@@ -1,6 +1,6 @@
 """Readers of anybody's URDF, mended where no robot is as it says, or MJCF."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -107,7 +107,23 @@ def read_urdf(
         if rotor and name in joints:
             joints[name].rotor_inertia = rotor * gear**2
     joints = {n: j for n, j in joints.items() if j.type != "floating"}
+    _let_go(links, joints, notes)
     return robots.Description(top.get("name") or file.stem, links, joints)
+
+
+def _let_go(
+    links: Collection[str], joints: dict[str, robots.Joint], notes: robots.Notes
+) -> None:
+    """Frees a robot that is welded to the world, if no other base is free."""
+    if {joint.child for joint in joints.values()} >= {*links} - {"world"}:
+        holders = {joint.parent for joint in joints.values()}
+        for name, joint in list(joints.items()):
+            held = joint.type == "weld" and joint.parent == "world"
+            if held and joint.child in holders:
+                notes.add(
+                    "changed", "no longer welded to the world", joint.child
+                )
+                del joints[name]
 
 
 def _parts(top: Element, tag: str) -> dict[str, _Part]:
@@ -160,16 +176,17 @@ def _take_shape(
         notes.add("changed", f"left out the {kind} of {part.name}")
         return
     mesh, at = None, f"geometry/{solids[0].tag}"
-    if kind == "mesh":
-        try:
-            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
-        except OSError as error:
-            link.missing = link.missing or str(error)
-            notes.add("changed", f"left out {part.name}: {error}")
-            return
-        mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
     zeros, keys = _ZERO if kind == "box" else "0", robots.SOLIDS[kind][0]
-    size = {key: part.numbers(at, key, zeros) for key in keys}
+    try:
+        size = {key: part.numbers(at, key, zeros) for key in keys}
+        if kind == "mesh":
+            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
+            mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
+    except (OSError, ValueError) as error:
+        why = str(error).removeprefix(f"{part.name}: ")
+        link.missing = link.missing or why
+        notes.add("changed", f"left out {part.name}: {why}")
+        return
     material = colours.get(part.text("material", "name"), "")
     colour = part.text("material/color", "rgba", material)
     X, role = part.pose("origin"), part.element.tag
@@ -298,6 +315,7 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
             raise ValueError(
                 f"equality {model.eq(i).name}: must not be there, a closed loop"
             )
+    _let_go(links, joints, notes)
     return robots.Description(spec.modelname, links, joints)
 
 

@@ -29,13 +29,12 @@ import numpy as np
 
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.systems import signals
+from nadia_balance.systems.push_source import BOUNCE, LOADED
 
 Log = Mapping[str, np.ndarray]
 
 QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 
-LOADED = 0.05  # share of the weight above which a foot is in contact [-]
-BOUNCE = 0.06  # shortest swing that is measured [s]
 # Rows from the tick in which a push begins to its first row in the signal.
 _FELT = 1
 

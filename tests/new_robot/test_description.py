@@ -185,10 +185,40 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     assert set(plant.GetEffortUpperLimits()) == {250.0, 9.0}
 
 
+def test_heavy_arms_are_not_taken_for_legs(tmp_path):
+    """Oracle: the names; the arms are legs but for a third more mass."""
+    chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
+    assert chest in MJCF
+    arms = (leg("a", 0.3) + leg("b", -0.3)).replace('mass="5"', 'mass="8"')
+    file = tmp_path / "robot.xml"
+    file.write_text(MJCF.replace(chest, chest + arms))
+    guessed = make_once(file, tmp_path / "made").of("guessed")
+    assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
+
+
+def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
+    """Oracle: the robot that floats in the file."""
+    found = []
+    for name, text in (
+        ("free", MJCF),
+        ("held", MJCF.replace("<freejoint/>", "")),
+    ):
+        file = tmp_path / f"{name}.xml"
+        file.write_text(text)
+        notes = make_once(file, tmp_path / name)
+        found.append((tmp_path / name / "robot.yaml").read_text())
+    assert found[0] == found[1]
+    assert "no longer welded to the world: pelvis" in notes.of("changed")
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("<freejoint/>", "", "floating bases: must be one; these are: none"),
+        (
+            "<freejoint/>",
+            '<joint name="rail" axis="0 0 1" range="-1 1"/>',
+            "floating bases: must be one; these are: none",
+        ),
         ('type="box"', 'type="ball"', "MuJoCo cannot compile it: "),
         (
             '"waist" axis="0 0 1" range="-1 1"',

@@ -154,6 +154,8 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
         ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
+        ("l_knee", 'upper="2.3"', 'upper="132"', "joint l_knee: range of 0 to"),
+        ("chest", '0 0.250*"', '0 25.0"', "link chest: centre of mass: must"),
         ("", "package://", "package://no_", "there is no package://no_biped"),
         ("l_ankle", "-0.380*", "-0.35", "they are 0.750 and 0.780"),
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
@@ -187,6 +189,7 @@ SHIN = 'name="l_shin">.*?'
             "left and right differ: link masses at l_knee and r_knee, 40 ",
         ),
         ([times("ixx|iyy|izz", 100)], "moments of inertia too large "),
+        ([times("effort", 10)], "effort limits > 548 N m, weight times leg: "),
         ([ASIDE], "the sole of r_foot is wider than long, 0.240 and 0.120 m"),
         (
             [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')],
@@ -230,6 +233,7 @@ def test_says_what_it_mends(tmp_path):
         (r'(name="bow".*?) effort="250"', r"\1"),
         (r'(name="l_thumb".*?)<sphere radius="0.01"', rf"\1{mesh}"),
         (r'(name="r_thumb".*?)<sphere radius="0.01"', rf"\1{broken}"),
+        (r'(name="l_palm".*?)radius="0.02"', r'\1radius="0.00"'),
         (
             r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"',
             r'\g<1>0\g<2>0\g<3>0"',
@@ -241,6 +245,7 @@ def test_says_what_it_mends(tmp_path):
         "left out the tags: gazebo",
         "left out visual of link l_thumb: there is no "
         "package://hands/thumb.stl (--package-root?)",
+        "left out visual of link l_palm: sphere: radius = '0.00': must be > 0",
         f"left out visual of link r_thumb: {tmp_path}/broken.stl: must be a "
         "whole STL, OBJ or Collada file",
         "moments of inertia of 0, now of a box: chest",
