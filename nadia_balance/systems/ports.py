@@ -12,7 +12,7 @@ them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -122,16 +122,19 @@ _VIEWS = {"mechanisms": walking.Mechanisms.from_vector}
 Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 
 
-def inputs(system: LeafSystem, *names: str) -> Iterator[Input]:
+def inputs(system: LeafSystem, *names: str) -> list[Input]:
     """Declares input ports for the SIGNALS of these names, in their order.
 
     A string may have several; a signal `name?` is None while it is not
     connected.
     """
+    found = []
     for name in " ".join(names).split():
         name, maybe, _ = name.partition("?")
         default = None if maybe else _DEFAULTS.get(name, _REQUIRED)
-        yield Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+        port = Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+        found.append(port)
+    return found
 
 
 def _tickets(

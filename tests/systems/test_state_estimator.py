@@ -134,7 +134,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
     feet = run.logs["foot_poses"].reshape(-1, 2, 4)
     loaded = run.logs["foot_forces"] > 0.3 * run.logs["weight"]
     slips = np.linalg.norm(np.diff(feet[..., :2], axis=0), axis=2)
-    assert np.sum(slips * loaded[1:] * loaded[:-1]) > 0.02  # both soles'
+    assert np.sum(slips * loaded[1:] * loaded[:-1]) > 0.01  # both soles'
 
 
 def test_a_saturated_imu_is_an_error_that_tells_when():
