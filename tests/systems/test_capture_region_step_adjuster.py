@@ -97,7 +97,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
     """
     context = asked(adjuster, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
-        fix(adjuster, context, mechanisms=[on, 1, 0, 1])
+        fix(adjuster, context, mechanisms=[on, 0, 0, 1])
         found = adjustment(adjuster, context)
         assert (found is not NOTHING) is on
     assert found == expected()

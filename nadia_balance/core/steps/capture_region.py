@@ -48,9 +48,9 @@ class CaptureRegionStepAdjusterParams:
 
     # N of C_N; fewer if fewer steps are queued.
     num_steps: int = bounded(3, least=1, most=10)
-    # Share of their planned durations that later steps take in C_N if swings
-    # adapt; they can last 0.28 of it.  A smaller share lets C_N grow, and the
-    # next foothold be closer to the nominal one, for which later steps pay.
+    # Share of their planned durations that later steps take, if swings adapt,
+    # where the region is chosen by rule 3.  In C_N itself a share below 1 would
+    # leave to each next step what this one can do, without end.
     later_duration: float = bounded(0.6, above=0.0, most=1.0)
     rules: ReachRulesParams = bounded(ReachRulesParams)
     # Margins between the sole's front, back, inner and outer edge and the CoPs
@@ -205,8 +205,9 @@ class SwingGeometry(walking.Immutable):
         }
         self.places = tuple(self._places(step.pose.yaw))
         steps = schedule.footsteps[: params.num_steps]
+        self.offsets = _offsets(steps, model, on, 1.0)
         share = params.later_duration if on.swing else 1.0
-        self.offsets = _offsets(steps, model, on, share)
+        self._hurried = _offsets(steps, model, on, share)[-1]
         # A foothold p with A p < b is on, beside or across the stance foot.
         A, b = _stance_foot(stance, step, model.sole)
         apart = max(params.sole_clearance, model.sole_clearance)
@@ -270,6 +271,10 @@ class SwingGeometry(walking.Immutable):
     def capture_region(self, one_step: Array, n: int = -1) -> Array:
         """Returns C_N (k, 2) [m] for `one_step` = C_1; with n given, C_n+1."""
         return capture_region(one_step, self.offsets[n])
+
+    def hurried_region(self, one_step: Array) -> Array:
+        """Returns C_N (k, 2) [m] for `one_step` = C_1, if later steps hurry."""
+        return capture_region(one_step, self._hurried)
 
     def _places(self, yaw: float) -> Iterator[Place]:
         """Yields the places for a foot of this `yaw` [rad].

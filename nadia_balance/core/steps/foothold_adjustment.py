@@ -280,7 +280,15 @@ def _deepest(
 
 
 def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
-    """Returns the goal of rule 3."""
+    """Returns the goal of rule 3.
+
+    It is in the region that rules 1 and 2 choose if later steps hurry, or in
+    any, if that is none; and closest to the capture region.
+    """
+    places = [Goal(place, place.polygon) for place in landing.geometry.places]
+    A, b = convex.halfspaces(landing.geometry.hurried_region(landing.one_step))
+    found = _preferred(_clipped(places, A, b), current, params.rules)
+    options = {goal.place.reach for goal in found or places}
 
     def gap(place: capture.Place) -> float:
         is_last = _is_last(place, current)
@@ -292,7 +300,7 @@ def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
             _, gap = closest_point(place.polygon, captures)
         return gap - is_last * params.rules.distance_hysteresis
 
-    place = min(landing.geometry.places, key=gap)
+    place = min((g.place for g in places if g.place.reach in options), key=gap)
     nearest, _ = closest_point(place.polygon, landing.capture_region)
     return Goal(place, nearest[None])
 

@@ -585,7 +585,7 @@ def test_the_time_that_the_clock_has_gained_counts():
         state = walking.WalkingState(
             IN_PLACE, time_in_phase=t, elapsed=t - gained, adjustment=LAST
         )
-        case = Landing(GEOMETRY, np.array([0.6, -0.2]), (0.06, 0.5), FOOT)
+        case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
         wanted = adjust_foothold(LAST, case, PARAMS, TICK)
         found = propose_adjustment(state, case, PARAMS, TICK)
         expected = in_time(LAST, wanted, case, 0.15)
