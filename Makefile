@@ -50,7 +50,7 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		docs/learning.ipynb
 	$(BIN)/python docs/figures/reference.py
 	$(BIN)/python -c 'import sys; \
-		from nadia_balance.scripts.envelope_sweep.rows import code_hash; \
+		from nadia_balance.scripts.sweep import code_hash; \
 		print("code", code_hash(), "python", *sys.version_info[:2])' \
 		> docs/results/made.txt
 	sha256sum docs/*.gif docs/*.ipynb docs/*.png docs/results/*/*.png \

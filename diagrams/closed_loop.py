@@ -13,10 +13,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems import framework
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
-from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
@@ -38,11 +37,16 @@ class ClosedLoop(framework.Diagram):
     """
 
     PLANT = "humanoid"  # or lipm
-    scenario: Scenario
-    robot: RobotModel
     push: PushSource  # one of its systems
     controller: framework.System  # one of its systems
-    _ground: Ground | None  # the true one, if it is not flat
+
+    def __init__(self, scenario: Scenario):
+        """Loads the robot and the true ground (None: flat) of `scenario`."""
+        super().__init__()
+        self.scenario = scenario
+        self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
+        size = robot.params.size
+        self._ground = scenario.terrain.ground(robot.sole, size)
 
     def _finish(
         self,
@@ -57,12 +61,10 @@ class ClosedLoop(framework.Diagram):
         Where several have a signal, it is that of the first.  `ports` are
         logged, too, every `period` [s].
         """
-        of = {
-            name: system.GetOutputPort(name)
-            for system in reversed(systems)
-            for name in (*LOGGED, *DRAWN, *EXPORTED)
-            if system.HasOutputPort(name)
-        }
+        of, names = {}, (*LOGGED, *DRAWN, *EXPORTED)
+        for system in reversed(systems):
+            known = filter(system.HasOutputPort, names)
+            of |= {name: system.GetOutputPort(name) for name in known}
         if meshcat is not None and "walking_state" in of:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             builder.AddNamedSystem("balance_visualizer", view)
@@ -75,9 +77,8 @@ class ClosedLoop(framework.Diagram):
         )
         for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
-        self._log = LogVectorOutput(
-            multiplexer.get_output_port(), builder, publish_period=period
-        )
+        port = multiplexer.get_output_port()
+        self._log = LogVectorOutput(port, builder, publish_period=period)
         self._log.set_name("log")
         for name in filter(of.get, EXPORTED):
             builder.ExportOutput(of[name], name)
@@ -103,7 +104,7 @@ class ClosedLoop(framework.Diagram):
         return False
 
     def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
-        """All logged signals, and `t` [s] (see nadia_balance.results.log)."""
+        """All logged signals, and `t` [s] (see nadia_balance.results)."""
         log = self._log.FindLog(context)
         t, data = log.sample_times().copy(), log.data().T
         # A simulation from a cloned Context logs its first row a second time.
@@ -118,13 +119,10 @@ class ClosedLoop(framework.Diagram):
         logs |= {f"region_{name}": region for name, region in regions.items()}
         logs["sole"] = self.robot.sole
         if self._ground is not None:
-            logs["ground"] = np.concatenate(
-                [
-                    np.column_stack([np.full(len(r.polygon), i), r.polygon])
-                    for i, r in enumerate(self._ground.regions)
-                    if not r.obstacle
-                ]
-            )
+            regions = enumerate(self._ground.regions)
+            steppable = [(i, r.polygon) for i, r in regions if not r.obstacle]
+            corners = [np.insert(p, 0, i, axis=1) for i, p in steppable]
+            logs["ground"] = np.concatenate(corners)
         return logs
 
     def forget_logs(self, context: framework.Context) -> None:
@@ -139,10 +137,8 @@ class MeasuredPoses:
         """Uses a plant of the `robot` alone."""
         self._plant = plant = robot.control_plant()
         self._context = plant.CreateDefaultContext()
-        self._soles = [
-            (plant.GetBodyByName(name), robot.X_FootSole[side])
-            for side, name in robot.foot_bodies.items()
-        ]
+        feet, body = robot.foot_bodies.items(), plant.GetBodyByName
+        self._soles = [(body(name), robot.X_FootSole[of]) for of, name in feet]
         trunk = robot.torso_body, robot.pelvis_body
         self._trunk = [plant.GetBodyByName(name) for name in trunk]
 

@@ -14,22 +14,15 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
-from nadia_balance.engines.mujoco_plant import add_mujoco_plant
+from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
-from nadia_balance.systems.hardware import (
-    FootForceSensor,
-    JointDrives,
-    StateSensor,
-)
-from nadia_balance.systems.imu import Imu
-from nadia_balance.systems.joint_encoders import JointEncoders
-from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems import hardware, push_source
+from nadia_balance.systems.sensors import Imu, JointEncoders
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.state_estimator import StateEstimator
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
@@ -56,21 +49,16 @@ class HumanoidDiagram(ClosedLoop):
         `controller` replaces the BalanceController: it has the input
         `estimated_state` and the output `actuation` of one.  Its inputs
         `foot_forces` and `mechanisms` are connected if it has them, its outputs
-        logged and drawn, too.  Without a `walking_state`, pushes must begin at
-        a time, in directions relative to W.  `blocks` are those of the
+        logged and drawn, too.  Without a `walking_state`, a ContactClock times
+        the pushes, in directions relative to W.  `blocks` are those of the
         BalanceController, or its `tasks`.
 
         Raises ValueError: the robot cannot stand with the step width of the
         gait or on the terrain, or a block or the `controller` lacks a port.
         """
-        super().__init__()
-        self.scenario = scenario
+        super().__init__(scenario)
         params = scenario.controller
         period = params.control_period
-        self.robot = load_robot(scenario.robot, scenario.fidelity)
-        self._ground = scenario.terrain.ground(
-            self.robot.sole, self.robot.params.size
-        )
         model = scenario.point_mass(self.robot)
         start = scenario.start(model)
         # The controller's friction coefficient: a margin below the ground's.
@@ -78,49 +66,37 @@ class HumanoidDiagram(ClosedLoop):
         friction = slip * self.robot.whole_body(params.whole_body).friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
-        self._standing = self.robot.standing_positions(
-            scenario.gait.step_width, scenario.place.pose
-        )
+        stance = scenario.gait.step_width, scenario.place.pose
+        self._standing = self.robot.standing_positions(*stance)
         builder = DiagramBuilder()
         self._add_plant(builder)
         if controller is None:
-            controller = BalanceController(
-                params,
-                self.robot,
-                start=start,
-                ground=model.ground,
-                delay=scenario.delay,
-                **blocks,
-            )
+            given = {"start": start, "ground": model.ground}
+            given["delay"] = scenario.delay
+            known = params, self.robot
+            controller = BalanceController(*known, **given, **blocks)
         else:
             self._check_controller(controller, blocks)
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
         known = self.robot.mass, period, self.plant, self.robot.pelvis_body
-        self.push = builder.AddNamedSystem(
-            "push_source", PushSource(scenario.pushes, *known)
-        )
+        push = push_source.PushSource(scenario.pushes, *known)
+        self.push = builder.AddNamedSystem("push_source", push)
         self._sensors = None
         if scenario.sensors != "perfect":
             self._sensors = load_sensors(scenario.sensors)
         noise = self._sensors, scenario.seed
-        sensor = FootForceSensor(
-            self.plant, self.robot, period, self.engine, *noise
-        )
+        known = self.plant, self.robot, period, self.engine
+        sensor = hardware.FootForceSensor(*known, *noise)
         self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
         self._close_loop(builder, meshcat)
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
             scene.move_floor(meshcat, scenario.place.pose.p_WF)
-        self._finish(
-            builder,
-            meshcat,
-            period,
-            (self.engine, self.sensor, self.push, controller),
-            mechanisms=self._mechanisms,
-            torques=self._torques,
-            **self._measured,
-        )
+        systems = self.engine, self.sensor, self.push, controller
+        logged = {"mechanisms": self._mechanisms, "torques": self._torques}
+        logged |= self._measured
+        self._finish(builder, meshcat, period, systems, **logged)
 
     def _check_controller(self, controller: System, blocks: dict) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
@@ -138,13 +114,6 @@ class HumanoidDiagram(ClosedLoop):
             get = getattr(controller, f"Get{way}Port")
             if not has(name) or get(name).size() != size:
                 raise ValueError(f"{what} have a port {name!r} of size {size}")
-        walks = controller.HasOutputPort("walking_state")
-        for push in self.scenario.pushes:
-            if push.moment.phase and not walks:
-                raise ValueError(
-                    f"at = {push.at!r}: must be a time with a controller that "
-                    "has no port 'walking_state'"
-                )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
@@ -168,23 +137,27 @@ class HumanoidDiagram(ClosedLoop):
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._sense(builder)
-        if controller.HasOutputPort("walking_state"):
-            connect(builder, controller, self.push, "walking_state")
+        clock = controller
+        if not controller.HasOutputPort("walking_state"):
+            clock = push_source.ContactClock(
+                self.robot.mass * GRAVITY, self.push.period
+            )
+            builder.AddNamedSystem("contact_clock", clock)
+            connect(builder, self.sensor, clock, "foot_forces")
+        connect(builder, clock, self.push, "walking_state")
         self._torques = controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:
-            self._drives = builder.AddNamedSystem(
-                "joint_drives", JointDrives(self.plant, self.robot)
-            )
+            drives = hardware.JointDrives(self.plant, self.robot)
+            self._drives = builder.AddNamedSystem("joint_drives", drives)
             connect(builder, controller, self._drives, "actuation")
             connect(builder, engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, engine.GetInputPort("actuation"))
         mouse = None
         if meshcat is not None and engine is self.plant:
-            mouse = scene.add_mouse(
-                builder, self.plant, self.scene_graph, meshcat
-            )
+            where = self.plant, self.scene_graph, meshcat
+            mouse = scene.add_mouse(builder, *where)
         pushes = self.push.GetOutputPort("spatial_forces")
         scene.connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
@@ -205,7 +178,8 @@ class HumanoidDiagram(ClosedLoop):
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
             period = scenario.controller.control_period
-            sensor = StateSensor(self.plant, errors, period, scenario.seed)
+            known = self.plant, errors, period, scenario.seed
+            sensor = hardware.StateSensor(*known)
             self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -224,7 +198,8 @@ class HumanoidDiagram(ClosedLoop):
         ):
             height = 0.0
         told = StateEstimator.told(self._standing, seed)
-        estimator = StateEstimator(*common, told, height)
+        kind = self.scenario.estimator
+        estimator = StateEstimator(*common, told, height, kind)
         builder.AddNamedSystem("state_estimator", estimator)
         for name, sensor, signal in (
             ("imu", Imu(*common, seed), "imu"),
@@ -253,9 +228,8 @@ class HumanoidDiagram(ClosedLoop):
             )
         if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
-            own.SetDiscreteState(
-                self._drives.GetInputPort("actuation").Eval(own)
-            )
+            commanded = self._drives.GetInputPort("actuation").Eval(own)
+            own.SetDiscreteState(commanded)
 
     def _load_torso(self, context: Context) -> None:
         """Scales the torso's mass and inertia by `torso_mass_ratio`."""
@@ -295,12 +269,11 @@ class HumanoidDiagram(ClosedLoop):
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}
-        now = {
-            name: port.Eval(port.get_system().GetMyContextFromRoot(context))
-            for name, port in ports.items()
-            if name in ESTIMATE.split()
-        }
-        return float(nees({n: row[None] for n, row in now.items()})[0])
+        now = {}
+        for name in ESTIMATE.split():
+            own = ports[name].get_system().GetMyContextFromRoot(context)
+            now[name] = ports[name].Eval(own)[None]
+        return float(nees(now)[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
@@ -315,10 +288,8 @@ class HumanoidDiagram(ClosedLoop):
         torso, _ = self._poses.trunk_tilt(state)
         speeds = np.abs(state[self.plant.num_positions() + 6 :])
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
-        return bool(
-            torso > math.radians(self.scenario.max_torso_tilt_deg)
-            or (speeds > limits).any()
-        )
+        tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
+        return bool(tilts or (speeds > limits).any())
 
     def _read(self, context: Context, port: str):
         """The value of a `port` of the engine."""
@@ -326,7 +297,7 @@ class HumanoidDiagram(ClosedLoop):
         return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.results.log)."""
+        """All logged signals (see nadia_balance.results)."""
         logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
         return {

@@ -7,16 +7,15 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
-from nadia_balance.capture_point_controller import CapturePointController
+from nadia_balance.balance_controller import CapturePointController
 from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
-from nadia_balance.engines.point_mass_plant import PointMassPlant
-from nadia_balance.robot.model import load_robot
+from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.systems.push_source import PushSource, find_body
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import SwingFootPlanner
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import add_mechanisms
 
 FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
@@ -40,24 +39,18 @@ class LipmDiagram(ClosedLoop):
         Raises ValueError: a block lacks a port, the robot lacks the body of a
         push, the engine is not Drake, or the terrain is not level.
         """
-        super().__init__()
+        super().__init__(scenario)
         for name, only in ("engine", "drake"), ("sensors", "perfect"):
             if (value := getattr(scenario, name)) != only:
                 raise ValueError(
                     f"{name} = {value!r}: must be {only} for a point mass"
                 )
-        self.scenario = scenario
-        self.robot = load_robot(scenario.robot, scenario.fidelity)
         # Bodies of pushes are checked on the robot: a point mass has none.
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
         model, period = scenario.point_mass(self.robot), scenario.lipm_period
-        self._ground = scenario.terrain.ground(
-            self.robot.sole, self.robot.params.size
-        )
-        if not all(
-            g is None or g.is_level for g in (self._ground, model.ground)
-        ):
+        grounds = self._ground, model.ground
+        if not all(ground is None or ground.is_level for ground in grounds):
             raise ValueError(
                 f"terrain.name = {scenario.terrain.name!r}: must be level, at "
                 "height 0, with an error of its place only, for a point mass"
@@ -80,9 +73,8 @@ class LipmDiagram(ClosedLoop):
         self._watched = [self.plant.GetOutputPort(name) for name in watched]
         self._close_loop(builder)
         systems = self.plant, self.controller, self.swing, self.push
-        self._finish(
-            builder, meshcat, period, systems, mechanisms=self._mechanisms
-        )
+        more = {"mechanisms": self._mechanisms}
+        self._finish(builder, meshcat, period, systems, **more)
 
     def _close_loop(self, builder: DiagramBuilder) -> None:
         controller, plant = self.controller, self.plant

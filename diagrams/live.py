@@ -156,10 +156,9 @@ class LiveSession:
         state = diagram.GetOutputPort("walking_state").Eval(context)
         _, self._error = simulation.gait_and_error(diagram, context)
         controller = diagram.controller
+        own = controller.GetMyContextFromRoot(context)
         port = controller.GetOutputPort("walking_signal")
-        walking = WalkingSignal(
-            port.Eval(controller.GetMyContextFromRoot(context))
-        )
+        walking = WalkingSignal(port.Eval(own))
         self._phase = moment_words(walking)
         push = simulation.push_signal(diagram, context)
         now = context.get_time()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_load_file
 
-from nadia_balance.capture_point_controller import ControllerParams
+from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.gait import Gait, walking_start
@@ -19,6 +19,7 @@ from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.hardware import Imperfections
+from nadia_balance.systems.state_estimator import FILTERS
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -61,6 +62,8 @@ class Scenario:
     # perfect: the controller is given the state.  Others (models/sensors)
     # measure, and a StateEstimator gives it an estimate.
     sensors: str = bounded("perfect", one_of=SENSORS)
+    # Its filter: a Kalman filter, or fixed gains (docs/sensors.md).
+    estimator: str = bounded("invariant", one_of=tuple(FILTERS))
     duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
     # 0: the exact start; otherwise it is shifted by up to 10 um.
     seed: int = bounded(0, least=0, most=2**32 - 1)
@@ -115,9 +118,8 @@ class Scenario:
                 f"time_step = {self.time_step}: must divide "
                 f"controller.control_period = {period} s"
             )
-        walking.whole_ticks(
-            "imperfections.delay", self.imperfections.delay, period
-        )
+        own = self.imperfections.delay
+        walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
         if self.sensors != "perfect" and self.imperfections.has_noise:
@@ -163,9 +165,8 @@ class Scenario:
             raise ValueError(
                 f"at = {push.at!r}: must be before duration = {self.duration} s"
             )
-        if moment.phase and not (
-            gait.num_steps or gait.steps or gait.footholds
-        ):
+        steps = gait.num_steps or gait.steps or gait.footholds
+        if moment.phase and not steps:
             raise ValueError(
                 f"at = {push.at!r}: must come with steps in the gait"
             )
@@ -173,11 +174,8 @@ class Scenario:
 
 def scenario_names() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    return {
-        name: path
-        for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
-        for name in yaml_load_file(str(path))
-    }
+    files = sorted(SCENARIO_FOLDER.glob("*.yaml"))
+    return {name: path for path in files for name in yaml_load_file(str(path))}
 
 
 def load_scenario(
@@ -211,9 +209,8 @@ def load_scenario(
     if scenario.units == "si":
         given = load_tree(Path(filename).read_text(encoding="utf-8"), name)
     if text:
-        scenario = load_typed(
-            Scenario, "scenario_text", data=text, defaults=scenario
-        )
+        over = {"data": text, "defaults": scenario}
+        scenario = load_typed(Scenario, "scenario_text", **over)
         tree = load_tree(text)
         if "units" in tree:
             raise ValueError(

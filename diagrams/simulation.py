@@ -14,15 +14,13 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
 from nadia_balance.policy_controller import PolicyController, PolicyParams
-from nadia_balance.results.log import Log, pushes
-from nadia_balance.results.log import signal as logged
+from nadia_balance.results import Log, pushes
+from nadia_balance.results import signal as logged
 from nadia_balance.results.measurements import CalmSteps, LostWatch
 from nadia_balance.results.summary import STEADY, Run, RunInfo
 from nadia_balance.robot.model import load_robot
@@ -30,6 +28,7 @@ from nadia_balance.systems.signals import IcpReference, PushSignal
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery
+SETTLED = 8  # steps after which a policy walks steadily
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
@@ -51,10 +50,10 @@ def closed_loop(
 
 
 def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
-    """Returns the policy in the file `onnx`; its clock times the pushes.
+    """Returns the policy in the file `onnx`.
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
-    The moments of the scenario's pushes become times.
+    Pushes in a phase of its gait are after SETTLED steps.
 
     Raises ValueError: the policy does not fit the robot or the scenario.
     """
@@ -66,11 +65,9 @@ def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
     if not gait.num_steps or any(way):
         params.command = tuple(part / time for part in way)
     robot = load_robot(scenario.robot, scenario.fidelity)
-    policy = PolicyController(robot, onnx, params)
     for push in scenario.pushes:
-        push.at = str(Moment(time=policy.time_of(push.moment)))
-    check(scenario)
-    return policy
+        push.after_steps = max(push.after_steps, SETTLED)
+    return PolicyController(robot, onnx, params)
 
 
 def start(diagram: ClosedLoop) -> Simulator:
@@ -172,12 +169,9 @@ def walk_to_push(diagram: ClosedLoop) -> tuple[Context, Run]:
     Context is not that of a push.
     """
     simulator, push = start(diagram), diagram.push
-    run = advance(
-        simulator,
-        diagram.scenario.duration,
-        stop_at_failure=True,
-        until=lambda all_: push.begins(push.GetMyContextFromRoot(all_)),
-    )
+    ends = {"until": lambda all_: push.begins(push.GetMyContextFromRoot(all_))}
+    duration = diagram.scenario.duration
+    run = advance(simulator, duration, stop_at_failure=True, **ends)
     return simulator.get_context(), run
 
 
@@ -261,22 +255,33 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
     A second one raises KeyboardInterrupt.  Outside of the main thread the
     function always returns False.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
     pressed: list[bool] = []
 
     def press(number: int, _: object) -> None:
         pressed.append(True)
         signal.signal(number, signal.default_int_handler)
 
-    ends = signal.SIGINT, signal.SIGTERM
-    before = {number: signal.signal(number, press) for number in ends}
-    try:
+    with at_ctrl_c(press):
         yield lambda: bool(pressed)
+
+
+@contextlib.contextmanager
+def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
+    """Calls `handler` at Ctrl-C or SIGTERM, in a block of the main thread.
+
+    Only for those that have the `usual` handler, if there is one.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {
+        number: signal.signal(number, handler)
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if is_main and usual in (None, signal.getsignal(number))
+    }
+    try:
+        yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:

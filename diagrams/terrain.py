@@ -11,10 +11,8 @@ from nadia_balance.typed_yaml import load_typed
 
 FLAT = "flat"
 # The courses of the package, by name: files of regions.
-COURSES = {
-    path.stem: path
-    for path in sorted((Path(__file__).parent / "courses").glob("*.yaml"))
-}
+_FILES = sorted((Path(__file__).parent / "courses").glob("*.yaml"))
+COURSES = {path.stem: path for path in _FILES}
 
 
 @dataclass(kw_only=True)

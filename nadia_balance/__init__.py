@@ -9,8 +9,9 @@ import importlib
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
 # they are links to the folders of the same names beside it.
 _PUBLIC = {
-    "balance_controller": ("BalanceController",),
-    "capture_point_controller": ("CapturePointController", "ControllerParams"),
+    "balance_controller": (
+        *("BalanceController", "CapturePointController", "ControllerParams"),
+    ),
     "core.body.ground": ("Ground", "Region"),
     "core.body.model": ("PointMassModel",),
     "core.math.daqp_solver": ("DaqpSolver",),
@@ -24,8 +25,7 @@ _PUBLIC = {
     "diagrams.humanoid": ("HumanoidDiagram",),
     "diagrams.scenario": ("Scenario", "load_scenario"),
     "diagrams.simulation": ("simulate",),
-    "engines.mujoco_plant": ("MujocoPlant", "add_mujoco_plant"),
-    "engines.point_mass_plant": ("PointMassPlant",),
+    "engines.plants": ("MujocoPlant", "PointMassPlant", "add_mujoco_plant"),
     "policy_controller": ("PolicyController", "PolicyParams"),
     "robot.model": ("RobotModel", "load_robot"),
     "robot.plants": ("add_ground",),
@@ -37,16 +37,15 @@ _PUBLIC = {
     "systems.hardware": (
         *("FootForceSensor", "Imperfections", "JointDrives", "StateSensor"),
     ),
-    "systems.imu": ("Imu",),
-    "systems.joint_encoders": ("JointEncoders",),
     "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
     "systems.ports": ("NOTHING",),
-    "systems.push_source": ("PushSource",),
+    "systems.push_source": ("ContactClock", "PushSource"),
+    "systems.sensors": ("Imu", "JointEncoders"),
+    "systems.signals": ("connect",),
     "systems.state": ("CentroidalEstimator", "StatePredictor"),
     "systems.state_estimator": ("StateEstimator",),
     "systems.steps": ("CaptureRegionStepAdjuster", "SwingFootPlanner"),
     "systems.whole_body": ("FrictionEstimator", "WholeBodyInverseDynamics"),
-    "systems.wiring": ("connect",),
     "view.balance_visualizer": ("BalanceVisualizer",),
     "view.live_controls": ("LiveControls",),
 }

@@ -12,8 +12,7 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.walking.push import Moment
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input
 
@@ -48,8 +47,6 @@ class PolicyParams:
     speed_scale: float = bounded(0.05, above=0.0)  # [s/rad]
     period: float = bounded(0.02, above=0.0, unit="s")  # from action to action
     stride: float = bounded(1.0, above=0.0, unit="s")  # of two steps
-    # Pushes in a phase are later than this: it walks steadily by then.
-    settling: float = bounded(4.0, least=0.0, most=60.0, unit="s")
 
 
 class PolicyController(LeafSystem):
@@ -136,42 +133,16 @@ class PolicyController(LeafSystem):
         self._q0 = np.array([default(name, 0.0) for name in self.joints])
         self._limits = plant.GetEffortUpperLimits()[places]
         self._actuators = np.argsort(places)  # from the policy's order
-        self._state = Input(
-            self, "estimated_state", plant.num_multibody_states()
-        )
+        size = plant.num_multibody_states()
+        self._state = Input(self, "estimated_state", size)
         first = [*np.zeros(len(names)), *_FIRST.values()]
         self._memory = self.DeclareDiscreteState(first)
-        self.DeclareVectorOutputPort(
-            "actuation",
-            len(names),
-            self._calc_torques,
-            {self._state.ticket(), self.discrete_state_ticket(self._memory)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            params.period, 0.0, self._update
-        )
-
-    def time_of(self, moment: Moment) -> float:
-        """Returns the time [s] of the first tick at `moment` by the clock.
-
-        A foot swings for the half of the stride around its phase 0; a moment
-        in a swing is later than `settling`.
-
-        Raises ValueError: it is in a phase that the clock does not have.
-        """
-        p = self.params
-        if moment.phase is None:
-            return moment.time
-        if moment.phase is not Phase.SWING or self.stands:
-            known = "a time" if self.stands else "in a swing, or a time"
-            raise ValueError(
-                f"at = '{moment}': must be {known}: the policy's clock has no "
-                f"{moment.phase.value}"
-            )
-        phase = math.pi * (moment.fraction - 0.5) - _FIRST[moment.swing]
-        time = p.stride * phase / (2.0 * math.pi) - p.period
-        time += p.stride * math.ceil((p.settling - time) / p.stride)
-        return p.period * math.ceil(time / p.period - 1e-9)
+        torques, calc = ("actuation", len(names)), self._calc_torques
+        memory = self.discrete_state_ticket(self._memory)
+        needs = {self._state.ticket(), memory}
+        self.DeclareVectorOutputPort(*torques, calc, needs)
+        every = params.period, 0.0
+        self.DeclarePeriodicUnrestrictedUpdateEvent(*every, self._update)
 
     def observe(self, context: Context) -> np.ndarray:
         """Returns the observation (3 n + 13,) of the tick of `context`."""

@@ -41,12 +41,9 @@ def load_typed(
         if child_name is not None:
             tree = _child(tree, child_name)
         _check(schema, tree, child_name or "")
-        return yaml_load_typed(
-            schema=schema,
-            data=data,
-            child_name=child_name,
-            defaults=schema() if defaults is None else defaults,
-        )
+        given = {"schema": schema, "data": data, "child_name": child_name}
+        defaults = schema() if defaults is None else defaults
+        return yaml_load_typed(**given, defaults=defaults)
     except OSError:
         raise
     except Exception as error:  # Drake's errors about tags have any class

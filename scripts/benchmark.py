@@ -38,12 +38,8 @@ ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks one by one
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv` and returns 0; bad input exits."""
-    parser = command_line.CommandLine(
-        prog="benchmark.py",
-        description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 done, 2 bad input, 4 the record cannot be "
-        "written, 130 Ctrl-C.",
-    )
+    codes = "0 done, 2 bad input, 4 the record cannot be written, 130 Ctrl-C."
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     add = parser.add_argument
     add("--scenario_name", default="walk_in_place", help="one of the package")
     add("--scenario_text", help="YAML that overrides single fields")
@@ -55,11 +51,8 @@ def main(argv: list[str] | None = None) -> int:
     add("--record", **where, type=command_line.place, help=about)
     args = parser.parse_args(argv)
     with parser.refusing():
-        scenario = load_scenario(
-            args.scenario_name,
-            text=args.scenario_text,
-            mechanisms=args.mechanisms,
-        )
+        given = {"text": args.scenario_text, "mechanisms": args.mechanisms}
+        scenario = load_scenario(args.scenario_name, **given)
         if not 0.0 < args.seconds <= LONGEST:
             raise ValueError(
                 f"seconds = {args.seconds}: must be in (0, {LONGEST}]"

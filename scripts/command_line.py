@@ -8,7 +8,6 @@ import math
 import os
 import signal
 import sys
-import threading
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,18 +19,10 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.vocabulary import NAMED
-from nadia_balance.diagrams import simulation
-from nadia_balance.diagrams.closed_loop import ClosedLoop
-from nadia_balance.diagrams.live import LiveSession, endless
+from nadia_balance.diagrams import closed_loop, live, simulation, terrain
 from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
-from nadia_balance.diagrams.terrain import COURSES, FLAT
+from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
-from nadia_balance.results.pages import (
-    FILES,
-    LivePage,
-    start_recording,
-    write_run,
-)
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
 from nadia_balance.view.scene import set_scene, start_meshcat
@@ -50,34 +41,12 @@ EXIT_CODES = (
 MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 
 # Flags that have no effect with --live.
-_NOT_LIVE = (
-    *("no_meshcat", "out", "hold", "duration"),
-    *("direction", "delta_v", "at", "shape", "random", "controller"),
-)
+_NOT_LIVE = """no_meshcat out hold duration direction delta_v at shape random
+    controller""".split()
 
 
 # The `main` of a script: argv=None -> exit code.
 Main = Callable[..., int]
-
-
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """Makes Ctrl-C and SIGTERM raise KeyboardInterrupt, unless ignored."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    ends = [
-        number
-        for number in (signal.SIGINT, signal.SIGTERM)
-        if signal.getsignal(number) is signal.SIG_DFL
-    ]
-    for number in ends:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number in ends:
-            signal.signal(number, signal.SIG_DFL)
 
 
 def program(main: Main) -> Main:
@@ -91,7 +60,9 @@ def program(main: Main) -> Main:
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
-            with _interruptible():
+            # Unless they are ignored, or Python's own handler raises it.
+            raises = signal.default_int_handler, signal.SIG_DFL
+            with simulation.at_ctrl_c(*raises):
                 return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
@@ -145,6 +116,15 @@ def place(text: str) -> Path:
 class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
+    def __init__(self, file: str, about: str, codes: str, **more):
+        """Of the program in `file`; help says what it is about, and its codes.
+
+        Of `about` only the first line, unless `more` has a formatter of it.
+        """
+        about = about if more else about.partition("\n")[0]
+        name, codes = Path(file).name, f"Exit code: {codes}" * bool(codes)
+        super().__init__(name, description=about, epilog=codes, **more)
+
     def parse_args(self, args=None, namespace=None):
         """Refuses --flag=-- (an empty list), and a folder that is gone."""
         found = super().parse_args(args, namespace)
@@ -194,7 +174,7 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
     add("--mechanisms", help=MECHANISMS)
     about = "push.py takes the scenario of this name, if there is one"
-    places = ", ".join((FLAT, *COURSES))
+    places = ", ".join((terrain.FLAT, *terrain.COURSES))
     add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
     add("--duration", type=finite, help="[s]")
     add("--seed", type=int, help="shifts the start by <= 10 um")
@@ -219,12 +199,9 @@ def _output_flags(parser: argparse.ArgumentParser) -> None:
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the checked scenario of the flags."""
-    scenario = load_scenario(
-        args.scenario_name,
-        args.scenario_file,
-        args.scenario_text,
-        **{field: getattr(args, field) for field in _FIELDS},
-    )
+    changes = {field: getattr(args, field) for field in _FIELDS}
+    file, text = args.scenario_file, args.scenario_text
+    scenario = load_scenario(args.scenario_name, file, text, **changes)
     if args.terrain is not None:
         scenario.terrain.name = args.terrain
         check(scenario)
@@ -244,16 +221,15 @@ def main_job(
             shown = _shows_meshcat(args)
             scenario = make_scenario(args)
             if args.live:
-                scenario = endless(scenario)
+                scenario = live.endless(scenario)
             meshcat = _meshcat(args.port) if shown else None
             if args.controller is not None:
                 refuse_with_policy(args)
-            diagram = simulation.closed_loop(
-                scenario, args.plant, args.controller or "", meshcat
-            )
+            system = args.plant, args.controller or "", meshcat
+            diagram = simulation.closed_loop(scenario, *system)
             if not args.live:
                 simulator = simulation.start(diagram)
-                folder = new_folder(args.out, args.scenario_name, FILES)
+                folder = new_folder(args.out, args.scenario_name, pages.FILES)
                 folder = held.enter_context(folder)
         say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
         if args.live:
@@ -279,7 +255,7 @@ def _run(
     end = 0.0
     while True:
         if meshcat is not None:
-            start_recording(meshcat, live=args.open or args.hold)
+            pages.start_recording(meshcat, live=args.open or args.hold)
         end = min(end + CHAPTER, scenario.duration)
         run = simulation.advance(simulator, end, until=watch)
         summary = run.summary | {"scenario": args.scenario_name}
@@ -289,7 +265,7 @@ def _run(
         diagram.forget_logs(simulator.get_mutable_context())
     text = yaml_dump_typed(scenario, child_name=args.scenario_name)
     try:
-        written = write_run(folder, run.logs, summary, text, meshcat)
+        written = pages.write_run(folder, run.logs, summary, text, meshcat)
     finally:
         say(*telling_lines(run.logs, summary))
     say(f"wrote {folder}/{{{', '.join(written)}}}")
@@ -336,10 +312,10 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(diagram: closed_loop.ClosedLoop, meshcat: Meshcat, args) -> int:
     """Lets the user push the robot until it is stopped."""
-    session = LiveSession(diagram, meshcat, say)
-    with LivePage(meshcat) as page:
+    session = live.LiveSession(diagram, meshcat, say)
+    with pages.LivePage(meshcat) as page:
         say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")
         if args.open:
             webbrowser.open(page.url)

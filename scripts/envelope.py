@@ -27,14 +27,8 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.scripts import command_line
-from nadia_balance.scripts.envelope_sweep import limits, report, trial
-from nadia_balance.scripts.envelope_sweep.rows import TRIALS, Rows, opened, read
-from nadia_balance.scripts.envelope_sweep.sweep import (
-    AT,
-    HEADROOM,
-    SearchParams,
-    Sweep,
-)
+from nadia_balance.scripts.sweep import TRIALS, Rows, limits, report, trial
+from nadia_balance.scripts.sweep.search import AT, HEADROOM, SearchParams, Sweep
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -48,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     if args.plot_only is not None:
         with parser.refusing():
-            rows = read(args.plot_only)
+            rows = Rows.read(args.plot_only)
             file = rows.folder / SCENARIO
             names = rows.identity["scenario"].split(",")
             scenarios = {name: load_scenario(name, file) for name in names}
@@ -70,13 +64,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def parser_of() -> command_line.CommandLine:
     """Returns the parser of the command line."""
-    parser = command_line.CommandLine(
-        prog="envelope.py",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 3 "
-        "undecided (too short runs), 4 cannot write, 130 Ctrl-C.",
-    )
+    codes = "0 done, 1 the workers failed, 2 bad input, 3 undecided (too short "
+    codes += "runs), 4 cannot write, 130 Ctrl-C."
+    whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    parser = command_line.CommandLine(__file__, __doc__, codes, **whole)
     about = "Several may be named with commas; by default, the protocol's are."
     finite, place = command_line.finite, command_line.place
     add = parser.add_argument_group("sweep", about).add_argument
@@ -133,13 +124,11 @@ def carry_out(
             workers = trial.open_workers(args.workers, args.scheduler)
             executor = stack.enter_context(workers)
             folder = prepare_folder(args.out)
-            rows = stack.enter_context(opened(folder, sweep.identity()))
+            rows = stack.enter_context(Rows.opened(folder, sweep.identity()))
         with open(folder / COMMAND, "a", encoding="utf-8") as file:
             file.write(f"{shlex.join([parser.prog, *argv])}\n")
-        texts = (
-            yaml_dump_typed(scenario, child_name=name)
-            for name, scenario in sweep.scenarios.items()
-        )
+        named = sweep.scenarios.items()
+        texts = (yaml_dump_typed(one, child_name=name) for name, one in named)
         (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
         command_line.say(
             f"{len(sweep.cells())} cells; {len(rows.all)} trials are there "
@@ -155,9 +144,8 @@ def carry_out(
             code = command_line.FAILED
         reported = report(rows)
         if code:
-            command_line.say(
-                f"the same flags and --out {folder} go on from here"
-            )
+            again = f"the same flags and --out {folder} go on from here"
+            command_line.say(again)
         return code or reported
 
 

@@ -12,11 +12,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.results import Log
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.log import Log
 from nadia_balance.results.measurements import lost_at, measure_estimate
-from nadia_balance.results.plots import RC
-from nadia_balance.results.plots.over_time import draw_estimate
+from nadia_balance.results.plots import RC, draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
@@ -30,11 +29,8 @@ _CSV = {"delimiter": ",", "names": True, "deletechars": ""}
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
-    parser = command_line.CommandLine(
-        prog="estimate.py",
-        description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 estimated, 1 lost, 2 bad input, 4 cannot write.",
-    )
+    codes = "0 estimated, 1 lost, 2 bad input, 4 cannot write."
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     path, about = command_line.place, "npz or CSV, see docs/sensors.md"
     parser.add_argument("log", type=path, help=about)
     parser.add_argument("--robot", default="nadia", help="or a robot.yaml")

@@ -37,14 +37,9 @@ def main(argv: list[str] | None = None) -> int:
         except ImportError as error:
             install = "pip install 'nadia_balance[robots]'"
             raise ValueError(f"{error.name} is missing: {install}") from None
-        notes = make_robot(
-            args.file,
-            args.out,
-            fix=args.fix or [],
-            package_roots=roots,
-            armature=args.armature,
-            named={name: getattr(args, name) for name in NAMES},
-        )
+        given = {"package_roots": roots, "armature": args.armature}
+        given["named"] = {name: getattr(args, name) for name in NAMES}
+        notes = make_robot(args.file, args.out, fix=args.fix or [], **given)
         command_line.say(*notes.lines())
         made = load_robot(str(robot), args.fidelity)
         command_line.say(_fit_reach(made, args.out))
@@ -75,12 +70,8 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
 
 def _parser() -> command_line.CommandLine:
-    parser = command_line.CommandLine(
-        prog="new_robot.py",
-        description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 it walks in place (or --no-walk), 1 it does not, "
-        "2 bad input.",
-    )
+    codes = "0 it walks in place (or --no-walk), 1 it does not, 2 bad input."
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     add, path = parser.add_argument, command_line.place
     add("--out", type=path, required=True, help="the folder")
@@ -103,9 +94,8 @@ def _parser() -> command_line.CommandLine:
 
 def _walk(robot: str, fidelity: str) -> int:
     """Simulates walking in place and prints the result; returns the code."""
-    scenario = load_scenario(
-        "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
-    )
+    which = {"robot": robot, "fidelity": fidelity}
+    scenario = load_scenario("walk_in_place", text=WALK, **which)
     try:
         diagram = HumanoidDiagram(scenario)
     except ValueError as error:  # it may be too small for the parameters

@@ -15,11 +15,8 @@ MOST_RANDOM = 100  # largest number of random pushes
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
-    parser = command_line.CommandLine(
-        prog="push.py",
-        description=__doc__.partition("\n")[0],
-        epilog=f"Exit code: 0 recovered, {command_line.EXIT_CODES}",
-    )
+    codes = f"0 recovered, {command_line.EXIT_CODES}"
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     about = "The scenario's first push.  Default: as in the scenario."
     add = parser.add_argument_group("push", about).add_argument
     about = "degrees (0 forward, 90 left), or forward, backward, inward, "

@@ -22,16 +22,9 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.envelope_sweep import limits
-from nadia_balance.scripts.envelope_sweep.report import outcomes, table
-from nadia_balance.scripts.envelope_sweep.rows import (
-    Attempt,
-    Cell,
-    Results,
-    Rows,
-    cell_of,
-)
-from nadia_balance.scripts.envelope_sweep.sweep import AT, Sweep
+from nadia_balance.scripts.sweep import Attempt, Cell, Results, Rows, limits
+from nadia_balance.scripts.sweep.report import outcomes, table
+from nadia_balance.scripts.sweep.search import AT, Sweep
 
 LENGTHS = 0.05, 0.4  # of a push [s]
 FAILURES = "failures.md"
@@ -110,28 +103,21 @@ def failures_text(sweep: RandomPushes, rows: Rows) -> str:
     failed = []
     for row in rows.all:
         if row["outcome"] != "recovered":
-            push = sweep.pushes[cell_of(row)]
+            push = sweep.pushes[Cell.of(row)]
             size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
             where = row["at"], push.body, f"{push.duration:g}"
             failed.append((*size, *where, row["outcome"], row["reason"]))
     head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
-    parts = [
-        f"# Pushes at random, at {sweep.share:g} of the limits",
-        f"{outcomes(rows)}; code `{rows.identity['code']}`.",
-        table(head, failed),
-    ]
-    return "\n\n".join(parts) + "\n"
+    title = f"# Pushes at random, at {sweep.share:g} of the limits"
+    about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
+    return "\n\n".join([title, about, table(head, failed)]) + "\n"
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code."""
-    parser = command_line.CommandLine(
-        prog="random_pushes.py",
-        description=__doc__.partition("\n")[0],
-        epilog="Exit code: 0 done, 1 the workers failed, 2 bad input, 4 cannot "
-        "write, 130 Ctrl-C.",
-    )
+    codes = "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
+    parser = command_line.CommandLine(__file__, __doc__, codes + "130 Ctrl-C.")
     add, shown = parser.add_argument, "(%(default)s)"
     add("--pushes", type=int, default=1000, help=shown)
     share = {"type": command_line.finite, "default": 0.6}
@@ -151,11 +137,9 @@ def main(argv: list[str] | None = None) -> int:
             )
         scenario = load_scenario("push", seed=args.seed)
         known = limits.known_limits(Path(args.limits))
-        sweep = RandomPushes(
-            scenarios={"push": scenario},
-            pushes=drawn(scenario, known, args.pushes, args.share),
-            share=args.share,
-        )
+        pushes = drawn(scenario, known, args.pushes, args.share)
+        what = {"scenarios": {"push": scenario}, "share": args.share}
+        sweep = RandomPushes(pushes=pushes, **what)
     return envelope.carry_out(
         parser, args, argv, sweep, lambda rows: _report(sweep, rows)
     )

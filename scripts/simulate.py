@@ -11,12 +11,9 @@ from nadia_balance.scripts import command_line
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     names = ", ".join(scenario_names())
-    parser = command_line.CommandLine(
-        prog="simulate.py",
-        description=__doc__.partition("\n")[0],
-        epilog=f"scenarios: {names}. "
-        f"Exit code: 0 stood, walked or recovered, {command_line.EXIT_CODES}",
-    )
+    codes = f"0 stood, walked or recovered, {command_line.EXIT_CODES}"
+    codes += f" Scenarios: {names}."
+    parser = command_line.CommandLine(__file__, __doc__, codes)
     command_line.scenario_flags(parser, name=None)
     return command_line.main_job(parser, argv, command_line.scenario_from)
 

@@ -24,7 +24,7 @@ import numpy as np
 from tests.source_files import ROOT, imports
 
 STARTED = time.time()
-PACKAGES = ("drake", "numpy", "scipy", "mujoco", "daqp")
+PACKAGES = ("drake", "numpy", "scipy", "mujoco", "daqp", "trimesh")
 PLACES = (ROOT / "nadia_balance", ROOT)  # of our modules
 
 folder: Path | None = None  # None: what is made is not kept on disk

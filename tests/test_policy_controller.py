@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams.simulation import policy_of, simulate
 from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.pages import write_plots
 from nadia_balance.results.story import telling_lines
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import envelope, push
-from nadia_balance.scripts.envelope_sweep.trial import run_trial, search
+from nadia_balance.scripts.sweep.trial import run_trial, search
 from tests.blocks import answer, running
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script
@@ -94,27 +93,24 @@ def test_observes_and_acts_in_the_order_of_the_policy(made):
     assert np.any(np.abs(torques) > limits)
 
 
-def test_its_clock_tells_when_a_foot_swings(made):
-    """Oracle: the phases at that tick and before it, from 4 s on."""
-    controller = PolicyController(ROBOT, made())
-    for side, first in ("left", 0.0), ("right", np.pi):
-        for percent in (0, 25, 90):
-            time = controller.time_of(Moment.parse(f"{side} swing {percent} %"))
-            wanted = np.pi * (percent / 100.0 - 0.5)
-            phase = first + 2.0 * np.pi * (time + 0.02)
-            late = (phase - wanted + 1e-9) % (2.0 * np.pi)
-            assert late < 2.0 * np.pi * 0.02
-            assert 4.0 <= time < 5.02
-    assert controller.time_of(Moment.parse("2.5 s")) == 2.5
+def test_a_policy_that_is_to_stand_has_no_phases(made):
+    """Oracle: both feet at pi, on the ground; it never swings one."""
     still = PolicyController(ROBOT, made(), PolicyParams(command=(0, 0, 0)))
-    for policy, at in (
-        (still, "left swing 5 %"),
-        (controller, "left transfer 5%"),
-    ):
-        with pytest.raises(ValueError, match=f"^at = '{at[:9]}.*: must be"):
-            policy.time_of(Moment.parse(at))
     _, context = running(still, estimated_state=np.eye(NQ + N + 6)[0])
     assert np.allclose(still.observe(context)[N + 6 : N + 8], -1.0)
+
+
+def test_pushes_are_timed_by_contacts_once_it_walks(made):
+    """Oracle: the clock's phases, and eight steps before the first push."""
+    scenario = load_scenario("push", robot="g1")
+    diagram = HumanoidDiagram(scenario, None, policy_of(scenario, made()))
+    assert scenario.pushes[0].at == "right swing 25 %"
+    assert scenario.pushes[0].after_steps == 8
+    clock = diagram.GetSubsystemByName("contact_clock")
+    assert diagram.AreConnected(
+        clock.GetOutputPort("walking_state"),
+        diagram.push.GetInputPort("walking_state"),
+    )
 
 
 @pytest.mark.parametrize(
@@ -176,8 +172,6 @@ def test_bad_files_and_flags_are_refused_in_one_line(
         assert_refused(run_script(script, flags, capsys), message)
 
     quick = ["--no-meshcat", "--out", tmp_path / "run"]
-    at = ["--at", "left transfer 50%"]
-    refused(push, "at = 'left transfer 50 %': must", *quick, *at)
     must = f"controller = {str(good)!r}: must "
     refused(push, f"{must}not", *quick, "--plant", "lipm")
     refused(envelope, f"{must}not come with", "--mechanisms", "step")

@@ -17,8 +17,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System
 
 import nadia_balance
-from nadia_balance.balance_controller import BalanceController
-from nadia_balance.capture_point_controller import (
+from nadia_balance.balance_controller import (
+    BalanceController,
     CapturePointController,
     ControllerParams,
 )
@@ -27,8 +27,9 @@ from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.engines.mujoco_plant import PointContacts
+from nadia_balance.engines.plants import PointContacts
 from nadia_balance.policy_controller import PolicyController
+from nadia_balance.systems.push_source import ContactClock
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import fix
 from tests.example_walks import MODEL
@@ -52,6 +53,7 @@ FEEDTHROUGH = {
         ("com_state", "icp", "alip_icp", "foot_poses", "whole_body_terms"),
         "predicted_state",
     ),
+    "ContactClock": {"walking_state": ""},  # one tick late
     "ComHeightController": {
         "momentum_rate": "com_state ecmp_command walking_state"
     },
@@ -163,7 +165,8 @@ def systems(diagrams, tmp_path_factory) -> dict[type, System]:
     policy = tmp_path_factory.mktemp("policy") / "policy.onnx"
     policy.write_bytes(linear_policy(W, B, **GOOD))
     found: dict[type, System] = {
-        PolicyController: PolicyController(ROBOT, policy)
+        PolicyController: PolicyController(ROBOT, policy),
+        ContactClock: ContactClock(1.0, 0.004),
     }
     for diagram in diagrams:
         for system in systems_in(diagram):

@@ -34,12 +34,9 @@ def draw(
 
     Returns 0; bad input exits.
     """
-    parser = CommandLine(
-        prog=f"{paper}_paper.py",
-        description=description,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 drawn, 1 disk failed, 2 bad input, 130 Ctrl-C.",
-    )
+    codes = "0 drawn, 1 disk failed, 2 bad input, 130 Ctrl-C."
+    whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    parser = CommandLine(f"{paper}_paper.py", description, codes, **whole)
     parser.add_argument(
         "--figure",
         nargs="+",

@@ -18,21 +18,21 @@ from matplotlib.figure import Figure
 
 from drawing import draw, note, plan_views, right_swing, share_legend
 from nadia_balance import palette
-from nadia_balance.capture_point_controller import ControllerParams
+from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body import reachability
 from nadia_balance.core.body.reachability import BACKWARD, BASE, FORWARD
 from nadia_balance.core.feedback import momentum_qp
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
 from nadia_balance.core.steps import capture_region as regions
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+)
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     adjust_foothold,
     unadjusted,
-)
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
 )
 from nadia_balance.core.walking.vocabulary import (
     MECHANISMS,

@@ -25,8 +25,8 @@ from PIL import Image
 from playwright import sync_api
 
 from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.results import pushes, steps
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts import command_line
 from nadia_balance.view.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
@@ -91,12 +91,9 @@ class View:
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv` and returns 0; bad input exits."""
-    parser = command_line.CommandLine(
-        prog="picture.py",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Exit code: 0 written, 2 bad input, 130 Ctrl-C.",
-    )
+    codes = "0 written, 2 bad input, 130 Ctrl-C."
+    whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    parser = command_line.CommandLine(__file__, __doc__, codes, **whole)
     place, finite = command_line.place, command_line.finite
     parser.add_argument("--run", type=place, required=True, help="its folder")
     parser.add_argument("--times", type=finite, nargs="+", help="[s]")

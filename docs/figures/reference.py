@@ -27,7 +27,7 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.diagrams.terrain import Terrain
-from nadia_balance.results.log import _VIEWS
+from nadia_balance.results import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 from nadia_balance.systems.hardware import Imperfections
 
@@ -288,10 +288,7 @@ def page() -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Writes the page; returns the exit code."""
-    parser = CommandLine(
-        prog="reference.py", description=__doc__.partition("\n")[0]
-    )
-    parser.parse_args(argv)
+    CommandLine(__file__, __doc__, "0 written, 2 bad input.").parse_args(argv)
     PAGE.write_text(page(), encoding="utf-8")
     say(f"wrote {PAGE}")
     return DONE

@@ -7,16 +7,12 @@ import numpy as np
 from pydrake import geometry
 from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    ExternallyAppliedSpatialForce,
-    MultibodyPlant,
-    PointPairContactInfo,
-)
+from pydrake.multibody import plant as mbp
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
 from nadia_balance.robot.urdf import hull_points
 
-Forces = Iterable[ExternallyAppliedSpatialForce]
+Forces = Iterable[mbp.ExternallyAppliedSpatialForce]
 # Time constant of contacts and joint limits, which are damped springs [s];
 # MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.
 STIFFNESS_TIME = 0.004
@@ -48,7 +44,9 @@ class MujocoModel:
     of q, v and of the actuators: x = [q, v] (nq + nv,).
     """
 
-    def __init__(self, plant: MultibodyPlant, inspector: SceneGraphInspector):
+    def __init__(
+        self, plant: mbp.MultibodyPlant, inspector: SceneGraphInspector
+    ):
         """Models `plant`, finalized, with the shapes of the `inspector`.
 
         Raises ValueError: a joint or a shape of a type that is not supported.
@@ -78,9 +76,8 @@ class MujocoModel:
         X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
         M_B = body.default_spatial_inertia()
-        added = parent.add_body(
-            name=str(int(body.index())), **_pose(X_PF @ X_BM.inverse())
-        )
+        name, pose = str(int(body.index())), _pose(X_PF @ X_BM.inverse())
+        added = parent.add_body(name=name, **pose)
         if (mass := M_B.get_mass()) > 0.0:
             p_BCm = M_B.get_com()
             I_BBcm = M_B.Shift(p_BCm).CalcRotationalInertia()
@@ -124,18 +121,14 @@ class MujocoModel:
         pairs = sorted(inspector.GetCollisionCandidates())
         for shape in sorted({shape for pair in pairs for shape in pair}):
             self._add_shape(inspector, shape)
-        for pair in pairs:
-            a, b = (_friction(inspector, shape) for shape in pair)
+        for shapes in pairs:
+            a, b = (_friction(inspector, shape) for shape in shapes)
             mu = 2.0 * a * b / (a + b) if a + b else 0.0  # Drake's rule
-            first, second = map(_name, pair)
-            self._spec.add_pair(
-                geomname1=first,
-                geomname2=second,
-                condim=3,
-                friction=[mu, mu, 0.0, 0.0, 0.0],
-                solref=self._softness,
-                solimp=_HARDNESS,
-            )
+            first, second = map(_name, shapes)
+            pair = {"geomname1": first, "geomname2": second, "condim": 3}
+            soft = {"solref": self._softness, "solimp": _HARDNESS}
+            friction = [mu, mu, 0.0, 0.0, 0.0]
+            self._spec.add_pair(**pair, **soft, friction=friction)
 
     def _add_shape(self, inspector: SceneGraphInspector, shape) -> None:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
@@ -179,9 +172,8 @@ class MujocoModel:
             self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
         names = (model.body(i).name for i in model.geom_bodyid)
-        self._body_of = [
-            BodyIndex(int(name) if name.isdigit() else 0) for name in names
-        ]
+        numbers = (int(name) if name.isdigit() else 0 for name in names)
+        self._body_of = list(map(BodyIndex, numbers))
 
     def set_state(self, x: np.ndarray) -> None:
         """Writes the state x to `data`, with angular velocities in B."""
@@ -205,7 +197,7 @@ class MujocoModel:
 
     def step(
         self, x: np.ndarray, torques: np.ndarray, forces: Forces = ()
-    ) -> tuple[np.ndarray, list[PointPairContactInfo]]:
+    ) -> tuple[np.ndarray, list[mbp.PointPairContactInfo]]:
         """Returns x a time step later, and the contacts on the way there.
 
         `torques` (nu,) are those of the actuators.  `data` is scratch.
@@ -239,7 +231,7 @@ class MujocoModel:
             mujoco.mj_applyFT(model, data, *both, point, body, sums)
         mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_POS, 1)
 
-    def _contacts(self) -> list[PointPairContactInfo]:
+    def _contacts(self) -> list[mbp.PointPairContactInfo]:
         """The present contacts as Drake's type, with zero speeds."""
         found, wrench = [], np.zeros(6)
         contacts = self.data.contact
@@ -247,7 +239,7 @@ class MujocoModel:
             mujoco.mj_contactForce(self.model, self.data, i, wrench)
             first, second = contacts.geom[i]
             found.append(
-                PointPairContactInfo(
+                mbp.PointPairContactInfo(
                     bodyA_index=self._body_of[first],
                     bodyB_index=self._body_of[second],
                     f_Bc_W=wrench[:3] @ contacts.frame[i].reshape(3, 3),
@@ -260,7 +252,7 @@ class MujocoModel:
         return found
 
 
-def _empty_spec(plant: MultibodyPlant) -> mujoco.MjSpec:
+def _empty_spec(plant: mbp.MultibodyPlant) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.compiler.inertiafromgeom = False

@@ -13,19 +13,11 @@ import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.bounds import NADIA
-from nadia_balance.new_robot import description as robots
-from nadia_balance.new_robot.description import Anatomy, Leg, Notes
-from nadia_balance.new_robot.measure import (
-    Fields,
-    Names,
-    find_anatomy,
-    measure,
-    size_of,
-    two_legs,
-    widths,
-)
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.new_robot import Anatomy, Leg, Notes, measure
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 
@@ -34,6 +26,7 @@ from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
+_TURN = 6.3  # largest angle of a leg's joint [rad]
 _LEAST = 0.02  # mass of links without one [kg]
 # Mass over the cubed length of the legs, of any humanoid [kg/m^3].
 _DENSITY = np.array([20.0, 2000.0])
@@ -56,7 +49,7 @@ def make_robot(
     fix: Sequence[str] = (),
     package_roots: Sequence[Path] = (),
     armature: Path | None = None,
-    named: Names | None = None,
+    named: measure.Names | None = None,
 ) -> Notes:
     """Writes robot.urdf, robot.yaml and meshes into `folder`.
 
@@ -68,8 +61,8 @@ def make_robot(
     notes, named = Notes(), named or {}
     robot = _read(file, package_roots, notes)
     legs = _clean(robot, fix, named, notes)
-    anatomy = find_anatomy(robot, legs, named, notes)
-    fields = measure(robot, anatomy, notes)
+    anatomy = measure.find_anatomy(robot, legs, named, notes)
+    fields = measure.measure(robot, anatomy, notes)
     _doubt(robot, anatomy, notes)
     if armature:
         theirs = _read(armature, [], Notes()).joints
@@ -78,7 +71,7 @@ def make_robot(
             raise ValueError(f"armature = {armature}: must have its joints")
         for name in known:
             robot.joints[name].rotor_inertia = theirs[name].rotor_inertia
-    _guess_drives(robot, size_of(fields).leg, notes)
+    _guess_drives(robot, measure.size_of(fields).leg, notes)
     if not all(joint.speed for joint in robot.joints.values()):
         fields["max_joint_speed"] = _SPEED
     folder.mkdir(parents=True, exist_ok=True)
@@ -101,7 +94,10 @@ def _read(
 
 
 def _clean(
-    robot: robots.Description, fix: Sequence[str], named: Names, notes: Notes
+    robot: robots.Description,
+    fix: Sequence[str],
+    named: measure.Names,
+    notes: Notes,
 ) -> list[Leg]:
     """Welds joints that are not driven, adds masses; returns the legs."""
     welded = [j.name for j in robot.joints.values() if j.type == "weld"]
@@ -118,7 +114,7 @@ def _clean(
         welded += found
     robot.weld(dict.fromkeys(welded))
     base = robot.root
-    legs = two_legs(robot, named)
+    legs = measure.two_legs(robot, named)
     of_legs = {name for leg in legs for name in leg.joints}
     for joint in list(robot.joints.values()):
         reasons = {
@@ -133,6 +129,9 @@ def _clean(
             why, unlike = joint.type, "must be revolute or prismatic"
         elif name in of_legs and (why or joint.type == "continuous"):
             unlike = "must be a driven hinge with limits, in a leg"
+        elif name in of_legs and max(-joint.lower, joint.upper) > _TURN:
+            why = f"range of {joint.lower:.4g} to {joint.upper:.4g}"
+            unlike = "must be within +-2 pi; units are rad"
         if unlike:
             raise ValueError(f"joint {name}: {why or joint.type}: {unlike}")
         if why:
@@ -155,6 +154,12 @@ def _clean(
             f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
             f"({least:.3g}, {most:.3g}) kg; units are kg and m"
         )
+    for link in robot.links.values():
+        if (far := np.linalg.norm(link.M.get_com())) > 3.0 * length:
+            raise ValueError(
+                f"link {link.name}: centre of mass: must be within "
+                f"{3.0 * length:.3g} m of its origin; it is {far:.3g} m away"
+            )
     return legs
 
 
@@ -190,8 +195,8 @@ def _doubt(robot: robots.Description, anatomy: Anatomy, notes: Notes) -> None:
 
 def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
     """Adds rotor inertias by the leg's length [m]; notes what is unknown."""
-    inertia = _ROTOR_SHARE * robot.mass(robot.links) * leg**2
-    joints = list(robot.joints.values())
+    mass, joints = robot.mass(robot.links), list(robot.joints.values())
+    inertia, strong = _ROTOR_SHARE * mass * leg**2, GRAVITY * mass * leg
     bare = [joint for joint in joints if not joint.rotor_inertia]
     for joint in bare:
         joint.rotor_inertia = inertia
@@ -199,6 +204,9 @@ def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
         line = f"taken as {inertia:.3g} kg m^2, Nadia's by mass and length"
         notes.add("unknown", f"rotor inertia of {len(bare)} joints: {line}")
     for joint in joints:
+        if joint.effort > strong:
+            line = f"effort limits > {strong:.3g} N m, weight times leg"
+            notes.add("warning", f"{line}: no motor's?", joint.name)
         if not joint.speed or joint.speed > _PLAUSIBLE:
             known = f"> {_PLAUSIBLE:g}" if joint.speed else f"now {_SPEED:g}"
             notes.add("unknown", f"speed limits, {known} rad/s", joint.name)
@@ -232,13 +240,11 @@ def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
 
 def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
     """A tag whose attributes are texts, or numbers."""
-    texts = {
-        key: value
-        if isinstance(value, str)
-        else " ".join(f"{number:.9g}" for number in np.ravel(value))
-        for key, value in attributes.items()
-    }
-    element = Element(tag, texts)
+    element = Element(tag)
+    for key, value in attributes.items():
+        numbers = [] if isinstance(value, str) else np.ravel(value)
+        text = " ".join(f"{number:.9g}" for number in numbers)
+        element.set(key, text or value)
     element.extend(children)
     return element
 
@@ -253,12 +259,10 @@ def _inertial(link: robots.Link) -> Element:
     # All digits, which Drake needs to find it possible.
     moments = [*central.get_moments(), *central.get_products()]
     texts = [repr(float(moment)) for moment in moments]
-    return _tag(
-        "inertial",
-        _tag("origin", xyz=link.M.get_com()),
-        _tag("mass", value=link.M.get_mass()),
-        _tag("inertia", **dict(zip(MOMENTS, texts, strict=True))),
-    )
+    origin = _tag("origin", xyz=link.M.get_com())
+    mass = _tag("mass", value=link.M.get_mass())
+    inertia = _tag("inertia", **dict(zip(MOMENTS, texts, strict=True)))
+    return _tag("inertial", origin, mass, inertia)
 
 
 def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
@@ -294,13 +298,9 @@ def _joint(joint: robots.Joint) -> Element:
     limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
         limits["velocity"] = joint.speed
-    parts = [
-        _origin(joint.X_PC),
-        _tag("parent", link=joint.parent),
-        _tag("child", link=joint.child),
-        _tag("axis", xyz=joint.axis),
-        _tag("limit", **limits),
-    ]
+    parts = [_origin(joint.X_PC), _tag("parent", link=joint.parent)]
+    parts += [_tag("child", link=joint.child), _tag("axis", xyz=joint.axis)]
+    parts.append(_tag("limit", **limits))
     if joint.damping:
         parts.append(_tag("dynamics", damping=joint.damping))
     return _tag("joint", *parts, name=joint.name, type="revolute")
@@ -311,16 +311,12 @@ def _transmission(joint: robots.Joint) -> Element:
     kind.text = "transmission_interface/SimpleTransmission"
     rotor = _tag(f"{DRAKE}rotor_inertia", value=joint.rotor_inertia)
     actuator = rotor, _tag(f"{DRAKE}gear_ratio", value="1")
-    return _tag(
-        "transmission",
-        kind,
-        _tag("joint", name=joint.name),
-        _tag("actuator", *actuator, name=joint.name),
-        name=f"{joint.name}_drive",
-    )
+    driven = _tag("joint", name=joint.name)
+    drive = _tag("actuator", *actuator, name=joint.name)
+    return _tag("transmission", kind, driven, drive, name=f"{joint.name}_drive")
 
 
-def write_yaml(folder: Path, fields: Fields) -> None:
+def write_yaml(folder: Path, fields: measure.Fields) -> None:
     """Writes robot.yaml, with lengths and angles to four decimals."""
     style = {"default_flow_style": None, "allow_unicode": True}
     text = yaml.safe_dump(_rounded(fields), sort_keys=False, **style)
@@ -330,7 +326,7 @@ def write_yaml(folder: Path, fields: Fields) -> None:
 def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     """Replaces the lengths and widths of `reach` in robot.yaml of `folder`."""
     text = (folder / "robot.yaml").read_text(encoding="utf-8")
-    fields = {**yaml.safe_load(text), "reachability": widths(reach)}
+    fields = {**yaml.safe_load(text), "reachability": measure.widths(reach)}
     write_yaml(folder, fields)
 
 

@@ -19,7 +19,7 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.new_robot import Anatomy, Description, Leg, Notes
 from nadia_balance.new_robot.shapes import find_sole, largest_rectangle
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
@@ -47,8 +47,9 @@ Fields = dict[str, Any]  # of robot.yaml [m, rad]
 def two_legs(robot: Description, named: Names) -> list[Leg]:
     """Returns the two legs, in arbitrary order; the root becomes the pelvis.
 
-    The legs are the heaviest pair of unbranched chains with the same number of
-    joints, 6 or 7, that start at one link.  No joint of `robot` is fixed.
+    The legs are the pair of unbranched chains with the same number of joints, 6
+    or 7, that start at one link, with the largest product of mass and mean
+    effort limit.  No joint of `robot` is fixed.
 
     Raises ValueError: no such pair exists, or a named link does not exist.
     """
@@ -70,9 +71,11 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             and all(len(robot.children(link)) == 1 for link in inner)
         ):
             mass = sum(robot.mass(robot.below(leg[0].child)) for leg in legs)
+            # Arms may be as heavy, not as strong.
+            strength = 1.0 + np.mean([j.effort for leg in legs for j in leg])
             names = [[joint.name for joint in leg] for leg in legs]
             found = list(map(Leg, pair, names))
-            pairs.append((mass, one[0].parent, found))
+            pairs.append((mass * strength, one[0].parent, found))
     if not pairs:
         ends = [f"{len(robot.chain(leaf))} to {leaf}" for leaf in leaves]
         raise ValueError(
@@ -185,13 +188,12 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     forward, _, up = anatomy.axes.T
     R_RL = {link: pose.rotation() for link, pose in robot.poses().items()}
     soles = [find_sole(robot.links[f], R_RL[f].inverse() @ -up) for f in feet]
+    of_feet = list(zip(feet, soles, strict=True))
     depths = [sole.depth for sole in soles]
     # Frames of pelvis, torso and feet get x forward and z up, the feet's along
     # their soles; origins stay.
     ups = dict.fromkeys((robot.root, anatomy.torso), up)
-    ups |= {
-        f: R_RL[f] @ -sole.down for f, sole in zip(feet, soles, strict=True)
-    }
+    ups |= {foot: R_RL[foot] @ -sole.down for foot, sole in of_feet}
     for link, z in ups.items():
         y = np.cross(z, forward)
         y /= np.linalg.norm(y)
@@ -199,10 +201,7 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         R_NR = RotationMatrix.ProjectToRotationMatrix(axes)
         R_RL[link] = R_NR @ R_RL[link]  # now R_NL
         robot.move(link, RigidTransform(R_RL[link]))
-    flat = [
-        (R_RL[foot] @ sole.points.T)[:2].T
-        for foot, sole in zip(feet, soles, strict=True)
-    ]
+    flat = [(R_RL[foot] @ sole.points.T)[:2].T for foot, sole in of_feet]
     extents = [np.ptp(points, axis=0) for points in flat]
     for foot, (x, y) in zip(feet, extents, strict=True):
         if y > x:
@@ -231,12 +230,9 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         for names in zip(*(leg.pitches for leg in legs), strict=True)
     )
     com = float(robot.com(poses)[2])
-    geometry = LegGeometry(
-        length=length,
-        ankle_height=ankles - ground,
-        com_above_hip=com - hips,
-        hip_width=across,
-    )
+    known = {"length": length, "hip_width": across}
+    heights = {"ankle_height": ankles - ground, "com_above_hip": com - hips}
+    geometry = LegGeometry(**known, **heights)
     able = leg_reach(geometry, com - ground, _lean(robot, anatomy))
     step_width = max(across, 2.0 * half_width + _GAP * length)
     sole = {"x_min": heel, "x_max": toe, "half_width": half_width, "z": -depth}
@@ -356,10 +352,9 @@ def _posture(
         for name, joint in robot.joints.items()
     }
     searched = [name for leg in legs for name in leg.pitches[::2]]
-    bounds = [
-        [robot.joints[name].nearest(end, _LEG_MARGIN) for name in searched]
-        for end in (-np.inf, np.inf)
-    ]
+    hinges = [robot.joints[name] for name in searched]
+    ends = -np.inf, np.inf
+    bounds = [[j.nearest(end, _LEG_MARGIN) for j in hinges] for end in ends]
 
     def off(values: Array) -> Array:
         angles.update(zip(searched, map(float, values), strict=True))

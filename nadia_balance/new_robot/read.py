@@ -1,6 +1,6 @@
 """Readers of anybody's URDF, mended where no robot is as it says, or MJCF."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,8 +14,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import description as robots
 
 DRAKE = "{http://drake.mit.edu}"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -82,11 +82,10 @@ def read_urdf(
         if any(word in tag for word in _LOOPS):
             raise ValueError(f"<{tag}>: must not be there, a closed loop")
         notes.add("changed", "left out the tags", tag)
-    colours = {
-        material.get("name", ""): colour.get("rgba", "")
-        for material in top.iter("material")
-        for colour in material.findall("color")
-    }
+    colours: dict[str, str] = {}
+    for material in top.iter("material"):
+        for colour in material.findall("color"):
+            colours[material.get("name", "")] = colour.get("rgba", "")
     folders = [*roots, *file.resolve().parents]
     parts, links = _parts(top, "link"), {}
     for name, part in parts.items():
@@ -108,7 +107,23 @@ def read_urdf(
         if rotor and name in joints:
             joints[name].rotor_inertia = rotor * gear**2
     joints = {n: j for n, j in joints.items() if j.type != "floating"}
+    _let_go(links, joints, notes)
     return robots.Description(top.get("name") or file.stem, links, joints)
+
+
+def _let_go(
+    links: Collection[str], joints: dict[str, robots.Joint], notes: robots.Notes
+) -> None:
+    """Frees a robot that is welded to the world, if no other base is free."""
+    if {joint.child for joint in joints.values()} >= {*links} - {"world"}:
+        holders = {joint.parent for joint in joints.values()}
+        for name, joint in list(joints.items()):
+            held = joint.type == "weld" and joint.parent == "world"
+            if held and joint.child in holders:
+                notes.add(
+                    "changed", "no longer welded to the world", joint.child
+                )
+                del joints[name]
 
 
 def _parts(top: Element, tag: str) -> dict[str, _Part]:
@@ -161,16 +176,17 @@ def _take_shape(
         notes.add("changed", f"left out the {kind} of {part.name}")
         return
     mesh, at = None, f"geometry/{solids[0].tag}"
-    if kind == "mesh":
-        try:
-            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
-        except OSError as error:
-            link.missing = link.missing or str(error)
-            notes.add("changed", f"left out {part.name}: {error}")
-            return
-        mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
     zeros, keys = _ZERO if kind == "box" else "0", robots.SOLIDS[kind][0]
-    size = {key: part.numbers(at, key, zeros) for key in keys}
+    try:
+        size = {key: part.numbers(at, key, zeros) for key in keys}
+        if kind == "mesh":
+            mesh = _load(_find_mesh(part.text(at, "filename"), folders)).copy()
+            mesh.apply_scale(part.numbers(at, "scale", "1 1 1"))
+    except (OSError, ValueError) as error:
+        why = str(error).removeprefix(f"{part.name}: ")
+        link.missing = link.missing or why
+        notes.add("changed", f"left out {part.name}: {why}")
+        return
     material = colours.get(part.text("material", "name"), "")
     colour = part.text("material/color", "rgba", material)
     X, role = part.pose("origin"), part.element.tag
@@ -231,16 +247,13 @@ def _inertia(
     part: _Part, link: robots.Link, notes: robots.Notes
 ) -> SpatialInertia:
     """The inertia of a link; without moments it is that of a box."""
-    mass, X = (
-        part.number("inertial/mass", "value"),
-        part.pose("inertial/origin"),
-    )
+    mass = part.number("inertial/mass", "value")
+    X = part.pose("inertial/origin")
     if not mass:
         return SpatialInertia.Zero()
     com, R = X.translation(), X.rotation().matrix()
-    xx, yy, zz, xy, xz, yz = (
-        part.number("inertial/inertia", key) for key in MOMENTS
-    )
+    moments = (part.number("inertial/inertia", key) for key in MOMENTS)
+    xx, yy, zz, xy, xz, yz = moments
     given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     what = "moments of inertia"
     if link.shapes and not given.any():
@@ -302,6 +315,7 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
             raise ValueError(
                 f"equality {model.eq(i).name}: must not be there, a closed loop"
             )
+    _let_go(links, joints, notes)
     return robots.Description(spec.modelname, links, joints)
 
 

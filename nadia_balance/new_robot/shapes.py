@@ -10,8 +10,8 @@ import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial import ConvexHull, QhullError
 
+import nadia_balance.new_robot as robots
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.new_robot import description as robots
 
 # Tolerances for points on the plane, of meshes and of round solids [m].
 _ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
@@ -82,12 +82,10 @@ def sole_plane(
     normal = areas[near] @ normals[near]
     normal /= np.linalg.norm(normal)
     # A round shape touches the ground with its point farthest along the normal.
-    lowest = [
-        s.spine(2).T + s.size["radius"] * normal
-        if s.kind in ("sphere", "capsule")
-        else s.points()
-        for s in shapes
-    ]
+    lowest = [s.points() for s in shapes]
+    for i, shape in enumerate(shapes):
+        if shape.kind in ("sphere", "capsule"):
+            lowest[i] = shape.spine(2).T + shape.size["radius"] * normal
     depth = max(float((points @ normal).max()) for points in lowest)
     on_plane = [
         p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
+from nadia_balance.results import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
@@ -66,14 +66,12 @@ def recovery_time(log: Log) -> float | None:
 
 def measure(log: Log) -> dict[str, Any]:
     """Returns all measurements as plain values, None if not available."""
-    found = {
-        name: function(log) if {*needs.split()} <= {*log} else None
-        for name, (needs, function) in _MEASUREMENTS.items()
-    }
-    return {
-        name: largest(value) if isinstance(value, np.ndarray) else value
-        for name, value in found.items()
-    }
+    found: dict[str, Any] = {}
+    for name, (needs, function) in _MEASUREMENTS.items():
+        value = function(log) if {*needs.split()} <= {*log} else None
+        is_array = isinstance(value, np.ndarray)
+        found[name] = largest(value) if is_array else value
+    return found
 
 
 def largest(values: Array) -> float | None:
@@ -132,11 +130,8 @@ def trunk_tilts(log: Log) -> Array:
 
 def _durations(log: Log, phase: Phase) -> list[float]:
     """Durations [s] of the completed phases of this kind."""
-    return [
-        round(span.duration, 6)
-        for span in logs.phase_spans(log)
-        if span.phase is phase and span.complete
-    ]
+    ended = (span for span in logs.phase_spans(log) if span.complete)
+    return [round(span.duration, 6) for span in ended if span.phase is phase]
 
 
 def _steps_after_push(log: Log) -> int:
@@ -202,22 +197,42 @@ def _sole_distance(log: Log) -> float:
     """Least distance [m] in plan view of PASSING soles; 0: one is above."""
     poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights, least = poses[:, :, 2], math.inf
-    for feet in poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]:
+    poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
+    gaps = _gaps(poses, log["sole"])
+    for row in np.argsort(gaps):
+        if least == 0.0 or gaps[row] > least + 1e-9:
+            break
         left, right = (
-            FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet
+            FootPose(foot[:3], foot[3]).to_world(log["sole"])
+            for foot in poses[row]
         )
         gap = project(np.zeros(2), minkowski_sum(left, -right))
         least = min(least, float(np.hypot(*gap)))
     return least
 
 
+def _gaps(poses: Array, sole: Array) -> Array:
+    """Gaps (n,) [m] between two soles, seen along or across one of them.
+
+    They are the largest of four, and no larger than the soles' distance.
+    `poses` (n, 2, 4) are p_WF and yaw of each foot, the `sole` is (k, 2).
+    """
+    x, y, _, yaw = np.moveaxis(poses, 2, 0)
+    turns = np.exp(1j * yaw)  # the plane as complex numbers
+    corners = (x + 1j * y)[..., None] + turns[..., None] * (sole @ [1.0, 1j])
+    gaps = []
+    for way in (*turns.T, *(1j * turns.T)):
+        a, b = np.moveaxis((corners * way.conj()[:, None, None]).real, 1, 0)
+        gaps += [a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1)]
+    return np.max(gaps, axis=0)
+
+
 def _edge_distances(log: Log) -> list[float]:
     """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in logs.ground_regions(log)]
     soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
-    return [
-        float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
-    ]
+    inside = ([np.min(b - sole @ A.T) for A, b in sides] for sole in soles)
+    return [float(max(distances)) for distances in inside]
 
 
 def estimation_errors(log: Log) -> Array:
@@ -285,9 +300,8 @@ def _qps(log: Log) -> list[Any]:
 
 
 def _qp_failures(log: Log) -> int:
-    return sum(
-        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
-    )
+    several = (max(np.sum(q.solved < 0.5), q.failures[-1]) for q in _qps(log))
+    return sum(map(int, several))
 
 
 # Name: the signals that are needed, and a function of the log; of an array the

@@ -19,22 +19,22 @@ import matplotlib as mpl
 import numpy as np
 from pydrake.geometry import Meshcat
 
+import nadia_balance.results as logs
 from nadia_balance import palette
 from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.results import Log, measurements, plots, pushes, steps
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.log import Log, icp_error, phase_spans, pushes, steps
-from nadia_balance.results.measurements import torque_ratio
-from nadia_balance.results.plots import RC, footsteps, over_time
+from nadia_balance.results.plots import footsteps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
 PLOTS = {
-    "timeline.png": over_time.draw_contacts,
+    "timeline.png": plots.draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": over_time.draw_icp,
-    "effort.png": over_time.draw_effort,
-    "estimate.png": over_time.draw_estimate,
+    "icp.png": plots.draw_icp,
+    "effort.png": plots.draw_effort,
+    "estimate.png": plots.draw_estimate,
 }
 
 # All files that a run may write.
@@ -89,7 +89,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
         return written
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
-        mpl.rcParams.update(RC)
+        mpl.rcParams.update(plots.RC)
         for name, draw in PLOTS.items():
             figure = draw(log, summary)
             if figure is not None:
@@ -101,10 +101,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
 def start_recording(meshcat: Meshcat, live: bool = False) -> None:
     """Starts the recording; if `live`, the scene is also shown meanwhile."""
     meshcat.DeleteRecording()
-    meshcat.StartRecording(
-        frames_per_second=FRAMES_PER_SECOND,
-        set_visualizations_while_recording=live,
-    )
+    meshcat.StartRecording(FRAMES_PER_SECOND, live)
 
 
 def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
@@ -137,10 +134,8 @@ def _legend() -> str:
     def square(color: str, outlined: bool) -> str:
         return f'<b style="color:{color}">&#{9632 + outlined};</b>'
 
-    entries = [
-        f"{square(color, name in palette.OUTLINED)} {name}"
-        for name, color in palette.LEGEND.items()
-    ]
+    named, outlined = palette.LEGEND.items(), palette.OUTLINED
+    entries = [f"{square(c, name in outlined)} {name}" for name, c in named]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
     entries.append(f"{feet} foothold as adjusted")
     return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
@@ -172,7 +167,7 @@ def replay_status(log: Log, summary: dict) -> str:
                 if span.phase is Phase.STANDING
                 else f"{span.swing_side.value} {span.phase.value}",
             ]
-            for span in phase_spans(log)
+            for span in logs.phase_spans(log)
         ],
         "story": story,
         "jumps": [
@@ -199,7 +194,7 @@ def _curves(log: Log) -> list[list]:
     for needs, values, label, of_curves in (
         (
             "icp_reference",
-            icp_error,
+            logs.icp_error,
             "ICP error, up to {:.2f} m",
             [palette.ICP],
         ),
@@ -211,7 +206,7 @@ def _curves(log: Log) -> list[list]:
         ),
         (
             "effort_limits",
-            lambda log: np.max(torque_ratio(log), axis=1),
+            lambda log: np.max(measurements.torque_ratio(log), axis=1),
             "largest torque, up to {:.0%} of its limit",
             [palette.SUPPORT],
         ),

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
-from nadia_balance.results import log as logs
-from nadia_balance.results.log import Log, pushes, signal, support_side
+from nadia_balance.results import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import CalmSteps, recovered_at
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 
@@ -35,16 +35,19 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
 
 def chapter_words(summary: dict) -> str:
     """Returns the line of a chapter of a longer run."""
-    told = [
-        f"{summary[name] * factor:.{digits}f} {unit}"
-        for name, factor, digits, unit in (
-            ("max_icp_error_m", 1.0, 3, "m of ICP error"),
-            ("max_torque_ratio", 100.0, 0, "% of torque"),
-            ("qp_failures", 1.0, 0, "QP failures"),
-        )
-        if summary[name] is not None
-    ]
+    told = _figures(
+        summary,
+        ("{:.3f} m of ICP error", "max_icp_error_m", 1.0),
+        ("{:.0f} % of torque", "max_torque_ratio", 100.0),
+        ("{:.0f} QP failures", "qp_failures", 1.0),
+    )
     return f"walks on: {', '.join(told)}"
+
+
+def _figures(summary: dict, *texts: tuple[str, str, float]) -> list[str]:
+    """Texts with known entries of the `summary`, by their names, scaled."""
+    known = [(t, summary[n], k) for t, n, k in texts if summary[n] is not None]
+    return [text.format(scale * value) for text, value, scale in known]
 
 
 class LiveStory:
@@ -199,15 +202,14 @@ def _end_time(log: Log, summary: dict) -> float:
 
 
 def _tell_end(log: Log, summary: dict, end: float) -> str:
-    told = [_tell_outcome(log, summary, end)]
-    for text, name, scale in (
+    told = _figures(
+        summary,
         ("max ICP error {:.3f} m", "max_icp_error_m", 1.0),
         ("max torque {:.0f} %", "max_torque_ratio", 100.0),
         ("QP violation {:.0e}", "max_qp_violation", 1.0),
         ("real-time factor {:.1f}", "real_time_factor", 1.0),
-    ):
-        if summary[name] is not None:
-            told.append(text.format(scale * summary[name]))
+    )
+    told.insert(0, _tell_outcome(log, summary, end))
     return "   ".join(told).replace("e-0", "e-")
 
 

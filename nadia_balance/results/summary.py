@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+import nadia_balance.results as logs
 from nadia_balance.core.walking.vocabulary import Phase
-from nadia_balance.results import log as logs
+from nadia_balance.results import Log, icp_error, pushes, signal
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import ICP_BACK, largest
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.systems.whole_body import GIVES_UP_AFTER
@@ -98,12 +98,10 @@ class Run:
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
             "versions": versions(info.engine),
         }
-        return {  # JSON has neither NaN nor infinity
-            name: None
-            if isinstance(value, float) and not math.isfinite(value)
-            else value
-            for name, value in summary.items()
-        }
+        for name, value in summary.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                summary[name] = None  # JSON has neither NaN nor infinity
+        return summary
 
 
 def _judge(run: Run) -> tuple[str, str]:

@@ -1,21 +1,20 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
+import copy
+import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody import inverse_kinematics as ik
 from pydrake.multibody import plant as mbp
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.solvers import SnoptSolver
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nadia_balance.core.body.ground import Ground
@@ -24,8 +23,9 @@ from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.bounds import check, scaled
 from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.robot import leg_strength, plants
+from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
+from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.params import (
     MODELS,
     RobotParams,
@@ -66,12 +66,11 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        shaped, q = self.control_diagram()[1], self.standing_positions()
-        self.remarks = robot_urdf.remarks_on(shaped, set(feet))
+        self.remarks = robot_urdf.remarks_on(
+            self.control_diagram()[1], set(feet)
+        )
         with naming(f"urdf = {urdf}"):
-            leg_strength.check_standing(
-                self.control_plant(), q, self.foot_bodies, self.X_FootSole
-            )
+            self.legs_at(self.standing_positions()).check_standing()
 
     @cached_property
     def mass(self) -> float:
@@ -94,9 +93,8 @@ class RobotModel:
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
-        plant, q = self.control_plant(), self.standing_positions()
-        legs = plant, q, self.foot_bodies, self.X_FootSole
-        a, v = leg_strength.foot_limits(*legs, self.max_joint_speeds)
+        legs = self.legs_at(self.standing_positions())
+        a, v = legs.foot_limits(self.max_joint_speeds)
         detour = self.params.swing_detour
         detour = replace(
             detour,
@@ -120,11 +118,17 @@ class RobotModel:
             com_height=self.com_height,
             step_width=self.params.step_width,
             sole=self.sole,
-            held=leg_strength.cop_area(*legs, self.sole),
+            held=legs.cop_area(self.sole),
             legs=self.params.legs,
             reach=reach,
             sole_clearance=max(apart - self.sole_width, 0.0),
             detour=detour,
+        )
+
+    def legs_at(self, q: np.ndarray) -> StandingLegs:
+        """Returns the legs of the robot, standing at `q` (nq,)."""
+        return StandingLegs(
+            self.control_plant(), q, self.foot_bodies, self.X_FootSole
         )
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
@@ -168,9 +172,15 @@ class RobotModel:
     ) -> tuple[MultibodyPlant, SceneGraph]:
         """Adds a plant, finalized, in which the robot stands on the `ground`.
 
-        It has point contacts and this `time_step` [s]; see `add_ground`.
+        It has point contacts and this `time_step` [s], by default the longest
+        that is accurate enough; see `add_ground`.
         """
-        config = plants.default_plant_config(time_step)
+        config = mbp.MultibodyPlantConfig(
+            time_step=time_step,
+            contact_model="point",
+            discrete_contact_approximation="sap",
+            use_sampled_output_ports=False,
+        )
         plant, scene_graph = mbp.AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
@@ -253,8 +263,9 @@ class RobotModel:
             raise ValueError(f"step_width = {width}: must be > 0 m")
         com = [0.0, 0.0, self.com_height]
         places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
-        found = StandingKinematics(self, places, com, com)
-        plant = found.plant
+        plant = self.control_plant()
+        legs = plant, self.foot_bodies, self.X_FootSole
+        found = StandingKinematics(*legs, places, com, com)
         upright = [1.0, 0.0, 0.0, 0.0]
         found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
         nominal = np.zeros(plant.num_positions())
@@ -275,57 +286,6 @@ class RobotModel:
             f"be within reach of the legs of {self.name}, in m; with "
             f"straight ones, the CoM is {highest:.3f} m high"
         )
-
-
-class StandingKinematics(ik.InverseKinematics):
-    """Inverse kinematics with level soles and a bounded centre of mass."""
-
-    def __init__(
-        self,
-        robot: RobotModel,
-        places: Mapping[Side, ArrayLike],
-        com_lower: ArrayLike,
-        com_upper: ArrayLike,
-    ):
-        """Constrains the `plant` of the `robot` alone.
-
-        `places` are the positions (2,) [m] of the sole centres on the plane
-        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
-        `com_upper`.
-        """
-        self.plant = plant = robot.control_plant()
-        super().__init__(plant)
-        world, free = plant.world_frame(), np.inf
-        for side, (x, y) in places.items():
-            foot = plant.GetFrameByName(robot.foot_bodies[side])
-            p_FS = robot.X_FootSole[side].translation()
-            # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
-            for p_S, low, high in (
-                ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
-                ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
-                ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-            ):
-                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
-        prog = self.prog()
-        self._com = prog.NewContinuousVariables(3, "com")
-        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
-        context = self.get_mutable_context()
-        com = ik.ComPositionConstraint(plant, None, world, context)
-        prog.AddConstraint(com, [*self.q(), *self._com])
-
-    def nearest(
-        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
-    ) -> np.ndarray | None:
-        """Returns the positions (nq,) nearest to `q`; None if there are none.
-
-        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
-        """
-        prog = self.prog()
-        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
-        prog.SetInitialGuess(self.q(), q)
-        prog.SetInitialGuess(self._com, com)
-        result = SnoptSolver().Solve(prog)
-        return result.GetSolution(self.q()) if result.is_success() else None
 
 
 def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
@@ -369,14 +329,30 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
 
     Raises ValueError, FileNotFoundError: as load_robot.
     """
-    what, path = f"robot = {name}", Path(name)
     if name in robot_names():
-        path = MODELS / name / "robot.yaml"
-    elif path.suffix not in (".yaml", ".yml"):
+        files = sorted((MODELS / name).iterdir())
+        changed = tuple(file.stat().st_mtime_ns for file in files)
+        params, urdf = _params_of_package(name, changed)
+        return copy.deepcopy(params), urdf
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
         raise ValueError(
             f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
             "or a path to a robot.yaml"
         )
+    return _read_params(name, path)
+
+
+@functools.lru_cache(maxsize=16)
+def _params_of_package(
+    name: str, changed: tuple[int, ...]
+) -> tuple[RobotParams, Path]:
+    """Reads a robot once, and again when one of its files has `changed`."""
+    return _read_params(name, MODELS / name / "robot.yaml")
+
+
+def _read_params(name: str, path: Path) -> tuple[RobotParams, Path]:
+    what = f"robot = {name}"
     if not path.is_file():
         raise FileNotFoundError(f"{what}: no such file")
     params = load_typed(RobotParams, what, filename=path)

@@ -48,25 +48,25 @@ class RobotParams:
     torso_body: str = ""
     left_foot_body: str = ""
     right_foot_body: str = ""
-    sole: SoleParams = field(default_factory=SoleParams)
+    sole: SoleParams = bounded(SoleParams)
     # Height of the CoM above the soles, standing [m].
     com_height: float = bounded(0.0, above=0.0, unit="m", of="")
     # Distance between the sole centres, standing [m].
     step_width: float = bounded(0.0, above=0.0, unit="m")
     posture: dict[str, float] = field(default_factory=dict)  # [rad]
     legs: LegGeometry = field(default_factory=LegGeometry)
-    reachability: ReachabilityParams = field(default_factory=ReachabilityParams)
-    swing_detour: SwingDetourParams = field(default_factory=SwingDetourParams)
+    reachability: ReachabilityParams = bounded(ReachabilityParams)
+    swing_detour: SwingDetourParams = bounded(SwingDetourParams)
     # Velocity limit of joints that have none in the URDF.
     max_joint_speed: float = bounded(
         math.inf, above=0.0, finite=False, unit="rad/s"
     )
     # Null: ideal drives, with any torque at any speed, without lag.
-    drives: JointDriveParams | None = field(default_factory=JointDriveParams)
+    drives: JointDriveParams | None = bounded(JointDriveParams)
     # False: the robot's links pass through each other, but for its legs.
     self_collisions: bool = True
     # The robot's own values of the controller's parameters of that name.
-    whole_body: WholeBodyQpParams = field(default_factory=WholeBodyQpParams)
+    whole_body: WholeBodyQpParams = bounded(WholeBodyQpParams)
 
     @property
     def size(self) -> Size:

@@ -1,4 +1,4 @@
-"""A plant: its settings and ground; its joints, drives and bodies."""
+"""A plant: its ground; its joints, drives and bodies."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody import plant as mbp
 from pydrake.multibody import tree
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from nadia_balance import palette
@@ -44,13 +44,6 @@ def effort_limits(plant: MultibodyPlant) -> Array:
     return effort
 
 
-def context_at(plant: MultibodyPlant, q: Array) -> Context:
-    """A context of `plant` at the positions `q` (nq,), at rest."""
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, q)
-    return context
-
-
 def joints_above(plant: MultibodyPlant, body: str) -> list[tree.Joint]:
     """The moving joints from a body up to the floating base."""
     above = {joint.child_body().name(): joint for joint in joints(plant)}
@@ -67,32 +60,12 @@ def is_pitch(joint: tree.Joint, context: Context) -> bool:
     return abs((R_WJ @ joint.revolute_axis())[1]) > _PITCH
 
 
-def sole_jacobian(
-    plant: MultibodyPlant, context: Context, foot: str, p_FS: Array
-) -> Array:
-    """Jacobian (6, nv) [w, v] of the point `p_FS` (3,) of a foot, in W."""
-    frame, world = plant.GetFrameByName(foot), plant.world_frame()
-    return plant.CalcJacobianSpatialVelocity(
-        context, tree.JacobianWrtVariable.kV, frame, p_FS, world, world
-    )
-
-
 def body_poses(
     plant: MultibodyPlant, context: Context, bodies: Iterable[tree.RigidBody]
 ) -> np.ndarray:
     """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
     poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
     return np.array([X_WB.GetAsMatrix34() for X_WB in poses])
-
-
-def default_plant_config(time_step: float = 0.001) -> MultibodyPlantConfig:
-    """Point contact at 1 kHz: the fastest that is accurate enough."""
-    return MultibodyPlantConfig(
-        time_step=time_step,
-        contact_model="point",
-        discrete_contact_approximation="sap",
-        use_sampled_output_ports=False,
-    )
 
 
 def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:

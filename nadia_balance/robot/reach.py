@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from pydrake.math import RotationMatrix
 
-from nadia_balance.core.body.com_height import ComHeightParams, height_limit
+from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.reachability import (
     BASE,
     ReachabilityParams,
@@ -17,8 +17,8 @@ from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.plan.gait import Gait
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.robot import plants
-from nadia_balance.robot.leg_strength import standing_torques
-from nadia_balance.robot.model import RobotModel, StandingKinematics
+from nadia_balance.robot.leg_strength import StandingKinematics
+from nadia_balance.robot.model import RobotModel
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
 _LEVEL = 0.01  # tolerance of the planned CoM height [m]
@@ -37,14 +37,13 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     them at the height of the height plan, the pelvis nearly upright, and all
     joints are within their limits.
     """
-    model, params = robot.point_mass, ComHeightParams()
-    other = FootPose(np.append(foothold, 0.0))
-    limit = height_limit(FootPose(), other, params, model.legs)
-    lowest = params.min_height_ratio * model.com_height
-    height = min(max(limit, lowest), model.com_height)
+    model, other = robot.point_mass, FootPose(np.append(foothold, 0.0))
+    height = ComHeight(ComHeightParams(), model).height_limit(FootPose(), other)
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
     ik = StandingKinematics(
-        robot,
+        robot.control_plant(),
+        robot.foot_bodies,
+        robot.X_FootSole,
         dict(zip(Side, feet, strict=True)),
         [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
         [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
@@ -171,15 +170,13 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     q = stride(robot, foothold)
     if q is None:
         return "the knees", np.inf
-    found, limits = [], plants.effort_limits(plant)
-    legs = plant, q, robot.foot_bodies, robot.X_FootSole
+    found, limits, legs = [], plants.effort_limits(plant), robot.legs_at(q)
     for side, foot in robot.foot_bodies.items():
-        torques = standing_torques(*legs, {side: 1.0})
-        context = plants.context_at(plant, q)
+        torques = legs.standing_torques({side: 1.0})
         pitches = [
-            j
-            for j in plants.joints_above(plant, foot)
-            if plants.is_pitch(j, context)
+            joint
+            for joint in plants.joints_above(legs.plant, foot)
+            if plants.is_pitch(joint, legs.context)
         ]
         if len(pitches) > 1:
             i = pitches[1].velocity_start()

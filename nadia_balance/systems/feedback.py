@@ -4,15 +4,9 @@ from dataclasses import replace
 
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.body import com_height
-from nadia_balance.core.body.com_height import ComHeightParams
+from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.feedback import momentum_qp
-from nadia_balance.core.feedback.icp_step_qp import (
-    IcpStepControl,
-    IcpStepQpParams,
-    StepFeedback,
-)
+from nadia_balance.core.feedback import icp_step_qp, momentum_qp
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import check
@@ -103,7 +97,10 @@ class IcpStepController(LeafSystem):
     """
 
     def __init__(
-        self, params: IcpStepQpParams, model: PointMassModel, period: float
+        self,
+        params: icp_step_qp.IcpStepQpParams,
+        model: PointMassModel,
+        period: float,
     ):
         """Controls the `model` every `period` [s].
 
@@ -113,7 +110,7 @@ class IcpStepController(LeafSystem):
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
-        self._control = IcpStepControl(params, model)
+        self._control = icp_step_qp.IcpStepControl(params, model)
         self._icp, self._walking_state = ports.inputs(
             self, "icp", "walking_state"
         )
@@ -141,7 +138,7 @@ class IcpStepController(LeafSystem):
             needs,
         )
 
-    def _calc_feedback(self, context, _) -> StepFeedback:
+    def _calc_feedback(self, context, _) -> icp_step_qp.StepFeedback:
         state = self._walking_state(context)
         if (gain := float(self._time(context)[0])) > 0.0:  # t+
             time = min(state.time_in_phase + gain, state.schedule.duration)
@@ -191,16 +188,14 @@ class ComHeightController(LeafSystem):
     ):
         super().__init__()
         check(params)
-        self._params, self._model = params, model
+        self._model, self._control = model, ComHeight(params, model)
         self._com_state, self._ecmp_command, self._walking_state = ports.inputs(
             self, "com_state", "ecmp_command", "walking_state"
         )
         self._height = ports.declare_plan(
             self,
             self._walking_state,
-            lambda state: com_height.plan_com_height(
-                state.schedule, params, model
-            ),
+            lambda state: self._control.plan(state.schedule),
         )
         ports.declare_output(self, "momentum_rate", self._calc_rate)
 
@@ -209,16 +204,12 @@ class ComHeightController(LeafSystem):
         state, plan = self._walking_state(context), self._height.Eval(context)
         wanted = plan[1].at(state.time_in_phase)
         if state.schedule.phase is Phase.SWING:
-            most = com_height.stance_limit(
-                com.position[:2],
-                com.velocity[:2],
-                state.schedule,
-                self._params,
-                self._model,
+            most = self._control.stance_limit(
+                com.position[:2], com.velocity[:2], state.schedule
             )
             wanted = min(wanted, most)
-        acceleration = com_height.vertical_acceleration(
-            float(com.z), float(com.vz), *wanted, self._params
+        acceleration = self._control.acceleration(
+            float(com.z), float(com.vz), *wanted
         )
         ecmp = self._ecmp_command(context).ecmp
         return momentum_rate(com.position[:2], ecmp, acceleration, self._model)

@@ -12,7 +12,7 @@ them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,7 @@ from pydrake.common.value import Value
 from pydrake.systems import framework
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
-    Mechanisms,
-    WalkingState,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 _REQUIRED = object()
@@ -118,24 +114,27 @@ class Input:
 
 # What a signal is for a block that is not connected to it.
 _DEFAULTS = {
-    "mechanisms": MECHANISMS["all_with_cross_over"],
+    "mechanisms": walking.MECHANISMS["all_with_cross_over"],
     "time_adjustment": (0.0, 0.0),
 }
-_VIEWS = {"mechanisms": Mechanisms.from_vector}
+_VIEWS = {"mechanisms": walking.Mechanisms.from_vector}
 # What a value depends on; None: all inputs of its block.
 Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 
 
-def inputs(system: LeafSystem, *names: str) -> Iterator[Input]:
+def inputs(system: LeafSystem, *names: str) -> list[Input]:
     """Declares input ports for the SIGNALS of these names, in their order.
 
     A string may have several; a signal `name?` is None while it is not
     connected.
     """
+    found = []
     for name in " ".join(names).split():
         name, maybe, _ = name.partition("?")
         default = None if maybe else _DEFAULTS.get(name, _REQUIRED)
-        yield Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+        port = Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+        found.append(port)
+    return found
 
 
 def _tickets(
@@ -220,7 +219,7 @@ def declare_scratch(
 def declare_plan(
     system: LeafSystem,
     walking_state: Input,
-    calc: Callable[[WalkingState], object],
+    calc: Callable[[walking.WalkingState], object],
 ) -> framework.CacheEntry:
     """Declares a cache entry (schedule, plan), with plan = `calc(state)`.
 

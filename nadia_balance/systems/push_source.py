@@ -1,6 +1,7 @@
 """Pushes on the robot, at a time or at an event of the gait."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -16,12 +17,20 @@ from pydrake.systems.framework import Context
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
 from nadia_balance.core.walking.vocabulary import (
+    ORIGIN,
+    ContactSchedule,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
     WalkingState,
     number_of_ticks,
     whole_ticks,
 )
 from nadia_balance.systems.ports import declare_cache, declare_output, inputs
 
+LOADED = 0.05  # share of the weight above which a foot is in contact [-]
+BOUNCE = 0.06  # shortest swing that is measured [s]
 # "Ticks left" of a push that has not begun: before its phase, and within it.
 _PENDING, _EXPECTED = -1.0, -2.0
 
@@ -37,8 +46,8 @@ class PushSource(framework.LeafSystem):
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can have different pushes (see `set_push`).
-    Without a `walking_state`, pushes can only begin at a time, and their
-    directions are relative to W.
+    Without a `walking_state` (a ContactClock has one), pushes can only begin at
+    a time, and their directions are relative to W.
     State, for each push and then for the live one: [ticks left, heading [rad]
     in W (of the support foot until the push begins, then of the force), peak
     force [N]]; the last three entries are the last count, the number of live
@@ -239,6 +248,69 @@ class PushSource(framework.LeafSystem):
             applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=f_W)
             forces.append(applied)
         output.set_value(forces)
+
+
+class ContactClock(framework.LeafSystem):
+    """Computes the phase of any controller's gait from the forces on the feet.
+
+    A foot swings while only the other one has more than LOADED of the weight.
+    Between two swings is a transfer to the foot that has landed; if that is off
+    the ground again within BOUNCE, it bounces.  A phase lasts as long as
+    the last one of its kind and side; before there was one, the robot stands.
+    Of the `walking_state`, phase, support side, duration, time in the phase and
+    steps are known; both feet are at the origin of W.  The state is [1 in a
+    swing, else 0; side that swings, now or next (+1 left); time in the phase
+    [s]; steps; last durations [s] of right transfer, right swing, left transfer
+    and left swing].
+
+    .. pydrake_system::
+
+        name: ContactClock
+        input_ports: [foot_forces]
+        output_ports: [walking_state]
+    """
+
+    def __init__(self, weight: float, period: float):
+        """Reads the feet of a robot of this `weight` [N] every `period` [s]."""
+        super().__init__()
+        self._least, self._period = LOADED * weight, period
+        (self._forces,) = inputs(self, "foot_forces")
+        self._state = self.DeclareDiscreteState(8)
+        needs = [self.discrete_state_ticket(self._state)]
+        declare_output(self, "walking_state", self._calc_walking, needs)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        self._schedule = ContactSchedule(
+            *(Phase.STANDING, Side.LEFT, math.inf, FootPoses(ORIGIN, ORIGIN)),
+            *((), ReferencePoint(*np.zeros((3, 2)))),
+        )
+
+    def _update(self, context, state):
+        now = state.get_mutable_discrete_state(self._state)
+        swings, side, time, steps, *lasted = now.value().tolist()
+        left, right = self._forces(context) > self._least
+        lifted = float(right) - float(left)  # +1: only the left foot
+        bounces = not swings and lifted == -side and time < BOUNCE
+        if not (left or right) or lifted == swings * side or bounces:
+            now[2] = time + self._period
+        else:
+            if side:
+                lasted[int(side + 1.0 + swings)] = time + self._period
+            side = lifted or -side
+            now.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
+        return framework.EventStatus.Succeeded()
+
+    def _calc_walking(self, context) -> WalkingState:
+        state = context.get_discrete_state(self._state).value().tolist()
+        swings, side, time, steps, *lasted = state
+        schedule = self._schedule
+        if duration := lasted[int(side + 1.0 + swings)]:
+            schedule = replace(
+                schedule,
+                phase=Phase.SWING if swings else Phase.TRANSFER,
+                support_side=Side.RIGHT if side > 0.0 else Side.LEFT,
+                duration=duration,
+            )
+        return WalkingState(schedule, time, steps_taken=int(steps))
 
 
 def _yaw(state: WalkingState | None) -> float:

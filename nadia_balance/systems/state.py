@@ -8,11 +8,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    whole_ticks,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.whole_body.command import WholeBodyTerms
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance
@@ -64,7 +60,7 @@ class StatePredictor(LeafSystem):
         size = plant.num_multibody_states()
         self._state = Input(self, "estimated_state", size)
         self._scratch = declare_scratch(self, plant)
-        self._periods = whole_ticks("delay", delay, period)
+        self._periods = walking.whole_ticks("delay", delay, period)
         if self._periods:
             # Response to a step in acceleration: after a period, and its mean.
             self._share, self._mean_share = 1.0, 1.0
@@ -191,10 +187,12 @@ class CentroidalEstimator(LeafSystem):
         return icp(com.position[:2], v, self._omega)
 
 
-def foot_poses(terms: WholeBodyTerms) -> FootPoses:
+def foot_poses(terms: WholeBodyTerms) -> walking.FootPoses:
     """The measured soles, as if level."""
     left, right = (
-        FootPose(terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0]))
+        walking.FootPose(
+            terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0])
+        )
         for i, R_WF in enumerate(terms.rotations[:2].tolist())
     )
-    return FootPoses(left, right)
+    return walking.FootPoses(left, right)

@@ -10,17 +10,20 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.estimation import invariant_ekf as ekf
+from nadia_balance.core.estimation.complementary import Complementary
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.imu import imu_place
 from nadia_balance.systems.ports import Input, Outcome, declare_scratch
+from nadia_balance.systems.sensors import imu_motion, imu_place
 
+FILTERS = {"invariant": ekf.InvariantEkf, "complementary": Complementary}
 # A foot has landed above this share of the weight on it; it is let go below the
-# second, before it is lifted and rolls.  It stands when it has settled.
+# second, before it is lifted and rolls.  It stands when it has settled: within
+# 50 ms of a hurried landing a sole turns by up to 40 mrad.
 LANDED, RELEASED = 0.4, 0.3
-SETTLING = 0.02  # [s]
+SETTLING = 0.06  # [s]
 # Errors of what the robot is told of its pose at the start (see `begin`).
 START = 0.005, 1e-3, 0.005  # [rad], [m/s], [m]
 
@@ -38,7 +41,7 @@ class _Joints(NamedTuple):
 
 
 class StateEstimator(LeafSystem):
-    """Estimates [q, v] by an InvariantEkf (Hartley et al. 2020).
+    """Estimates [q, v] by an InvariantEkf, or another of FILTERS.
 
     `imu` is that of an Imu, `joints` of JointEncoders, `foot_forces` (2,) [N].
     `estimated_state` is [q, v] of the robot's `control_plant`: the joints as
@@ -62,16 +65,18 @@ class StateEstimator(LeafSystem):
         period: float,
         q: np.ndarray,
         height: float | None = None,
+        kind: str = "invariant",
     ):
         """Estimates every `period` [s], from the pose of the base in `q` (nq,).
 
-        Soles land on ground of known `height` [m], None: of any height.
+        Soles land on ground of known `height` [m], None: of any height; `kind`
+        is one of FILTERS.
 
         Raises ValueError: the robot lacks the body that carries the IMU.
         """
         super().__init__()
         self._plant = plant = robot.control_plant()
-        self._filter = ekf.InvariantEkf(sensors, period)
+        self._filter = FILTERS[kind](sensors, period)
         self._height, self._weight = height, robot.mass * GRAVITY
         self._settling = round(SETTLING / period)  # [ticks]
         self._q0, self._nj = q, plant.num_velocities() - 6
@@ -108,7 +113,7 @@ class StateEstimator(LeafSystem):
         joints, imu = self._joints(context), self._imu(context)
         if (np.abs(imu) >= self._range).any():
             raise self._imu.error(context, "is saturated")
-        legs = self._legs(context, joints)
+        legs = self._legs(context, joints, imu[6:])
         loads = self._forces(context) / self._weight
         if last["cov"].any():
             least = np.where(last["loaded"] > 0.0, RELEASED, LANDED)
@@ -135,7 +140,7 @@ class StateEstimator(LeafSystem):
     def _standing(self, estimate, legs, was, stands) -> ekf.Estimate:
         """The estimate with the feet that stand; some `was` before."""
         f, soles = self._filter, legs.soles
-        estimate, _ = f.correct(estimate, was & stands, soles)
+        estimate = f.correct(estimate, was & stands, soles)
         new = np.flatnonzero(stands & ~was)
         for i in new:
             estimate = f.touch(estimate, i, soles)
@@ -151,7 +156,7 @@ class StateEstimator(LeafSystem):
         R = X_WI.rotation().matrix()
         return self._filter.begin(R, X_WI.translation(), START)
 
-    def _legs(self, context, joints) -> _Joints:
+    def _legs(self, context, joints, rate) -> _Joints:
         plant, own, n = self._plant, self._scratch.Eval(context), self._nj
         state = np.zeros(7 + 6 + 2 * n)
         state[0], state[7 : 7 + n], state[-n:] = 1.0, joints[:n], joints[n:]
@@ -166,11 +171,11 @@ class StateEstimator(LeafSystem):
                 own, _V, frame, X.translation(), body, body
             )
             J[i] = (R_IB @ J_B[:, 6:].reshape(2, 3, n)).reshape(6, n)
-        X_BBody = plant.EvalBodyPoseInWorld(own, self._body)
-        V = plant.EvalBodySpatialVelocityInWorld(own, self._body)
-        V = V.Shift(X_BBody.rotation() @ self._X_BodyI.translation())
+        # The base is at W's origin.
+        X_BI, V = imu_motion(plant, own, self._body, self._X_BodyI)
         V_BI = np.array((V.rotational(), V.translational()))
-        return _Joints(X_BBody @ self._X_BodyI, V_BI, ekf.Legs(p, R, J))
+        v = J[:, 3:] @ joints[n:] - p @ ekf.skew(rate)
+        return _Joints(X_BI, V_BI, ekf.Legs(p, R, J, v))
 
     def _pelvis(self, estimate: ekf.Estimate, imu, legs: _Joints) -> tuple:
         """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""

@@ -3,16 +3,11 @@
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.swing_detour import edges_on_way
 from nadia_balance.core.math.bounds import check
+from nadia_balance.core.steps import capture_region, swing_foot
 from nadia_balance.core.steps import foothold_adjustment as rules
-from nadia_balance.core.steps import swing_foot
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
-from nadia_balance.core.steps.swing_clearance import edges_on_way
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
-    geometry_key,
-)
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import sizes
@@ -36,7 +31,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
 
     def __init__(
         self,
-        params: CaptureRegionStepAdjusterParams,
+        params: capture_region.CaptureRegionStepAdjusterParams,
         model: PointMassModel,
         period: float,
     ):
@@ -61,11 +56,13 @@ class CaptureRegionStepAdjuster(LeafSystem):
         state, on = self._walking_state(context), self._on(context)
         if state.schedule.phase is not walking.Phase.SWING:
             return ()
-        if last and last.geometry.key == geometry_key(state.schedule, on):
+        if last and last.geometry.key == capture_region.geometry_key(
+            state.schedule, on
+        ):
             geometry = last.geometry
         else:
             of = state.schedule, self._params, self._model, on
-            geometry = SwingGeometry(*of)
+            geometry = capture_region.SwingGeometry(*of)
         foot = None
         if on.swing and (feet := self._feet(context)) is not None:
             foot = feet[geometry.swing].p_WF[:2]
@@ -117,13 +114,14 @@ class SwingFootPlanner(LeafSystem):
     ):
         super().__init__()
         check(params)
-        self._params, self._model = params, model
-        self._period, self._lead = period, lead
+        self._foot = swing_foot.SwingFoot(params, model, period, lead)
         (self._walking,) = ports.inputs(self, "walking_state")
         self._edges = ports.declare_plan(
             self,
             self._walking,
-            lambda state: edges_on_way(state.schedule, model, params.clearance),
+            lambda state: edges_on_way(
+                state.schedule, model.ground, params.clearance
+            ),
         )
         # The initial state is not used: the first swing begins at the pose of
         # the standing foot.
@@ -136,14 +134,9 @@ class SwingFootPlanner(LeafSystem):
         )
 
     def _calc(self, context, last) -> tuple:
-        motion, ahead = swing_foot.swing_foot_motion(
-            swing_foot.FootMotion.from_vector(last["motion"]),
+        motion, ahead = self._foot.motion(
+            last["motion"].reshape(3, 4),
             self._walking(context),
-            self._period,
-            self._params,
-            self._model,
-            self._lead,
             self._edges.Eval(context)[1],
         )
-        reference = swing_foot.velocity_now(ahead.as_vector(), self._lead)
-        return reference, motion.as_vector()
+        return swing_foot.as_reference(ahead, self._foot.lead), motion.ravel()

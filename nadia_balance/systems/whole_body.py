@@ -163,8 +163,7 @@ class FrictionEstimator(LeafSystem):
             FrictionEstimate(*last.tolist()),
             motion[:, 0],
             motion[:, 1],
-            self._params.friction,
-            self._params.slip,
+            self._params,
             self._period,
         )
         new.get_mutable_discrete_state(0).set_value(np.array(estimate))

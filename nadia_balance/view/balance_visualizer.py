@@ -78,18 +78,15 @@ class BalanceVisualizer(LeafSystem):
         """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        self._walking_state, self._com, *self._on_ground, self._push = inputs(
-            self,
-            "walking_state com_state? icp? icp_reference? ecmp_command?",
-            "push_force?",
+        self._walking_state, self._com = inputs(
+            self, "walking_state com_state?"
         )
-        (self._regions,) = inputs(self, "capture_regions?")
+        self._on_ground = inputs(self, "icp? icp_reference? ecmp_command?")
+        self._push, self._regions = inputs(self, "push_force? capture_regions?")
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
-        for period, draw in (
-            (PERIOD, self._draw),
-            (REGIONS_PERIOD, self._draw_regions),
-        ):
+        draws = {PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
+        for period, draw in draws.items():
             self.DeclarePeriodicPublishEvent(period, 0.0, draw)
             self.DeclareForcedPublishEvent(draw)
 
@@ -99,16 +96,11 @@ class BalanceVisualizer(LeafSystem):
             shade = palette.rgba(color)
             return scene.add_polygon(meshcat, path, corners, shade, False, True)
 
-        self._footsteps = {
-            side: [
-                sole(
-                    f"{ROOT}/footsteps/{side.value}_{i}",
-                    palette.foot_color(side),
-                )
-                for i in range(STEPS_PER_SIDE)
-            ]
-            for side in walking.Side
-        }
+        self._footsteps: dict[walking.Side, list[scene.Drawing]] = {}
+        for side in walking.Side:
+            path, color = f"{ROOT}/footsteps/{side.value}", palette.foot_color
+            steps = (f"{path}_{i}" for i in range(STEPS_PER_SIDE))
+            self._footsteps[side] = [sole(one, color(side)) for one in steps]
         self._polygons = {
             path: scene.ChangingPolygon(meshcat, path, color, PERIOD, filled)
             for path, (color, filled) in _POLYGONS.items()
@@ -145,11 +137,9 @@ class BalanceVisualizer(LeafSystem):
         schedule = state.schedule
         ground = float(schedule.feet[schedule.support_side].p_WF[2])
         self._draw_feet(state, time)
-        self._polygons[f"{ROOT}/support_polygon"].draw(
-            walking.support_polygon(schedule, self._sole),
-            ground + _OUTLINE,
-            time,
-        )
+        support = walking.support_polygon(schedule, self._sole)
+        outline = self._polygons[f"{ROOT}/support_polygon"]
+        outline.draw(support, ground + _OUTLINE, time)
         com = self._com(context)
         icp, reference, command = (port(context) for port in self._on_ground)
         for name, point in {

@@ -90,10 +90,8 @@ class LiveControls(LeafSystem):
         pushes = self._meshcat.GetButtonClicks(PUSH) - before
         state.set_value(self._push, [pushes, *self._sliders()])
         on = context.get_discrete_state(self._on).value()
-        clicks = [
-            self._meshcat.GetButtonClicks(_label(name, is_on))
-            for name, is_on in zip(LABELS, on, strict=True)
-        ]
+        labels = map(_label, LABELS, on)
+        clicks = [self._meshcat.GetButtonClicks(label) for label in labels]
         if any(clicks):
             state.set_value(self._on, (on + clicks) % 2.0)
             self._show_mechanisms((on + clicks) % 2.0)

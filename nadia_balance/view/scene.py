@@ -29,7 +29,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Mechanisms
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.wiring import connect
+from nadia_balance.systems.signals import connect
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0
@@ -71,14 +71,11 @@ def add_robot_view(
     builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
 ) -> None:
     """Adds a MeshcatVisualizer of the robot's visual shapes only."""
-    params = geometry.MeshcatVisualizerParams(
-        role=geometry.Role.kIllustration,
-        prefix=ROBOT,
-        publish_period=1.0 / FRAMES_PER_SECOND,
-    )
-    geometry.MeshcatVisualizer.AddToBuilder(
-        builder, scene_graph, meshcat, params
-    )
+    params = geometry.MeshcatVisualizerParams(prefix=ROBOT)
+    params.role = geometry.Role.kIllustration
+    params.publish_period = 1.0 / FRAMES_PER_SECOND
+    add = geometry.MeshcatVisualizer.AddToBuilder
+    add(builder, scene_graph, meshcat, params)
 
 
 def set_scene(meshcat: Meshcat) -> None:
@@ -164,13 +161,10 @@ def add_arrow(meshcat: Meshcat, path: str, color: str) -> Drawing:
     # A cone opens along z from its tip; the arrow's tip points along z.
     over = RotationMatrix.MakeXRotation(math.pi)
     middle = [0.0, 0.0, -gap - head - 0.5 * shaft]
+    tip = RigidTransform(over, [0.0, 0.0, -gap])
     for part, shape, X in (
         ("shaft", Cylinder(0.02, shaft), RigidTransform(middle)),
-        (
-            "head",
-            MeshcatCone(head, 0.05, 0.05),
-            RigidTransform(over, [0.0, 0.0, -gap]),
-        ),
+        ("head", MeshcatCone(head, 0.05, 0.05), tip),
     ):
         meshcat.SetObject(f"{path}/{part}", shape, palette.rgba(color))
         meshcat.SetTransform(f"{path}/{part}", X)
@@ -195,12 +189,9 @@ def add_polygon(
     fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     j = np.roll(i, -1)
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
-    meshcat.SetTriangleMesh(
-        path,
-        np.vstack([corners, _inset(corners)]).T,
-        np.hstack([fan] * filled + [edges] * outlined),
-        color,
-    )
+    points = np.vstack([corners, _inset(corners)]).T
+    triangles = np.hstack([fan] * filled + [edges] * outlined)
+    meshcat.SetTriangleMesh(path, points, triangles, color)
     # Objects that are painted later, but lie lower, must stay visible.
     if color.a() < 1.0:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
@@ -268,9 +259,8 @@ class ChangingPolygon:
         if len(polygon):
             self._count += 1
             path = f"{self._path}/{self._count}"
-            self._shown = add_polygon(
-                self._meshcat, path, corners, self._color, self._filled, True
-            )
+            new = self._meshcat, path, corners, self._color
+            self._shown = add_polygon(*new, self._filled, True)
             hide_before(self._shown, time, self._period)
             self._shown.show(True, time)
             self._meshcat.Delete(f"{self._path}/{self._count - self.KEPT}")
@@ -315,12 +305,9 @@ def add_mouse(
     """
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None
-    config = VisualizationConfig(
-        publish_illustration=False,
-        publish_proximity=False,
-        publish_inertia=False,
-        publish_contacts=False,
-    )
+    kinds = "illustration proximity inertia contacts".split()
+    none = {f"publish_{kind}": False for kind in kinds}
+    config = VisualizationConfig(**none)
     where = {"plant": plant, "scene_graph": scene_graph, "meshcat": meshcat}
     lcm = DrakeLcm("memq://null")
     ApplyVisualizationConfig(config, builder, lcm=lcm, **where)
@@ -338,9 +325,8 @@ def connect_forces(
     ports = [port for port in forces if port is not None]
     source = ports[0]
     if len(ports) > 1:
-        both = builder.AddSystem(
-            mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
-        )
+        both = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
+        builder.AddSystem(both)
         for i, port in enumerate(ports):
             builder.Connect(port, both.get_input_port(i))
         source = both.get_output_port()

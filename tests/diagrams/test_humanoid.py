@@ -23,7 +23,7 @@ from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.core.whole_body.qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start
-from nadia_balance.results.log import signal
+from nadia_balance.results import signal
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.view.scene import start_meshcat

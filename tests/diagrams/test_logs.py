@@ -5,7 +5,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.diagrams.simulation import start
-from nadia_balance.results.log import pushes
+from nadia_balance.results import pushes
 from tests.diagrams.simulated import diagram_of
 
 

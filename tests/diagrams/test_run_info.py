@@ -8,7 +8,7 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import required_calm_steps
-from nadia_balance.results.log import signal
+from nadia_balance.results import signal
 
 PERIOD = 0.002
 SIZES = {"walking_signal": 16, "push_signal": 6}

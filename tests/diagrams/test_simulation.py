@@ -16,7 +16,7 @@ from nadia_balance.diagrams.simulation import (
     walk_to_push,
 )
 from nadia_balance.results.measurements import calm_steps
-from tests.diagrams.simulated import diagram_of
+from tests.diagrams.simulated import diagram_of, simulated
 
 PERIOD = 0.01  # of the point mass [s]
 PUSHED = "{{gait: {{num_steps: 2}}, pushes: [{{delta_v: 0.1, {}}}]}}"
@@ -61,7 +61,7 @@ def test_ends_with_a_failure_if_it_is_told_to(stops, end):
 def test_the_watch_sees_the_recovery_that_the_summary_finds():
     """Oracle: calm_steps of the whole run's log, cut off row by row."""
     text = "{mechanisms: all_with_cross_over, gait: {num_steps: 12}, "
-    text += "calm_steps: 2, pushes: [{delta_v: 0.5, "
+    text += "lipm_period: 0.02, calm_steps: 2, pushes: [{delta_v: 0.5, "
     text += "direction_deg: 270, at: right swing 25 %}]}"
     diagram = diagram_of(text, "lipm")
     watches = [RecoveryWatch(diagram, more_steps=more) for more in (0, 1)]
@@ -104,7 +104,7 @@ def test_ctrl_c_keeps_what_was_logged():
     assert run.simulated_time == pytest.approx(0.3, abs=2.01 * PERIOD)
     rows = len(run.logs["t"])
     assert rows == round(run.simulated_time / PERIOD) + 1
-    whole = simulate(diagram_of(plant="lipm"), 1.0).logs
+    whole = simulated("{duration: 1.0}", "lipm").logs
     for name in ("t", "icp", "walking_signal"):
         assert np.array_equal(
             run.logs[name], whole[name][:rows], equal_nan=True
@@ -164,7 +164,7 @@ def test_from_a_walk_one_goes_on_as_in_one_go(when):
 
     From one walk, with a push of nothing, two pushes of different sizes.
     """
-    text = "{mechanisms: all_with_cross_over, seed: 3, "
+    text = "{mechanisms: all_with_cross_over, seed: 3, duration: 2.2, "
     text += f"gait: {{num_steps: 3}}, pushes: [{{SIZE, {when}}}]}}"
     diagram = diagram_of(text.replace("SIZE", "delta_v: 0"), "lipm")
     walked, run = walk_to_push(diagram)
@@ -172,8 +172,7 @@ def test_from_a_walk_one_goes_on_as_in_one_go(when):
     assert run.simulated_time == pytest.approx(WALKS[when], abs=1.01 * PERIOD)
     for delta_v, direction in (0.3, 40.0), (0.6, -130.0):
         size = f"delta_v: {delta_v}, direction_deg: {direction}"
-        other = diagram_of(text.replace("SIZE", size), "lipm")
-        whole = simulate(other, 2.2)
+        whole = simulated(text.replace("SIZE", size), "lipm")
         after = advance(pushed(diagram, walked, delta_v, direction), 2.2)
         assert whole.missed_pushes == after.missed_pushes == 0
         for name, values in whole.logs.items():

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
+import nadia_balance.results as read
 from nadia_balance.core.body.reachability import FORWARD, ReachabilityParams
 from nadia_balance.core.body.reachability import cross_over_region as crossed
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from nadia_balance.results import log as read
 from tests.diagrams.simulated import judged, run_of, soon
 
 CROSSING = ReachabilityParams()

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RotationMatrix
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.results.log import Log, steps
+from nadia_balance.results import Log, steps
 from nadia_balance.robot.model import RobotModel, load_robot
 from tests.diagrams.simulated import EARLY, judged, run_of, soon
 

@@ -14,6 +14,10 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from nadia_balance.new_robot import Notes
+from nadia_balance.new_robot.make import make_robot
+from tests import run_cache
+
 X, Y, Z = np.eye(3)
 LEFT, RIGHT = 1.0, -1.0
 
@@ -156,6 +160,30 @@ class Biped:
             drive = {"effort": "250", "velocity": "12"}
             SubElement(joint, "limit", drive, lower=lower, upper=upper)
         return joint
+
+
+def make_once(file: Path, folder: Path, **options) -> Notes:
+    """`make_robot`, whose notes and files are kept on disk, see run_cache.
+
+    They follow from the files beside `file`; no path of a run may be in them.
+    """
+
+    def make() -> tuple[Notes, dict[Path, bytes]]:
+        notes = make_robot(file, folder, **options)
+        return notes, {Path(n): data for n, data in _files_in(folder)}
+
+    here = file.parent
+    given = [*_files_in(here), str(options).replace(str(here.resolve()), "")]
+    notes, files = run_cache.once(("tests.new_robot.biped",), str(given), make)
+    for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    return notes
+
+
+def _files_in(folder: Path) -> list[tuple[str, bytes]]:
+    paths = sorted(filter(Path.is_file, folder.rglob("*")))
+    return [(str(p.relative_to(folder)), p.read_bytes()) for p in paths]
 
 
 def _show(link, solid: str, **size: str) -> list:

@@ -5,9 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
-from tests.new_robot.biped import Biped
+from tests.new_robot.biped import Biped, make_once
 
 
 @pytest.fixture(scope="module")
@@ -15,7 +14,7 @@ def robot(tmp_path_factory):
     """Of narrow hips and wide soles, so that the legs are near each other."""
     folder = tmp_path_factory.mktemp("biped")
     biped = Biped(hip=0.09, toe_half_width=0.055, seed=6)
-    make_robot(biped.write(folder), folder / "made")
+    make_once(biped.write(folder), folder / "made")
     return load_robot(str(folder / "made" / "robot.yaml"), "realistic")
 
 

@@ -9,9 +9,8 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
-from tests.new_robot.biped import Biped
+from tests.new_robot.biped import Biped, make_once
 
 NAMES = ("waist", "bow", "l_hip", "l_knee", "l_tilt", "r_roll", "r_ankle")
 ANGLES = dict(zip(NAMES, (0.3, -0.2, -0.5, 0.8, 0.2, 0.1, -0.4), strict=True))
@@ -80,7 +79,7 @@ def test_the_written_robot_is_the_one_of_the_file(change, tmp_path):
     with_heavy_spine(file)
     before = seen_by_drake(file, tmp_path)
     change(file)
-    make_robot(file, tmp_path / "made")
+    make_once(file, tmp_path / "made")
     after = seen_by_drake(tmp_path / "made" / "robot.urdf", tmp_path)
     for was, now in zip(before, after, strict=True):
         assert now == pytest.approx(was, rel=1e-6, abs=1e-7)
@@ -154,7 +153,7 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     """Oracle: the figures in the file; MuJoCo's mass matrix, rotors in it."""
     file = tmp_path / "robot.xml"
     file.write_text(WITH_BOW)
-    make_robot(file, tmp_path / "made")
+    make_once(file, tmp_path / "made")
     robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
     sole, legs = robot.params.sole, robot.params.legs
     assert legs.length == pytest.approx(THIGH + SHIN)
@@ -186,10 +185,40 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     assert set(plant.GetEffortUpperLimits()) == {250.0, 9.0}
 
 
+def test_heavy_arms_are_not_taken_for_legs(tmp_path):
+    """Oracle: the names; the arms are legs but for a third more mass."""
+    chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
+    assert chest in MJCF
+    arms = (leg("a", 0.3) + leg("b", -0.3)).replace('mass="5"', 'mass="8"')
+    file = tmp_path / "robot.xml"
+    file.write_text(MJCF.replace(chest, chest + arms))
+    guessed = make_once(file, tmp_path / "made").of("guessed")
+    assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
+
+
+def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
+    """Oracle: the robot that floats in the file."""
+    found = []
+    for name, text in (
+        ("free", MJCF),
+        ("held", MJCF.replace("<freejoint/>", "")),
+    ):
+        file = tmp_path / f"{name}.xml"
+        file.write_text(text)
+        notes = make_once(file, tmp_path / name)
+        found.append((tmp_path / name / "robot.yaml").read_text())
+    assert found[0] == found[1]
+    assert "no longer welded to the world: pelvis" in notes.of("changed")
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("<freejoint/>", "", "floating bases: must be one; these are: none"),
+        (
+            "<freejoint/>",
+            '<joint name="rail" axis="0 0 1" range="-1 1"/>',
+            "floating bases: must be one; these are: none",
+        ),
         ('type="box"', 'type="ball"', "MuJoCo cannot compile it: "),
         (
             '"waist" axis="0 0 1" range="-1 1"',
@@ -209,4 +238,4 @@ def test_a_faulty_mjcf_is_refused(tmp_path, old, new, message):
     file = tmp_path / "robot.xml"
     file.write_text(MJCF.replace(old, new, 1))
     with pytest.raises(ValueError, match=message):
-        make_robot(file, tmp_path / "made")
+        make_once(file, tmp_path / "made")

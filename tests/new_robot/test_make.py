@@ -12,7 +12,7 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.new_robot.make import make_robot
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.reach import reaches
-from tests.new_robot.biped import Biped
+from tests.new_robot.biped import Biped, make_once
 
 # Rows: forward, left, up.
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -33,7 +33,7 @@ def biped(request):
 def made(biped, tmp_path_factory):
     """robot.yaml as it is written, and the robot as it is loaded."""
     folder = tmp_path_factory.mktemp("biped")
-    make_robot(biped.write(folder), folder / "made")
+    make_once(biped.write(folder), folder / "made")
     file = folder / "made" / "robot.yaml"
     return yaml.safe_load(file.read_text()), load_robot(str(file))
 
@@ -99,7 +99,7 @@ def test_stands_with_bent_knees_and_keeps_them_bent(biped, made):
     assert limits[f"joint_{other}_limits"] == {}
 
 
-def faulty(folder, *faults, **options):
+def faulty(folder, *faults, make=make_once, **options):
     """Makes the robot of a URDF in which regular expressions are replaced."""
     file = Biped(turned=False).write(folder)
     text = file.read_text()
@@ -107,7 +107,7 @@ def faulty(folder, *faults, **options):
         text, count = re.subn(pattern, replacement, text, flags=re.DOTALL)
         assert count, pattern
     file.write_text(text)
-    return make_robot(file, folder / "made", **options)
+    return make(file, folder / "made", **options)
 
 
 def times(attribute, factor, within=""):
@@ -154,6 +154,8 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
         ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
+        ("l_knee", 'upper="2.3"', 'upper="132"', "joint l_knee: range of 0 to"),
+        ("chest", '0 0.250*"', '0 25.0"', "link chest: centre of mass: must"),
         ("", "package://", "package://no_", "there is no package://no_biped"),
         ("l_ankle", "-0.380*", "-0.35", "they are 0.750 and 0.780"),
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
@@ -187,6 +189,7 @@ SHIN = 'name="l_shin">.*?'
             "left and right differ: link masses at l_knee and r_knee, 40 ",
         ),
         ([times("ixx|iyy|izz", 100)], "moments of inertia too large "),
+        ([times("effort", 10)], "effort limits > 548 N m, weight times leg: "),
         ([ASIDE], "the sole of r_foot is wider than long, 0.240 and 0.120 m"),
         (
             [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')],
@@ -212,14 +215,14 @@ def test_rotor_inertias_may_be_of_another_file(tmp_path):
         'xmlns:d="http://drake.mit.edu"/></actuator></transmission></robot>'
     )
     beside.write_text(beside.read_text().replace("</robot>", drive))
-    made = make_robot(file, tmp_path / "made", armature=beside)
+    made = make_once(file, tmp_path / "made", armature=beside)
     assert "rotor inertia of 15 joints" in made.of("unknown")[0]
     text = (tmp_path / "made" / "robot.urdf").read_text()
     assert text.count('rotor_inertia value="0.03"') == 1
 
 
 def test_says_what_it_mends(tmp_path):
-    """Oracle: what is wrong with the biped, by hand."""
+    """Oracle: what is wrong with the biped, by hand; paths are of this run."""
     mesh = '<mesh filename="package://hands/thumb.stl"'
     (tmp_path / "broken.stl").write_bytes(80 * b" " + b"\7\0\0\0")
     broken = '<mesh filename="broken.stl"'
@@ -230,16 +233,19 @@ def test_says_what_it_mends(tmp_path):
         (r'(name="bow".*?) effort="250"', r"\1"),
         (r'(name="l_thumb".*?)<sphere radius="0.01"', rf"\1{mesh}"),
         (r'(name="r_thumb".*?)<sphere radius="0.01"', rf"\1{broken}"),
+        (r'(name="l_palm".*?)radius="0.02"', r'\1radius="0.00"'),
         (
             r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"',
             r'\g<1>0\g<2>0\g<3>0"',
         ),
         fix=["r_sw.*"],
+        make=make_robot,
     )
     assert notes.of("changed") == [
         "left out the tags: gazebo",
         "left out visual of link l_thumb: there is no "
         "package://hands/thumb.stl (--package-root?)",
+        "left out visual of link l_palm: sphere: radius = '0.00': must be > 0",
         f"left out visual of link r_thumb: {tmp_path}/broken.stl: must be a "
         "whole STL, OBJ or Collada file",
         "moments of inertia of 0, now of a box: chest",
@@ -259,11 +265,11 @@ def test_names_of_the_user_come_first(tmp_path):
     """Oracle: the names; what is found has others."""
     named = {"torso": "spine", "left_foot": "l_sole"}
     file = Biped(turned=False).write(tmp_path)
-    notes = make_robot(file, tmp_path / "made", named=named)
+    notes = make_once(file, tmp_path / "made", named=named)
     guessed = notes.of("guessed")
     assert guessed[0] == "pelvis pelvis, torso spine, feet l_foot, r_foot"
     with pytest.raises(ValueError, match="^link tail: must be one of chest"):
-        make_robot(file, tmp_path / "a", named={"torso": "tail"})
+        make_once(file, tmp_path / "a", named={"torso": "tail"})
 
 
 def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
@@ -272,7 +278,7 @@ def test_meshes_may_be_in_a_package_elsewhere(tmp_path):
     roots.mkdir()
     package = "biped_description"
     (tmp_path / package).rename(roots / package)
-    made = make_robot(file, tmp_path / "made", package_roots=[roots])
+    made = make_once(file, tmp_path / "made", package_roots=[roots])
     guessed = made.of("guessed")
     assert guessed[3].startswith("sole 0.240 x 0.100 m, of 0.240 x 0.120 m")
 
@@ -282,7 +288,7 @@ def test_stiff_ankles_keep_it_from_nadias_width(tmp_path):
 
     They roll by 11 degrees only.
     """
-    make_robot(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
+    make_once(Biped(ankle_roll=0.2).write(tmp_path), tmp_path / "made")
     stiff = load_robot(str(tmp_path / "made" / "robot.yaml"))
     own = stiff.point_mass.reach
     nadias = scaled(ReachabilityParams(), stiff.params.size)

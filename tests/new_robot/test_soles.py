@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
+from nadia_balance.new_robot import COLLIDING, VISUAL, Link, Shape
 from nadia_balance.new_robot.shapes import (
     find_sole,
     largest_rectangle,

@@ -4,6 +4,7 @@ The CoP goes from foot to foot, the ICP follows from it exactly (backward in
 time, Eq. 3), and a push adds an ICP error that dies out exponentially.
 """
 
+import functools
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -56,8 +57,17 @@ class Recipe:
 
 
 def make_log(recipe: Recipe | None = None) -> dict[str, np.ndarray]:
-    """Returns the log of a humanoid."""
-    recipe = recipe or Recipe()
+    """Returns the log of a humanoid, to be changed at will."""
+    log = _usual() if recipe is None else _log_of(recipe)
+    return {name: values.copy() for name, values in log.items()}
+
+
+@functools.cache
+def _usual() -> dict[str, np.ndarray]:
+    return _log_of(Recipe())
+
+
+def _log_of(recipe: Recipe) -> dict[str, np.ndarray]:
     signal = _walking_signal(recipe)
     log = {"t": T * np.arange(len(signal)), "walking_signal": signal}
     walking = WalkingSignal(signal.T)

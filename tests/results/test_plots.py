@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.results.log import contacts, pushes
-from nadia_balance.results.plots import footsteps, over_time
+from nadia_balance.results import contacts, pushes
+from nadia_balance.results.plots import draw_contacts, footsteps
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
@@ -20,7 +20,7 @@ def texts(figure):
 
 def test_the_timeline_says_how_long_each_phase_took(log):
     """Oracle: the recipe; plans in brackets where it was hurried."""
-    figure = over_time.draw_contacts(log, summary_of(log))
+    figure = draw_contacts(log, summary_of(log))
     written = "\n".join(texts(figure)).split("\n")
     for duration in ("0.30", "0.70", "0.43", "0.04", "0.50", "0.80"):
         assert duration in written

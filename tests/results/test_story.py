@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.results.log import pushes, signal
+from nadia_balance.results import pushes, signal
 from nadia_balance.results.story import direction_words, telling_lines
 from tests.results.made_up_run import make_log, summary_of
 

@@ -10,7 +10,6 @@ import yaml
 from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.robot.leg_strength import cop_area, foot_limits
 from nadia_balance.robot.model import MODELS, load_robot
 
 ROBOTS = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
@@ -31,15 +30,8 @@ def standing(robot):
     return plant, context
 
 
-def limits(robot, **changed):
-    arguments = {
-        "plant": robot.control_plant(),
-        "q": robot.standing_positions(),
-        "feet": robot.foot_bodies,
-        "soles": robot.X_FootSole,
-        "speeds": robot.max_joint_speeds,
-    }
-    return foot_limits(**(arguments | changed))
+def limits(robot, speeds):
+    return robot.legs_at(robot.standing_positions()).foot_limits(speeds)
 
 
 def efforts(plant):
@@ -86,7 +78,10 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     plant, context = standing(robot)
     gravity = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, gravity)
-    (acceleration, speed), effort = limits(robot), efforts(plant)
+    (acceleration, speed), effort = (
+        limits(robot, robot.max_joint_speeds),
+        efforts(plant),
+    )
     torques, speeds = [], []
     for side, angle in itertools.product(Side, ANGLES):
         way = moving(plant, context, robot, side, angle)
@@ -141,6 +136,6 @@ def test_refuses_an_ankle_that_cannot_carry_the_robot():
         r"^effort limit of left_ankle_pitch_joint = 35: must hold the weight "
         r"of \d+ N somewhere on the sole$"
     )
-    legs = robot.foot_bodies, robot.X_FootSole, far
+    legs = robot.legs_at(robot.standing_positions())
     with pytest.raises(ValueError, match=message):
-        cop_area(robot.control_plant(), robot.standing_positions(), *legs)
+        legs.cop_area(far)

@@ -13,6 +13,7 @@ from nadia_balance.core.whole_body.params import (
     CollisionAvoidanceParams,
     WholeBodyQpParams,
 )
+from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
 
 ROBOT = load_robot("nadia")
@@ -88,6 +89,19 @@ def change(path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
+
+
+def test_a_robot_of_the_package_is_read_again_if_it_has_changed(
+    copy, monkeypatch
+):
+    """Oracle: its files; who changes what was read changes nothing else."""
+    monkeypatch.setattr(model, "MODELS", copy.parent)
+    for old, new in ("Y: 377", "Y: 370"), ("Y: 370", "Y: 360"):
+        params, _ = model.load_robot_params("own")
+        assert f"Y: {params.drives.max_torque['LEFT_ANKLE_Y']:.0f}" == old
+        params.drives.max_torque.clear()
+        assert model.load_robot_params("own")[0].drives.max_torque
+        change(copy / "robot.yaml", f"LEFT_ANKLE_{old}", f"LEFT_ANKLE_{new}")
 
 
 @pytest.mark.parametrize("strength", [0.99, 1.01])

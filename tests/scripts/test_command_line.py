@@ -33,7 +33,7 @@ class Job:
 
     @staticmethod
     def main(argv):
-        parser = command_line.CommandLine(prog="job")
+        parser = command_line.CommandLine("job", "", "")
         command_line.scenario_flags(parser, name="stand")
         parser.set_defaults(scenario_name="stand")
         make_scenario = command_line.scenario_from

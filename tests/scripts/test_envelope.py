@@ -2,23 +2,24 @@
 
 import contextlib
 import io
+import shutil
 import signal
 import subprocess
 import time
 from concurrent.futures import Executor, Future
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
-from nadia_balance.scripts.envelope_sweep.limits import known_limits
-from nadia_balance.scripts.envelope_sweep.rows import TRIALS, cell_of, read
-from nadia_balance.scripts.envelope_sweep.sweep import HEADROOM
+from nadia_balance.scripts.sweep import TRIALS, Cell, Rows
+from nadia_balance.scripts.sweep.limits import known_limits
+from nadia_balance.scripts.sweep.search import HEADROOM
 from tests import run_cache
-from tests.scripts.envelope_sweep.made_up import PATIENCE, facts
-from tests.scripts.running import assert_refused, program, run_script
+from tests.scripts.running import Outcome, assert_refused, program, run_script
+from tests.scripts.sweep.made_up import PATIENCE, facts
 from tests.source_files import ROOT
 
 SOON = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
@@ -31,7 +32,6 @@ SWEEP = [
 ]
 WRITTEN = {"trials.csv", "limits.csv", "tables.md", "envelope.png"}
 FILES = {*WRITTEN, "scenario.yaml", "command.txt"}
-GIVEN, TABLES = (TRIALS, "scenario.yaml"), ("tables.md", "limits.csv")
 
 
 class Here(Executor):
@@ -48,25 +48,56 @@ def workers_here(workers, scheduler):
     yield Here()
 
 
-@pytest.fixture
-def here(monkeypatch):
-    """Sweeps of this process need no cluster."""
-    monkeypatch.setattr(envelope.trial, "open_workers", workers_here)
-
-
 def rows_in(folder):
-    return list(map(facts, read(folder).all))
+    return list(map(facts, Rows.read(folder).all))
+
+
+def once(folder, *argv):
+    """What the script says, and writes into `folder`; made once, see run_cache.
+
+    It follows from what is there, and in other folders of `argv`.  Cells run in
+    this process; the folder is told as FOLDER.
+    """
+
+    def ran():
+        texts = io.StringIO(), io.StringIO()
+        with (
+            pytest.MonkeyPatch.context() as patch,
+            redirect_stdout(texts[0]),
+            redirect_stderr(texts[1]),
+        ):
+            patch.setattr(envelope.trial, "open_workers", workers_here)
+            code = envelope.main([*map(str, argv), str(folder)])
+        if code == envelope.command_line.INTERRUPTED:
+            raise KeyboardInterrupt  # nothing to be kept
+        said = (
+            text.getvalue().replace(str(folder), "FOLDER") for text in texts
+        )
+        files = {path.name: path.read_bytes() for path in folder.iterdir()}
+        return Outcome(code, *(text.splitlines() for text in said)), files
+
+    folders = [folder, *(word for word in argv if isinstance(word, Path))]
+    files = sorted(file for path in folders for file in path.iterdir())
+    words = [word for word in argv if word not in folders]
+    before = [
+        file.read_text("utf-8") for file in files if file.suffix != ".png"
+    ]
+    given = f"{words} {before} {run_cache.data()}"
+    outcome, files = run_cache.once(
+        ("tests.scripts.test_envelope",), given, ran
+    )
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    return outcome
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     """The folder of a sweep that nobody disturbed, and what it said."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    out = io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
-        patch.setattr(envelope.trial, "open_workers", workers_here)
-        assert envelope.main([*SWEEP, "--out", str(folder)]) == 0
-    return folder, out.getvalue().splitlines()
+    outcome = once(folder, *SWEEP, "--out")
+    assert outcome.code == 0
+    return folder, outcome.out
 
 
 def started(folder):
@@ -77,7 +108,7 @@ def started(folder):
     while number < 2 and process.poll() is None and time.monotonic() < late:
         time.sleep(0.02)
         with contextlib.suppress(ValueError):
-            number = len(read(folder).all)
+            number = len(Rows.read(folder).all)
     assert process.poll() is None, process.communicate()
     return process
 
@@ -109,7 +140,7 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
     folder, said = undisturbed
     rows = rows_in(folder)
     assert said[0] == ("2 cells; 0 trials are there already")
-    assert said[1] == f"into {folder}"
+    assert said[1] == "into FOLDER"
     (title,) = (i for i, line in enumerate(said) if line.startswith("largest"))
     for line, direction in zip(said[title + 3 :], (0.0, 90.0), strict=False):
         good = [
@@ -120,7 +151,7 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
         ]
         numbers = [float(word) for word in line.split("|")[1:-1]]
         assert numbers == [direction, max(good)]
-    names = said[-1].removeprefix(f"wrote {folder}/{{").removesuffix("}")
+    names = said[-1].removeprefix("wrote FOLDER/{").removesuffix("}")
     assert set(names.split(", ")) == WRITTEN
     assert {path.name for path in folder.iterdir()} == FILES
     scenario = load_scenario("push", folder / "scenario.yaml")
@@ -130,25 +161,40 @@ def test_says_what_it_does_and_what_came_of_it(undisturbed):
 
 
 def test_begins_below_the_limits_that_another_folder_knows(
-    undisturbed, tmp_path, capsys, here
+    undisturbed, tmp_path
 ):
     """Oracles: the same limits, none of the trials far below them."""
-    argv = [*SWEEP, "--from", undisturbed[0], "--out", tmp_path]
-    assert run_script(envelope, argv, capsys).code == 0
+    argv = [*SWEEP, "--from", undisturbed[0], "--out"]
+    assert once(tmp_path, *argv).code == 0
     limits = known_limits(tmp_path)
     assert limits == known_limits(undisturbed[0])
     for row in rows_in(tmp_path):
-        lowest = limits[cell_of(row)] - HEADROOM
+        lowest = limits[Cell.of(row)] - HEADROOM
         assert row["delta_v"] > min(lowest, 0.4) - 0.101  # a first stride
 
 
 def test_killed_at_any_time_it_goes_on_where_it_was(
-    undisturbed, tmp_path, capsys, here
+    undisturbed, tmp_path, capsys, monkeypatch
 ):
     """Oracle: the rows of the sweep that nobody disturbed.
 
-    None of its processes is left, and those rows are not made again.
+    None of its processes is left.  What it goes on with are these rows' trials,
+    but for those that are there.
     """
+    whole, made = Rows.read(undisturbed[0]).all, []
+
+    def looked_up(_, cell, *attempt):
+        for row in whole:
+            if (Cell.of(row), row["delta_v"], row["replica"]) == (
+                cell,
+                *attempt,
+            ):
+                made.append(row)
+                return row
+
+    monkeypatch.setattr(envelope.trial, "run_trial", looked_up)
+    monkeypatch.setattr(envelope.trial, "open_workers", workers_here)
+    monkeypatch.setattr(envelope, "_report", lambda *_: 0)
     process = started(tmp_path)
     children = children_of(process.pid)
     assert children
@@ -160,6 +206,7 @@ def test_killed_at_any_time_it_goes_on_where_it_was(
     assert done.code == 0, done.err
     assert done.out[0].endswith(f"; {number} trials are there already")
     assert rows_in(tmp_path) == rows_in(undisturbed[0])
+    assert len(made) == len(whole) - number
 
 
 def test_ctrl_c_ends_it_with_plots_of_what_is_there(undisturbed, tmp_path):
@@ -178,31 +225,25 @@ def test_ctrl_c_ends_it_with_plots_of_what_is_there(undisturbed, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == FILES
 
 
-def test_who_is_never_pushed_has_no_limit(tmp_path, capsys, here):
+def test_who_is_never_pushed_has_no_limit(tmp_path):
     """Oracle: exit code 3, no limit; one of 0.00 would be a lie."""
-    argv = [*SWEEP, "--duration", 1.2, "--out", tmp_path]
-    outcome = run_script(envelope, argv, capsys)
+    outcome = once(tmp_path, *SWEEP, "--duration", "1.2", "--out")
     assert outcome.code == 3
     assert not any("0.00" in line for line in outcome.out)
     assert {row["outcome"] for row in rows_in(tmp_path)} == {"undecided"}
     assert outcome.err[-1].startswith("envelope.py: no limit: of ")
-    assert run_script(envelope, ["--plot-only", tmp_path], capsys).code == 3
+    assert once(tmp_path, "--plot-only").code == 3
 
 
-def test_the_published_folder_gives_the_published_tables(tmp_path, capsys):
+def test_the_published_folder_gives_the_published_tables(tmp_path):
     """Oracle: its files, which earlier code has written."""
     published = ROOT / "docs" / "results" / "fig10"
-    given = {name: (published / name).read_text() for name in GIVEN}
-
-    def tabled():
-        for name, text in given.items():
-            (tmp_path / name).write_text(text)
-        assert run_script(envelope, ["--plot-only", tmp_path], capsys).code == 0
-        return [(tmp_path / name).read_text() for name in TABLES]
-
-    modules = ("tests.scripts.test_envelope",)
-    found = run_cache.once(modules, f"{given} {run_cache.data()}", tabled)
-    assert found == [(published / name).read_text() for name in TABLES]
+    for name in (TRIALS, "scenario.yaml"):
+        shutil.copy(published / name, tmp_path)
+    assert once(tmp_path, "--plot-only").code == 0
+    for name in ("tables.md", "limits.csv"):
+        found = (tmp_path / name).read_text()
+        assert found == (published / name).read_text(), name
 
 
 REFUSED = [

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.signals import PushSignal
@@ -31,11 +32,11 @@ def asked_for(monkeypatch, capsys):
     """Returns the scenario that a command line would simulate."""
     seen = []
 
-    def look(diagram):
-        seen.append(diagram.scenario)
+    def look(scenario, *_):
+        seen.append(scenario)
         raise ValueError("looked at")
 
-    monkeypatch.setattr(command_line.simulation, "start", look)
+    monkeypatch.setattr(command_line.simulation, "closed_loop", look)
 
     def scenario(*argv):
         outcome = run_script(push, [*QUICK, *argv], capsys)
@@ -193,16 +194,31 @@ def test_says_whether_it_has_recovered(argv, code, told, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_the_program_with_its_results(tmp_path, sent):
-    """Oracle: a signal to a program that would go on for ten minutes."""
+def test_ctrl_c_ends_the_program_with_its_results(
+    tmp_path, sent, monkeypatch, capsys
+):
+    """Oracle: a signal to a program that would go on for ten minutes.
+
+    SIGTERM, which has the same handler, comes from within.
+    """
+
+    def press(diagram, context):
+        if context.get_time() > 0.1:
+            signal.raise_signal(sent)
+        return ""
+
     run = tmp_path / "run"
     argv = [*QUICK, "--duration", "600", "--at", "standing", "--out", run]
-    process = program("push", *argv)
-    while not run.exists() and process.poll() is None:
-        time.sleep(0.05)  # it is made just before the start
-    time.sleep(1.0)
-    process.send_signal(sent)
-    outcome = ended(process)
+    if sent is signal.SIGTERM:
+        monkeypatch.setattr(LipmDiagram, "fall_reason", press)
+        outcome = run_script(push, argv, capsys)
+    else:
+        process = program("push", *argv)
+        while not run.exists() and process.poll() is None:
+            time.sleep(0.05)  # it is made just before the start
+        time.sleep(0.2)
+        process.send_signal(sent)
+        outcome = ended(process)
     assert (outcome.code, outcome.err) == (130, [])
     assert "INTERRUPTED" in " ".join(outcome.out)
     assert not summary_of(run)["recovered"]

@@ -9,10 +9,10 @@ import pytest
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.scripts import random_pushes
-from nadia_balance.scripts.envelope_sweep.limits import known_limits
-from nadia_balance.scripts.envelope_sweep.rows import read
-from tests.scripts.envelope_sweep.made_up import MadeUpRobot, push_scenario
+from nadia_balance.scripts.sweep import Rows
+from nadia_balance.scripts.sweep.limits import known_limits
 from tests.scripts.running import assert_refused, run_script
+from tests.scripts.sweep.made_up import MadeUpRobot, push_scenario
 from tests.source_files import ROOT
 
 FIG10 = ROOT / "docs" / "results" / "fig10"
@@ -44,7 +44,7 @@ def test_draws_a_share_of_the_limit_of_each_direction():
 def made_up(monkeypatch):
     """A robot whose limit is 0.5 m/s, in every direction."""
     robot = MadeUpRobot()
-    largest = "tests.scripts.envelope_sweep.made_up.largest"
+    largest = "tests.scripts.sweep.made_up.largest"
     monkeypatch.setattr(largest, lambda *_: 0.5)
     opened = contextlib.nullcontext(robot)
     trial = random_pushes.envelope.trial
@@ -58,7 +58,7 @@ def test_every_failure_is_a_line_of_the_page(made_up, tmp_path, capsys):
     argv = ["--pushes", 20, "--limits", FIG10, "--out", tmp_path]
     for _ in range(2):
         assert run_script(random_pushes, argv, capsys).code == 0
-    rows = read(tmp_path).all
+    rows = Rows.read(tmp_path).all
     assert len(made_up.tried) == len(rows) == 20
     failed = {
         row["direction_deg"] for row in rows if row["outcome"] != "recovered"

@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+)
 from nadia_balance.core.steps.foothold_adjustment import (
     CaptureRegions,
     Landing,
@@ -12,10 +16,6 @@ from nadia_balance.core.steps.foothold_adjustment import (
     propose_adjustment,
     touchdown_interval,
     unadjusted,
-)
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import NOTHING
@@ -97,7 +97,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
     """
     context = asked(adjuster, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
-        fix(adjuster, context, mechanisms=[on, 1, 0, 1])
+        fix(adjuster, context, mechanisms=[on, 0, 0, 1])
         found = adjustment(adjuster, context)
         assert (found is not NOTHING) is on
     assert found == expected()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.systems.imu import SAMPLE, Imu
+from nadia_balance.systems.sensors import SAMPLE, Imu
 from tests.blocks import answer, fix, running
 from tests.whole_body_examples import nadia, standing_state
 

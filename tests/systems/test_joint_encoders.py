@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.systems.joint_encoders import JointEncoders
+from nadia_balance.systems.sensors import JointEncoders
 from tests.blocks import answer, running
 from tests.whole_body_examples import nadia, standing_state
 

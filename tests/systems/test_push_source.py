@@ -19,8 +19,7 @@ from nadia_balance.core.walking.vocabulary import (
     WalkingState,
 )
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.signals import PushSignal
-from nadia_balance.systems.wiring import connect
+from nadia_balance.systems.signals import PushSignal, connect
 from tests.blocks import answer, fix, running
 from tests.example_walks import standing
 

@@ -5,11 +5,19 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.diagrams import humanoid
+from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results import measurements
 from nadia_balance.systems.state_estimator import START, StateEstimator
+from tests import run_cache
 from tests.blocks import answer, asked, fix
-from tests.diagrams.simulated import EARLY, diagram_of, simulated
+from tests.diagrams.simulated import (
+    EARLY,
+    all_of,
+    diagram_of,
+    scenario_of,
+    simulated,
+)
 from tests.whole_body_examples import nadia, standing_positions
 
 PERIOD, NJ = 0.004, 23
@@ -59,21 +67,74 @@ def test_the_robot_is_told_where_it_stands_not_quite():
         assert deviation == pytest.approx(size, rel=4.0 / 400**0.5)
 
 
-@pytest.mark.parametrize("engine", ["drake", "mujoco"])
-def test_walks_by_its_sensors(engine):
+@pytest.mark.parametrize(
+    ("engine", "estimator", "velocity"),
+    [
+        ("drake", "invariant", 0.012),
+        ("mujoco", "invariant", 0.012),
+        ("drake", "complementary", 0.03),
+    ],
+)
+def test_walks_by_its_sensors(engine, estimator, velocity):
     """Oracle: the plant's state: velocity, tilt, place, and 3 deviations."""
     run = simulated(
         f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, sensors: consumer, "
-        f"seed: 3, engine: {engine}}}"
+        f"seed: 3, engine: {engine}, estimator: {estimator}}}"
     )
     assert not run.error
     assert run.fell_at is None
     found = measurements.measure_estimate(run.logs)
-    assert found["rms_velocity_m_s"] < 0.012
+    assert found["rms_velocity_m_s"] < velocity
     assert found["max_tilt_deg"] < 0.8
     assert max(found["last_horizontal_m"], found["max_height_m"]) < 0.03
     assert found["mean_nees"] < 25.0
     assert measurements.lost_at(run.logs) is None
+
+
+class Misled(StateEstimator):
+    """Reads 0 of a loaded foot, 0.6 of the weight of another, in 5 % of all."""
+
+    def __init__(self, robot, *args):
+        super().__init__(robot, *args)
+        told, weight = self._forces, robot.mass * 9.81
+
+        def forces(context):
+            rng = np.random.default_rng(round(context.get_time() / PERIOD))
+            loads, wrong = told(context), rng.random(2) < 0.05
+            other = np.where(loads > 0.3 * weight, 0.0, 0.6 * weight)
+            return np.where(wrong, other, loads)
+
+        self._forces = forces
+
+
+@pytest.mark.parametrize(("direction", "delta_v"), [(90.0, 0.41), (180.0, 0.8)])
+def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
+    """Oracle: the plant's state, after half of docs/results/fig10's limits.
+
+    Friction 0.4, and soles slip; feet that swing are loaded for the filter.
+    """
+    scenario = scenario_of(
+        "{mechanisms: all_with_cross_over, duration: 3.5, sensors: consumer, "
+        f"{EARLY % 'num_steps: 4'}, imperfections: {{friction_ratio: 0.5}}, "
+        f"pushes: [{{delta_v: {delta_v}, at: right swing 25 %, "
+        f"direction_deg: {direction}}}]}}"
+    )
+
+    def misled():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(humanoid, "StateEstimator", Misled)
+            return simulate(closed_loop(scenario), scenario.duration)
+
+    key = all_of(scenario, "humanoid")
+    run = run_cache.once((__name__,), key, misled)
+    assert not run.error
+    assert run.fell_at is None
+    found = measurements.measure_estimate(run.logs)
+    assert found["rms_velocity_m_s"] < 0.05
+    feet = run.logs["foot_poses"].reshape(-1, 2, 4)
+    loaded = run.logs["foot_forces"] > 0.3 * run.logs["weight"]
+    slips = np.linalg.norm(np.diff(feet[..., :2], axis=0), axis=2)
+    assert np.sum(slips * loaded[1:] * loaded[:-1]) > 0.01  # both soles'
 
 
 def test_a_saturated_imu_is_an_error_that_tells_when():

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.steps.swing_clearance import edges_on_way
+from nadia_balance.core.body.swing_detour import edges_on_way
 from nadia_balance.core.steps.swing_foot import (
-    FootMotion,
+    SwingFoot,
     SwingFootParams,
-    swing_foot_motion,
-    velocity_now,
+    as_reference,
 )
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.steps import SwingFootPlanner
@@ -20,7 +19,7 @@ from tests.core.body.test_ground import square
 from tests.example_walks import MODEL, swing
 
 PERIOD, PARAMS = 0.002, SwingFootParams()
-LAST = np.array([0.0, -0.125, 0.05, 0.5, 0, 0.5, 0, 0, 0, 0.1, 0, 0])
+LAST = np.array([0.0, -0.125, 0.05, 0.1, 0.5, 0, 0.5, 0, 0, 0, 0, 0])
 
 
 @pytest.mark.parametrize("lead", [0.0, 0.005])
@@ -30,14 +29,12 @@ def test_continues_from_the_last_motion_over_the_edges_of_its_model(lead):
     model = replace(MODEL, ground=Ground(regions, MODEL.sole))
     planner = SwingFootPlanner(PARAMS, model, PERIOD, lead)
     state = WalkingState(swing(), 0.2)  # 0.3 m forward
-    edges = edges_on_way(state.schedule, model, PARAMS.clearance)
+    edges = edges_on_way(state.schedule, model.ground, PARAMS.clearance)
     assert edges is not None
     context = asked(planner, walking_state=state)
     context.SetDiscreteState(np.concatenate((np.zeros(12), LAST)))
-    motion = FootMotion.from_vector(LAST)
-    _, ahead = swing_foot_motion(
-        motion, state, PERIOD, PARAMS, model, lead, edges
-    )
-    expected = velocity_now(ahead.as_vector(), lead)
+    foot = SwingFoot(PARAMS, model, PERIOD, lead)
+    _, ahead = foot.motion(LAST.reshape(3, 4), state, edges)
+    expected = as_reference(ahead, lead)
     found = answer(planner, context, "swing_foot_reference")
     assert found == pytest.approx(expected, abs=1e-15)

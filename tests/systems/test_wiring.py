@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from nadia_balance.systems.wiring import fill, wire
+from nadia_balance.systems.signals import fill, wire
 from tests.blocks import answer, asked
 from tests.systems.test_ports import Sink
 

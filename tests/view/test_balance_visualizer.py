@@ -24,14 +24,14 @@ from shapely import Point, Polygon, union_all
 
 from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.steps.swing_geometry import (
+from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.results.pages import start_recording, write_replay
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
-from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import (
     FOOTPRINTS,

@@ -32,28 +32,6 @@ class ComHeightParams:
     min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
 
 
-def height_limit(
-    stance: walking.FootPose,
-    other: walking.FootPose,
-    params: ComHeightParams,
-    legs: LegGeometry,
-) -> float:
-    """Returns the largest CoM height [m] above the soles that the legs allow.
-
-    It follows from Pythagoras for a leg of `max_stretch` times its length and
-    a horizontal distance of `reach_ratio` times that of the feet, less
-    `hip_width` sideways.  0 if there is no such height.
-    """
-    x, y = stance.to_sole(other.p_WF[None, :2])[0]
-    reach = params.reach_ratio * math.hypot(
-        x, max(abs(y) - legs.hip_width, 0.0)
-    )
-    squared = (params.max_stretch * legs.length) ** 2 - reach**2
-    if squared <= 0.0:
-        return 0.0
-    return legs.ankle_height + math.sqrt(squared) + legs.com_above_hip
-
-
 class LegReach(NamedTuple):
     """Extents [m] of a base region (ReachabilityParams)."""
 
@@ -69,11 +47,11 @@ def leg_reach(
 ) -> LegReach:
     """Returns the base region that the legs allow.
 
-    It is `height_limit` solved for the step, with flat soles and the hips
-    half-way, at the lowest CoM of the height plan, with legs of the largest
-    length or an outward angle of `lean` [rad]; `com_height` [m] is that above
-    the soles when standing.  For Nadia it agrees with the paper's Sec. VII to
-    1 %.
+    It is ComHeight.height_limit solved for the step, with flat soles and the
+    hips half-way, at the lowest CoM of the height plan, with legs of the
+    largest length or an outward angle of `lean` [rad]; `com_height` [m] is that
+    above the soles when standing.  For Nadia it agrees with the paper's Sec.
+    VII to 1 %.
 
     Raises ValueError: the legs are straight at the lowest CoM, or the hips on
     the ground.
@@ -116,81 +94,93 @@ class ComHeightPlan:
         )
 
 
-def plan_com_height(
-    schedule: walking.ContactSchedule,
-    params: ComHeightParams,
-    model: PointMassModel,
-) -> ComHeightPlan:
-    """Returns the desired CoM height during the present phase.
+@dataclass(frozen=True, eq=False)
+class ComHeight:
+    """The CoM height of a robot, nominal but for bent legs, and its control."""
 
-    It is the model's height above the support sole (on uneven ground above the
-    lower sole), reduced to `height_limit` down to `min_height_ratio`.  It
-    changes only during a swing, from the limit at lift-off to that at the next
-    foothold.
-    """
-    side = schedule.support_side
-    stance, nominal = schedule.feet[side], model.com_height
-    lowest = params.min_height_ratio * nominal
+    params: ComHeightParams
+    model: PointMassModel
 
-    def height(other: walking.FootPose) -> float:
-        limit = height_limit(stance, other, params, model.legs)
+    def height_limit(
+        self, stance: walking.FootPose, other: walking.FootPose
+    ) -> float:
+        """Returns the largest CoM height [m] above the soles of bent legs.
+
+        It follows from Pythagoras for a leg of `max_stretch` times its length
+        and a horizontal distance of `reach_ratio` times that of the feet, less
+        `hip_width` sideways.  It is between `min_height_ratio` and 1 times the
+        nominal height.
+        """
+        params, legs = self.params, self.model.legs
+        x, y = stance.to_sole(other.p_WF[None, :2])[0]
+        reach = params.reach_ratio * math.hypot(
+            x, max(abs(y) - legs.hip_width, 0.0)
+        )
+        squared = (params.max_stretch * legs.length) ** 2 - reach**2
+        limit = 0.0
+        if squared > 0.0:
+            limit = legs.ankle_height + math.sqrt(squared) + legs.com_above_hip
+        nominal = self.model.com_height
+        return min(max(limit, params.min_height_ratio * nominal), nominal)
+
+    def plan(self, schedule: walking.ContactSchedule) -> ComHeightPlan:
+        """Returns the desired CoM height during the present phase.
+
+        It is the `height_limit` above the support sole (on uneven ground above
+        the lower sole).  It changes only during a swing, from the limit at
+        lift-off to that at the next foothold.
+        """
+        side = schedule.support_side
+        stance = schedule.feet[side]
+
+        def height(other: walking.FootPose) -> float:
+            ground = float(stance.p_WF[2])
+            if self.model.is_uneven:
+                ground = min(ground, float(other.p_WF[2]))
+            return ground + self.height_limit(stance, other)
+
+        start = end = height(schedule.feet[side.other])
+        if schedule.phase is walking.Phase.SWING and schedule.footsteps:
+            end = height(schedule.footsteps[0].pose)
+        return ComHeightPlan(start, end, schedule.duration)
+
+    def stance_limit(
+        self, com: Array, velocity: Array, schedule: walking.ContactSchedule
+    ) -> tuple[float, float]:
+        """Returns the CoM height [m] in W that the stance leg allows, its rate.
+
+        The hip is `hip_width` / 2 beside the CoM, at the positions `com` (2,)
+        [m] and `velocity` (2,) [m/s] in W; it is at most `max_stretch` times
+        the leg's length from the ankle (Pythagoras).  The height is not below
+        `min_height_ratio`, where it has no rate [m/s].
+        """
+        side, params, legs = schedule.support_side, self.params, self.model.legs
+        stance = schedule.feet[side]
+        x, y = stance.to_sole(com).tolist()
+        y += 0.5 * side.sign * legs.hip_width
+        vx, vy = (stance.rotation[:2, :2].T @ velocity).tolist()
+        lowest = params.min_height_ratio * self.model.com_height
+        above = lowest - legs.ankle_height - legs.com_above_hip
+        squared = (params.max_stretch * legs.length) ** 2 - x * x - y * y
         ground = float(stance.p_WF[2])
-        if model.is_uneven:
-            ground = min(ground, float(other.p_WF[2]))
-        return ground + min(max(limit, lowest), nominal)
+        if squared <= max(above, 0.0) ** 2:
+            return ground + lowest, 0.0
+        height = math.sqrt(squared)
+        rate = -(x * vx + y * vy) / height
+        return ground + lowest - above + height, rate
 
-    start = end = height(schedule.feet[side.other])
-    if schedule.phase is walking.Phase.SWING and schedule.footsteps:
-        end = height(schedule.footsteps[0].pose)
-    return ComHeightPlan(start, end, schedule.duration)
+    def acceleration(
+        self, height: float, velocity: float, desired: float, rate: float
+    ) -> float:
+        """Returns the desired vertical acceleration of the CoM [m/s^2].
 
-
-def stance_limit(
-    com: Array,
-    velocity: Array,
-    schedule: walking.ContactSchedule,
-    params: ComHeightParams,
-    model: PointMassModel,
-) -> tuple[float, float]:
-    """Returns the CoM height [m] in W that the stance leg allows, and its rate.
-
-    The hip is `hip_width` / 2 beside the CoM, at the positions `com` (2,) [m]
-    and `velocity` (2,) [m/s] in W; it is at most `max_stretch` times the leg's
-    length from the ankle (Pythagoras).  The height is not below
-    `min_height_ratio`, where it has no rate [m/s].
-    """
-    side, legs = schedule.support_side, model.legs
-    stance = schedule.feet[side]
-    x, y = stance.to_sole(com).tolist()
-    y += 0.5 * side.sign * legs.hip_width
-    vx, vy = (stance.rotation[:2, :2].T @ velocity).tolist()
-    lowest = params.min_height_ratio * model.com_height
-    above = lowest - legs.ankle_height - legs.com_above_hip
-    squared = (params.max_stretch * legs.length) ** 2 - x * x - y * y
-    ground = float(stance.p_WF[2])
-    if squared <= max(above, 0.0) ** 2:
-        return ground + lowest, 0.0
-    height = math.sqrt(squared)
-    rate = -(x * vx + y * vy) / height
-    return ground + lowest - above + height, rate
-
-
-def vertical_acceleration(
-    height: float,
-    velocity: float,
-    desired: float,
-    desired_rate: float,
-    params: ComHeightParams,
-) -> float:
-    """Returns the desired vertical acceleration of the CoM [m/s^2].
-
-    It is a PD law with the velocity command limited to `max_velocity` and the
-    result to `max_acceleration` (heights [m], velocities [m/s], all in W).
-    """
-    k_p = params.position_gain
-    k_d = 2.0 * params.damping_ratio * math.sqrt(k_p)
-    command = desired_rate + k_p / k_d * (desired - height)
-    limit = params.max_velocity
-    command = min(max(command, -limit), limit)
-    limit = params.max_acceleration
-    return min(max(k_d * (command - velocity), -limit), limit)
+        It is a PD law on the height, `desired` [m] with its `rate` [m/s], with
+        the velocity command limited to `max_velocity` and the result to
+        `max_acceleration` (heights [m], velocities [m/s], all in W).
+        """
+        k_p, limit = self.params.position_gain, self.params.max_velocity
+        k_d = 2.0 * self.params.damping_ratio * math.sqrt(k_p)
+        command = rate + k_p / k_d * (desired - height)
+        command = min(max(command, -limit), limit)
+        limit = self.params.max_acceleration
+        return min(max(k_d * (command - velocity), -limit), limit)

@@ -9,17 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from nadia_balance.core.body import reachability
+from nadia_balance.core.math import polygon as convex
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.polygon import (
-    area,
-    clip_all,
-    contains,
-    convex_hull,
-    halfspaces,
-    intersection,
-    project,
-)
 from nadia_balance.core.walking import vocabulary as walking
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
@@ -60,7 +52,7 @@ class Region:
     @cached_property
     def polygon(self) -> Array:
         """The corners (n, 2) [m], counter-clockwise."""
-        return convex_hull(np.array(self.vertices, dtype=float))
+        return convex.convex_hull(np.array(self.vertices, dtype=float))
 
     @cached_property
     def unit_normal(self) -> Array:
@@ -90,7 +82,7 @@ class Region:
         slope = np.array([-x / z, -y / z])
         at_origin = float(self.heights(np.zeros((1, 2)))[0])
         limits = np.array([highest - at_origin, at_origin - lowest])
-        return clip_all(polygon, np.array([slope, -slope]), limits)
+        return convex.clip_all(polygon, np.array([slope, -slope]), limits)
 
     def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
         """Returns the polygon (n, 2) [m] of sole centres, seen from above.
@@ -101,9 +93,9 @@ class Region:
         """
         foot = walking.FootPose(yaw=yaw, normal=self.unit_normal)
         corners = foot.outline(sole)
-        A, b = halfspaces(self.polygon)
+        A, b = convex.halfspaces(self.polygon)
         farthest = (A @ corners.T).max(axis=1)
-        return clip_all(self.polygon, A, b - farthest - margin)
+        return convex.clip_all(self.polygon, A, b - farthest - margin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +136,7 @@ class Ground(walking.Immutable):
     def allows(self, foot: walking.FootPose) -> bool:
         """True if the sole is on a single region, with the margin."""
         return any(
-            contains(foot.p_WF[:2], part, _ROUNDING)
+            convex.contains(foot.p_WF[:2], part, _ROUNDING)
             for part in self.footholds(foot.yaw)
             if len(part)
         )
@@ -158,8 +150,8 @@ class Ground(walking.Immutable):
         """
         parts = [part for part in self.footholds(yaw) if len(part)]
         if within is not None:
-            parts = [intersection(part, within) for part in parts]
-        points = [project(point, part) for part in parts if len(part)]
+            parts = [convex.intersection(part, within) for part in parts]
+        points = [convex.project(point, part) for part in parts if len(part)]
         return min(points, key=lambda p: math.dist(p, point), default=None)
 
     def footholds_within(
@@ -171,7 +163,7 @@ class Ground(walking.Immutable):
         for this `yaw` [rad] at heights from `lowest` to `highest` [m].
         """
         for index, hold in enumerate(self.footholds(yaw)):
-            part = intersection(polygon, hold) if len(hold) else hold
+            part = convex.intersection(polygon, hold) if len(hold) else hold
             part = self.regions[index].between(part, lowest, highest)
             if len(part):
                 yield index, part
@@ -181,7 +173,7 @@ class Ground(walking.Immutable):
         corners = foot.outline(self.sole)
         for region in self.regions:
             if not region.obstacle and all(
-                contains(p, region.polygon, _ROUNDING) for p in corners
+                convex.contains(p, region.polygon, _ROUNDING) for p in corners
             ):
                 return region
         return None
@@ -318,7 +310,7 @@ def check_ground(ground: Ground) -> None:
                 f"{ground.margin} m on each side"
             )
     for one, other in itertools.combinations(ground.regions, 2):
-        shared = area(intersection(one.polygon, other.polygon))
+        shared = convex.area(convex.intersection(one.polygon, other.polygon))
         if shared > _OVERLAP:
             raise ValueError(
                 f"regions {one.name!r} and {other.name!r}, at heights "
@@ -363,7 +355,7 @@ def believed(
     rng = np.random.default_rng(seed)
     found = []
     for region in regions:
-        if contains(start, region.polygon):
+        if convex.contains(start, region.polygon):
             found.append(region)
             continue
         up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()

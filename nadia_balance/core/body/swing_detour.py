@@ -1,4 +1,4 @@
-"""The horizontal path of the swing foot past the stance leg.
+"""The path of the swing foot past the stance leg and over uneven ground.
 
 A foothold beside the stance foot or across it is reached past its front or
 its back; the swing leg never passes the far side.
@@ -9,8 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nadia_balance.core.body.ground import Ground, Region
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
+from nadia_balance.core.math.polygon import convex_hull, intersection
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 
 Point = tuple[float, float]
@@ -26,6 +29,12 @@ UNDER_WAY = math.sqrt(0.5)
 
 _AT_REST = np.zeros(2)
 _TINY = 1e-9  # a shorter path has no direction: all speed is along it [m]
+_PARTS = 40  # intervals of the path, at whose ends the ground is evaluated
+_BESIDE = 0.01  # lateral tolerance of the foot on its path [m]
+_RISE = 0.005  # least height of an edge above the line start to goal [m]
+_AHEAD = 0.06  # distance at which the foot waits before a higher edge [m]
+_DESCENT = 0.1  # last distance in which the clearance falls to 0 [m]
+_SHORTEST = 0.02  # shorter paths have no edges [m]
 
 
 @dataclass(kw_only=True)
@@ -61,83 +70,77 @@ class SwingDetourParams:
         fastest = 2.0 * math.sqrt(length / self.max_acceleration)
         return max(fastest, length / self.max_speed) + self.settling
 
+    def way_round(
+        self, start: Array, goal: Array, stance: FootPose, swing: Side
+    ) -> Array:
+        """Returns the points (n, 2) [m] in W of the shortest path to the goal.
 
-def way_round(
-    start: Array,
-    goal: Array,
-    stance: FootPose,
-    swing: Side,
-    params: SwingDetourParams,
-) -> Array:
-    """Returns the points (n, 2) [m] in W of the shortest path to the goal.
+        It leads in straight lines from `start` (2,) past up to two corners of
+        the stance foot to `goal` (2,); both ends are included.  The corners are
+        closer to the stance foot if start or goal is.
+        """
+        p, q = (_beside(stance, swing, *at.tolist()) for at in (start, goal))
+        ahead = min(self._length(p), self._length(q))
+        low, high = min(p[0], q[0]), max(p[0], q[0])
+        corners = []
+        if low <= -ahead < high:
+            corners.append((-ahead, self.beside))
+        if low < ahead <= high:
+            corners.append((ahead, self.beside))
+        way, left = [p], corners if q[0] > p[0] else corners[::-1]
+        while left:  # shortest path: next is the point most to the swing side
+            x, y = way[-1]
+            nearest = max(
+                [*left, q], key=lambda c: math.atan2(c[1] - y, abs(c[0] - x))
+            )
+            if nearest is q:
+                break
+            way.append(nearest)
+            left = [
+                c for c in left if abs(c[0] - q[0]) < abs(nearest[0] - q[0])
+            ]
+        passed = [(x, swing.sign * y) for x, y in way[1:]]
+        points = stance.to_world(np.array(passed)) if passed else ()
+        return np.array((start, *points, goal))
 
-    It leads in straight lines from `start` (2,) past up to two corners of the
-    stance foot to `goal` (2,); both ends are included.  The corners are closer
-    to the stance foot if start or goal is.
-    """
-    p, q = (_beside(stance, swing, *at.tolist()) for at in (start, goal))
-    ahead = min(_length(p, params), _length(q, params))
-    low, high = min(p[0], q[0]), max(p[0], q[0])
-    corners = []
-    if low <= -ahead < high:
-        corners.append((-ahead, params.beside))
-    if low < ahead <= high:
-        corners.append((ahead, params.beside))
-    way, left = [p], corners if q[0] > p[0] else corners[::-1]
-    while left:  # shortest path: next is the point most to the swing side
-        x, y = way[-1]
-        nearest = max(
-            [*left, q], key=lambda c: math.atan2(c[1] - y, abs(c[0] - x))
-        )
-        if nearest is q:
-            break
-        way.append(nearest)
-        left = [c for c in left if abs(c[0] - q[0]) < abs(nearest[0] - q[0])]
-    passed = [(x, swing.sign * y) for x, y in way[1:]]
-    points = stance.to_world(np.array(passed)) if passed else ()
-    return np.array((start, *points, goal))
+    def shortest_time(self, way: Array, velocity: Array = _AT_REST) -> float:
+        """Returns the least time [s] of the foot to the end of the path `way`.
 
+        The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
+        rest.  The foot accelerates for one part of the path and brakes for the
+        other; or it brakes harder on the whole path; or, if it is too fast, it
+        overshoots and returns.  Lateral and backward speed are ignored.
+        """
+        parts = (way[1:] - way[:-1]).tolist()
+        length = sum(math.hypot(*part) for part in parts)
+        (x, y), (vx, vy) = parts[0], velocity.tolist()
+        v, d = math.hypot(vx, vy), math.hypot(x, y)
+        if d > _TINY:
+            v = max((x * vx + y * vy) / d, 0.0)
+        a = self.max_acceleration
+        slowest = length / self.max_speed
+        stop = 0.5 * v * v / a
+        if stop <= length:
+            return max((2.0 * math.sqrt(a * (length + stop)) - v) / a, slowest)
+        if stop <= PEAK * length:
+            return 2.0 * length / v
+        back = stop / PEAK - length
+        return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
 
-def shortest_time(
-    way: Array, params: SwingDetourParams, velocity: Array = _AT_REST
-) -> float:
-    """Returns the least time [s] of the foot to the end of the path `way`.
+    def time_of_way(
+        self, start: Array, goal: Array, stance: FootPose, swing: Side
+    ) -> float:
+        """Returns the least time [s] from rest at `start` to landing at `goal`.
 
-    The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
-    rest.  The foot accelerates for one part of the path and brakes for the
-    other; or it brakes harder on the whole path; or, if it is too fast, it
-    overshoots and returns.  Lateral and backward speed are ignored.
-    """
-    parts = (way[1:] - way[:-1]).tolist()
-    length = sum(math.hypot(*part) for part in parts)
-    (x, y), (vx, vy) = parts[0], velocity.tolist()
-    v, d = math.hypot(vx, vy), math.hypot(x, y)
-    if d > _TINY:
-        v = max((x * vx + y * vy) / d, 0.0)
-    a = params.max_acceleration
-    slowest = length / params.max_speed
-    stop = 0.5 * v * v / a
-    if stop <= length:
-        return max((2.0 * math.sqrt(a * (length + stop)) - v) / a, slowest)
-    if stop <= PEAK * length:
-        return 2.0 * length / v
-    back = stop / PEAK - length
-    return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
+        Points (2,) [m] in W; the path passes the `stance` foot.
+        """
+        way = self.way_round(start, goal, stance, swing)
+        return self.shortest_time(way) + self.settling
 
-
-def time_of_way(
-    start: Array,
-    goal: Array,
-    stance: FootPose,
-    swing: Side,
-    params: SwingDetourParams,
-) -> float:
-    """Returns the least time [s] from rest at `start` to a landing at `goal`.
-
-    Points (2,) [m] in W; the path passes the `stance` foot.
-    """
-    way = way_round(start, goal, stance, swing, params)
-    return shortest_time(way, params) + params.settling
+    def _length(self, p: Point) -> float:
+        """Returns `ahead`, or less if `p` is closer in front or behind."""
+        length, too_deep = abs(p[0]), self.beside - p[1]
+        return length if 0.0 < self.ahead - length < too_deep else self.ahead
 
 
 def _beside(stance: FootPose, swing: Side, x: float, y: float) -> Point:
@@ -147,7 +150,120 @@ def _beside(stance: FootPose, swing: Side, x: float, y: float) -> Point:
     return c * dx + s * dy, swing.sign * (c * dy - s * dx)
 
 
-def _length(p: Point, params: SwingDetourParams) -> float:
-    """Returns `ahead`, or less if `p` is closer in front or behind."""
-    length, too_deep = abs(p[0]), params.beside - p[1]
-    return length if 0.0 < params.ahead - length < too_deep else params.ahead
+@dataclass(frozen=True, eq=False)
+class SwingEdges(walking.Immutable):
+    """The edges on the straight path from `start` to `goal` (3,) [m].
+
+    `heights` (n,) [m] are the least heights of the sole's centre at equal
+    distances on the path; minus infinity without an edge.
+    """
+
+    start: Array
+    goal: Array
+    heights: Array
+    clearance: float  # included in `heights` [m]
+
+    @property
+    def top(self) -> float:
+        """Height [m] of the highest edge, or of the goal."""
+        highest = float(self.heights.max()) - self.clearance
+        return max(highest, float(self.goal[2]))
+
+    @property
+    def drop(self) -> float:
+        """Height [m] of descent after the last edge."""
+        nearby = self.heights[-1 - _PARTS // 5 :].max()
+        return max(float(nearby - self.goal[2]), 0.0)
+
+    def needed(self, points: Array) -> Array:
+        """Returns the least heights (k,) [m] of the sole at `points` (k, 2)."""
+        s = self._progress(points)
+        below, above = np.floor(s).astype(int), np.ceil(s).astype(int)
+        return np.asarray(np.maximum(self.heights[below], self.heights[above]))
+
+    def are_in_the_way(self, p_WF: Array) -> bool:
+        """True if a sole at `p_WF` (3,) [m] must rise before it moves on."""
+        s = float(self._progress(p_WF[None, :2])[0])
+        ahead = math.ceil(s + _PARTS * _AHEAD / self._length)
+        highest = self.heights[math.floor(s) : ahead + 1].max()
+        return bool(p_WF[2] < highest - 0.5 * self.clearance)
+
+    @property
+    def _length(self) -> float:
+        return math.dist(self.start[:2], self.goal[:2])
+
+    def _progress(self, points: Array) -> Array:
+        """Returns the passed path intervals (k,) [-] at `points` (k, 2)."""
+        way = self.goal[:2] - self.start[:2]
+        share = (points - self.start[:2]) @ way / (way @ way)
+        return np.asarray(_PARTS * np.minimum(np.maximum(share, 0.0), 1.0))
+
+
+def edges_on_way(
+    schedule: walking.ContactSchedule, ground: Ground | None, clearance: float
+) -> SwingEdges | None:
+    """Returns the edges on the path of the swing of `schedule`, or None.
+
+    An edge is ground above the straight line from lift-off to the foothold.
+    """
+    if ground is None or ground.is_level:
+        return None
+    if schedule.phase is not walking.Phase.SWING:
+        return None
+    step = schedule.footsteps[0]
+    start, goal = schedule.feet[step.side], step.pose
+    length = math.dist(start.p_WF[:2], goal.p_WF[:2])
+    if length < _SHORTEST:
+        return None
+    found = touching_heights(ground, start, goal)
+    s = np.linspace(0.0, 1.0, _PARTS + 1)
+    line = (1.0 - s) * start.p_WF[2] + s * goal.p_WF[2]
+    above = clearance * np.minimum((1.0 - s) * length / _DESCENT, 1.0)
+    heights = np.where(found > line + _RISE, found + above, -np.inf)
+    if not np.any(heights > -np.inf):
+        return None
+    return SwingEdges(start.p_WF, goal.p_WF, heights, clearance)
+
+
+def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
+    """Returns the contact heights (n,) [m] of a sole along its path.
+
+    They are those of the centre of the sole, _BESIDE larger on each side, at
+    equal distances on the straight path from `start` to `goal`, while it turns
+    and tilts evenly; minus infinity without ground.
+    """
+    sole = ground.sole * (1.0 + _BESIDE / np.abs(ground.sole))
+    turn = math.remainder(goal.yaw - start.yaw, math.tau)
+    ends = [start.outline(sole), goal.outline(sole)]
+    below = convex_hull(np.vstack(ends))
+    regions = [
+        region
+        for region in ground.regions
+        if len(intersection(region.polygon, below))
+    ]
+    heights = []
+    for s in np.linspace(0.0, 1.0, _PARTS + 1).tolist():
+        n = start.normal + s * (goal.normal - start.normal)
+        n = n / math.hypot(*n.tolist())
+        p_WF = start.p_WF + s * (goal.p_WF - start.p_WF)
+        foot = FootPose(p_WF, start.yaw + s * turn, n)
+        heights.append(_touching_height(regions, foot, foot.outline(sole)))
+    return np.array(heights)
+
+
+def _touching_height(
+    regions: list[Region], foot: FootPose, outline: Array
+) -> float:
+    """Returns the contact height [m] of the centre of the sole.
+
+    Sole and region are planes, so that they touch at a corner.
+    """
+    x, y, z = foot.normal.tolist()
+    highest = -math.inf
+    for region in regions:
+        corners = intersection(region.polygon, outline)
+        if len(corners):
+            offsets = corners - foot.p_WF[:2]
+            above = region.heights(corners) + offsets @ [x / z, y / z]
+            highest = max(highest, float(above.max()))
+    return highest

@@ -73,6 +73,7 @@ class Legs(NamedTuple):
     p: Array  # p_IF (2, 3) [m]
     R: Array  # R_IF (2, 3, 3)
     J: Array  # Jacobians of rotation and place by the angles (2, 6, nj)
+    v: Array  # velocities relative to I's, in I, by speeds and gyro (2, 3)
 
 
 class Estimate(NamedTuple):
@@ -171,7 +172,7 @@ class InvariantEkf:
         and horizontal place go to the gauge, Eq. (8).
         """
         x, heading, cov = last.x.copy(), last.heading.copy(), last.cov.copy()
-        foot, (place, ahead) = FEET[i], _seen(last, legs)
+        foot, (place, ahead) = FEET[i], seen(last, legs)
         x[2 + i], heading[i] = place[i], ahead[i]
         cov[foot] = cov[BODY]
         cov[:, foot] = cov[:, BODY]
@@ -200,19 +201,16 @@ class InvariantEkf:
         found, distance = _corrected(last, HP, HP @ H.T + noise, r)
         return found if distance <= GATE else last
 
-    def correct(
-        self, last: Estimate, stands: Array, legs: Legs
-    ) -> tuple[Estimate, list[int]]:
+    def correct(self, last: Estimate, stands: Array, legs: Legs) -> Estimate:
         """The estimate with the legs' measurement of the soles, Eq. (5).
 
         `stands` (2,) are the soles on the ground.  One whose squared innovation
-        is above GATE has slipped: it has landed anew.  The second result are
-        these.
+        is above GATE has slipped: it has landed anew.
         """
         rows: list[int] = np.flatnonzero(stands).tolist()
         found, distance = self._corrected(last, rows, legs)
         if distance <= GATE:  # that of each is less
-            return found, []
+            return found
         slipped = [
             i for i in rows if self._corrected(last, [i], legs)[1] > GATE
         ]
@@ -220,7 +218,7 @@ class InvariantEkf:
         found, _ = self._corrected(last, rows, legs)
         for i in slipped:
             found = self.touch(found, i, legs)
-        return found, slipped
+        return found
 
     def _corrected(
         self, last: Estimate, rows: list[int], legs: Legs
@@ -228,7 +226,7 @@ class InvariantEkf:
         """The estimate with the soles `rows`, and their squared innovation."""
         if not rows:
             return last, 0.0
-        place, ahead = _seen(last, legs)
+        place, ahead = seen(last, legs)
         turn = np.remainder(ahead - last.heading + math.pi, 2.0 * math.pi)
         r = np.column_stack((place - last.x[2:], turn - math.pi))[rows].ravel()
         HP = np.concatenate([last.cov[FEET[i]] - last.cov[BODY] for i in rows])
@@ -243,7 +241,7 @@ class InvariantEkf:
         return self._joint_var * (RJ @ RJ.T)
 
 
-def _seen(last: Estimate, legs: Legs) -> tuple[Array, Array]:
+def seen(last: Estimate, legs: Legs) -> tuple[Array, Array]:
     """Places (2, 3) [m] and headings (2,) [rad] of the soles by the legs."""
     x, y, _ = last.R @ legs.R[:, :, 0].T
     return last.x[1] + legs.p @ last.R.T, np.arctan2(y, x)

@@ -92,7 +92,8 @@ UNBOUNDED = Bounds()
 def bounded(default: Any, **bounds: Any) -> Any:
     """Returns a dataclass field with this default and `Bounds` for `check`.
 
-    The default may be a factory, such as `dict`.  None is always allowed.
+    The default may be a factory, such as `dict`, or a dataclass with bounds of
+    its own.  None is always allowed.
     """
     kind = "default_factory" if callable(default) else "default"
     return dataclasses.field(

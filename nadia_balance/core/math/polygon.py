@@ -13,8 +13,6 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 
 Point = tuple[float, float]
-# Vertex x, y [m] and vector dx, dy [m] to the next vertex.
-Edge = tuple[float, float, float, float]
 
 # Tolerances, far below relevant sizes and far above rounding errors:
 _FLAT = 1e-12  # a triangle of half this area [m^2] is a line
@@ -229,16 +227,36 @@ def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
 
 
 def minkowski_sum(first: Array, second: Array) -> Array:
-    """Returns {p + q : p in first, q in second}.
+    """Returns {p + q : p in first, q in second}, (n, 2).
 
     Both have to be counter-clockwise and strictly convex, as from
     `convex_hull`; one may be a single point or a line.
     """
-    return merge(edges(first), edges(second))
+    total: list[Point] = []
+    others, edges = _from_lowest(first), _from_lowest(second)
+    j, num_edges = 0, len(edges)
+    for ax, ay, ux, uy in others:
+        while j < num_edges:
+            bx, by, vx, vy = edges[j]
+            total.append((ax + bx, ay + by))
+            turn = ux * vy - uy * vx
+            if turn <= _PARALLEL:
+                j += 1
+            if turn >= -_PARALLEL:
+                break
+        else:  # the second polygon is complete
+            bx, by, *_ = edges[0]
+            total.append((ax + bx, ay + by))
+    ax, ay, *_ = others[0]
+    total += [(ax + bx, ay + by) for bx, by, _, _ in edges[j:]]
+    return as_array(total)
 
 
-def edges(polygon: Array) -> list[Edge]:
-    """Returns all edges, from the lowest vertex; of several, the leftmost."""
+def _from_lowest(polygon: Array) -> list[tuple[float, float, float, float]]:
+    """Returns vertices x, y [m] and vectors dx, dy [m] to the next ones.
+
+    They begin with the lowest vertex; of several, with the leftmost.
+    """
     vertices: list[Point] = polygon.tolist()
     upright = [(y, x) for x, y in vertices]
     k = upright.index(min(upright))
@@ -247,24 +265,3 @@ def edges(polygon: Array) -> list[Edge]:
         (x, y, u - x, v - y)
         for (x, y), (u, v) in zip(starts, starts[1:] + starts[:1], strict=True)
     ]
-
-
-def merge(first: list[Edge], second: list[Edge]) -> Array:
-    """Returns the sum (n, 2) of two polygons given by their `edges`."""
-    total: list[Point] = []
-    j, num_second = 0, len(second)
-    for ax, ay, ux, uy in first:
-        while j < num_second:
-            bx, by, vx, vy = second[j]
-            total.append((ax + bx, ay + by))
-            turn = ux * vy - uy * vx
-            if turn <= _PARALLEL:
-                j += 1
-            if turn >= -_PARALLEL:
-                break
-        else:  # the second polygon is complete
-            bx, by, *_ = second[0]
-            total.append((ax + bx, ay + by))
-    ax, ay, *_ = first[0]
-    total += [(ax + bx, ay + by) for bx, by, _, _ in second[j:]]
-    return as_array(total)

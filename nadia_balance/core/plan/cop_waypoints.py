@@ -171,19 +171,20 @@ class Stance:
     def transfer(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
         """Returns the shift of the weight to the other foot of `step`."""
         leading, side = step.side.other, step.side
-        (exit_,) = self._cops(side, feet[side], feet[leading], "exit")
-        (entry,) = self._cops(leading, feet[leading], feet[side], "entry")
-        mid = exit_ + self.params.mid_weight * (entry - exit_)
-        split = self.params.transfer_split
+        p = self.params
+        exit_ = self._cop(p.exit, side, feet[side], feet[leading])
+        entry = self._cop(p.entry, leading, feet[leading], feet[side])
+        mid = exit_ + p.mid_weight * (entry - exit_)
         supports = [self._support(feet, *Side), self._support(feet, leading)]
-        shares = [split, 1.0 - split]
+        shares = [p.transfer_split, 1.0 - p.transfer_split]
         return _Phase([mid, entry], shares, step.transfer_duration, supports)
 
     def swing(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
         """Returns the swing of `step`."""
         support = step.side.other
-        ball, exit_ = self._cops(
-            support, feet[support], step.pose, "ball", "exit"
+        ball, exit_ = (
+            self._cop(point, support, feet[support], step.pose)
+            for point in (self.params.ball, self.params.exit)
         )
         shift = self.params.swing_shift_fraction
         split = self.params.swing_split
@@ -205,16 +206,12 @@ class Stance:
         soles = [feet[side].to_world(self.inner) for side in sides]
         return polygon.convex_hull(np.concatenate(soles))
 
-    def _cops(
-        self, side: Side, foot: FootPose, other: FootPose, *names: str
-    ) -> list[Array]:
-        """Returns the named points (2,) of the foot of `side`."""
+    def _cop(
+        self, point: CopPointParams, side: Side, foot: FootPose, other: FootPose
+    ) -> Array:
+        """Returns the `point` (2,) [m] in W of the `foot` of `side`."""
         length = self.step_length(foot, other)
-        cops = (
-            self.cop_point(getattr(self.params, name), side, length)
-            for name in names
-        )
-        return [foot.to_world(cop) for cop in cops]
+        return foot.to_world(self.cop_point(point, side, length))
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Returns the distance [m] from toe to toe by which `other` leads."""

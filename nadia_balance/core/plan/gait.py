@@ -7,12 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nadia_balance.core.body.ground import (
-    Ground,
-    moved_to,
-    standing_on,
-    steps_on,
-)
+from nadia_balance.core.body import ground as terrain
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import ReachabilityParams as Reach
 from nadia_balance.core.body.reachability import base_region, in_world
@@ -97,7 +92,10 @@ class Gait:
 
 
 def make_footsteps(
-    gait: Gait, feet: FootPoses, reach: Reach, ground: Ground | None = None
+    gait: Gait,
+    feet: FootPoses,
+    reach: Reach,
+    ground: terrain.Ground | None = None,
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
@@ -116,7 +114,7 @@ def make_footsteps(
     steps = tuple(wanted)
     if ground is not None:
         limit = None if gait.footholds else reach
-        steps = steps_on(ground, steps, feet, limit)
+        steps = terrain.steps_on(ground, steps, feet, limit)
     _check(steps, feet, reach)
     return steps
 
@@ -137,7 +135,7 @@ def walking_start(
         *(_offset(place, 0.0, 0.5 * side.sign * width, 0.0) for side in Side)
     )
     if model.ground is not None:
-        feet = standing_on(model.ground, feet)
+        feet = terrain.standing_on(model.ground, feet)
     steps = make_footsteps(gait, feet, model.reach, model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
@@ -212,7 +210,7 @@ def within_reach(
     feet: FootPoses,
     reach: Reach,
     landed: Footstep | None = None,
-    ground: Ground | None = None,
+    ground: terrain.Ground | None = None,
 ) -> tuple[Footstep, ...]:
     """Returns the footsteps, the first three within reach.
 
@@ -226,8 +224,10 @@ def within_reach(
     unchanged step is the same object.
     """
     share = 1.0
-    if landed is not None and not _is_at(feet[landed.side], landed.pose, reach):
-        share = reach.return_share
+    if landed is not None:
+        away = math.dist(feet[landed.side].p_WF[:2], landed.pose.p_WF[:2])
+        if away > _DISPLACED * reach.width_nominal:
+            share = reach.return_share
     steps = []
     for step in commanded[:_NEXT]:
         stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
@@ -238,20 +238,17 @@ def within_reach(
             share = 1.0
         else:
             region = _share_of_region(reach, share)
-            step = _moved(step, stance, mirror * project(p_F, region))
+            xy = stance.to_world((mirror * project(p_F, region))[None])[0]
+            p_WF = np.append(xy, step.pose.p_WF[2])
+            step = replace(step, pose=replace(step.pose, p_WF=p_WF))
             if ground is not None and not ground.allows(step.pose):
                 within = (region, base_region(reach))
                 parts = [in_world(part, stance, step.side) for part in within]
-                step = moved_to(ground, step, parts) or step
+                step = terrain.moved_to(ground, step, parts) or step
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
         steps.append(step)
     return (*steps, *commanded[_NEXT:])
-
-
-def _is_at(foot: FootPose, commanded: FootPose, reach: Reach) -> bool:
-    near = _DISPLACED * reach.width_nominal
-    return math.dist(foot.p_WF[:2], commanded.p_WF[:2]) <= near
 
 
 def _share_of_region(reach: Reach, share: float) -> Array:
@@ -269,9 +266,3 @@ def _scaled(points: Array, reach: Reach, share: float) -> Array:
     x, y = points[..., 0], points[..., 1]
     wider = np.maximum(y - reach.width_nominal, 0.0)
     return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
-
-
-def _moved(step: Footstep, stance: FootPose, p_F: Array) -> Footstep:
-    xy = stance.to_world(p_F[None])[0]
-    p_WF = np.append(xy, step.pose.p_WF[2])
-    return replace(step, pose=replace(step.pose, p_WF=p_WF))

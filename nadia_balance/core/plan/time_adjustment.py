@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.body.swing_detour import UNDER_WAY, time_of_way
+from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import contains, project
@@ -228,4 +228,4 @@ class Timing:
         way = foot.p_WF[:2], goal[:2], schedule.feet[side], side.other
         brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
         descent = float(brink - goal[2]) / detour.max_descent
-        return time_of_way(*way, detour) + max(descent - detour.settling, 0.0)
+        return detour.time_of_way(*way) + max(descent - detour.settling, 0.0)

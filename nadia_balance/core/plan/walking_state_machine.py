@@ -5,7 +5,7 @@ specify it; see also the Atlas paper, Sec. II.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ class WalkingStateMachineParams:
     # ms of load, or one hard impact that may bounce.
     contact_force: float = bounded(0.034, least=0.0, below=1.0)
     contact_impulse: float = bounded(3.4e-4, least=0.0, unit="s")
-    lift_off: LiftOffParams = field(default_factory=LiftOffParams)
+    lift_off: LiftOffParams = bounded(LiftOffParams)
 
 
 @dataclass(frozen=True, eq=False)

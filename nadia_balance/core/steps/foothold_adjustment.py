@@ -17,18 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core.body.reachability import BASE, closest_point
-from nadia_balance.core.body.swing_detour import UNDER_WAY, time_of_way
+from nadia_balance.core.body.swing_detour import UNDER_WAY
+from nadia_balance.core.math import polygon as convex
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import (
-    area,
-    clip_all,
-    contains,
-    halfspaces,
-    intersection,
-    project,
-)
-from nadia_balance.core.steps import swing_geometry
-from nadia_balance.core.steps.swing_geometry import (
+from nadia_balance.core.steps import capture_region as capture
+from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams as Params,
 )
 from nadia_balance.core.walking import vocabulary as walking
@@ -90,7 +83,7 @@ class Landing(walking.Immutable):
     the foothold.  Capture regions (n, 2) [m] are computed on first use.
     """
 
-    geometry: swing_geometry.SwingGeometry
+    geometry: capture.SwingGeometry
     icp: Array
     touchdown: tuple[float, float]
     foot: Array | None = None
@@ -139,7 +132,7 @@ class Landing(walking.Immutable):
         if self.foot is None:
             return 0.0
         g = self.geometry
-        return time_of_way(self.foot, goal, g.stance, g.swing, g.model.detour)
+        return g.model.detour.time_of_way(self.foot, goal, g.stance, g.swing)
 
 
 def propose_adjustment(
@@ -173,13 +166,13 @@ def adjust_foothold(
     closest point counts; `distance_hysteresis` favors the previous ground.
     """
     nominal, region = current.nominal.pose, landing.capture_region
-    covered = contains(nominal.p_WF[:2], region, -params.margin)
+    covered = convex.contains(nominal.p_WF[:2], region, -params.margin)
     if covered and landing.geometry.allows(nominal):
-        holds = contains(current.pose.p_WF[:2], region)
+        holds = convex.contains(current.pose.p_WF[:2], region)
         return return_to_nominal(current, holds, params, period)
     options = goals(landing, current, params)
 
-    def cost(option: tuple[swing_geometry.Place, Array]) -> float:
+    def cost(option: tuple[capture.Place, Array]) -> float:
         place, point = option
         kept = _is_last(place, current) * params.rules.distance_hysteresis
         return math.dist(point, nominal.p_WF[:2]) - kept
@@ -204,7 +197,7 @@ class Goal(NamedTuple):
     If none does, the part is the point (1, 2) closest to the capture region.
     """
 
-    place: swing_geometry.Place
+    place: capture.Place
     part: Array
 
 
@@ -222,7 +215,7 @@ def goals(landing: Landing, current: Adjustment, params: Params) -> list[Goal]:
     Its rule 3 compares all regions at the same time, but a cross-over step
     takes longer, while the ICP diverges.
     """
-    A, b = halfspaces(landing.capture_region)
+    A, b = convex.halfspaces(landing.capture_region)
     places = [Goal(place, place.polygon) for place in landing.geometry.places]
     rules, depth = params.rules, params.margin
     found = _preferred(_clipped(places, A, b - depth), current, rules)
@@ -239,7 +232,7 @@ def goals(landing: Landing, current: Adjustment, params: Params) -> list[Goal]:
     return found
 
 
-def _is_last(place: swing_geometry.Place, current: Adjustment) -> bool:
+def _is_last(place: capture.Place, current: Adjustment) -> bool:
     """True if the present, moved foothold was chosen in this place."""
     last = current.region, current.ground
     return current.moved and (place.reach, place.ground) == last
@@ -247,14 +240,14 @@ def _is_last(place: swing_geometry.Place, current: Adjustment) -> bool:
 
 def _clipped(options: Iterable[Goal], A: Array, b: Array) -> list[Goal]:
     """Returns the parts of `options` with A p <= b that have an area."""
-    parts = (Goal(place, clip_all(part, A, b)) for place, part in options)
+    parts = (
+        Goal(place, convex.clip_all(part, A, b)) for place, part in options
+    )
     return [goal for goal in parts if len(goal.part)]
 
 
 def _preferred(
-    options: list[Goal],
-    current: Adjustment,
-    rules: swing_geometry.ReachRulesParams,
+    options: list[Goal], current: Adjustment, rules: capture.ReachRulesParams
 ) -> list[Goal]:
     """Returns the options of one reachability region, by rules 1 and 2."""
     by_reach: dict[str, list[Goal]] = {}
@@ -262,7 +255,7 @@ def _preferred(
         by_reach.setdefault(goal.place.reach, []).append(goal)
 
     def preference(reach: str) -> float:
-        shared = sum(area(goal.part) for goal in by_reach[reach])
+        shared = sum(convex.area(goal.part) for goal in by_reach[reach])
         if reach == BASE:
             shared *= rules.area_margin
         if current.moved and reach == current.region:
@@ -287,25 +280,33 @@ def _deepest(
 
 
 def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
-    """Returns the goal of rule 3."""
+    """Returns the goal of rule 3.
 
-    def gap(place: swing_geometry.Place) -> float:
+    It is in the region that rules 1 and 2 choose if later steps hurry, or in
+    any, if that is none; and closest to the capture region.
+    """
+    places = [Goal(place, place.polygon) for place in landing.geometry.places]
+    A, b = convex.halfspaces(landing.geometry.hurried_region(landing.one_step))
+    found = _preferred(_clipped(places, A, b), current, params.rules)
+    options = {goal.place.reach for goal in found or places}
+
+    def gap(place: capture.Place) -> float:
         is_last = _is_last(place, current)
         captures = landing.on_arrival(
             place.polygon, params.least_time_to_land, is_last
         )
         gap = 0.0
-        if not len(intersection(place.polygon, captures)):
+        if not len(convex.intersection(place.polygon, captures)):
             _, gap = closest_point(place.polygon, captures)
         return gap - is_last * params.rules.distance_hysteresis
 
-    place = min(landing.geometry.places, key=gap)
+    place = min((g.place for g in places if g.place.reach in options), key=gap)
     nearest, _ = closest_point(place.polygon, landing.capture_region)
     return Goal(place, nearest[None])
 
 
 def _foothold(
-    nominal: FootPose, goal: Goal, geometry: swing_geometry.SwingGeometry
+    nominal: FootPose, goal: Goal, geometry: capture.SwingGeometry
 ) -> Array | None:
     """Returns the goal's point (2,) [m] closest to `nominal`; None if blocked.
 
@@ -313,13 +314,13 @@ def _foothold(
     or beside that foot is returned.
     """
     start = nominal.p_WF[:2]
-    target = project(start, goal.part)
+    target = convex.project(start, goal.part)
     if not geometry.blocked(target):
         return target
     free = goal.part
     if len(free) == 1:  # the point closest to the capture region
         start, free = target, goal.place.polygon
-    points = [project(start, part) for part in geometry.free_parts(free)]
+    points = [convex.project(start, part) for part in geometry.free_parts(free)]
     return min(points, key=lambda p: math.dist(p, start), default=None)
 
 

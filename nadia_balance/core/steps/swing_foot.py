@@ -13,17 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.body import swing_detour
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.swing_detour import PEAK, SwingEdges
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.steps.swing_clearance import SwingEdges
 from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
-# Indices of FootMotion's elements in its vector, and the inverse permutation.
-_AS_ROWS = np.array([[0, 1, 2, 9], [3, 4, 5, 10], [6, 7, 8, 11]])
-_AS_VECTOR = _AS_ROWS.argsort(axis=None)
 
 STEP = 0.01  # spacing of the candidate times of a via point [s]
 
@@ -55,195 +51,186 @@ class SwingFootParams:
     touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
 
 
+def at_rest(pose: FootPose) -> Array:
+    """Returns the motion (3, 4) of a foot at rest at `pose`.
+
+    Rows p, v, a of [x, y, z, yaw] of the sole in W.
+    """
+    motion = np.zeros((3, 4))
+    motion[0] = *pose.p_WF, pose.yaw
+    return motion
+
+
+def as_reference(motion: Array, lead: float) -> Array:
+    """Returns [p(3), v(3), a(3), yaw, yawdot, yawddot] in W, shape (12,).
+
+    The `motion` (3, 4) is `lead` [s] ahead; the velocities are the present
+    ones, as of the robot only positions are predicted (see StatePredictor).
+    """
+    now = motion.copy()
+    now[1] -= lead * motion[2]
+    return np.append(now[:, :3], now[:, 3])
+
+
 @dataclass(frozen=True, eq=False)
-class FootMotion:
-    """Rows p, v, a of [x, y, z, yaw] of the sole in W, shape (3, 4)."""
+class SwingFoot:
+    """The swing foot of a robot, once per `period` [s].
 
-    pva: Array
-
-    @classmethod
-    def at_rest(cls, pose: FootPose) -> "FootMotion":
-        """Returns the motion of a foot at rest at `pose`."""
-        pva = np.zeros((3, 4))
-        pva[0] = *pose.p_WF, pose.yaw
-        return cls(pva)
-
-    def as_vector(self) -> Array:
-        """[p(3), v(3), a(3), yaw, yawdot, yawddot] in W, shape (12,)."""
-        return self.pva.take(_AS_VECTOR)
-
-    @classmethod
-    def from_vector(cls, vector: Array) -> "FootMotion":
-        """The inverse of `as_vector`."""
-        return cls(vector.take(_AS_ROWS))
-
-
-def swing_foot_motion(
-    previous: FootMotion,
-    state: WalkingState,
-    period: float,
-    params: SwingFootParams,
-    model: PointMassModel,
-    lead: float = 0.0,
-    edges: SwingEdges | None = None,
-) -> tuple[FootMotion, FootMotion]:
-    """Returns the motion of the swing foot one `period` [s] later.
-
-    The second result is the motion another `lead` [s] later, the reference for
-    drives with that lag.  `previous` is the motion of the last tick, `state`
-    the walking state of this one.  Outside of a swing, the next swing foot is
-    at rest.  A foot that cannot reach its foothold in time lands later.  At the
-    foothold, after the end of the swing's clock, it moves downward with the
-    touchdown velocity until contact; if it is faster, it brakes first.  It
-    passes above any `edges` on its path.
+    Its reference is for drives with a lag of `lead` [s].
     """
-    schedule = state.schedule
-    side = schedule.support_side.other
-    if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
-        return (FootMotion.at_rest(schedule.feet[side]),) * 2
-    start = previous.pva
-    end, horizon = _course(start, state, period, params, model, edges)
-    now, ahead = (
-        FootMotion(quintic_at(start, end, horizon, t))
-        for t in (period, period + lead)
-    )
-    return now, ahead
 
+    params: SwingFootParams
+    model: PointMassModel
+    period: float
+    lead: float = 0.0
 
-def _course(
-    start: Array,
-    state: WalkingState,
-    period: float,
-    params: SwingFootParams,
-    model: PointMassModel,
-    edges: SwingEdges | None,
-) -> tuple[Array, Array]:
-    """Returns the end (3, 4) of the quintic from `start`, and its times (4,).
+    def motion(
+        self,
+        previous: Array,
+        state: WalkingState,
+        edges: SwingEdges | None = None,
+    ) -> tuple[Array, Array]:
+        """Returns the motion (3, 4) of the swing foot one `period` [s] later.
 
-    The times [s] are those of x, y, z and yaw.
-    """
-    schedule, detour = state.schedule, model.detour
-    goal, stance = schedule.footsteps[0].pose, schedule.support_side
-    end = np.zeros((3, 4))
-    end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
-    end[1, Z] = -params.touchdown_velocity
-    height = float(start[0, 2] - end[0, 2])
-    left = state.remaining_time + (_SOON if state.waiting else period)
-    # The horizontal motion ends before the vertical one.
-    settling = detour.settling
-    if edges is not None:
-        settling = max(settling, edges.drop / detour.max_descent)
-    over = max(left - settling, min(left, 2.0 * detour.settling))
-    way = swing_detour.way_round(
-        start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other, detour
-    )
-    end[:, XY], over = _within_limits(start[:, XY], way, over, detour)
-    arrived = math.dist(start[0, XY], goal.p_WF[:2]) < params.descent_radius
-    left = max(left, over if arrived else over + settling)
-    descent = -float(start[1, 2])
-    left = max(left, height / detour.max_descent)
-    left = max(left, _time_to_descend(height, descent, params, detour))
-    braking = _time_to_brake(height, descent, params, detour)
-    if braking:  # with constant deceleration
-        left = braking
-        end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
-    ground = float(end[0, 2]) if edges is None else edges.top
-    apex = _apex(start[:2, 2], ground, left, state, params)
-    landing = end[:, Z].copy()
-    if apex is not None:
-        end[:, Z] = _aim(start[:, Z], landing, left, apex)
-    if edges is not None and edges.are_in_the_way(start[0, :3]):
-        end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
-    elif edges is not None:
-        end[:, Z] = _over_edges(start, end, landing, over, left, edges)
-    # Above a foothold down a step, the clock may run out before the descent.
-    low = arrived and (edges is None or height < params.descent_radius)
-    if state.waiting and low and not braking:  # sink until contact
-        left, slow = _SINKING, params.touchdown_velocity
-        mean = 0.5 * (float(start[1, 2]) - slow)
-        end[:, 2] = start[0, 2] + mean * left, -slow, 0.0
-    return end, np.array([over, over, left, over])
+        Motions are rows p, v, a of [x, y, z, yaw] in W.  The second result is
+        the motion another `lead` [s] later, the reference for drives with that
+        lag. `previous` is the motion of the last tick, `state` the walking
+        state of this one.  Outside of a swing, the next swing foot is at rest.
+        A foot that cannot reach its foothold in time lands later.  At the
+        foothold, after the end of the swing's clock, it moves downward with the
+        touchdown velocity until contact; if it is faster, it brakes first.  It
+        passes above any `edges` on its path.
+        """
+        schedule = state.schedule
+        side = schedule.support_side.other
+        if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
+            return (at_rest(schedule.feet[side]),) * 2
+        end, horizon = self._course(previous, state, edges)
+        now, ahead = (
+            quintic_at(previous, end, horizon, t)
+            for t in (self.period, self.period + self.lead)
+        )
+        return now, ahead
 
+    def _course(
+        self, start: Array, state: WalkingState, edges: SwingEdges | None
+    ) -> tuple[Array, Array]:
+        """Returns the end (3, 4) of the quintic from `start`, and times (4,).
 
-def velocity_now(swing: Array, lead: float) -> Array:
-    """Returns the reference (12,), `lead` [s] ahead, with present velocities.
+        The times [s] are those from start to end of x, y, z and yaw.
+        """
+        schedule, detour = state.schedule, self.model.detour
+        goal, stance = schedule.footsteps[0].pose, schedule.support_side
+        end = np.zeros((3, 4))
+        end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
+        end[1, Z] = -self.params.touchdown_velocity
+        height = float(start[0, 2] - end[0, 2])
+        left = state.remaining_time + (_SOON if state.waiting else self.period)
+        # The horizontal motion ends before the vertical one.
+        settling = detour.settling
+        if edges is not None:
+            settling = max(settling, edges.drop / detour.max_descent)
+        over = max(left - settling, min(left, 2.0 * detour.settling))
+        way = detour.way_round(
+            start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other
+        )
+        end[:, XY], over = self._within_limits(start[:, XY], way, over)
+        radius = self.params.descent_radius
+        arrived = math.dist(start[0, XY], goal.p_WF[:2]) < radius
+        left = max(left, over if arrived else over + settling)
+        descent = -float(start[1, 2])
+        left = max(left, height / detour.max_descent)
+        left = max(left, self._time_to_descend(height, descent))
+        braking = self._time_to_brake(height, descent)
+        if braking:  # with constant deceleration
+            left = braking
+            end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
+        ground = float(end[0, 2]) if edges is None else edges.top
+        apex = self._apex(start[:2, 2], ground, left, state)
+        landing = end[:, Z].copy()
+        if apex is not None:
+            end[:, Z] = _aim(start[:, Z], landing, left, apex)
+        if edges is not None and edges.are_in_the_way(start[0, :3]):
+            end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
+        elif edges is not None:
+            end[:, Z] = _over_edges(start, end, landing, over, left, edges)
+        # Above a foothold down a step, the clock may run out before the
+        # descent.
+        low = arrived and (edges is None or height < radius)
+        if state.waiting and low and not braking:  # sink until contact
+            left, slow = _SINKING, self.params.touchdown_velocity
+            mean = 0.5 * (float(start[1, 2]) - slow)
+            end[:, 2] = start[0, 2] + mean * left, -slow, 0.0
+        return end, np.array([over, over, left, over])
 
-    Of the robot, only positions are predicted (see StatePredictor).
-    """
-    late = swing.copy()
-    late[3:6] -= lead * swing[6:9]
-    late[10] -= lead * swing[11]
-    return late
+    def _time_to_descend(self, height: float, descent: float) -> float:
+        """Returns the least time [s] to touchdown from a `height` [m].
 
+        The foot, which descends at `descent` [m/s], accelerates and brakes to
+        the touchdown velocity, with `_GENTLE` of the largest deceleration: the
+        quintic has a higher peak.  0 for a foot that rises.
+        """
+        if height <= 0.0 or descent <= 0.0:
+            return 0.0
+        slow = self.params.touchdown_velocity
+        a = _GENTLE * self.model.detour.max_braking
+        fastest = math.sqrt(a * height + 0.5 * (descent**2 + slow**2))
+        if fastest <= max(descent, slow):
+            return 2.0 * height / (descent + slow)
+        return (2.0 * fastest - descent - slow) / a
 
-def _time_to_descend(
-    height: float,
-    descent: float,
-    params: SwingFootParams,
-    detour: swing_detour.SwingDetourParams,
-) -> float:
-    """Returns the least time [s] to touchdown from a `height` [m].
+    def _time_to_brake(self, height: float, descent: float) -> float:
+        """Returns the time [s] to touchdown of a foot that has to brake now.
 
-    The foot, which descends at `descent` [m/s], accelerates and brakes to the
-    touchdown velocity, with `_GENTLE` of the largest deceleration: the quintic
-    has a higher peak.  0 for a foot that rises.
-    """
-    if height <= 0.0 or descent <= 0.0:
-        return 0.0
-    slow, a = params.touchdown_velocity, _GENTLE * detour.max_braking
-    fastest = math.sqrt(a * height + 0.5 * (descent**2 + slow**2))
-    if fastest <= max(descent, slow):
+        The foot descends at `descent` [m/s] from a `height` [m] with a constant
+        deceleration to the touchdown velocity.  0 if it need not brake yet.
+        """
+        slow = self.params.touchdown_velocity
+        if height <= 0.0 or descent <= slow:
+            return 0.0
+        if descent**2 - slow**2 < 2.0 * self.model.detour.max_braking * height:
+            return 0.0
         return 2.0 * height / (descent + slow)
-    return (2.0 * fastest - descent - slow) / a
 
+    def _within_limits(
+        self, start: Array, way: Array, left: float
+    ) -> tuple[Array, float]:
+        """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
-def _time_to_brake(
-    height: float,
-    descent: float,
-    params: SwingFootParams,
-    detour: swing_detour.SwingDetourParams,
-) -> float:
-    """Returns the time [s] to touchdown of a foot that has to brake now.
+        The quintic follows `way` (n, 2) past its first corner, if possible with
+        at most PEAK times `max_acceleration`.
+        """
+        end = np.zeros((3, 2))
+        end[0] = way[-1]
+        detour = self.model.detour
+        needed = detour.shortest_time(way, start[1])
+        left = max(left, needed)
+        corner = len(way) > 2
+        times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
+        most = PEAK * detour.max_acceleration
+        aim = end
+        for _ in range(_STRETCHES):
+            aim = _aim(start, end, left, way[1]) if corner else end
+            if left > _STRETCH**_STRETCHES * needed:
+                break
+            a = quintic(start, aim, np.full(2, left), left * times)[2]
+            if np.max(np.hypot(*a.T)) <= most:
+                break
+            left *= _STRETCH
+        return aim, left
 
-    The foot descends at `descent` [m/s] from a `height` [m] with a constant
-    deceleration to the touchdown velocity.  0 if it need not brake yet.
-    """
-    slow = params.touchdown_velocity
-    if height <= 0.0 or descent <= slow:
-        return 0.0
-    if descent**2 - slow**2 < 2.0 * detour.max_braking * height:
-        return 0.0
-    return 2.0 * height / (descent + slow)
-
-
-def _within_limits(
-    start: Array,
-    way: Array,
-    left: float,
-    detour: swing_detour.SwingDetourParams,
-) -> tuple[Array, float]:
-    """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
-
-    The quintic follows `way` (n, 2) past its first corner, if possible with at
-    most PEAK times `max_acceleration`.
-    """
-    end = np.zeros((3, 2))
-    end[0] = way[-1]
-    needed = swing_detour.shortest_time(way, detour, start[1])
-    left = max(left, needed)
-    corner = len(way) > 2
-    times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
-    most = swing_detour.PEAK * detour.max_acceleration
-    aim = end
-    for _ in range(_STRETCHES):
-        aim = _aim(start, end, left, way[1]) if corner else end
-        if left > _STRETCH**_STRETCHES * needed:
-            break
-        a = quintic(start, aim, np.full(2, left), left * times)[2]
-        if np.max(np.hypot(*a.T)) <= most:
-            break
-        left *= _STRETCH
-    return aim, left
+    def _apex(
+        self, start: Array, ground: float, left: float, state: WalkingState
+    ) -> Array | None:
+        """The apex (1,) [m]; None if `start` (p, v) is above it, or sinks."""
+        schedule, params = state.schedule, self.params
+        lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
+        height = params.height
+        if schedule.legs_crossed:
+            height = min(height, params.uncrossing_height)
+        height *= min(1.0, (left / params.fall_time) ** 2)
+        apex = max(lift_off, ground) + height
+        return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
@@ -254,24 +241,6 @@ def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
     if min(t, left - t) < _SOON:
         return end
     return end_beyond(start, end, left, via, t)
-
-
-def _apex(
-    start: Array,
-    ground: float,
-    left: float,
-    state: WalkingState,
-    params: SwingFootParams,
-) -> Array | None:
-    """Returns the apex (1,) [m]; None if `start` (p, v) is above or sinks."""
-    schedule = state.schedule
-    lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
-    height = params.height
-    if schedule.legs_crossed:
-        height = min(height, params.uncrossing_height)
-    height *= min(1.0, (left / params.fall_time) ** 2)
-    apex = max(lift_off, ground) + height
-    return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
 
 
 def _over_edges(
@@ -330,26 +299,19 @@ def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
     """Returns p, v, a of the quintic, for numbers or arrays."""
-    p, v, a, c3, c4, c5 = _coefficients(start, end, h)
+    (p, v, a0), (p1, v1, a1) = start, end
+    v, a0, v1, a1 = v * h, a0 * h * h, v1 * h, a1 * h * h
+    a = 0.5 * a0
+    gap, dv, da = p1 - p - v - a, v1 - v - a0, a1 - a0
+    # p, v, a and c3 to c5 are the coefficients of the powers 0 to 5 of t / h.
+    c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
+    c4 = -15.0 * gap + 7.0 * dv - da
+    c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
     s = t / h
     return (
         p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5)))),
         (v + s * (2 * a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
         (2 * a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
-    )
-
-
-def _coefficients(start: Any, end: Any, h: Any) -> tuple[Any, ...]:
-    """Returns the coefficients of the powers 0 to 5 of t / h."""
-    (p0, v0, a0), (p1, v1, a1) = start, end
-    v0, a0, v1, a1 = v0 * h, a0 * h * h, v1 * h, a1 * h * h
-    gap = p1 - p0 - v0 - 0.5 * a0
-    dv, da = v1 - v0 - a0, a1 - a0
-    return (
-        *(p0, v0, 0.5 * a0),
-        10.0 * gap - 4.0 * dv + 0.5 * da,
-        -15.0 * gap + 7.0 * dv - da,
-        6.0 * gap - 3.0 * dv + 0.5 * da,
     )
 
 
@@ -380,11 +342,10 @@ def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     """
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end
-    missed, s = np.zeros_like(t), t / horizon
+    missed = np.zeros_like(t)
     columns = zip(start.T.tolist(), end.T.tolist(), via.tolist(), strict=True)
     for begin, finish, point in columns:
-        p, v, a, c3, c4, c5 = _coefficients(begin, finish, horizon)
-        way = p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5))))
+        way, _, _ = _follow(begin, finish, horizon, t)
         missed += (point - way) * (point - way)
     flat = t * before_end
     cost = missed / (flat * flat * flat * flat * flat)

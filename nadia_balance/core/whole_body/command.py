@@ -119,12 +119,12 @@ class WholeBodyCommand(NamedTuple):
     momentum_rate: Array
     heading: tuple[float, float, float]
     turn: tuple[float, float, float]
-    contacts: tuple[bool, bool]
-    max_normal_forces: tuple[float, float]
+    contacts: tuple[bool, ...]
+    max_normal_forces: tuple[float, ...]
     swing: Array
     normals: Array
     friction: float
-    edges: tuple[float, float] = (0.0, 0.0)
+    edges: tuple[float, ...] = (0.0, 0.0)
 
 
 def whole_body_command(
@@ -140,24 +140,18 @@ def whole_body_command(
     `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
     `friction` coefficient to assume.
     """
-    schedule = state.schedule
-    left, right = (schedule.in_contact(s) for s in (Side.LEFT, Side.RIGHT))
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
         turn=crossing_turn(state, swing, params.crossing_turn),
-        contacts=(left, right),
-        max_normal_forces=(
-            max_normal_force(state, Side.LEFT, params, model),
-            max_normal_force(state, Side.RIGHT, params, model),
+        contacts=tuple(state.schedule.in_contact(side) for side in Side),
+        max_normal_forces=tuple(
+            max_normal_force(state, side, params, model) for side in Side
         ),
         swing=swing,
         normals=sole_normals(state),
         friction=friction,
-        edges=(
-            rolling_edge(state, Side.LEFT, params, model),
-            rolling_edge(state, Side.RIGHT, params, model),
-        ),
+        edges=tuple(rolling_edge(state, side, params, model) for side in Side),
     )
 
 

@@ -17,7 +17,6 @@ from nadia_balance.core.whole_body.command import PELVIS, TORSO
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
 from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
-from nadia_balance.core.whole_body.params import SlipParams
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 
 NUM_CONE_ROWS = 16
@@ -94,7 +93,7 @@ class WholeBodyLimits:
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
         self._wrench[0, -1] = self._least_force
-        self._torques: Array = 1.0 / model.mass * model.max_torque * _SIGNS
+        self._torques: Array = model.max_torque / model.mass * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
         self._max_speed, self._drives = model.max_speed, model.drives
         self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS
@@ -263,8 +262,7 @@ def friction_after(
     last: FrictionEstimate,
     forces: Array,
     velocities: Array,
-    usual: float,
-    params: SlipParams,
+    params: Params,
     period: float,
 ) -> FrictionEstimate:
     """Returns the estimate a tick later.
@@ -272,11 +270,12 @@ def friction_after(
     `forces` (2, 3), as shares of the weight, are the desired forces on the
     (left, right) sole in the tick of `period` [s], `velocities` (2, 3) [m/s]
     its velocities, both in the sole frame.  A slip lowers the estimate to _LESS
-    times the friction that the desired force needed; then it returns to the
-    `usual` one.
+    times the friction that the desired force needed; then it returns to that of
+    `params`.
     """
-    least = min(params.least_friction, usual)
-    friction = min(last.friction + params.recovery * period, usual)
+    slip, usual = params.slip, params.friction
+    least = min(slip.least_friction, usual)
+    friction = min(last.friction + slip.recovery * period, usual)
     loaded = []
     for (x, y, z), velocity, time in zip(
         forces.tolist(), velocities, last[1:], strict=True
@@ -284,9 +283,9 @@ def friction_after(
         loaded.append(time + period if z > _LOADED else 0.0)
         used = max(abs(x), abs(y)) / max(z, _LOADED)  # of the pyramid
         if (
-            loaded[-1] > params.settling_time
+            loaded[-1] > slip.settling_time
             and used > least
-            and np.hypot(*velocity[:2]) > params.speed
+            and np.hypot(*velocity[:2]) > slip.speed
         ):
             friction = max(min(friction, _LESS * used), least)
     return FrictionEstimate(friction, *loaded)

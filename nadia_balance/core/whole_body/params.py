@@ -111,7 +111,7 @@ class WholeBodyQpParams:
     # Step length above which the trailing foot may roll over toes or heel.
     rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
     friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
-    slip: SlipParams = field(default_factory=SlipParams)
+    slip: SlipParams = bounded(SlipParams)
     # Margin of the CoP to the sole's edge.
     sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
     # Lower bound on the normal force of a foot in contact.
@@ -132,17 +132,15 @@ class WholeBodyQpParams:
     speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
     max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
     # Avoidance of self-collisions; null: none.
-    avoidance: CollisionAvoidanceParams | None = field(
-        default_factory=CollisionAvoidanceParams
+    avoidance: CollisionAvoidanceParams | None = bounded(
+        CollisionAvoidanceParams
     )
     # Damping of the joints while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
     # Share of the speed limits; the reserve is for deviations of the robot from
     # the model.
     max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
-    crossing_turn: CrossingTurnParams = field(
-        default_factory=CrossingTurnParams
-    )
+    crossing_turn: CrossingTurnParams = bounded(CrossingTurnParams)
 
     def validate_more(self) -> None:
         """Raises ValueError if the unloaded force is below the minimum."""

@@ -17,7 +17,7 @@ from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
 
 # Rows of J of the soles in contact, by (left, right).
-_CARRYING = {
+_CARRYING: dict[tuple[bool, ...], slice] = {
     (True, True): slice(0, 12),
     (True, False): whole_body_command.LEFT_SOLE,
     (False, True): whole_body_command.RIGHT_SOLE,

@@ -1,13 +1,19 @@
-"""Plots of a run; here their common style: colours, axes, titles, shapes."""
+"""Plots over time, and the common style of all plots: colours, axes, titles."""
+
+import math
+import re
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
+import nadia_balance.results as logs
 from nadia_balance import palette
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results.log import Log, phase_spans, pushes
+from nadia_balance.results import Log, icp_error, pushes, signal
+from nadia_balance.results import measurements as measured
 
 TEXT = "#2f3440"
 FAINT = "#8a93a3"
@@ -37,6 +43,22 @@ RC = {
     "savefig.pad_inches": 0.12,
 }
 
+# Patterns of joint names per group, for robots of several manufacturers.
+GROUPS = {
+    "hips": r"hip|leg_hp",
+    "knees": r"knee|leg_kn",
+    "ankles": r"ankle|leg_ak",
+    "spine": r"spine|back",
+    "arms": r"",
+}
+_GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
+SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
+_AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
+_BAND = 0.2  # opacity of 3 standard deviations
+CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
+_SHORT = 20.0  # longest run whose durations are written [s]
+_FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
+
 
 def plan_view(
     ax: Axes, x: tuple[float, float], y: tuple[float, float], **more
@@ -61,21 +83,17 @@ def time_axes(
     fig = Figure(figsize=(10.0, sum(heights) + 0.9), layout="constrained")
     shape = {"sharex": True, "squeeze": False, "height_ratios": heights}
     axes = fig.subplots(len(heights), **shape)[:, 0]
-    swings = [s for s in phase_spans(log) if s.phase is Phase.SWING]
-    look = {
-        side: {"color": palette.foot_color(side), "alpha": 0.12}
-        for side in Side
-    }
+    swings = [s for s in logs.phase_spans(log) if s.phase is Phase.SWING]
+    pale, color = {"alpha": 0.12}, palette.foot_color
+    look = {side: {"color": color(side), **pale} for side in Side}
     for ax in axes:
         for span in swings:
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
         _mark_pushes(ax, log, label and ax is axes[0])
     axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
-    swung = {span.swing_side for span in swings}
-    bands = [
-        Patch(label=f"{side.value} foot swings", **look[side])
-        for side in filter(swung.__contains__, Side)
-    ]
+    swung = filter({span.swing_side for span in swings}.__contains__, Side)
+    words = {side: f"{side.value} foot swings" for side in swung}
+    bands = [Patch(label=text, **look[side]) for side, text in words.items()]
     if pushes(log):
         bands.append(Patch(label="push", **_PUSH))
     key(fig, bands)
@@ -153,3 +171,202 @@ def arrow(
     look = {"arrowstyle": style, "color": color, "linewidth": width}
     look |= {"shrinkA": 0, "shrinkB": 0}
     ax.annotate("", xy=end, xytext=start, arrowprops=look, zorder=5)
+
+
+def draw_effort(log: Log, summary: dict) -> Figure | None:
+    """Draws the available signals; None if the log has none."""
+    rows = {
+        _draw_torques: 2.2 * (measured.torque_ratio(log).size > 0),
+        _draw_speed: 1.3 * (measured.joint_speed(log).size > 0),
+        _draw_forces: 1.8 * ("foot_forces" in log),
+    }
+    rows = {draw_row: height for draw_row, height in rows.items() if height}
+    if not rows:
+        return None
+    fig, axes = time_axes(log, summary, "Effort", list(rows.values()))
+    for ax, draw_row in zip(axes, rows, strict=True):
+        draw_row(ax, log)
+    return fig
+
+
+def joint_groups(names: np.ndarray) -> dict[str, np.ndarray]:
+    """Returns group -> indices of its joints; each joint is in one group."""
+    groups: dict[str, list[int]] = {group: [] for group in GROUPS}
+    for i, name in enumerate(names):
+        found = (g for g in GROUPS if re.search(GROUPS[g], name, re.I))
+        groups[next(found)].append(i)
+    return {g: np.array(members) for g, members in groups.items() if members}
+
+
+def _draw_torques(ax: Axes, log: Log) -> None:
+    """Draws the largest torque ratio of each group of joints."""
+    ratio = 100.0 * measured.torque_ratio(log)
+    groups = joint_groups(log["actuator_names"])
+    looks = zip(groups.items(), _GROUP_COLORS, strict=False)
+    for (group, members), color in looks:
+        largest = np.max(ratio[:, members], axis=1)
+        ax.plot(log["t"], largest, color=color, linewidth=1.1, label=group)
+    if np.max(ratio) > 60.0:
+        look = {"color": palette.PUSH, "linewidth": 1.0, "linestyle": "--"}
+        ax.axhline(100.0, label="limit", **look)
+    ax.set(ylabel="torque [% of limit]", ylim=(0.0, None))
+    _legend(ax, len(groups) + 1)
+
+
+def _draw_speed(ax: Axes, log: Log) -> None:
+    speed = np.max(measured.joint_speed(log), axis=1)
+    ax.plot(log["t"], speed, color=TEXT, linewidth=1.1)
+    ax.set(ylabel="fastest joint\n[rad/s]", ylim=(0.0, None))
+
+
+def _draw_forces(ax: Axes, log: Log) -> None:
+    forces = signal(log, "foot_forces")
+    for side in Side:
+        look = {"color": palette.foot_color(side), "linewidth": 1.1}
+        look["label"] = f"{side.value} foot"
+        ax.plot(log["t"], getattr(forces, side.value), **look)
+    ax.set(ylabel="normal force [N]", ylim=(0.0, None))
+    _legend(ax, 2)
+
+
+def _legend(ax: Axes, columns: int) -> None:
+    look = {"borderpad": 0, "borderaxespad": 0.2, "ncols": columns}
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), **look)
+
+
+def draw_icp(log: Log, summary: dict) -> Figure | None:
+    """Draws both coordinates with the CoP and CoM, and the error, if any."""
+    if "icp" not in log:
+        return None
+    fig, axes = time_axes(log, summary, "ICP", [2.4, 2.4, 1.5], label=True)
+    for axis, name in enumerate(("x, forward [m]", "y, left [m]")):
+        _draw_icp(axes[axis], log, axis)
+        axes[axis].set_ylabel(name)
+    where = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.14)}
+    axes[1].legend(ncols=4, borderpad=0, **where)
+    _draw_icp_error(axes[2], log)
+    return fig
+
+
+def _draw_icp(ax: Axes, log: Log, axis: int) -> None:
+    """Draws x (`axis` 0) or y (1)."""
+    cop = signal(log, "ecmp_command").cop
+    com = signal(log, "com_state").position
+    reference = signal(log, "icp_reference").icp
+    for point, color, label, look in (
+        (cop, palette.COP, "CoP", {"lw": 0.9, "alpha": 0.75}),
+        (com, palette.COM, "CoM", {"lw": 1.1}),
+        (reference, palette.ICP_REFERENCE, "ICP reference", {"lw": 3.0}),
+        (log["icp"].T, palette.ICP, "ICP", {}),
+    ):
+        ax.plot(log["t"], point[axis], color=color, label=label, **look)
+    # A smallest range, so that noise of millimetres does not fill the axis.
+    low, high = ax.get_ylim()
+    missing = max(0.0, SMALLEST_RANGE - (high - low))
+    ax.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
+
+
+def _draw_icp_error(ax: Axes, log: Log) -> None:
+    error = 1000.0 * icp_error(log)
+    limit = 1000.0 * measured.ICP_BACK
+    ax.fill_between(log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0)
+    ax.plot(log["t"], error, color=palette.ICP)
+    ax.set(ylabel="ICP error [mm]", ylim=(0.0, None))
+    if max(error) > 0.5 * limit:
+        ax.axhline(limit, color=FAINT, linewidth=1.0, linestyle="--")
+        where = {"xytext": (-4, 3), "textcoords": "offset points"}
+        where |= {"xycoords": ("axes fraction", "data"), "ha": "right"}
+        look = {"fontsize": 8, "color": FAINT}
+        text = f"{limit:.0f} mm: recovered below"
+        ax.annotate(text, (1.0, limit), **where, **look)
+
+
+def draw_estimate(log: Log, summary: dict) -> Figure | None:
+    """Draws the estimate, 3 standard deviations and, if known, the error."""
+    if "estimate_covariance" not in log:
+        return None
+    known, told = "state" in log, log["estimated_state"]
+    heights = [1.8, 1.3] if known else [1.8]
+    fig, axes = time_axes(log, summary, "Estimate", 2 * heights, label=True)
+    variances = log["estimate_covariance"][:, ::10]  # the diagonal of (9, 9)
+    for kind, unit, value, columns in (
+        ("velocity", "mm/s", _velocity, (3, 4)),
+        ("tilt", "deg", _tilt, (1, 0)),
+    ):
+        scale = 1e3 if kind == "velocity" else np.degrees(1.0)
+        band = 3.0 * scale * np.sqrt(variances[:, columns])
+        rows, axes = axes[: len(heights)], axes[len(heights) :]
+        estimated = value(told)
+        if known:
+            truth = value(log["state"])
+            look = {"color": FAINT, "lw": 3.0, "alpha": 0.6}
+            rows[0].plot(log["t"], truth, label=["truth", None], **look)
+            _draw_estimate(rows[1], log, estimated - truth, 0.0 * truth, band)
+            rows[1].set_ylabel(f"error and\n3 sigma [{unit}]")
+        _draw_estimate(rows[0], log, estimated, estimated, band)
+        rows[0].set_ylabel(f"{kind} [{unit}]")
+        rows[0].legend(ncols=3, loc="upper right")
+    return fig
+
+
+def _draw_estimate(
+    ax: Axes, log: Log, line: Array, middle: Array, band: Array
+) -> None:
+    """Draws both parts of `line` (n, 2), and `band` about `middle`."""
+    for axis, (label, color) in enumerate(_AXES.items()):
+        low, high = middle[:, axis] - band[:, axis], (middle + band)[:, axis]
+        ax.fill_between(log["t"], low, high, color=color, alpha=_BAND, lw=0)
+        ax.plot(log["t"], line[:, axis], color=color, lw=1.1, label=label)
+
+
+def _velocity(state: Array) -> Array:
+    """Horizontal velocity (n, 2) [mm/s] of the pelvis, of `state` (n, nx)."""
+    nq = (state.shape[1] + 1) // 2
+    return 1e3 * state[:, nq + 3 : nq + 5]
+
+
+def _tilt(state: Array) -> Array:
+    """Lean (n, 2) [deg] of the pelvis's z axis towards x and y of W."""
+    w, x, y, z = state[:, :4].T
+    lean = 2.0 * np.column_stack((w * y + x * z, y * z - w * x))
+    return np.degrees(np.arcsin(np.clip(lean, -1.0, 1.0)))
+
+
+def draw_contacts(log: Log, summary: dict) -> Figure:
+    """Draws planned (pale) and measured contacts, with durations [s].
+
+    Those of a swing are where its foot is in the air, and below them in
+    brackets as planned, if that was changed.
+    """
+    fig, (ax,) = time_axes(log, summary, "Contacts", [2.4], label=True)
+    spans = logs.phase_spans(log)
+    for side, y in _FOOT_Y.items():
+        look = {"facecolor": palette.foot_color(side), "lw": 0}
+        plan = [(s.start, s.duration) for s in spans if s.carries(side)]
+        ax.broken_barh(plan, (y + 0.02, 0.4), alpha=0.3, **look)
+        if "foot_forces" in log:
+            ax.broken_barh(logs.contacts(log, side), (y - 0.42, 0.4), **look)
+    ax.set(ylim=(-0.6, 2.6))
+    ax.set_yticks([*_FOOT_Y.values()], [s.value for s in _FOOT_Y])
+    ax.grid(axis="y", visible=False)
+    bars = [Patch(color=FAINT, alpha=0.3, label="as planned")] if spans else []
+    bars.append(Patch(color=FAINT, label="as measured"))
+    where = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
+    ax.legend(handles=bars, ncols=2, borderpad=0, **where)
+    for span in spans if np.ptp(log["t"]) < _SHORT else ():
+        if span.complete and span.phase is not Phase.STANDING:
+            _write_duration(ax, span)
+    return fig
+
+
+def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
+    swings, text = span.phase is Phase.SWING, f"{span.duration:.2f}"
+    if abs(span.duration - span.planned) > CHANGED:
+        text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
+    side = span.swing_side
+    # Of a short step, the transfers before and after have a line each.
+    y = _FOOT_Y[side] if swings else 1.0 + 0.3 * side.sign
+    color = palette.foot_color(side) if swings else TEXT
+    where = 0.5 * (span.start + span.end), y
+    look = {"color": color, "fontsize": 7.5, "ha": "center", "va": "center"}
+    ax.text(*where, text, **look)

@@ -8,11 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from nadia_balance.core.body.com_height import (
+    ComHeight,
     ComHeightParams,
     ComHeightPlan,
-    plan_com_height,
-    stance_limit,
-    vertical_acceleration,
 )
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.walking.vocabulary import (
@@ -30,6 +28,7 @@ PARAMS = ComHeightParams()
 NOMINAL = 0.94
 MODEL = replace(example_walks.MODEL, com_height=NOMINAL)
 LEGS = MODEL.legs
+CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
@@ -49,7 +48,7 @@ def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
 
 
 def plan(*args, **kwargs) -> ComHeightPlan:
-    return plan_com_height(schedule(*args, **kwargs), PARAMS, MODEL)
+    return CONTROL.plan(schedule(*args, **kwargs))
 
 
 def test_feet_that_no_height_reaches_give_the_lowest_height():
@@ -67,8 +66,8 @@ def test_the_height_is_continuous_over_a_walk():
     transfer = replace(
         landed, phase=Phase.TRANSFER, support_side=Side.RIGHT, feet=feet
     )
-    second = plan_com_height(transfer, PARAMS, MODEL)
-    third = plan_com_height(replace(transfer, phase=Phase.SWING), PARAMS, MODEL)
+    second = CONTROL.plan(transfer)
+    third = CONTROL.plan(replace(transfer, phase=Phase.SWING))
     assert first.at(0.7) == pytest.approx(second.at(0.0), abs=1e-12)
     assert second.at(0.3) == pytest.approx(third.at(0.0), abs=1e-12)
     assert second.start < GROUND + NOMINAL
@@ -88,7 +87,7 @@ def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
     feet = going.feet.with_foot(Side.RIGHT, moved(lifted, -rise))
     step = replace(step, pose=moved(step.pose, rise))
     going = replace(going, feet=feet, footsteps=(step,))
-    found = plan_com_height(going, PARAMS, model)
+    found = ComHeight(PARAMS, model).plan(going)
     for height, other in (found.start, -rise), (found.end, rise):
         hip = height - GROUND - LEGS.com_above_hip - LEGS.ankle_height
         legs = [
@@ -112,7 +111,7 @@ def test_the_rate_is_the_derivative_of_the_height():
 def test_near_the_goal_it_is_a_pd_law():
     """Oracle: k_p e - k_d v, by hand."""
     k_d = 2.0 * 0.9 * math.sqrt(50.0)
-    found = vertical_acceleration(0.99, 0.01, 1.0, 0.02, PARAMS)
+    found = CONTROL.acceleration(0.99, 0.01, 1.0, 0.02)
     assert found == pytest.approx(50.0 * 0.01 + k_d * (0.02 - 0.01))
 
 
@@ -121,7 +120,7 @@ def test_approaches_the_height_within_the_limits_and_settles(drop):
     """Oracle: the motion integrated by RK45."""
 
     def flow(_, state):
-        return state[1], vertical_acceleration(*state, 1.0, 0.0, PARAMS)
+        return state[1], CONTROL.acceleration(*state, 1.0, 0.0)
 
     run = solve_ivp(flow, (0.0, 6.0), (1.0 + drop, 0.0), rtol=1e-8, atol=1e-10)
     height, velocity = run.y
@@ -145,7 +144,7 @@ def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
     velocity, h = np.array([0.7, -0.4]), 1e-6
 
     def limit(at):
-        return stance_limit(at, velocity, going, PARAMS, MODEL)
+        return CONTROL.stance_limit(at, velocity, going)
 
     height, rate = limit(com)
     aside = 0.5 * side.sign * LEGS.hip_width * stance.rotation[:2, 1]
@@ -169,6 +168,6 @@ def test_the_stance_leg_allows_the_lowest_height_at_least():
     beside = going.feet.left.p_WF[:2] - [0.0, 0.5 * LEGS.hip_width]
     for short, least in (-0.001, True), (0.001, False):
         com = beside + [reach - short, 0.0]
-        found = stance_limit(com, np.array([1.0, 0.0]), going, PARAMS, MODEL)
+        found = CONTROL.stance_limit(com, np.array([1.0, 0.0]), going)
         assert (found == (lowest, 0.0)) is least
         assert found[0] == pytest.approx(lowest, abs=0.002)

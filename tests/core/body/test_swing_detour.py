@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import LineString, box
 
-from nadia_balance.core.body.swing_detour import PEAK, shortest_time, way_round
+from nadia_balance.core.body.swing_detour import PEAK
 from nadia_balance.core.walking.vocabulary import FootPose, Side
 from tests.example_walks import IDEAL_DETOUR
 
@@ -20,8 +20,8 @@ FRONT, BACK = (AHEAD, BESIDE), (-AHEAD, BESIDE)
 
 def left_swing(start, goal):
     """The way beside a stance sole in the origin, y toward the swing side."""
-    return way_round(
-        np.array(start), np.array(goal), FootPose(), Side.LEFT, PARAMS
+    return PARAMS.way_round(
+        np.array(start), np.array(goal), FootPose(), Side.LEFT
     )
 
 
@@ -81,7 +81,7 @@ def test_the_way_moves_with_the_stance_foot(side):
         stance.to_world(np.array([[x, side.sign * y]]))[0]
         for x, y in ((0.0, 0.25), (0.34, -0.1))
     )
-    way = stance.to_sole(way_round(start, goal, stance, side, PARAMS))
+    way = stance.to_sole(PARAMS.way_round(start, goal, stance, side))
     expected = left_swing((0.0, 0.25), (0.34, -0.1)) * [1.0, side.sign]
     assert way == pytest.approx(expected, abs=1e-12)
 
@@ -97,7 +97,7 @@ def test_shortest_time_is_that_of_full_thrust_forth_and_back(speed):
         stop = 0.5 * (speed + top) * thrust + 0.5 * top * top / a
         low, high = (thrust, high) if stop < 0.7 else (low, thrust)
     velocity = np.array([speed, 7.0])  # across the way: does not count
-    found = shortest_time(way, PARAMS, velocity)
+    found = PARAMS.shortest_time(way, velocity)
     assert found == pytest.approx(thrust + top / a, abs=1e-9)
 
 
@@ -111,7 +111,7 @@ def test_a_foot_too_fast_to_stop_brakes_harder_or_comes_back(length):
     while v > 0.0:
         x, v, expected = x + v * dt, v - braking * dt, expected + dt
     back = np.array([[x, 0.0], [min(length, x), 0.0]])
-    expected += shortest_time(back, params)  # from rest
+    expected += params.shortest_time(back)  # from rest
     way = np.array([[0.0, 0.0], [length, 0.0]])
-    found = shortest_time(way, params, np.array([speed, 0.0]))
+    found = params.shortest_time(way, np.array([speed, 0.0]))
     assert found == pytest.approx(expected, abs=1e-3)

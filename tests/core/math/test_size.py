@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from nadia_balance.capture_point_controller import ControllerParams
+from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.math.bounds import NADIA, Size, bounded, scaled
 from nadia_balance.robot.model import load_robot_params
 

@@ -19,6 +19,12 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.polygon import contains, convex_hull
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    Place,
+    ReachRulesParams,
+    SwingGeometry,
+)
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     adjust_foothold,
@@ -28,12 +34,6 @@ from nadia_balance.core.steps.foothold_adjustment import (
     propose_adjustment,
     touchdown_interval,
     unadjusted,
-)
-from nadia_balance.core.steps.swing_geometry import (
-    CaptureRegionStepAdjusterParams,
-    Place,
-    ReachRulesParams,
-    SwingGeometry,
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests.core.body.test_ground import square
@@ -144,13 +144,14 @@ def tower(x, depth):
     )
 
 
-def chosen(
-    places, before=None, margin=0.0, late=None, on_ground=0, arrival=None
-):
+def chosen(places, before=None, margin=0.0, late=None, on_ground=0, **regions):
     """The goals in these places (name, ground, polygon).
 
-    On arrival the capture region is `arrival`, or 0.7 m off where it is `late`.
+    On arrival the capture region is `arrival`, or 0.7 m off where it is `late`;
+    if later steps hurry, it is `hurried`.
     """
+    arrival, hurried = map(regions.get, ("arrival", "hurried"))
+    hurried = ABOVE if hurried is None else hurried
 
     class Case(Given):
         def on_arrival(self, region, least, under_way=False):
@@ -161,7 +162,7 @@ def chosen(
 
     places = tuple(Place(*place) for place in places)
     case = Case(
-        geometry_with(places=places),
+        geometry_with(places=places, hurried_region=lambda _: hurried),
         np.zeros(2),
         (0.3, 0.8),
         capture_region=ABOVE,
@@ -239,6 +240,14 @@ def test_the_region_reached_too_late_is_farther_and_its_goal_where_it_was():
     corner = convex_hull(np.array([[0.0, 1.0], [1.0, 2.0], [0.0, 2.0]]))
     (goal,) = chosen([(BASE, 0, corner)], late=corner, margin=0.1)
     np.testing.assert_allclose(goal.part, [[0.0, 1.0]], atol=1e-15)
+
+
+def test_the_region_is_one_that_hurried_later_steps_capture():
+    """Oracle: by hand: the base is nearer, but only forward is captured."""
+    places, above = towers(-1.0, -2.0, -3.0), rectangle(1.0, 1.0) + [2.5, 2.2]
+    (goal,) = chosen(places, hurried=convex_hull(above))
+    assert goal.place.reach == FORWARD
+    np.testing.assert_allclose(goal.part, [[2.0, 2.0]], atol=1e-15)
 
 
 def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
@@ -585,7 +594,7 @@ def test_the_time_that_the_clock_has_gained_counts():
         state = walking.WalkingState(
             IN_PLACE, time_in_phase=t, elapsed=t - gained, adjustment=LAST
         )
-        case = Landing(GEOMETRY, np.array([0.6, -0.2]), (0.06, 0.5), FOOT)
+        case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
         wanted = adjust_foothold(LAST, case, PARAMS, TICK)
         found = propose_adjustment(state, case, PARAMS, TICK)
         expected = in_time(LAST, wanted, case, 0.15)

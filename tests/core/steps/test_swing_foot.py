@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.steps.swing_foot import (
-    FootMotion,
+    SwingFoot,
     SwingFootParams,
+    as_reference,
+    at_rest,
     end_beyond,
     quintic,
-    swing_foot_motion,
-    velocity_now,
 )
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
@@ -123,11 +123,11 @@ def crossing(t, goal, start=NOMINAL, **kwargs):
 
 def follow(states, params=PARAMS, detour=DETOUR):
     """All references along `states`, shape (n, 3, 4)."""
-    motion = FootMotion.at_rest(states[0].schedule.feet[Side.RIGHT])
-    model, path = replace(MODEL, detour=detour), []
+    motion = at_rest(states[0].schedule.feet[Side.RIGHT])
+    foot, path = SwingFoot(params, replace(MODEL, detour=detour), PERIOD), []
     for state in states:
-        motion, _ = swing_foot_motion(motion, state, PERIOD, params, model)
-        path.append(motion.pva)
+        motion, _ = foot.motion(motion, state)
+        path.append(motion)
     return np.array(path)
 
 
@@ -140,19 +140,14 @@ def test_what_is_asked_ahead_is_what_comes():
     """Oracle: the motion itself, so much later; at the end, the end."""
     path = follow([swing_state(t) for t in times()])
     ticks, goal = 5, np.array([0.4, -0.15, 0.0, 0.2])
+    model = replace(MODEL, detour=DETOUR)
+    foot = SwingFoot(PARAMS, model, PERIOD, ticks * PERIOD)
     for k in (50, 200, len(path) - 2):
-        motion, ahead = swing_foot_motion(
-            FootMotion(path[k - 1]),
-            swing_state(times()[k]),
-            PERIOD,
-            PARAMS,
-            replace(MODEL, detour=DETOUR),
-            ticks * PERIOD,
-        )
-        assert motion.pva == pytest.approx(path[k], abs=1e-12)
+        motion, ahead = foot.motion(path[k - 1], swing_state(times()[k]))
+        assert motion == pytest.approx(path[k], abs=1e-12)
         expected = path[min(k + ticks, len(path) - 1)]
-        assert ahead.pva[0] == pytest.approx(expected[0], abs=1e-4)
-    assert ahead.pva[0] == pytest.approx(goal, abs=1e-3)
+        assert ahead[0] == pytest.approx(expected[0], abs=1e-4)
+    assert ahead[0] == pytest.approx(goal, abs=1e-3)
 
 
 @pytest.mark.parametrize("y", [-0.01, 0.01])
@@ -173,11 +168,12 @@ def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     """
     pva = np.zeros((3, 4))
     pva[0], pva[1, 2] = (0.4, -0.15, 0.02, 0.2), rate
-    motion, path = FootMotion(pva), [pva[:, 2]]
-    model, late = replace(MODEL, detour=DETOUR), swing_state(0.7)
+    motion, path = pva, [pva[:, 2]]
+    foot = SwingFoot(PARAMS, replace(MODEL, detour=DETOUR), PERIOD)
+    late = swing_state(0.7)
     for _ in range(100):
-        motion, _ = swing_foot_motion(motion, late, PERIOD, PARAMS, model)
-        path.append(motion.pva[:, 2])
+        motion, _ = foot.motion(motion, late)
+        path.append(motion[:, 2])
     _, v, a = np.array(path).T
     mean = 0.5 * (a[1:] + a[:-1])
     assert np.diff(v) == pytest.approx(mean * PERIOD, abs=1e-4)
@@ -267,6 +263,7 @@ def test_velocities_now_of_a_reference_ahead():
     lead, acceleration = 0.02, np.array([1.0, -2.0, 3.0, -4.0])
     velocity = np.array([0.1, 0.2, -0.3, 0.5])
     late = np.array([np.zeros(4), velocity + lead * acceleration, acceleration])
-    found = velocity_now(FootMotion(late).as_vector(), lead)
-    now = FootMotion(np.array([np.zeros(4), velocity, acceleration]))
-    assert found == pytest.approx(now.as_vector(), abs=1e-15)
+    found = as_reference(late, lead)
+    (*v, yaw_rate), (*a, yaw_acceleration) = velocity, acceleration
+    now = [0.0, 0.0, 0.0, *v, *a, 0.0, yaw_rate, yaw_acceleration]
+    assert found == pytest.approx(now, abs=1e-15)

@@ -11,8 +11,8 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import BASE, in_world, total_region
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
-from nadia_balance.core.math.polygon import area, contains, convex_hull
-from nadia_balance.core.steps.swing_geometry import (
+from nadia_balance.core.math.polygon import contains, convex_hull
+from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
     SwingGeometry,
     geometry_key,
@@ -36,14 +36,18 @@ def test_n_is_no_more_than_the_steps_in_the_queue():
 
 
 def test_later_steps_hurry_only_if_swings_adapt():
-    """Oracle: steps that were planned to take 0.6 of the time."""
-    unhurried = replace(ALL, swing=False)
-    planned = swing(transfer=0.2, swing=0.5)
-    quick = geometry(swing(transfer=0.12, swing=0.3), on=unhurried).offsets
-    for one, other in zip(geometry(planned).offsets, quick, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
-    slow = geometry(planned, on=unhurried).offsets
-    assert area(slow[-1]) < area(quick[-1])
+    """Oracle: steps that were planned to take 0.6 of the time, and C_N."""
+    planned, quick = (
+        swing(transfer=part * 0.2, swing=part * 0.5) for part in (1.0, 0.6)
+    )
+    one_step, slow = rectangle(0.2, 0.1), replace(ALL, swing=False)
+    for found, expected in (
+        (geometry(planned), geometry(quick, on=slow)),
+        (geometry(planned, on=slow), geometry(planned)),
+    ):
+        hurried = found.hurried_region(one_step)
+        expected = expected.capture_region(one_step)
+        np.testing.assert_allclose(hurried, expected, rtol=0, atol=1e-12)
 
 
 def test_random_turning_steps_that_recover_start_in_the_region():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.whole_body import limits as friction
-from nadia_balance.core.whole_body.params import SlipParams
+from nadia_balance.core.whole_body.params import SlipParams, WholeBodyQpParams
 
 PERIOD = 0.002
 USUAL = 0.6
@@ -19,8 +19,7 @@ def after(force, velocity, last=STANDING):
         last,
         np.array([force, (0.0, 0.0, 0.5)]),
         np.array([velocity, STILL]),
-        USUAL,
-        SLIP,
+        WholeBodyQpParams(friction=USUAL, slip=SLIP),
         PERIOD,
     )
 

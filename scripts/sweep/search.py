@@ -20,7 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.sweep import (
     Attempt,
     Cell,
     Results,
@@ -30,9 +30,6 @@ from nadia_balance.scripts.envelope_sweep.rows import (
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
-
-# Name of the gait's scenario, and when the push begins, as Moment writes it.
-Situation = tuple[str, str]
 
 
 @dataclass(kw_only=True)
@@ -193,12 +190,8 @@ def next_batch(
             begin = max(round(first / search.resolution), search.stride)
             place = lower + search.stride if below else begin
         return [(grid[min(place, upper - 1)], 0)]
-    return [
-        (delta_v, replica)
-        for delta_v in list(below)[-2:]
-        for replica in range(search.required)
-        if (delta_v, replica) not in results
-    ]
+    wanted = itertools.product(list(below)[-2:], range(search.required))
+    return [attempt for attempt in wanted if attempt not in results]
 
 
 def limit(results: Results, search: SearchParams) -> Limit:
@@ -207,11 +200,7 @@ def limit(results: Results, search: SearchParams) -> Limit:
         return Limit(None, None, False)
     below, failed = _tried(results, search)
     sure = itertools.takewhile(lambda v: not below[v], below)
-    undecided = {
-        v for (v, _), recovered in results.items() if recovered is None
-    }
-    return Limit(
-        recovered=max(sure, default=0.0),
-        failed=None if failed in undecided else failed,
-        complete=not next_batch(results, search),
-    )
+    undecided = {v for (v, _), good in results.items() if good is None}
+    failed = None if failed in undecided else failed
+    complete = not next_batch(results, search)
+    return Limit(max(sure, default=0.0), failed, complete)

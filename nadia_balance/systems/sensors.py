@@ -1,12 +1,13 @@
-"""Model of an inertial measurement unit."""
+"""Models of an inertial measurement unit and of joint encoders."""
 
 import math
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.estimation.invariant_ekf import gammas
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -30,6 +31,15 @@ def imu_place(
         raise ValueError(f"imu_body = {body!r}: must be a body of {robot.name}")
     turn = RollPitchYaw(np.radians(sensors.imu_rpy_deg))
     return plant.GetBodyByName(body), RigidTransform(turn, sensors.imu_position)
+
+
+def imu_motion(
+    plant: MultibodyPlant, own: Context, body: RigidBody, X_BI: RigidTransform
+) -> tuple[RigidTransform, SpatialVelocity]:
+    """Returns the pose X_WI and the velocity V_WI of an IMU on a `body`."""
+    X_WB = plant.EvalBodyPoseInWorld(own, body)
+    V_WB = plant.EvalBodySpatialVelocityInWorld(own, body)
+    return X_WB @ X_BI, V_WB.Shift(X_WB.rotation() @ X_BI.translation())
 
 
 class Imu(LeafSystem):
@@ -64,7 +74,7 @@ class Imu(LeafSystem):
         super().__init__()
         self._period, self._seed, s = period, seed, sensors
         self._plant = plant = robot.control_plant()
-        self._body, self._X_BI = imu_place(plant, robot, sensors)
+        self._place = imu_place(plant, robot, sensors)
         root, short = math.sqrt(period), math.sqrt(SAMPLE)
         noise = s.gyro_noise / root, s.force_noise / root, s.gyro_noise / short
         self._white = np.repeat(noise, 3)
@@ -85,7 +95,10 @@ class Imu(LeafSystem):
         )
 
     def _calc(self, context, last) -> tuple:
-        R, v, w = self._motion(context)
+        own = self._scratch.Eval(context)
+        self._plant.SetPositionsAndVelocities(own, self._state(context))
+        X_WI, V_WI = imu_motion(self._plant, own, *self._place)
+        R, v = X_WI.rotation().matrix(), V_WI.translational()
         tick = int(last["ticks"][0])
         rate, force = np.zeros(3), R.T @ -_G  # at rest
         if tick:
@@ -98,17 +111,54 @@ class Imu(LeafSystem):
         random = np.random.default_rng((self._seed, tick, 1))
         walked, noise = random.standard_normal(6), random.standard_normal(9)
         bias = last["bias"] + (self._walk if tick else self._bias) * walked
-        told = np.concatenate((rate, force, w @ R)) + self._white * noise
+        told = np.concatenate((rate, force, V_WI.rotational() @ R))
+        told += self._white * noise
         told += np.concatenate((bias, bias[:3]))
         told = np.clip(told, -self._range, self._range)
         return told, R.ravel(), v, bias, (tick + 1.0,)
 
-    def _motion(self, context) -> tuple[np.ndarray, ...]:
-        """R_WI (3, 3), v_WI and w_WI (3,) of the IMU."""
-        own = self._scratch.Eval(context)
-        self._plant.SetPositionsAndVelocities(own, self._state(context))
-        X_WB = self._plant.EvalBodyPoseInWorld(own, self._body)
-        V_WB = self._plant.EvalBodySpatialVelocityInWorld(own, self._body)
-        V_WI = V_WB.Shift(X_WB.rotation() @ self._X_BI.translation())
-        R_WI = X_WB.rotation() @ self._X_BI.rotation()
-        return R_WI.matrix(), V_WI.translational(), V_WI.rotational()
+
+class JointEncoders(LeafSystem):
+    """Measures joint angles and speeds with white noise, a sample a period.
+
+    `state` is [q, v] of the robot's `control_plant`, `joints` (2 nj,) are the
+    angles [rad], then the speeds [rad/s].  The noise of a tick depends on the
+    seed and the tick's number only.
+
+    .. pydrake_system::
+
+        name: JointEncoders
+        input_ports: [state]
+        output_ports: [joints]
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        sensors: SensorParams,
+        period: float,
+        seed: int = 0,
+    ):
+        """Measures the `robot` every `period` [s]."""
+        super().__init__()
+        plant = robot.control_plant()
+        self._period, self._seed = period, seed
+        joints = plant.num_velocities() - 6
+        self._deviations = np.repeat(
+            (sensors.joint_noise, sensors.joint_speed_noise), joints
+        )
+        self._state = Input(self, "state", plant.num_multibody_states())
+        self.DeclareVectorOutputPort(
+            "joints",
+            2 * joints,
+            self._calc,
+            {self._state.ticket(), self.time_ticket()},
+        )
+
+    def _calc(self, context, output):
+        state, n = self._state(context), self._deviations.size // 2
+        tick = round(context.get_time() / self._period)
+        random = np.random.default_rng((self._seed, tick, 2))
+        noise = random.standard_normal(2 * n)
+        told = np.concatenate((state[7 : 7 + n], state[-n:]))
+        output.SetFromVector(told + self._deviations * noise)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.scripts.envelope_sweep.sweep import (
+from nadia_balance.scripts.sweep.search import (
     Limit,
     SearchParams,
     limit,

@@ -7,13 +7,13 @@ import pytest
 
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.envelope_sweep.limits import (
+from nadia_balance.scripts.sweep import Cell
+from nadia_balance.scripts.sweep.limits import (
     known_limits,
     limits_of,
     protocol_of,
 )
-from nadia_balance.scripts.envelope_sweep.rows import Cell
-from tests.scripts.envelope_sweep.made_up import AT
+from tests.scripts.sweep.made_up import AT
 from tests.source_files import ROOT
 
 AT_MOST = "all_with_cross_over"

@@ -22,16 +22,15 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.results.summary import Run
-from nadia_balance.scripts.envelope_sweep.rows import (
+from nadia_balance.scripts.sweep import (
     FROM_SUMMARY,
     Cell,
     Results,
     Rows,
-    by_cell,
     of_process,
     results_of,
 )
-from nadia_balance.scripts.envelope_sweep.sweep import Sweep
+from nadia_balance.scripts.sweep.search import Sweep
 from nadia_balance.typed_yaml import load_typed
 
 CONNECT_TIMEOUT = 5.0  # [s]
@@ -94,19 +93,16 @@ def run_sweep(
 
     Raises RuntimeError: a worker fails; errors of a trial are in its row.
     """
-    known = by_cell(rows.all)
-    running = {
-        executor.submit(
-            search, sweep, rows.identity, cell, results_of(known.get(cell, []))
-        )
-        for cell in sweep.cells()
-    }
+    known = rows.by_cell()
+    running = set()
+    for cell in sweep.cells():
+        task = sweep, rows.identity, cell, results_of(known.get(cell, []))
+        running.add(executor.submit(search, *task))
     seldom = 0.5 if sys.stderr.isatty() else 30.0
     with tqdm(total=len(running), unit="limit", mininterval=seldom) as bar:
         while running and not stopped():
-            ended, running = futures.wait(
-                running, LOOK, futures.FIRST_COMPLETED
-            )
+            until = LOOK, futures.FIRST_COMPLETED
+            ended, running = futures.wait(running, *until)
             for future in ended:
                 try:
                     found = future.result()
@@ -205,12 +201,9 @@ def _pushed(
         return watch(context)
 
     if run.until:
-        run = simulation.advance(
-            simulation.pushed(diagram, walked, delta_v, direction_deg),
-            scenario.duration,
-            stop_at_failure=True,
-            until=decided,
-        )
+        push = simulation.pushed(diagram, walked, delta_v, direction_deg)
+        ends = {"stop_at_failure": True, "until": decided}
+        run = simulation.advance(push, scenario.duration, **ends)
     summary = run.summary
     outcome = "fell" if run.fell_at is not None else summary["outcome"]
     return {

@@ -6,19 +6,9 @@ import sys
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep.rows import (
-    KEY,
-    TRIALS,
-    code_hash,
-    opened,
-    read,
-)
-from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
-from tests.scripts.envelope_sweep.made_up import (
-    identity_of,
-    made_up_rows,
-    papers,
-)
+from nadia_balance.scripts.sweep import KEY, TRIALS, Rows, code_hash
+from nadia_balance.scripts.sweep.search import SearchParams
+from tests.scripts.sweep.made_up import identity_of, made_up_rows, papers
 from tests.source_files import ROOT
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
@@ -30,29 +20,29 @@ ROWS = made_up_rows(papers(), SEARCH)[:60]
 
 def test_has_every_row_that_was_added(tmp_path):
     """Oracle: the rows themselves; their order is forgotten."""
-    with opened(tmp_path, IDENTITY) as rows:
+    with Rows.opened(tmp_path, IDENTITY) as rows:
         for row in random.Random(1).sample(ROWS, len(ROWS)):
             rows.add(row)
-    rows = read(tmp_path)
+    rows = Rows.read(tmp_path)
     assert rows.identity == IDENTITY
     assert rows.all == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
 
 
 def test_refuses_another_sweep_and_another_process(tmp_path):
     """Oracle: the bytes that were there."""
-    with opened(tmp_path, IDENTITY):
+    with Rows.opened(tmp_path, IDENTITY):
         with pytest.raises(ValueError, match="^out = .*in use by no other"):
-            opened(tmp_path, IDENTITY).__enter__()
+            Rows.opened(tmp_path, IDENTITY).__enter__()
     before = (tmp_path / TRIALS).read_bytes()
     for name, value in ("resolution", 0.2), ("plant", "lipm"), ("code", "0"):
         with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
-            opened(tmp_path, {**IDENTITY, name: value}).__enter__()
+            Rows.opened(tmp_path, {**IDENTITY, name: value}).__enter__()
     assert (tmp_path / TRIALS).read_bytes() == before
 
 
 @pytest.mark.parametrize("change", ["outcome", "number", "column", "PNG"])
 def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
-    with opened(tmp_path, IDENTITY) as rows:
+    with Rows.opened(tmp_path, IDENTITY) as rows:
         rows.add(ROWS[0])
     text = (tmp_path / TRIALS).read_text()
     spoilt = {
@@ -63,19 +53,19 @@ def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
     }[change].encode("latin-1")
     (tmp_path / TRIALS).write_bytes(spoilt)
     with pytest.raises(ValueError, match=f"^trials = .*{TRIALS}: must be rows"):
-        read(tmp_path)
+        Rows.read(tmp_path)
     assert (tmp_path / TRIALS).read_bytes() == spoilt
 
 
 def test_a_torn_line_is_left_out(tmp_path):
     """Oracle: the rows before it; the sweep goes on with them."""
-    with opened(tmp_path, IDENTITY) as rows:
+    with Rows.opened(tmp_path, IDENTITY) as rows:
         rows.add(ROWS[0])
         rows.add(ROWS[1])
     whole = (tmp_path / TRIALS).read_bytes()
     for size in range(len(whole) - 90, len(whole), 10):
         (tmp_path / TRIALS).write_bytes(whole[:size])
-        with opened(tmp_path, IDENTITY) as rows:
+        with Rows.opened(tmp_path, IDENTITY) as rows:
             assert rows.all == ROWS[:1]
             rows.add(ROWS[1])
         assert (tmp_path / TRIALS).read_bytes() == whole
@@ -92,7 +82,7 @@ def test_results_and_pictures_are_of_this_code():
     _, code, *same, _, major, minor = first.split()
     assert f"code `{code}`" in page, "docs/results/README.md"
     for name in "fig10", "g1":
-        rows = read(RESULTS / name)
+        rows = Rows.read(RESULTS / name)
         assert rows.identity["code"] == code, f"{name}: make results"
         assert name != "fig10" or f"{len(rows.all)} trials" in page
     if (int(major), int(minor)) == sys.version_info[:2]:

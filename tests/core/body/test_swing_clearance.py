@@ -8,9 +8,8 @@ import pytest
 import shapely
 
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.body.swing_detour import SwingDetourParams
+from nadia_balance.core.body.swing_detour import SwingDetourParams, edges_on_way
 from nadia_balance.core.steps import swing_foot
-from nadia_balance.core.steps.swing_clearance import edges_on_way
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
     FootPoses,
@@ -73,27 +72,26 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     model = replace(MODEL, ground=ground, detour=SwingDetourParams())
     schedule = swing(ground, start, goal)
     lifted, landed = schedule.feet.right, schedule.footsteps[0].pose
-    edges = edges_on_way(schedule, model, PARAMS.clearance)
-    motion, least = swing_foot.FootMotion.at_rest(lifted), math.inf
+    edges = edges_on_way(schedule, ground, PARAMS.clearance)
+    foot = swing_foot.SwingFoot(PARAMS, model, PERIOD)
+    motion, least = swing_foot.at_rest(lifted), math.inf
     for tick in range(1, 601):
         t = tick * PERIOD
         state = WalkingState(schedule, t, elapsed=t)
-        motion, _ = swing_foot.swing_foot_motion(
-            motion, state, PERIOD, PARAMS, model, edges=edges
-        )
+        motion, _ = foot.motion(motion, state, edges)
         if tick % 10 == 0 and 150 <= tick < 590:
             s = t / 1.2
             s = s * s * (3.0 - 2.0 * s)
             n = (1.0 - s) * lifted.normal + s * landed.normal
-            foot = FootPose(motion.pva[0, :3], 0.0, n / np.linalg.norm(n))
-            points = foot.outline(GRID)
-            sole = foot.p_WF[2] - (points - foot.p_WF[:2]) @ (
-                foot.normal[:2] / foot.normal[2]
+            pose = FootPose(motion[0, :3], 0.0, n / np.linalg.norm(n))
+            points = pose.outline(GRID)
+            sole = pose.p_WF[2] - (points - pose.p_WF[:2]) @ (
+                pose.normal[:2] / pose.normal[2]
             )
             least = min(least, np.min(sole - ground_height(ground, points)))
     assert least > 0.0
-    assert motion.pva[0, :3] == pytest.approx(landed.p_WF, abs=0.002)
-    assert motion.pva[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
+    assert motion[0, :3] == pytest.approx(landed.p_WF, abs=0.002)
+    assert motion[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
 
 
 def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
@@ -101,25 +99,24 @@ def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
     ground = ground_of("cinder_blocks")
     model = replace(MODEL, ground=ground, detour=SwingDetourParams())
     schedule = swing(ground, (1.74, -0.125), (2.15, -0.125), 0.9)
-    edges = edges_on_way(schedule, model, PARAMS.clearance)
-    motion, late = swing_foot.FootMotion.at_rest(schedule.feet.right), None
+    edges = edges_on_way(schedule, ground, PARAMS.clearance)
+    foot = swing_foot.SwingFoot(PARAMS, model, PERIOD)
+    motion, late = swing_foot.at_rest(schedule.feet.right), None
     for tick in range(1, 500):
         elapsed = tick * PERIOD
         t = min(elapsed + 0.27 * (elapsed > 0.5), 0.9)
         state = WalkingState(schedule, t, elapsed=elapsed, waiting=t == 0.9)
-        before = motion.pva[1, 2]
-        motion, _ = swing_foot.swing_foot_motion(
-            motion, state, PERIOD, PARAMS, model, edges=edges
-        )
-        assert abs(motion.pva[1, 2] - before) < 0.1
-        height = motion.pva[0, 2] - 0.3
+        before = motion[1, 2]
+        motion, _ = foot.motion(motion, state, edges)
+        assert abs(motion[1, 2] - before) < 0.1
+        height = motion[0, 2] - 0.3
         if late is None and state.waiting:
             late = elapsed + height / 0.6 + 0.01 / 0.2
             assert height > 0.05
         if height <= 0.0:
             break
     assert elapsed < late + 0.02
-    assert motion.pva[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
+    assert motion[1, 2] == pytest.approx(-PARAMS.touchdown_velocity)
 
 
 def test_no_edge_is_on_level_ground_and_on_a_slope():
@@ -128,11 +125,10 @@ def test_no_edge_is_on_level_ground_and_on_a_slope():
     for region in square("level", side=3.0), slope:
         ground = Ground((region,), SOLE)
         schedule = swing(ground, (0.0, -0.125), (0.5, -0.125))
-        model = replace(MODEL, ground=ground)
-        assert edges_on_way(schedule, model, 0.03) is None
+        assert edges_on_way(schedule, ground, 0.03) is None
     both = Ground((square("a"), square("b", x=0.5, height=0.2)), SOLE)
     schedule = swing(both, (0.0, -0.125), (0.5, -0.125))
-    edges = edges_on_way(schedule, replace(MODEL, ground=both), 0.03)
+    edges = edges_on_way(schedule, both, 0.03)
     assert edges.top == pytest.approx(0.2)
     # 3 cm above, but for the last 10 cm of 50.
     s, there = np.linspace(0.0, 1.0, 41), edges.heights > 0.0

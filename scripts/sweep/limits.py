@@ -9,31 +9,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nadia_balance.core.walking.vocabulary import (
-    ATLAS_MECHANISMS,
-    MECHANISMS,
-    NAMED,
-)
+from nadia_balance.core.walking import vocabulary
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
-from nadia_balance.scripts.envelope_sweep.rows import (
-    Cell,
-    Rows,
-    by_cell,
-    cell_of,
-    recovered,
-    results_of,
-)
-from nadia_balance.scripts.envelope_sweep.sweep import (
-    AT,
-    SearchParams,
-    Situation,
-    limit,
-)
-from nadia_balance.scripts.envelope_sweep.trial import limit_from
+from nadia_balance.scripts.sweep import Cell, Rows, Situation, results_of
+from nadia_balance.scripts.sweep.search import AT, SearchParams, limit
+from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
 # The paper's; those of any controller, without and with angular momentum.
@@ -87,7 +71,7 @@ PROTOCOLS = {
         scenario_name="push",
         at=AT,
         directions="12",
-        mechanisms=",".join(MECHANISMS),
+        mechanisms=",".join(vocabulary.MECHANISMS),
         paper="the Nadia paper's, Fig. 10",
         figures="nadia_fig10.csv",
     ),
@@ -97,7 +81,7 @@ PROTOCOLS = {
         "atlas_in_place_fast,atlas_in_place_slow",
         at="right swing 50 %",
         directions="0,30,45,90,135,150,180,210,225,240,270,300,315,330",
-        mechanisms=",".join(ATLAS_MECHANISMS),
+        mechanisms=",".join(vocabulary.ATLAS_MECHANISMS),
         paper="the Atlas paper's, Fig. 6",
         figures="atlas_fig6.csv",
         unit_speed=0.981,  # forces over the weight, for 0.1 s
@@ -131,25 +115,25 @@ class LimitTable:
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
         """The records of all directions."""
         wanted = *situation, mechanisms
-        return [r for r in self.records if cell_of(r)[:3] == wanted]
+        return [r for r in self.records if Cell.of(r)[:3] == wanted]
 
 
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     """The limits by the rows of these scenarios; ValueError: as limits_of."""
-    groups = by_cell(rows.all)
+    groups = rows.by_cell()
     robot, plant = rows.identity["robot"], rows.identity["plant"]
     situations = sorted(
         {cell[:2] for cell in groups},
         key=lambda one: (protocol_of(robot, one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
-    mechanisms = [name for name in NAMED if name in tried]
+    mechanisms = [name for name in vocabulary.NAMED if name in tried]
     records, assumptions = [], set()
     for one in situations:
         limits = limits_of(scenarios[one[0]], one, plant)
         assumptions.add(limits[0].assumptions)
         for name in mechanisms:
-            on = [replace(limit, on=NAMED[name]) for limit in limits]
+            on = [replace(limit, on=vocabulary.NAMED[name]) for limit in limits]
             for direction in sorted({cell.direction_deg for cell in groups}):
                 cell = Cell(*one, name, direction)
                 trials = groups.get(cell, [])
@@ -172,7 +156,7 @@ def _record(
     best = [row for row in rows if row["delta_v"] == found.recovered]
 
     def worst(name: str) -> float | None:
-        values = [row[name] for row in best if recovered(row)]
+        values = [row[name] for row in best if row["outcome"] == "recovered"]
         return max((v for v in values if v is not None), default=None)
 
     protocol = protocol_of(identity["robot"], cell[:2])
@@ -211,9 +195,8 @@ def limits_of(
     robot = diagram.robot
     if plant == "humanoid":
         robot = load_robot(scenario.robot, scenario.fidelity)
-    limit = limit_from(
-        diagram, context, model=robot.point_mass, push_duration=push.duration
-    )
+    more = {"model": robot.point_mass, "push_duration": push.duration}
+    limit = limit_from(diagram, context, **more)
     kappa = scenario.controller.balance.max_kappa
     return limit, replace(limit, kappa=kappa)
 
@@ -224,9 +207,8 @@ def known_limits(folder: Path) -> dict[Cell, float]:
         lines = list(csv.DictReader(file))
     if not all({*Cell._fields, "recovered"} <= {*line} for line in lines):
         raise ValueError(f"from = {str(folder)!r}: must have a {LIMITS}")
-    cells = [
-        cell_of(line | {"direction_deg": float(line["direction_deg"])})
-        for line in lines
-    ]
-    limits = (float(line["recovered"] or 0.0) for line in lines)
-    return dict(zip(cells, limits, strict=True))
+    found = {}
+    for line in lines:
+        angle = {"direction_deg": float(line["direction_deg"])}
+        found[Cell.of(line | angle)] = float(line["recovered"] or 0.0)
+    return found

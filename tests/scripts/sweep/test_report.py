@@ -6,11 +6,10 @@ Oracle: the limits from which the trials were made up; the rest by hand.
 import pytest
 
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.limits import protocol_of
-from nadia_balance.scripts.envelope_sweep.rows import Cell
-from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
-from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
+from nadia_balance.scripts.sweep import Cell, report
+from nadia_balance.scripts.sweep.limits import protocol_of
+from nadia_balance.scripts.sweep.search import SearchParams
+from tests.scripts.sweep.made_up import AT, made_up_rows, table_of
 
 ALL = "all_with_cross_over"
 COARSE = SearchParams(resolution=0.1, stride=4, largest=2.0)

@@ -24,14 +24,13 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.envelope_sweep.limits import (
+from nadia_balance.scripts.sweep import OUTCOMES, Rows, Situation
+from nadia_balance.scripts.sweep.limits import (
     LIMITS,
     LimitTable,
     Record,
     protocol_of,
 )
-from nadia_balance.scripts.envelope_sweep.rows import OUTCOMES, Rows
-from nadia_balance.scripts.envelope_sweep.sweep import Situation
 
 PICTURE, TABLES = "envelope.png", "tables.md"
 
@@ -158,9 +157,8 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """Returns a table; its columns are aligned right."""
     whole = [head, *lines]
     widths = [max(3, *map(len, column)) for column in zip(*whole, strict=True)]
-    first, *others = [
-        f"| {' | '.join(map(str.rjust, line, widths))} |" for line in whole
-    ]
+    texts = (" | ".join(map(str.rjust, line, widths)) for line in whole)
+    first, *others = [f"| {text} |" for text in texts]
     rule = "|".join("-" * (width + 1) + ":" for width in widths)
     return "\n".join([first, f"|{rule}|", *others])
 

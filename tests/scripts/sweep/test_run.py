@@ -5,9 +5,8 @@ import time
 
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import trial
-from nadia_balance.scripts.envelope_sweep.rows import opened, read
-from tests.scripts.envelope_sweep import made_up
+from nadia_balance.scripts.sweep import Rows, trial
+from tests.scripts.sweep import made_up
 
 
 @pytest.fixture
@@ -20,13 +19,13 @@ def run(monkeypatch, tmp_path):
         monkeypatch.setattr(trial, "of_process", lambda *_: {})
         sweep = made_up.made_up_sweep()
         with (
-            opened(tmp_path, made_up.identity_of()) as rows,
+            Rows.opened(tmp_path, made_up.identity_of()) as rows,
             contextlib.ExitStack() as later,
         ):
             # What is abandoned must not go on in another test.
             later.callback(robot.threads.shutdown, cancel_futures=True)
             done = trial.run_sweep(sweep, rows, robot, **more)
-        return read(tmp_path).all, done
+        return Rows.read(tmp_path).all, done
 
     return run
 

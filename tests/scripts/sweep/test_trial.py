@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.envelope_sweep import trial as module
-from nadia_balance.scripts.envelope_sweep.rows import FROM_SUMMARY, Cell
-from nadia_balance.scripts.envelope_sweep.sweep import Sweep
-from nadia_balance.scripts.envelope_sweep.trial import run_trial
+from nadia_balance.scripts.sweep import FROM_SUMMARY, Cell
+from nadia_balance.scripts.sweep import trial as module
+from nadia_balance.scripts.sweep.search import Sweep
+from nadia_balance.scripts.sweep.trial import run_trial
 from tests.diagrams import simulated
-from tests.scripts.envelope_sweep.made_up import cell_to, stepping_sweep
+from tests.scripts.sweep.made_up import cell_to, stepping_sweep
 
 CELL = cell_to(120.0)
 

@@ -36,7 +36,7 @@ FOLDERS = (
     *("", "core/**", "diagrams", "engines", "models/*"),
     *("results", "robot", "systems", "view"),
 )
-TRIAL_FILES = ("rows.py", "sweep.py", "trial.py")
+TRIAL_FILES = ("__init__.py", "search.py", "trial.py")
 
 
 class Cell(NamedTuple):
@@ -47,7 +47,14 @@ class Cell(NamedTuple):
     mechanisms: str  # a name of NAMED
     direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
 
+    @classmethod
+    def of(cls, row: dict) -> "Cell":
+        """The cell of a row's trial."""
+        return cls(*(row[name] for name in cls._fields))
 
+
+# Name of the gait's scenario, and when the push begins, as Moment writes it.
+Situation = tuple[str, str]
 # delta_v [m/s], replica from 0 on.
 Attempt = tuple[float, int]
 # True if the robot recovered; None: undecided, as the run was too short.
@@ -68,27 +75,11 @@ COLUMNS = (
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 
-def cell_of(row: dict) -> Cell:
-    """The cell of a row's trial."""
-    return Cell(*(row[name] for name in Cell._fields))
-
-
-def recovered(row: dict) -> bool | None:
-    """True if the robot recovered; None if the trial is undecided."""
-    return None if row["outcome"] == UNDECIDED else row["outcome"] == RECOVERED
-
-
-def by_cell(rows: list[dict]) -> dict[Cell, list[dict]]:
-    """The rows of each cell."""
-    cells: dict[Cell, list[dict]] = {}
-    for row in rows:
-        cells.setdefault(cell_of(row), []).append(row)
-    return cells
-
-
 def results_of(rows: list[dict]) -> Results:
     """The results of the search of one cell, by its rows."""
-    return {(row["delta_v"], row["replica"]): recovered(row) for row in rows}
+    good = {RECOVERED: True, UNDECIDED: None}
+    ended = {(r["delta_v"], r["replica"]): r["outcome"] for r in rows}
+    return {attempt: good.get(how, False) for attempt, how in ended.items()}
 
 
 @dataclass
@@ -109,22 +100,68 @@ class Rows:
         os.fsync(self.file.fileno())
         self.all.append(row)
 
+    def by_cell(self) -> dict[Cell, list[dict]]:
+        """The rows of each cell."""
+        cells: dict[Cell, list[dict]] = {}
+        for row in self.all:
+            cells.setdefault(Cell.of(row), []).append(row)
+        return cells
 
-def read(folder: Path) -> Rows:
-    """Returns the rows in a folder; ValueError: none, or of another program."""
-    path = folder / TRIALS
-    try:
-        text = path.read_text(encoding="utf-8")
-        first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
-        identity = json.loads(first.removeprefix("# "))
-        if "resolution" not in identity:
-            raise ValueError("its first line is of no sweep")
-        found = list(csv.DictReader(io.StringIO(lines)))
-        return Rows(folder, identity, list(map(_parsed, found)))
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(
-            f"trials = {path}: must be rows of this program ({error})"
-        ) from None
+    @classmethod
+    def read(cls, folder: Path) -> "Rows":
+        """The rows in a folder; ValueError: none, or of another program."""
+        path = folder / TRIALS
+        try:
+            text = path.read_text(encoding="utf-8")
+            first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
+            identity = json.loads(first.removeprefix("# "))
+            if "resolution" not in identity:
+                raise ValueError("its first line is of no sweep")
+            found = list(csv.DictReader(io.StringIO(lines)))
+            return cls(folder, identity, list(map(_parsed, found)))
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            why = f"must be rows of this program ({error})"
+            raise ValueError(f"trials = {path}: {why}") from None
+
+    @classmethod
+    @contextlib.contextmanager
+    def opened(cls, folder: Path, identity: dict) -> Iterator["Rows"]:
+        """Yields the rows in `folder`, to be added to; creates them if need be.
+
+        At the end they are sorted: the file does not depend on the order of
+        trials.
+
+        Raises ValueError: the rows are of another identity, or another process
+        has the folder.  Raises OSError: they cannot be written.
+        """
+        with locked(folder):
+            rows = cls(folder, identity, [])
+            if (folder / TRIALS).exists():
+                rows = cls.read(folder)
+            for name in identity | rows.identity:
+                asked, found = identity.get(name), rows.identity.get(name)
+                if asked != found:
+                    raise ValueError(
+                        f"{name} = {asked}: must be {found} as in "
+                        f"{folder / TRIALS}, or --out another folder"
+                    )
+            rows._write()  # without a torn line
+            file = folder / TRIALS
+            with open(file, "a", encoding="utf-8", newline="") as rows.file:
+                yield rows
+            rows._write()
+
+    def _write(self) -> None:
+        """Writes the whole file, or nothing."""
+        self.all.sort(key=lambda row: [row[name] for name in KEY])
+        with (
+            appearing(self.folder) as drafts,
+            open(drafts / TRIALS, "w", encoding="utf-8", newline="") as file,
+        ):
+            file.write(f"# {json.dumps(self.identity)}\n")
+            lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+            lines.writeheader()
+            lines.writerows(self.all)
 
 
 def _parsed(line: dict[str, str]) -> dict:
@@ -134,46 +171,6 @@ def _parsed(line: dict[str, str]) -> dict:
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
-
-
-@contextlib.contextmanager
-def opened(folder: Path, identity: dict) -> Iterator[Rows]:
-    """Yields the rows in `folder`, to be added to; creates them if need be.
-
-    At the end they are sorted: the file does not depend on the order of trials.
-
-    Raises ValueError: the rows are of another identity, or another process has
-    the folder.  Raises OSError: they cannot be written.
-    """
-    with locked(folder):
-        rows = Rows(folder, identity, [])
-        if (folder / TRIALS).exists():
-            rows = read(folder)
-        for name in identity | rows.identity:
-            asked, found = identity.get(name), rows.identity.get(name)
-            if asked != found:
-                raise ValueError(
-                    f"{name} = {asked}: must be {found} as in "
-                    f"{folder / TRIALS}, or --out another folder"
-                )
-        _write(rows)  # without a torn line
-        with open(folder / TRIALS, "a", encoding="utf-8", newline="") as file:
-            rows.file = file
-            yield rows
-        _write(rows)
-
-
-def _write(rows: Rows) -> None:
-    """Writes the whole file, or nothing."""
-    rows.all.sort(key=lambda row: [row[name] for name in KEY])
-    with (
-        appearing(rows.folder) as drafts,
-        open(drafts / TRIALS, "w", encoding="utf-8", newline="") as file,
-    ):
-        file.write(f"# {json.dumps(rows.identity)}\n")
-        lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        lines.writeheader()
-        lines.writerows(rows.all)
 
 
 def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
@@ -203,7 +200,7 @@ _first_hash = functools.cache(code_hash)  # the files may change later
 
 def code_files(package: Path) -> list[Path]:
     """Returns the files in `package` that trials use, in order."""
-    paths = {package / "scripts/envelope_sweep" / name for name in TRIAL_FILES}
+    paths = {package / "scripts/sweep" / name for name in TRIAL_FILES}
     for folder in FOLDERS:
         for ending in ("py", "yaml", "urdf"):
             paths.update(package.glob(f"{folder}/*.{ending}".lstrip("/")))

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.scripts.envelope_sweep import report
-from nadia_balance.scripts.envelope_sweep.rows import Cell
-from nadia_balance.scripts.envelope_sweep.sweep import SearchParams
-from tests.scripts.envelope_sweep.made_up import AT, made_up_rows, table_of
+from nadia_balance.scripts.sweep import Cell, report
+from nadia_balance.scripts.sweep.search import SearchParams
+from tests.scripts.sweep.made_up import AT, made_up_rows, table_of
 
 ALL = "all_with_cross_over"
 SEARCH = SearchParams(resolution=0.1, stride=4)

@@ -12,15 +12,9 @@ import numpy as np
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.lipm_limit import Capture
-from nadia_balance.scripts.envelope_sweep import limits
-from nadia_balance.scripts.envelope_sweep.limits import LimitTable, protocol_of
-from nadia_balance.scripts.envelope_sweep.rows import Cell, Rows
-from nadia_balance.scripts.envelope_sweep.sweep import (
-    SearchParams,
-    Situation,
-    Sweep,
-    next_batch,
-)
+from nadia_balance.scripts.sweep import Cell, Rows, Situation, limits
+from nadia_balance.scripts.sweep.limits import LimitTable, protocol_of
+from nadia_balance.scripts.sweep.search import SearchParams, Sweep, next_batch
 
 SEARCH = SearchParams()
 AT: Situation = ("push", "right swing 25 %")  # of the Nadia paper's Fig. 10

@@ -1,1 +1,0 @@
-"""Sweeps that find the largest pushes that a robot recovers from."""

@@ -1,0 +1,67 @@
+"""Oracles: forces written by hand; the schedule of a robot that walks."""
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.results import phase_spans
+from nadia_balance.systems.push_source import ContactClock
+from tests.blocks import answer, fix, running
+from tests.diagrams.simulated import simulated
+from tests.diagrams.test_humanoid import WALK
+
+PERIOD, WEIGHT = 0.01, 100.0
+BOTH, LEFT, RIGHT, AIR = (50.0, 50.0), (99.0, 1.0), (1.0, 99.0), (0.0, 0.0)
+
+
+def states(forces, period=PERIOD, weight=WEIGHT) -> list:
+    """The walking states after ticks with these forces on the feet (n, 2)."""
+    clock, found = ContactClock(weight, period), []
+    simulator, context = running(clock)
+    for k, force in enumerate(forces):
+        fix(clock, context, foot_forces=force)
+        simulator.AdvanceTo((k + 0.5) * period)
+        found.append(answer(clock, context, "walking_state"))
+    return found
+
+
+def test_knows_a_phase_when_it_comes_again():
+    """Oracle: ticks counted by hand; bounces and flights end no phase.
+
+    The second stride's phases are known by the first one's durations.
+    """
+    stride = [LEFT] * 40 + [BOTH] * 10 + [RIGHT] * 50 + [BOTH] * 20
+    first = [AIR] + [BOTH] * 70 + stride
+    bounced = [*stride[:40], BOTH, LEFT, AIR, *stride[43:50]]
+    found = states([*first, *bounced, *stride[50:]])
+    standing = found[: len(first)]
+    assert {s.schedule.phase for s in standing[:-1]} == {Phase.STANDING}
+    at = len(first)
+    for phase, swing, ticks, steps in (
+        (Phase.SWING, Side.RIGHT, 40, 2),
+        (Phase.TRANSFER, Side.LEFT, 10, 3),
+        (Phase.SWING, Side.LEFT, 50, 3),
+        (Phase.TRANSFER, Side.RIGHT, 20, 4),
+    ):
+        for k in range(ticks):
+            state, schedule = found[at + k], found[at + k].schedule
+            assert (schedule.phase, state.steps_taken) == (phase, steps)
+            assert schedule.support_side.other is swing
+            assert schedule.duration == pytest.approx(ticks * PERIOD)
+            assert state.time_in_phase == pytest.approx(k * PERIOD)
+        at += ticks
+
+
+def test_means_by_25_percent_what_the_walking_state_machine_means():
+    """Oracle: the schedule, to a third of a tenth of a swing: 25 ms.
+
+    The third swing is the first one that is known: of the first one's side.
+    """
+    logs = simulated(WALK).logs
+    found = states(logs["foot_forces"], 0.004, float(logs["weight"]))
+    *_, swing = (s for s in phase_spans(logs) if s.phase is Phase.SWING)
+    push = Push(force=1.0, at=f"{swing.swing_side.value} swing 25 %")
+    due = [push.is_due(0.0, state, 0.004) for state in found]
+    wanted = swing.start + 0.25 * (swing.end - swing.start)
+    assert logs["t"][np.argmax(due)] == pytest.approx(wanted, abs=0.025)
