@@ -117,9 +117,10 @@ class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
     def __init__(self, file: str, about: str, codes: str, **more):
-        """Of the program in `file`; help says what it is about, and its codes.
+        """Builds the parser of the program in `file`.
 
-        Of `about` only the first line, unless `more` has a formatter of it.
+        Its help has `about`, of which only the first line unless `more` has a
+        formatter, and the exit `codes`.
         """
         about = about if more else about.partition("\n")[0]
         name, codes = Path(file).name, f"Exit code: {codes}" * bool(codes)

@@ -15,12 +15,12 @@ from nadia_balance.core.math.lipm import GRAVITY
 # Bandwidths [1/s]: of gravity's direction beside the gyro, of a sole's velocity
 # beside the accelerometer (IHMC: 2 Hz), and of its place (IHMC: 11.8 Hz).
 TILT, SPEED, PLACE = 0.2, 2.0 * math.pi * 2.0, 2.0 * math.pi * 11.8
-# What it is wrong by: rotation [rad], velocity [m/s], position [m].
+# Standard deviations: rotation [rad], velocity [m/s], position [m].
 ERROR = 0.03, 0.1, 0.3
 
 
 class Complementary:
-    """Replaces an InvariantEkf by gains: what it brings is what is better.
+    """Estimates by fixed gains, with the methods of an InvariantEkf.
 
     Orientation is by the passive filter of Mahony, Hamel and Pflimlin (2008,
     "Nonlinear complementary filters on the special orthogonal group", IEEE

@@ -206,14 +206,15 @@ def goals(landing: Landing, current: Adjustment, params: Params) -> list[Goal]:
 
     Rule 1: base if it intersects the capture region; rule 2: else the
     cross-over region that shares most area with it; rule 3: else the closest
-    place, at the earliest time the foot can be there.  Goals are `margin` deep
+    place, at the earliest time the foot can be there, of the region that rules
+    1 and 2 choose if later steps hurry.  Goals are `margin` deep
     inside the capture region, or about as deep as possible.  On the previous
     place, half of it suffices, so that noise does not move the foot to another
     ground region.  Empty if no ground is in reach.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
     Its rule 3 compares all regions at the same time, but a cross-over step
-    takes longer, while the ICP diverges.
+    takes longer, while the ICP diverges, and a step after it has to return.
     """
     A, b = convex.halfspaces(landing.capture_region)
     places = [Goal(place, place.polygon) for place in landing.geometry.places]

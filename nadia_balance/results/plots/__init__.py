@@ -364,7 +364,8 @@ def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
     if abs(span.duration - span.planned) > CHANGED:
         text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
     side = span.swing_side
-    # Of a short step, the transfers before and after have a line each.
+    # Transfers to the left and to the right foot have a line each, as those
+    # before and after a short step would overlap.
     y = _FOOT_Y[side] if swings else 1.0 + 0.3 * side.sign
     color = palette.foot_color(side) if swings else TEXT
     where = 0.5 * (span.start + span.end), y
