@@ -7,11 +7,8 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.whole_body import limits
 from nadia_balance.core.whole_body.command import SOLES, whole_body_command
-from nadia_balance.core.whole_body.limits import (
-    FrictionEstimate,
-    friction_after,
-)
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Task
@@ -141,7 +138,9 @@ class FrictionEstimator(LeafSystem):
         self._terms, self._wrenches = inputs(
             self, "whole_body_terms", "foot_wrenches"
         )
-        self.DeclareDiscreteState(FrictionEstimate(params.friction, 0.0, 0.0))
+        self.DeclareDiscreteState(
+            limits.FrictionEstimate(params.friction, 0.0, 0.0)
+        )
         declare_output(
             self,
             "friction",
@@ -159,8 +158,8 @@ class FrictionEstimator(LeafSystem):
         motion[:, 0] /= self._weight
         motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
         motion = motion @ terms.rotations[:2]
-        estimate = friction_after(
-            FrictionEstimate(*last.tolist()),
+        estimate = limits.friction_after(
+            limits.FrictionEstimate(*last.tolist()),
             motion[:, 0],
             motion[:, 1],
             self._params,

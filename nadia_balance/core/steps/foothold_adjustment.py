@@ -21,11 +21,10 @@ from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math import polygon as convex
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.steps import capture_region as capture
-from nadia_balance.core.steps.capture_region import (
-    CaptureRegionStepAdjusterParams as Params,
-)
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import Adjustment, FootPose
+
+Params = capture.CaptureRegionStepAdjusterParams
 
 _BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
 _HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]
@@ -96,15 +95,7 @@ class Landing(walking.Immutable):
     @cached_property
     def capture_region(self) -> Array:
         """C_N (n, 2) [m] in W."""
-        return self.geometry.capture_region(self.one_step)
-
-    def capture_regions(self) -> tuple[Array, ...]:
-        """Returns C_1, ..., C_N."""
-        inner = (
-            self.geometry.capture_region(self.one_step, n)
-            for n in range(len(self.geometry.offsets) - 1)
-        )
-        return *inner, self.capture_region
+        return capture.capture_region(self.one_step, self.geometry.offsets[-1])
 
     def on_arrival(
         self, region: Array, least: float, under_way: bool = False
@@ -125,7 +116,7 @@ class Landing(walking.Immutable):
         first, last = self.touchdown
         times = soonest, soonest + last - first
         one_step = self.geometry.one_step_region(self.icp, times)
-        return self.geometry.capture_region(one_step)
+        return capture.capture_region(one_step, self.geometry.offsets[-1])
 
     def time_to(self, goal: Array) -> float:
         """Time [s] from rest to landing at `goal` (2,) [m]; 0 without foot."""
@@ -145,11 +136,8 @@ def propose_adjustment(
     `freeze_time`.
     """
     current = current_adjustment(state)
-    if (
-        state.schedule.phase is not walking.Phase.SWING
-        or state.elapsed < params.settling_time
-        or landing.touchdown[0] < params.freeze_time
-    ):
+    settles = state.elapsed < params.settling_time
+    if settles or landing.touchdown[0] < params.freeze_time:
         return current
     wanted = adjust_foothold(current, landing, params, period)
     time = state.remaining_time + state.gained_time
@@ -162,14 +150,22 @@ def adjust_foothold(
     """Returns the adjustment that puts the foot into the capture region.
 
     The nominal foothold, not the last one, is projected onto the `goals`, so
-    that the foothold returns when the ICP does; a tick lasts `period` [s].  The
-    closest point counts; `distance_hysteresis` favors the previous ground.
+    that the foothold returns when the ICP does: after `return_time` if the
+    present one captures it, too.  A tick lasts `period` [s].  The closest point
+    counts; `distance_hysteresis` favors the previous ground.
     """
     nominal, region = current.nominal.pose, landing.capture_region
     covered = convex.contains(nominal.p_WF[:2], region, -params.margin)
     if covered and landing.geometry.allows(nominal):
-        holds = convex.contains(current.pose.p_WF[:2], region)
-        return return_to_nominal(current, holds, params, period)
+        ticks = current.covered_ticks + 1
+        enough = walking.number_of_ticks(params.return_time, period)
+        if (
+            current.moved
+            and ticks < enough
+            and convex.contains(current.pose.p_WF[:2], region)
+        ):
+            return replace(current, covered_ticks=ticks)
+        return Adjustment(current.nominal, nominal)
     options = goals(landing, current, params)
 
     def cost(option: tuple[capture.Place, Array]) -> float:
@@ -325,23 +321,6 @@ def _foothold(
     return min(points, key=lambda p: math.dist(p, start), default=None)
 
 
-def return_to_nominal(
-    current: Adjustment, holds: bool, params: Params, period: float
-) -> Adjustment:
-    """Returns the nominal foothold, after `return_time` if the present `holds`.
-
-    `holds` means that the present foothold is in the capture region as well.
-    """
-    ticks = current.covered_ticks + 1
-    if (
-        not current.moved
-        or ticks >= walking.number_of_ticks(params.return_time, period)
-        or not holds
-    ):
-        return Adjustment(current.nominal, current.nominal.pose)
-    return replace(current, covered_ticks=ticks)
-
-
 def in_time(
     current: Adjustment, wanted: Adjustment, landing: Landing, time: float
 ) -> Adjustment:
@@ -373,9 +352,14 @@ def in_time(
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
     """Returns the regions and footholds behind the proposed `adjustment`."""
-    regions = landing.geometry.regions
+    geometry, one_step = landing.geometry, landing.one_step
+    inner = (
+        capture.capture_region(one_step, offsets)
+        for offsets in geometry.offsets[:-1]
+    )
+    regions = geometry.regions
     return CaptureRegions(
-        landing.capture_regions(),
+        (*inner, landing.capture_region),  # C_1, ..., C_N
         # A region chosen before cross-over was switched off is missing.
         regions.get(adjustment.region, regions[BASE]),
         adjustment.nominal.pose,

@@ -24,6 +24,7 @@ from nadia_balance.core.steps.capture_region import (
     Place,
     ReachRulesParams,
     SwingGeometry,
+    capture_region,
 )
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
@@ -105,7 +106,7 @@ def region_at(t, icp, params=PARAMS, on=ALL):
     one_step = found.one_step_region(
         np.array(icp), (times, times + params.waiting_time)
     )
-    return found.capture_region(one_step)
+    return capture_region(one_step, found.offsets[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -478,7 +479,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
         one_step = GEOMETRY.one_step_region(icp, (first, first + 0.5))
         np.testing.assert_allclose(
             case.on_arrival(ahead, least, under_way),
-            GEOMETRY.capture_region(one_step),
+            capture_region(one_step, GEOMETRY.offsets[-1]),
             atol=1e-12,
         )
     unhurried = Landing(GEOMETRY, icp, now)
