@@ -227,7 +227,7 @@ class StateSensor(LeafSystem):
         self._ticks = whole_ticks("delay", imperfections.delay, period)
         self._period, self._seed = period, seed
         nq, size = plant.num_positions(), plant.num_multibody_states()
-        self._deviations = np.zeros(size)
+        self._size, self._deviations = np.zeros(size)
         self._deviations[7:nq] = imperfections.joint_noise
         self._deviations[_PELVIS] = imperfections.pelvis_noise
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise
@@ -263,22 +263,18 @@ class StateSensor(LeafSystem):
         return EventStatus.Succeeded()
 
     def _calc_state(self, context, output):
-        tick = round(context.get_time() / self._period)
-        noise = np.random.default_rng((self._seed, tick)).standard_normal(
-            self._deviations.size
-        )
-        if self._ticks:
-            state = self._oldest(context)[:-_FEET]
-        else:
-            state = self._now(context)
-        output.SetFromVector(state + self._deviations * noise)
+        tick, size = round(context.get_time() / self._period), self._size
+        random = np.random.default_rng((self._seed, tick))
+        noise = self._deviations * random.standard_normal(size)
+        state = self._oldest(context, self._now, slice(-size - _FEET, -_FEET))
+        output.SetFromVector(state + noise)
 
     def _calc_forces(self, context, output):
-        if self._ticks:
-            output.SetFromVector(self._oldest(context)[-_FEET:])
-        else:
-            output.SetFromVector(self._forces(context))
+        forces = self._oldest(context, self._forces, slice(-_FEET, None))
+        output.SetFromVector(forces)
 
-    def _oldest(self, context) -> np.ndarray:
-        past = context.get_discrete_state(self._past).value()
-        return past[-(self._deviations.size + _FEET) :]
+    def _oldest(self, context, port: Input, part: slice) -> np.ndarray:
+        """The `part` of the buffer; without a delay the value of the `port`."""
+        if self._ticks:
+            return context.get_discrete_state(self._past).value()[part]
+        return port(context)

@@ -9,11 +9,8 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.plan import (
-    atlas_icp_plan,
-    icp_plan,
-    walking_state_machine,
-)
+from nadia_balance.core.plan import atlas_icp_plan, icp_plan
+from nadia_balance.core.plan import walking_state_machine as clock
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
@@ -39,7 +36,7 @@ class WalkingStateMachine(LeafSystem):
 
     def __init__(
         self,
-        params: walking_state_machine.WalkingStateMachineParams,
+        params: clock.WalkingStateMachineParams,
         model: PointMassModel,
         period: float,
         start: walking.WalkingState | None = None,
@@ -48,9 +45,7 @@ class WalkingStateMachine(LeafSystem):
         super().__init__()
         check(params)
         start = start or walking_start(Gait(), model)
-        self._machine = walking_state_machine.StateMachine(
-            params, model, period
-        )
+        self._machine = clock.StateMachine(params, model, period)
         self._weight = model.mass * GRAVITY
         self._foot_poses, self._foot_forces, self._icp = inputs(
             self, "foot_poses", "foot_forces", "icp"
@@ -62,16 +57,14 @@ class WalkingStateMachine(LeafSystem):
         # The outputs depend on the state only: this breaks every loop.
         state_only = [self.abstract_state_ticket(self._state)]
         declare_output(self, "walking_state", self._walking_state, state_only)
-        declare_output(
-            self,
-            "walking_signal",
-            lambda context: walking_signal(self._walking_state(context)),
-            state_only,
-        )
+        declare_output(self, "walking_signal", self._calc_signal, state_only)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
     def _walking_state(self, context) -> walking.WalkingState:
         return context.get_abstract_state(self._state).get_value()
+
+    def _calc_signal(self, context) -> list[float]:
+        return walking_signal(self._walking_state(context))
 
     def _advance(self, context, state):
         now = self._machine.advance(
@@ -180,9 +173,10 @@ class TimingAdapter(LeafSystem):
         check(params)
         self._timing = Timing(params, model, period)
         names = "walking_state icp_plan icp foot_poses mechanisms"
-        self._inputs = list(inputs(self, names))
+        self._inputs = inputs(self, names)
         declare_output(self, "time_adjustment", self._calc)
 
     def _calc(self, context) -> tuple[float, float]:
-        signals = [read(context) for read in self._inputs]
-        return self._timing.adjustment(*signals)
+        return self._timing.adjustment(
+            *(read(context) for read in self._inputs)
+        )

@@ -249,32 +249,23 @@ def wire(
     exported = set()
     for role, block in blocks.items():
         for port in map(block.get_input_port, range(block.num_input_ports())):
-            what = f"{role} = {type(block).__name__}: input port "
-            if (name := port.get_name()) in sources:
-                _check_fit(what, port, sources[name])
-                builder.Connect(sources[name], port)
+            name, of = port.get_name(), f"{role} = {type(block).__name__}"
+            what = f"{of}: input port {name!r} must be "
+            if source := sources.get(name):
+                if (found := _kind(port)) != (needed := _kind(source)):
+                    other = source.get_system().get_name()
+                    raise ValueError(
+                        f"{what}{needed}, as {other}'s output; it is {found}"
+                    )
+                builder.Connect(source, port)
             elif name not in inputs:
-                raise ValueError(
-                    f"{what}{name!r} must be one of "
-                    f"{', '.join(sorted({*sources, *inputs}))}"
-                )
+                known = ", ".join(sorted({*sources, *inputs}))
+                raise ValueError(f"{what}one of {known}")
             elif name in exported:
                 builder.ConnectInput(name, port)
             else:
                 builder.ExportInput(port, name)
                 exported.add(name)
-
-
-def _check_fit(
-    what: str, port: framework.InputPort, source: framework.OutputPort
-) -> None:
-    """Raises ValueError if `source` and `port` differ in type or size."""
-    found, needed = _kind(port), _kind(source)
-    if found != needed:
-        raise ValueError(
-            f"{what}{port.get_name()!r} must be {needed}, as "
-            f"{source.get_system().get_name()}'s output; it is {found}"
-        )
 
 
 def _kind(port: framework.InputPort | framework.OutputPort) -> str:

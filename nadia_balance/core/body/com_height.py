@@ -18,9 +18,7 @@ class ComHeightParams:
     position_gain: float = bounded(50.0, above=0.0, unit="1/s^2")  # k_p
     damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
     # Half of gravity, so that the feet keep their load.
-    max_acceleration: float = bounded(
-        4.9, above=0.0, below=GRAVITY, unit="m/s^2"
-    )
+    max_acceleration: float = bounded(4.9, above=0, below=GRAVITY, unit="m/s^2")
     # Bound on the commanded vertical velocity.
     max_velocity: float = bounded(1.0, above=0.0, unit="m/s")
     # Largest distance from hip to ankle, as a share of the straight leg.

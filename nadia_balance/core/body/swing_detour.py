@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nadia_balance.core.body.ground import Ground, Region
+from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import convex_hull, intersection
@@ -44,12 +44,8 @@ class SwingDetourParams:
     # Distances of the sole centres, in front of the stance foot or behind it,
     # and to its swing side, for a sole of 0.25 m x 0.12 m, a shin of 0.11 m x
     # 0.12 m, and 3 cm of clearance.
-    ahead: float = bounded(
-        0.28, least=0.0, most=1.0, unit="m", of="sole_length"
-    )
-    beside: float = bounded(
-        0.15, least=0.0, most=1.0, unit="m", of="sole_width"
-    )
+    ahead: float = bounded(0.28, least=0, most=1, unit="m", of="sole_length")
+    beside: float = bounded(0.15, least=0, most=1, unit="m", of="sole_width")
     # Horizontal; accelerating the leg has a reaction on the rest of the robot.
     max_acceleration: float = bounded(50.0, above=0.0, unit="m/s^2")
     # Mean horizontal speed of a swing.
@@ -118,10 +114,10 @@ class SwingDetourParams:
         if d > _TINY:
             v = max((x * vx + y * vy) / d, 0.0)
         a = self.max_acceleration
-        slowest = length / self.max_speed
         stop = 0.5 * v * v / a
         if stop <= length:
-            return max((2.0 * math.sqrt(a * (length + stop)) - v) / a, slowest)
+            fastest = (2.0 * math.sqrt(a * (length + stop)) - v) / a
+            return max(fastest, length / self.max_speed)
         if stop <= PEAK * length:
             return 2.0 * length / v
         back = stop / PEAK - length
@@ -206,9 +202,8 @@ def edges_on_way(
 
     An edge is ground above the straight line from lift-off to the foothold.
     """
-    if ground is None or ground.is_level:
-        return None
-    if schedule.phase is not walking.Phase.SWING:
+    swings = schedule.phase is walking.Phase.SWING
+    if not swings or ground is None or ground.is_level:
         return None
     step = schedule.footsteps[0]
     start, goal = schedule.feet[step.side], step.pose
@@ -246,24 +241,13 @@ def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
         n = start.normal + s * (goal.normal - start.normal)
         n = n / math.hypot(*n.tolist())
         p_WF = start.p_WF + s * (goal.p_WF - start.p_WF)
-        foot = FootPose(p_WF, start.yaw + s * turn, n)
-        heights.append(_touching_height(regions, foot, foot.outline(sole)))
+        outline = FootPose(p_WF, start.yaw + s * turn, n).outline(sole)
+        (x, y, z), highest = n.tolist(), -math.inf
+        for region in regions:  # planes, which touch the sole at a corner
+            corners = intersection(region.polygon, outline)
+            if len(corners):
+                offsets = corners - p_WF[:2]
+                above = region.heights(corners) + offsets @ [x / z, y / z]
+                highest = max(highest, float(above.max()))
+        heights.append(highest)
     return np.array(heights)
-
-
-def _touching_height(
-    regions: list[Region], foot: FootPose, outline: Array
-) -> float:
-    """Returns the contact height [m] of the centre of the sole.
-
-    Sole and region are planes, so that they touch at a corner.
-    """
-    x, y, z = foot.normal.tolist()
-    highest = -math.inf
-    for region in regions:
-        corners = intersection(region.polygon, outline)
-        if len(corners):
-            offsets = corners - foot.p_WF[:2]
-            above = region.heights(corners) + offsets @ [x / z, y / z]
-            highest = max(highest, float(above.max()))
-    return highest

@@ -16,11 +16,7 @@ from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.plan.icp_plan import IcpReference, reference_of
 from nadia_balance.core.steps.foothold_adjustment import unadjusted
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import (
-    Adjustment,
-    Phase,
-    WalkingState,
-)
+from nadia_balance.core.walking.vocabulary import Adjustment, WalkingState
 
 Halfspaces = tuple[Array, Array]  # A, b with A p <= b, in W
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
@@ -150,7 +146,8 @@ class StepFeedback(NamedTuple):
     """The feedback of one tick.
 
     `adjustment` is None if step adjustment is off; `reference` is that of the
-    plan with the adjusted footholds; `ecmp` (2,) [m] in W is r_cmp,d.
+    plan with the executed footholds, those of the QP or those kept by a dead
+    band; `ecmp` (2,) [m] in W is r_cmp,d.
     """
 
     adjustment: Adjustment | None
@@ -202,11 +199,7 @@ def reach_room(
 
 
 class IcpStepControl:
-    """Feedback and footholds of one tick, from one QP (Atlas paper, Sec. IV).
-
-    The reference is always that of the plan with the executed footholds, those
-    of the QP or those kept by a dead band.
-    """
+    """Feedback and footholds of a tick, from one QP (Atlas paper, Sec. IV)."""
 
     def __init__(self, params: IcpStepQpParams, model: PointMassModel):
         """Raises ValueError: see `uncrossed_reach`."""
@@ -226,7 +219,7 @@ class IcpStepControl:
         return StepPhase(
             steps,
             _shifts(steps),
-            _chain(steps) or unadjusted(schedule),
+            _chain(*steps) if steps else unadjusted(schedule),
             in_world(self._reach, stance, schedule.support_side.other),
             room,
             polygon.halfspaces(room),
@@ -236,13 +229,12 @@ class IcpStepControl:
     def may_move(self, state: WalkingState) -> bool:
         """True if footholds may change: steps remain, no phase change near."""
         schedule, params = state.schedule, self._params
-        if schedule.phase is Phase.STANDING or not schedule.footsteps:
+        if not schedule.footsteps or state.elapsed < params.settling_time:
             return False
-        in_time = (
-            schedule.phase is Phase.TRANSFER
-            or state.remaining_time >= params.freeze_time
+        return schedule.phase is walking.Phase.TRANSFER or (
+            schedule.phase is walking.Phase.SWING
+            and state.remaining_time >= params.freeze_time
         )
-        return in_time and state.elapsed >= params.settling_time
 
     def feedback(
         self,
@@ -260,6 +252,7 @@ class IcpStepControl:
         """
         reference = reference_of(plan, state)
         steps, result = phase.steps, _NO_QP
+        adjustment = phase.adjustment if on else None
         if on and self.may_move(state):
             moves = plan.moves_of(state)[:, : len(steps)]
             back = moves @ phase.offsets  # to the nominal footholds
@@ -273,13 +266,10 @@ class IcpStepControl:
             if result.solved:
                 steps = _moved(phase, shifts, self._params.dead_band)
             if steps is not phase.steps:
+                adjustment = _chain(*steps)
                 dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
                 omega = plan.omega
                 reference = _shifted(reference, dcm, cmp, omega, state.waiting)
-        adjustment = None
-        if on:
-            kept = steps is phase.steps
-            adjustment = phase.adjustment if kept else _chain(steps)
         # Equal to the QP's delta if the footholds are the QP's.
         error = icp - reference.icp
         delta = ankle_feedback(error, reference.ecmp, phase.room, self._params)
@@ -289,7 +279,7 @@ class IcpStepControl:
 
 def _in_force(state: WalkingState, num_steps: int) -> tuple[Adjustment, ...]:
     """Returns the adjustments of the next steps; none while standing."""
-    if state.schedule.phase is Phase.STANDING:
+    if state.schedule.phase is walking.Phase.STANDING:
         return ()
     steps, made = state.schedule.footsteps[:num_steps], state.adjustment
     found = (replace(made, later=()), *made.later) if made else ()
@@ -327,11 +317,9 @@ def _shifts(steps: tuple[Adjustment, ...]) -> Array:
     return np.reshape(shifts, (-1, 2))
 
 
-def _chain(steps: tuple[Adjustment, ...]) -> Adjustment | None:
+def _chain(first: Adjustment, *later: Adjustment) -> Adjustment:
     """Returns the adjustment of the next step with the `later` ones."""
-    if not steps:
-        return None
-    return replace(steps[0], later=steps[1:])
+    return replace(first, later=later)
 
 
 def _shifted(

@@ -124,9 +124,7 @@ class DaqpSolver(solvers.SolverInterface):
         if why := self.ExplainUnsatisfiedProgramAttributes(prog):
             raise ValueError(why)
         x, outcome = self.solve(prog)
-        filled = (
-            solvers.MathematicalProgramResult() if result is None else result
-        )
+        filled = result or solvers.MathematicalProgramResult()
         _fill(filled, prog, x, outcome)
         return filled if result is None else None
 
@@ -254,9 +252,8 @@ def _solved(
     if flag not in _DOUBTFUL:
         return x, flag
     A, lower, upper = _of_length_1(A, lower, upper)
-    x, _, flag, _ = daqp.solve(
-        H.T / size, g / size, A, upper, lower, **_WITH_CARE
-    )
+    H, g = H.T / size, g / size
+    x, _, flag, _ = daqp.solve(H, g, A, upper, lower, **_WITH_CARE)
     return x, flag
 
 

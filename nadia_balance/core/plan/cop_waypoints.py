@@ -110,7 +110,6 @@ def cop_waypoints(
     feet, steps = schedule.feet, schedule.footsteps
     if schedule.phase is walking.Phase.STANDING:
         steps = ()
-    unseen = steps[params.num_previewed_steps :]
     stance = Stance(params, sole)
     phases = []
     for i, step in enumerate(steps[: params.num_previewed_steps]):
@@ -119,11 +118,9 @@ def cop_waypoints(
         phases.append(stance.swing(feet, step))
         feet = feet.with_foot(step.side, step.pose)
     last = schedule.final_transfer_duration
-    phases.append(
-        stance.final_transfer(
-            feet, unseen[0].transfer_duration if unseen else last
-        )
-    )
+    if len(steps) > params.num_previewed_steps:
+        last = steps[params.num_previewed_steps].transfer_duration
+    phases.append(stance.final_transfer(feet, last))
     if math.isfinite(schedule.duration):  # overrides the footstep's
         phases[0] = phases[0]._replace(duration=schedule.duration)
     times = [share * p.duration for p in phases for share in p.shares]
@@ -181,18 +178,18 @@ class Stance:
 
     def swing(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
         """Returns the swing of `step`."""
-        support = step.side.other
+        support, p = step.side.other, self.params
         ball, exit_ = (
             self._cop(point, support, feet[support], step.pose)
-            for point in (self.params.ball, self.params.exit)
+            for point in (p.ball, p.exit)
         )
-        shift = self.params.swing_shift_fraction
-        split = self.params.swing_split
+        shift, split = p.swing_shift_fraction, p.swing_split
         shares = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        supports = 3 * [self._support(feet, support)]
-        return _Phase(
-            [ball, exit_, exit_], shares, step.swing_duration, supports
+        points, supports = (
+            [ball, exit_, exit_],
+            3 * [self._support(feet, support)],
         )
+        return _Phase(points, shares, step.swing_duration, supports)
 
     def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
         """Returns the shift to midway between the soles."""

@@ -15,12 +15,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.math.polygon import convex_hull, intersection, project
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Footstep,
-    Side,
-)
+from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
 
 _SIDES = ("left", "right")
 _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
@@ -70,11 +65,9 @@ class Gait:
     standing_duration: float = bounded(0.5, least=0.0, unit="s")
     # Durations of the transfers before the first and after the last step.
     initial_transfer_duration: float = bounded(
-        0.8, least=0.02, most=10.0, unit="s"
+        0.8, least=0.02, most=10, unit="s"
     )
-    final_transfer_duration: float = bounded(
-        0.8, least=0.02, most=10.0, unit="s"
-    )
+    final_transfer_duration: float = bounded(0.8, least=0.02, most=10, unit="s")
 
     def validate_more(self) -> None:
         """Raises ValueError if the steps contradict each other."""
@@ -96,7 +89,7 @@ def make_footsteps(
     feet: FootPoses,
     reach: Reach,
     ground: terrain.Ground | None = None,
-) -> tuple[Footstep, ...]:
+) -> tuple[walking.Footstep, ...]:
     """Returns the footsteps of `gait` for a robot that stands at `feet`.
 
     With a `ground`, step vectors end at the nearest foothold.
@@ -105,12 +98,11 @@ def make_footsteps(
     within `reach` of the stance foot, or not on the `ground`.
     """
     check(gait)
-    wanted: list[Footstep] = []
+    transfer, swing = gait.initial_transfer_duration, gait.swing_duration
+    wanted: list[walking.Footstep] = []
     for side, pose in _poses(gait, feet):
-        transfer = (
-            gait.transfer_duration if wanted else gait.initial_transfer_duration
-        )
-        wanted.append(Footstep(side, pose, transfer, gait.swing_duration))
+        wanted.append(walking.Footstep(side, pose, transfer, swing))
+        transfer = gait.transfer_duration
     steps = tuple(wanted)
     if ground is not None:
         limit = None if gait.footholds else reach
@@ -165,9 +157,9 @@ def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
             yaw = math.radians(hold.yaw_deg)
             yield Side(hold.side), _offset(frame, hold.x, hold.y, yaw)
         return
-    vectors = list(gait.steps) or [gait.step] * gait.num_steps
+    vectors = gait.steps or [gait.step] * gait.num_steps
     if vectors and vectors[-1] != StepVector():
-        vectors.append(StepVector())  # the last step brings the feet together
+        vectors = [*vectors, StepVector()]  # which brings the feet together
     width = gait.step_width
     if width is None:
         width = math.dist(feet.left.p_WF[:2], feet.right.p_WF[:2])
@@ -184,34 +176,36 @@ def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
     return FootPose(np.append(xy, frame.p_WF[2]), frame.yaw + yaw)
 
 
-def _check(steps: tuple[Footstep, ...], feet: FootPoses, reach: Reach) -> None:
+def _check(
+    steps: tuple[walking.Footstep, ...], feet: FootPoses, reach: Reach
+) -> None:
     """Raises ValueError if a step is out of reach of the other foot."""
     for number, step in enumerate(steps, start=1):
         stance = feet[step.side.other]
         p_F = stance.to_sole(step.pose.p_WF[None, :2])[0]
         x, y = p_F[0], step.side.sign * p_F[1]
+        what = f"step {number} ({step.side.value})"
         if not reach.in_base_region(x, y):
             raise ValueError(
-                f"step {number} ({step.side.value}): {x:.3f} m forward and "
-                f"{y:.3f} m out of the stance foot: must be within "
-                f"{reach.describe()}"
+                f"{what}: {x:.3f} m forward and {y:.3f} m out of the stance "
+                f"foot: must be within {reach.describe()}"
             )
         rise = float(step.pose.p_WF[2] - stance.p_WF[2])
         if abs(rise) > reach.rise_max + _ROUNDING:
             raise ValueError(
-                f"step {number} ({step.side.value}): {rise:+.3f} m above the "
-                f"stance foot: must be within rise_max = {reach.rise_max} m"
+                f"{what}: {rise:+.3f} m above the stance foot: must be within "
+                f"rise_max = {reach.rise_max} m"
             )
         feet = feet.with_foot(step.side, step.pose)
 
 
 def within_reach(
-    commanded: tuple[Footstep, ...],
+    commanded: tuple[walking.Footstep, ...],
     feet: FootPoses,
     reach: Reach,
-    landed: Footstep | None = None,
+    landed: walking.Footstep | None = None,
     ground: terrain.Ground | None = None,
-) -> tuple[Footstep, ...]:
+) -> tuple[walking.Footstep, ...]:
     """Returns the footsteps, the first three within reach.
 
     After an adjusted step, the next commanded foothold may be out of reach, or

@@ -60,14 +60,9 @@ def solve_segments(
     eCMP's cubic, the ICP gives c0 from the last segment to the first, and then
     the CoM gives c1 from the first to the last.
 
-    Args:
-        durations: (N,) [s], positive.
-        ecmp: (2, N, k) [m], at the start and at the end of each segment.
-        com_start: (k,) [m].
-        icp_end: (k,) [m].
-        omega: natural frequency [rad/s].
-        ecmp_velocity: (2, N, k) [m/s] likewise; None: straight lines, with c2
-            and c3 zero.
+    `durations` (N,) [s] are positive, `ecmp` and `ecmp_velocity` (2, N, k) [m],
+    [m/s] those at the start and at the end of each segment (None: straight
+    lines), `com_start` and `icp_end` (k,) [m]; `omega` [rad/s].
     """
     (start, end), T, u = ecmp, durations[:, None], 1.0 / omega
     decay, mean = np.exp(-omega * T), (end - start) / T
@@ -247,10 +242,8 @@ class IcpPlan(walking.Immutable):
         The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18), its
         shift for a foothold shift dr: as far as it comes closer to the measured
         `icp` (2,) [m] in W.  From `t` [s] on, the eCMP waypoints are shifted
-        for the rest, so that neither eCMP nor CoM jumps.  (With waypoints
-        shifted from the start of the phase on, in 100 pushes 71 of 810 moves
-        increased the error by 5 to 28 mm, and the eCMP left the soles by up to
-        0.3 m.  With this method: 2 mm at most, and never.)
+        for the rest, so that neither eCMP nor CoM jumps.  (Shifted from the
+        start of the phase on, they would leave the soles by up to 0.3 m.)
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
         if self.FOLLOWS_STEPS:
@@ -313,9 +306,8 @@ def _bent(
     """Returns eCMP waypoints (N + 1, 2) whose ICP starts at `icp_start`.
 
     The waypoints with a support polygon are shifted, with the least weighted
-    sum of squares, later ones less, and projected onto their supports.  (A
-    single shifted waypoint would leave the soles by 10 cm if a foot landed
-    0.2 s early.)  The second result is the remaining ICP offset (2,) [m].
+    sum of squares, later ones less, and projected onto their supports.  The
+    second result is the remaining ICP offset (2,) [m].
     """
     ecmp = path.points.copy()
     shares = recursive_multipliers(path.knots, path.start_time, omega)
@@ -339,18 +331,14 @@ def _bent(
 def reference_of(plan: IcpPlan, state: walking.WalkingState) -> IcpReference:
     """Returns the reference at the walking state's time in the phase.
 
-    A new phase continues from the present reference, and the clock moves the
-    reference along the plan; only a moved foothold makes the ICP jump
-    (`IcpPlan.moved`).
-
-    While the state is waiting, the ICP is held at zero velocity: in a swing
-    with the eCMP at the end of the plan, on two feet with the eCMP at the ICP.
-    The CoM state is kept, so that the next plan starts with the same ICP.
+    Only a moved foothold makes the ICP jump (`IcpPlan.moved`).  While waiting,
+    the ICP is held at zero velocity: in a swing with the eCMP at the end of the
+    plan, on two feet with the eCMP at the ICP.  The CoM state is kept, so that
+    the next plan starts with the same ICP.
     """
     reference = plan.at(min(state.time_in_phase, plan.duration))
     if not state.waiting:
         return reference
-    ecmp = reference.icp
-    if state.schedule.phase is walking.Phase.SWING:
-        ecmp = reference.ecmp
+    swings = state.schedule.phase is walking.Phase.SWING
+    ecmp = reference.ecmp if swings else reference.icp
     return replace(reference, icp_velocity=np.zeros(2), cop=ecmp, ecmp=ecmp)

@@ -14,14 +14,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import contains, project
 from nadia_balance.core.plan.icp_plan import IcpPlan, IcpReference
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Mechanisms,
-    Phase,
-    WalkingState,
-    support_polygon,
-)
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
@@ -34,8 +28,7 @@ class TimingAdapterParams:
     # Time constants with which the clock catches up with an ICP ahead of the
     # plan; 0: in one tick.  The paper's gamma is the share per tick T,
     # 1 - e^(-T / time constant): for T = 2 ms, 0.1 in swing and 0.4 in
-    # transfer.  With 0, pushes at 120 and 150 deg that are otherwise recovered
-    # end in falls: the clock cannot go back when the error changes sign.
+    # transfer.  With 0 some pushes end in falls: the clock cannot go back.
     swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
     # Below this ICP error the clock is not adjusted, and the ICP does not count
@@ -71,13 +64,10 @@ class TimingAdapterParams:
 def gamma(time_constant: float, period: float) -> float:
     """Returns gamma = 1 - e^(-period / time_constant) of the Nadia paper.
 
-    With gamma as the share per tick, 1/e of the error is left after the
-    `time_constant` [s] for any `period` [s]; gamma is 1 for a time constant
-    of 0.
+    It is the share per tick of `period` [s] of an error, of which 1/e is left
+    after the `time_constant` [s]; 1 for a time constant of 0.
     """
-    if time_constant == 0.0:
-        return 1.0
-    return -math.expm1(-period / time_constant)
+    return -math.expm1(-period / time_constant) if time_constant else 1.0
 
 
 def is_leaving(
@@ -121,17 +111,15 @@ class Timing:
         state: WalkingState,
         plan: IcpPlan,
         icp: Array,
-        feet: FootPoses,
-        on: Mechanisms,
+        feet: walking.FootPoses,
+        on: walking.Mechanisms,
     ) -> TimeAdjustment:
         """Returns the time by which to advance the clock; negative: hold it.
 
         The advance is gamma times the time by which the measured `icp` (2,) [m]
-        is ahead of the plan (Nadia paper, Eq. 15).  If the remaining ICP error
-        makes the ICP leave the support (`is_leaving`), it is all the time left,
-        so that the next step starts at once.  The lower bounds on the remaining
-        time of the phase and of the swing foot limit it.  `feet` are the
-        measured soles.
+        is ahead of the plan (Nadia paper, Eq. 15), or all the time left if the
+        ICP then is still leaving the support (`is_leaving`).  The remaining
+        time has lower bounds.  `feet` are the measured soles.
         """
         if state.waiting or not state.schedule.footsteps:
             return NO_ADJUSTMENT
@@ -166,7 +154,7 @@ class Timing:
         """Returns the advance of the clock, up to `most` [s]."""
         ahead = plan.time_to(icp, state.time_in_phase)
         future = plan.at(state.time_in_phase + ahead)
-        support = support_polygon(state.schedule, self.model.cop_area)
+        support = walking.support_polygon(state.schedule, self.model.cop_area)
         error = math.dist(icp, future.icp)
         if error >= self.params.icp_error_threshold and is_leaving(
             icp, future, support, self.params.support_margin

@@ -252,13 +252,12 @@ class SwingGeometry(walking.Immutable):
 
         None if there is none; a foothold that is `blocked` has no place.
         """
-        if self.blocked(foothold):
-            return None
-        places = sorted(self.places, key=lambda place: place.reach != reach)
-        for place in places:
-            if polygon.contains(foothold, place.polygon, ROUNDING):
-                return place
-        return None
+        found = (
+            place
+            for place in sorted(self.places, key=lambda p: p.reach != reach)
+            if polygon.contains(foothold, place.polygon, ROUNDING)
+        )
+        return None if self.blocked(foothold) else next(found, None)
 
     def one_step_region(
         self, icp: Array, touchdown: tuple[float, float]
