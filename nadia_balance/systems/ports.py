@@ -58,10 +58,7 @@ class Input:
         default: object = _REQUIRED,
         view: Callable[[np.ndarray], Any] | None = None,
     ):
-        """Declares the port; a call returns the `view` of a vector, if given.
-
-        By default that is the namedview.
-        """
+        """Declares it; a call returns the `view` of a vector, if given."""
         self._system, self._kind, self._default = system, kind, default
         self._view = view
         if is_vector(kind):
@@ -272,7 +269,8 @@ class Outcome:
 
         def tick(context, _):
             last = context.get_discrete_state(self._state).value()
-            parts = calc(context, self._split(last))
+            named = {name: last[part] for name, part in self._parts.items()}
+            parts = calc(context, named)
             if holds:
                 parts = (*parts, (context.get_time() + period,))
             return np.concatenate(parts)
@@ -281,14 +279,15 @@ class Outcome:
         if holds:
             tickets.add(system.time_ticket())
         now = self._held if holds else self._cache.Eval
-        for name in outputs:
+        tickets.add(self._cache.ticket())
+        for name, length in outputs.items():
             system.DeclareVectorOutputPort(
                 name,
-                outputs[name],
+                length,
                 lambda context, output, part=self._parts[name]: (
                     output.set_value(now(context)[part])
                 ),
-                tickets | {self._cache.ticket()},
+                tickets,
             )
 
         def remember(context, new):
@@ -305,6 +304,3 @@ class Outcome:
         if _EARLY < left <= self._period + _EARLY:
             return last
         return self._cache.Eval(context)
-
-    def _split(self, vector: np.ndarray) -> dict[str, np.ndarray]:
-        return {name: vector[part] for name, part in self._parts.items()}

@@ -6,7 +6,6 @@ A signal has the name of its port.
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 
-import numpy as np
 from pydrake.common.containers import namedview
 from pydrake.systems import framework
 
@@ -112,10 +111,7 @@ class PushSignal(
 ):
     """The push that acts now, and the number of scripted ones to come."""
 
-    @property
-    def force(self) -> np.ndarray:
-        """The force of the push (3,) [N] in W."""
-        return self[2:5]
+    force = entries(2, 5)
 
 
 FootForces = namedview("FootForces", [side.value for side in Side])
@@ -193,17 +189,17 @@ def fill(
             raise ValueError(
                 f"{role} = {block!r}: must be a System, made already"
             )
-        for name in itertools.filterfalse(
-            block.HasOutputPort, outputs[role].split()
-        ):
-            raise ValueError(
-                f"{role} = {type(block).__name__}: must have the output port "
-                f"{name!r}"
-            )
-    given = blocks | {
-        role: makers[role]() for role in makers if role not in blocks
+        for name in outputs[role].split():
+            if not block.HasOutputPort(name):
+                raise ValueError(
+                    f"{role} = {type(block).__name__}: must have the output "
+                    f"port {name!r}"
+                )
+    found = {
+        role: blocks[role] if role in blocks else make()
+        for role, make in makers.items()
     }
-    return {role: given[role] for role in makers if given[role] is not None}
+    return {role: block for role, block in found.items() if block is not None}
 
 
 def connect(

@@ -115,10 +115,8 @@ class ComHeight:
             x, max(abs(y) - legs.hip_width, 0.0)
         )
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
-        limit = 0.0
-        if squared > 0.0:
-            limit = legs.ankle_height + math.sqrt(squared) + legs.com_above_hip
-        nominal = self.model.com_height
+        leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
+        limit = legs.ankle_height + leg + legs.com_above_hip
         return min(max(limit, params.min_height_ratio * nominal), nominal)
 
     def plan(self, schedule: walking.ContactSchedule) -> ComHeightPlan:
@@ -160,12 +158,11 @@ class ComHeight:
         lowest = params.min_height_ratio * self.model.com_height
         above = lowest - legs.ankle_height - legs.com_above_hip
         squared = (params.max_stretch * legs.length) ** 2 - x * x - y * y
-        ground = float(stance.p_WF[2])
+        lowest += float(stance.p_WF[2])
         if squared <= max(above, 0.0) ** 2:
-            return ground + lowest, 0.0
+            return lowest, 0.0
         height = math.sqrt(squared)
-        rate = -(x * vx + y * vy) / height
-        return ground + lowest - above + height, rate
+        return lowest - above + height, -(x * vx + y * vy) / height
 
     def acceleration(
         self, height: float, velocity: float, desired: float, rate: float

@@ -298,10 +298,9 @@ def check_ground(ground: Ground) -> None:
         if not name or names.count(name) > 1:
             raise ValueError(f"regions.name = {name!r}: must be given, once")
     for region in ground.regions:
-        yaws = np.arange(0.0, math.pi, _TURN).tolist()
         if not region.obstacle and not any(
             len(region.footholds(ground.sole, yaw, ground.margin))
-            for yaw in yaws
+            for yaw in np.arange(0.0, math.pi, _TURN).tolist()
         ):
             length, width = np.ptp(ground.sole, axis=0)
             raise ValueError(
@@ -361,13 +360,12 @@ def believed(
         up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()
         slope = math.tan(math.radians(error.tilt_deg))
         x, y, z = region.normal
-        vertices = [
-            [u + dx * error.place, v + dy * error.place]
-            for u, v in region.vertices
-        ]
-        normal = [x + tilt_x * slope * z, y + tilt_y * slope * z, z]
-        height = region.height + up * error.height
-        found.append(
-            replace(region, vertices=vertices, height=height, normal=normal)
+        du, dv = dx * error.place, dy * error.place
+        wrong = replace(
+            region,
+            vertices=[[u + du, v + dv] for u, v in region.vertices],
+            normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
+            height=region.height + up * error.height,
         )
+        found.append(wrong)
     return tuple(found)

@@ -127,9 +127,8 @@ class SwingFoot:
         height = float(start[0, 2] - end[0, 2])
         left = state.remaining_time + (_SOON if state.waiting else self.period)
         # The horizontal motion ends before the vertical one.
-        settling = detour.settling
-        if edges is not None:
-            settling = max(settling, edges.drop / detour.max_descent)
+        drop = edges.drop if edges else 0.0
+        settling = max(detour.settling, drop / detour.max_descent)
         over = max(left - settling, min(left, 2.0 * detour.settling))
         way = detour.way_round(
             start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other
@@ -150,9 +149,9 @@ class SwingFoot:
         landing = end[:, Z].copy()
         if apex is not None:
             end[:, Z] = _aim(start[:, Z], landing, left, apex)
-        if edges is not None and edges.are_in_the_way(start[0, :3]):
+        if edges and edges.are_in_the_way(start[0, :3]):
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
-        elif edges is not None:
+        elif edges:
             end[:, Z] = _over_edges(start, end, landing, over, left, edges)
         # Above a foothold down a step, the clock may run out before the
         # descent.
@@ -188,9 +187,9 @@ class SwingFoot:
         slow = self.params.touchdown_velocity
         if height <= 0.0 or descent <= slow:
             return 0.0
-        if descent**2 - slow**2 < 2.0 * self.model.detour.max_braking * height:
-            return 0.0
-        return 2.0 * height / (descent + slow)
+        braking = self.model.detour.max_braking
+        brakes = descent**2 - slow**2 >= 2.0 * braking * height
+        return 2.0 * height / (descent + slow) if brakes else 0.0
 
     def _within_limits(
         self, start: Array, way: Array, left: float
@@ -270,8 +269,7 @@ def _over_edges(
 
 def _nearest_turn(yaw: float, reference: float) -> float:
     """Returns `yaw` plus full turns, closest to `reference` [rad]."""
-    turns = round((reference - yaw) / (2.0 * math.pi))
-    return yaw + 2.0 * math.pi * turns
+    return yaw + math.tau * round((reference - yaw) / math.tau)
 
 
 def quintic(

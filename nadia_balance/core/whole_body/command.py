@@ -232,12 +232,8 @@ def crossing_turn(
         2.0 * (dc * dc + c * ddc) * x + 4.0 * c * dc * dx + c * c * ddx
     )
     turn = math.tanh(u)
-    slope = 1.0 - turn * turn
-    return (
-        most * turn,
-        most * slope * du,
-        most * slope * (ddu - 2.0 * turn * du * du),
-    )
+    slope = most * (1.0 - turn * turn)
+    return most * turn, slope * du, slope * (ddu - 2.0 * turn * du * du)
 
 
 def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:

@@ -140,12 +140,8 @@ class SwingFootTask:
         p, v, a, (yaw, rate, acceleration) = command.swing.reshape(4, 3)
         R_WT = tilt(command.normals[side])
         R_TF = R_WT.T @ terms.rotations[side]
-        error = np.concatenate(
-            (
-                R_WT @ rotation_error(float(yaw), R_TF),
-                p - terms.sole_positions[side],
-            )
-        )
+        turn = R_WT @ rotation_error(float(yaw), R_TF)
+        error = np.concatenate((turn, p - terms.sole_positions[side]))
         velocity = np.array((0.0, 0.0, rate, *v.tolist()))
         wanted = np.array((0.0, 0.0, acceleration, *a.tolist()))
         wanted += self._kp * error
