@@ -111,9 +111,7 @@ class IcpStepController(LeafSystem):
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._control = icp_step_qp.IcpStepControl(params, model)
-        self._icp, self._walking_state = ports.inputs(
-            self, "icp", "walking_state"
-        )
+        self._icp, self._walking_state = ports.inputs(self, "icp walking_state")
         self._icp_plan = ports.Input(self, "icp_plan", AtlasIcpPlan)
         self._time, self._mechanisms = ports.inputs(
             self, "time_adjustment", "mechanisms"
@@ -121,9 +119,7 @@ class IcpStepController(LeafSystem):
         self._phase = ports.declare_plan(
             self, self._walking_state, self._control.phase
         )
-        self._feedback = ports.declare_cache(
-            self, "feedback", self._calc_feedback
-        )
+        self._feedback = ports.declare_cache(self, "feedback", self._calc)
         needs = [self._feedback]
         ports.declare_output(self, "adjustment", self._adjustment, needs)
         ports.declare_output(
@@ -138,7 +134,7 @@ class IcpStepController(LeafSystem):
             needs,
         )
 
-    def _calc_feedback(self, context, _) -> icp_step_qp.StepFeedback:
+    def _calc(self, context, _) -> icp_step_qp.StepFeedback:
         state = self._walking_state(context)
         if (gain := float(self._time(context)[0])) > 0.0:  # t+
             time = min(state.time_in_phase + gain, state.schedule.duration)

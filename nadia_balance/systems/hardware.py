@@ -227,7 +227,7 @@ class StateSensor(LeafSystem):
         self._ticks = whole_ticks("delay", imperfections.delay, period)
         self._period, self._seed = period, seed
         nq, size = plant.num_positions(), plant.num_multibody_states()
-        self._size, self._deviations = np.zeros(size)
+        self._size, self._deviations = size, np.zeros(size)
         self._deviations[7:nq] = imperfections.joint_noise
         self._deviations[_PELVIS] = imperfections.pelvis_noise
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise

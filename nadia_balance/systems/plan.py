@@ -48,10 +48,10 @@ class WalkingStateMachine(LeafSystem):
         self._machine = clock.StateMachine(params, model, period)
         self._weight = model.mass * GRAVITY
         self._foot_poses, self._foot_forces, self._icp = inputs(
-            self, "foot_poses", "foot_forces", "icp"
+            self, "foot_poses foot_forces icp"
         )
         self._icp_plan, self._time, self._adjustment = inputs(
-            self, "icp_plan", "time_adjustment", "adjustment?"
+            self, "icp_plan time_adjustment adjustment?"
         )
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
@@ -177,6 +177,4 @@ class TimingAdapter(LeafSystem):
         declare_output(self, "time_adjustment", self._calc)
 
     def _calc(self, context) -> tuple[float, float]:
-        return self._timing.adjustment(
-            *(read(context) for read in self._inputs)
-        )
+        return self._timing.adjustment(*(get(context) for get in self._inputs))

@@ -191,9 +191,7 @@ def declare_cache(
         name,
         framework.ValueProducer(
             lambda: Value(first),
-            lambda context, cache: cache.set_value(
-                calc(context, cache.get_value())
-            ),
+            lambda context, own: own.set_value(calc(context, own.get_value())),
         ),
         _tickets(system, needs),
     )

@@ -103,9 +103,7 @@ class PushSource(framework.LeafSystem):
             [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
         )
         needs = [self.discrete_state_ticket(self._state)]
-        self._active = declare_cache(
-            self, "active pushes", self._calc_active, needs
-        )
+        self._active = declare_cache(self, "active", self._calc_active, needs)
         needs.append(self._active.ticket())
         declare_output(self, "push_force", self._calc_force, needs)
         declare_output(self, "push_signal", self._calc_signal, needs)
@@ -208,14 +206,12 @@ class PushSource(framework.LeafSystem):
 
     def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
         """Index, ticks passed and force (3,) [N] in W of the active pushes."""
-        active = []
-        if not (self._rows(context)[:, 0] > 0.0).any():
+        active, rows = [], self._rows(context)
+        if not (rows[:, 0] > 0.0).any():
             return active
         # The last push is the live one.
         shares = [*self._shares, np.ones(round(self._live(context)[2]))]
-        for i, (left, heading, newtons) in enumerate(
-            self._rows(context).tolist()
-        ):
+        for i, (left, heading, newtons) in enumerate(rows.tolist()):
             if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])

@@ -18,6 +18,7 @@ from nadia_balance.core.whole_body.command import WholeBodyTerms
 
 PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
 _ICP = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
+_ECMP = "cop_x cop_y ecmp_x ecmp_y"
 _MOTION = "x y z vx vy vz ax ay az yaw yaw_rate yaw_acceleration"
 _STATUS = "solved fallback solves violation failures"
 _WALKING = """phase support_side time_in_phase duration waiting steps_taken
@@ -54,9 +55,7 @@ class IcpReference(namedview("IcpReference", _ICP.split())):
     cop, ecmp = entries(4, 6), entries(6, 8)
 
 
-class EcmpCommand(
-    namedview("EcmpCommand", "cop_x cop_y ecmp_x ecmp_y".split())
-):
+class EcmpCommand(namedview("EcmpCommand", _ECMP.split())):
     """The commanded CoP and eCMP, xy in W [m]."""
 
     cop, ecmp = entries(0, 2), entries(2, 4)

@@ -111,9 +111,8 @@ class ComHeight:
         """
         params, legs = self.params, self.model.legs
         x, y = stance.to_sole(other.p_WF[None, :2])[0]
-        reach = params.reach_ratio * math.hypot(
-            x, max(abs(y) - legs.hip_width, 0.0)
-        )
+        aside = max(abs(y) - legs.hip_width, 0.0)
+        reach = params.reach_ratio * math.hypot(x, aside)
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
         leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
         limit = legs.ankle_height + leg + legs.com_above_hip

@@ -1,8 +1,7 @@
 """Reachability regions of the swing foot.
 
-Nadia paper, Sec. IV and V.  All regions are convex polygons (n, 2) [m],
-counter-clockwise, of footholds in the sole frame of the stance foot; x
-forward, y toward the swing side.
+Nadia paper, Sec. IV and V.  All are convex polygons (n, 2) [m], of footholds in
+the sole frame of the stance foot; x forward, y toward the swing side.
 """
 
 import math
@@ -93,9 +92,8 @@ def base_region(params: ReachabilityParams) -> Array:
     for angle in np.linspace(0.0, 2.0 * math.pi, 9):  # last equals first
         c, s = math.cos(angle), math.sin(angle)
         length = params.length_forward if c > 0.0 else params.length_backward
-        width = (
-            middle - params.width_min if s >= 0.0 else params.width_max - middle
-        )
+        edge = params.width_min if s >= 0.0 else params.width_max
+        width = abs(middle - edge)
         vertices.append((length * c, middle - width * s))
     return convex_hull(np.array(vertices))
 
@@ -113,10 +111,9 @@ def cross_over_region(params: ReachabilityParams, region: str) -> Array:
     outward = params.width_max - middle
     vertices = [(0.0, middle)]
     for angle in np.linspace(theta - 0.5 * math.pi, 0.5 * math.pi, 7):
+        c, s = math.cos(angle), math.sin(angle)
         width = inward if angle < 0.0 else outward
-        vertices.append(
-            (length * math.cos(angle), middle + width * math.sin(angle))
-        )
+        vertices.append((length * c, middle + width * s))
     return convex_hull(np.array(vertices))
 
 

@@ -86,15 +86,13 @@ class SwingDetourParams:
         way, left = [p], corners if q[0] > p[0] else corners[::-1]
         while left:  # shortest path: next is the point most to the swing side
             x, y = way[-1]
-            nearest = max(
+            corner = max(
                 [*left, q], key=lambda c: math.atan2(c[1] - y, abs(c[0] - x))
             )
-            if nearest is q:
+            if corner is q:
                 break
-            way.append(nearest)
-            left = [
-                c for c in left if abs(c[0] - q[0]) < abs(nearest[0] - q[0])
-            ]
+            way.append(corner)
+            left = [c for c in left if abs(c[0] - q[0]) < abs(corner[0] - q[0])]
         passed = [(x, swing.sign * y) for x, y in way[1:]]
         points = stance.to_world(np.array(passed)) if passed else ()
         return np.array((start, *points, goal))

@@ -57,8 +57,8 @@ class Bounds(NamedTuple):
         """False for NaN, and beyond LARGEST on a side without a bound."""
         if math.isinf(value):
             return not self.finite
-        above = value > 0.0
-        given = (self.most, self.below) if above else (self.least, self.above)
+        upper, lower = (self.most, self.below), (self.least, self.above)
+        given = upper if value > 0.0 else lower
         return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:
@@ -96,9 +96,8 @@ def bounded(default: Any, **bounds: Any) -> Any:
     its own.  None is always allowed.
     """
     kind = "default_factory" if callable(default) else "default"
-    return dataclasses.field(
-        metadata={"bounds": Bounds(**bounds)}, **{kind: default}
-    )
+    metadata = {"bounds": Bounds(**bounds)}
+    return dataclasses.field(metadata=metadata, **{kind: default})
 
 
 def check(params: object, name: str = "") -> None:

@@ -12,7 +12,7 @@ from nadia_balance.core.math.arrays import Array
 
 # Primal tolerance of rows that DAQP has normalised.  With its default, 1e-6,
 # rows of very different lengths are violated by centimetres.
-_PRIMAL_TOLERANCE = 1e-10
+_TOLERANCE = 1e-10
 # Settings of the second attempt: with dependent rows and an ill-conditioned H,
 # rounding may look like infeasibility.  With these settings, it never did in
 # thousands of such programs.
@@ -118,8 +118,7 @@ class DaqpSolver(solvers.SolverInterface):
 
         Returns a result, or writes into `result` if given.
 
-        Raises:
-            ValueError: `prog` is no convex QP, or a coefficient is not finite.
+        Raises ValueError: `prog` is no convex QP, or a coefficient not finite.
         """
         if why := self.ExplainUnsatisfiedProgramAttributes(prog):
             raise ValueError(why)
@@ -230,10 +229,7 @@ def _check(lower: Array, upper: Array) -> None:
 def _solved(
     H: Array, g: Array, A: Array, lower: Array, upper: Array
 ) -> tuple[Array, int]:
-    """Returns DAQP's x (n,), and its flag.
-
-    The comments explain the precautions for a reliable result.
-    """
+    """Returns DAQP's x (n,), and its flag."""
     size = _size(H, g)
     if not _LEAST_SIZE <= size <= _MOST_SIZE:
         H, g, size = H / size, g / size, 1.0
@@ -244,11 +240,9 @@ def _solved(
             A, lower, upper = _of_length_1(A, lower, upper)
         # DAQP may treat lower > upper as an equality.
         gaps = lower - upper
-        if gaps[gaps.argmax()] > _PRIMAL_TOLERANCE:
+        if gaps[gaps.argmax()] > _TOLERANCE:
             return g, _INFEASIBLE
-    x, _, flag, _ = daqp.solve(
-        H.T, g, A, upper, lower, primal_tol=_PRIMAL_TOLERANCE
-    )
+    x, _, flag, _ = daqp.solve(H.T, g, A, upper, lower, primal_tol=_TOLERANCE)
     if flag not in _DOUBTFUL:
         return x, flag
     A, lower, upper = _of_length_1(A, lower, upper)

@@ -101,9 +101,8 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
 def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
     """True if `point` (2,) is in the polygon, within `tolerance` [m]."""
     if len(polygon) < 3:
-        return bool(
-            np.linalg.norm(point - project(point, polygon)) <= tolerance
-        )
+        off = point - project(point, polygon)
+        return bool(np.linalg.norm(off) <= tolerance)
     x, y = float(point[0]), float(point[1])
     for (ax, ay), (bx, by) in _edges(polygon):
         ux, uy = bx - ax, by - ay

@@ -103,12 +103,9 @@ class DenseQp:
             return QpResult(x, True, violation=problem.violation(x))
         if result is solvers.SolutionResult.kInfeasibleConstraints:
             return QpResult(x, False)
-        return self._by_clarabel(problem)
-
-    def _by_clarabel(self, problem: QpProblem) -> QpResult:
         found = ClarabelSolver().Solve(self._program, None, self._options)
         if not found.is_success():
-            return QpResult(np.full(problem.g.size, np.nan), False, 2, True)
+            return QpResult(np.full(g.size, np.nan), False, 2, True)
         x = np.asarray(found.get_x_val())
         return QpResult(x, True, 2, True, problem.violation(x))
 

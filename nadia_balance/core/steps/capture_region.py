@@ -1,8 +1,7 @@
 """N-step capture regions of one swing, and where its foot may land.
 
-Nadia paper, Sec. IV: footholds from which N or fewer steps recover.  The
-polygons depend on the contact schedule and the ground alone, so that they are
-constant during the swing.  All arguments of a function are in the same frame.
+Nadia paper, Sec. IV: footholds from which N or fewer steps recover.  All
+arguments of a function are in the same frame.
 """
 
 import itertools
@@ -63,8 +62,7 @@ class CaptureRegionStepAdjusterParams:
     # foothold at touchdown and reach it during transfer.
     waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
     # If no foothold captures, reachability regions are compared at the times
-    # when the foot can reach them, with this lower bound; same meaning as
-    # `min_remaining_swing` of TimingAdapterParams.
+    # when the foot can reach them, or at this one.
     least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
     # Foothold changes smaller than this are ignored.
     dead_band: float = bounded(0.01, least=0.0, unit="m")

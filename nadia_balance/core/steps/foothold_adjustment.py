@@ -237,10 +237,8 @@ def _is_last(place: capture.Place, current: Adjustment) -> bool:
 
 def _clipped(options: Iterable[Goal], A: Array, b: Array) -> list[Goal]:
     """Returns the parts of `options` with A p <= b that have an area."""
-    parts = (
-        Goal(place, convex.clip_all(part, A, b)) for place, part in options
-    )
-    return [goal for goal in parts if len(goal.part)]
+    cut = (Goal(place, convex.clip_all(part, A, b)) for place, part in options)
+    return [goal for goal in cut if len(goal.part)]
 
 
 def _preferred(

@@ -272,10 +272,8 @@ def _nearest_turn(yaw: float, reference: float) -> float:
     return yaw + math.tau * round((reference - yaw) / math.tau)
 
 
-def quintic(
-    start: Array, end: Array, horizon: Array, t: float | Array
-) -> Array:
-    """Returns the quintic from `start` to `end` at the time `t` [s].
+def quintic(start: Array, end: Array, horizon: Array, t: Array) -> Array:
+    """Returns the quintic from `start` to `end` at the times `t` [s].
 
     `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
     the time from start to end of each column, >= t > 0.  The result is
@@ -289,10 +287,8 @@ def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
 
     Columns whose horizon is before `t` are at their end.
     """
-    columns = zip(
-        start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
-    )
-    return np.array([_follow(a, b, h, min(t, h)) for a, b, h in columns]).T
+    parts = zip(start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True)
+    return np.array([_follow(a, b, h, min(t, h)) for a, b, h in parts]).T
 
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
