@@ -113,7 +113,8 @@ class WholeBodyCommand(NamedTuple):
     a, yaw, yawdot, yawddot] of the swing sole.  `normals` (2, 3) in W are the
     desired normals of the (left, right) sole; `friction` is the coefficient
     assumed for both.  `edges` [m] are the positions x of the axes about which
-    the (left, right) sole may roll; 0: it stays flat.
+    the (left, right) sole may roll; 0: it stays flat.  `flatness` in (0, 1] is
+    the share of the weight that the swing sole's orientation has by now.
     """
 
     momentum_rate: Array
@@ -125,6 +126,7 @@ class WholeBodyCommand(NamedTuple):
     normals: Array
     friction: float
     edges: tuple[float, ...] = (0.0, 0.0)
+    flatness: float = 1.0
 
 
 def whole_body_command(
@@ -152,6 +154,7 @@ def whole_body_command(
         normals=sole_normals(state),
         friction=friction,
         edges=tuple(rolling_edge(state, side, params, model) for side in Side),
+        flatness=flatness(state, params),
     )
 
 
@@ -172,6 +175,19 @@ def sole_normals(state: WalkingState) -> Array:
         )
         normals[i] = n / math.hypot(*n.tolist())
     return np.array(normals)
+
+
+def flatness(state: WalkingState, params: Params) -> float:
+    """Returns the share of its weight that the swing sole's orientation has.
+
+    It rises by a cubic from `swing_early_share` to 1 in the last
+    `swing_flat_time` of the swing: only a landing sole has to be flat.  Before,
+    the ankle of a trailing leg is at its limit, and a flat sole would cost
+    momentum.
+    """
+    s = 1.0 - state.remaining_time / params.swing_flat_time
+    s, early = min(max(s, 0.0), 1.0), params.swing_early_share
+    return early + (1.0 - early) * s * s * (3.0 - 2.0 * s)
 
 
 def rolling_edge(

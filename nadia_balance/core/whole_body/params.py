@@ -82,6 +82,9 @@ class WholeBodyQpParams:
     swing_height_weight: float = bounded(1e3, least=0.0)
     swing_position_gain: float = bounded(300.0, least=0.0, unit="1/s^2")
     swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
+    # Share of that weight until the last part of a swing, and that part.
+    swing_early_share: float = bounded(0.1, above=0.0, most=1.0)
+    swing_flat_time: float = bounded(0.15, above=0.0, unit="s")
     swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")
     # Posture of arms and spine: low, so that they assist balance, yet return.
     posture_weight: float = bounded(0.1, above=0.0, unit="m^2")

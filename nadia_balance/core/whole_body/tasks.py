@@ -117,7 +117,8 @@ class SwingFootTask:
     """PD laws for orientation and position of the swing sole.
 
     Its height has a weight of its own: at the end of a long step the torques do
-    not suffice for all, and a foot that is too low lands while it is fast.
+    not suffice for all, and a foot that is too low lands while it is fast.  The
+    weight of its orientation is times the command's `flatness`.
     """
 
     name = "swing_foot"
@@ -146,7 +147,10 @@ class SwingFootTask:
         wanted = np.array((0.0, 0.0, acceleration, *a.tolist()))
         wanted += self._kp * error
         wanted += self._kd * (velocity - terms.velocities[sole])
-        return Motion(terms.rows[sole], wanted)
+        rows, root = terms.rows[sole].copy(), math.sqrt(command.flatness)
+        rows[:3] *= root
+        wanted[:3] *= root
+        return Motion(rows, wanted)
 
 
 def usual_tasks(params: Params, model: Model) -> list[Task]:
