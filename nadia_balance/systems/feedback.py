@@ -102,11 +102,7 @@ class IcpStepController(LeafSystem):
         model: PointMassModel,
         period: float,
     ):
-        """Controls the `model` every `period` [s].
-
-        Raises ValueError for `params` that are out of range, and if the reach
-        leaves no room for a step with uncrossed legs.
-        """
+        """Raises ValueError: a bad parameter, no room for uncrossed legs."""
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")

@@ -69,12 +69,11 @@ class JointDrives(LeafSystem):
 class FootForceSensor(LeafSystem):
     """Computes the mean vertical contact force on each foot over a period.
 
-    `foot_forces` are the components along z of W (the normal forces on level
-    ground), clipped at 0 in every step.  Contacts among the
-    robot's own bodies are left out.  After a hard touchdown a foot bounces
-    within one step of the plant, so every step is measured.  The first group
-    of the discrete state is the output, the second holds the forces in the
-    steps of the period, the latest first.
+    `foot_forces` are the components along z of W, clipped at 0 in every step,
+    without contacts among the robot's own bodies.  After a hard touchdown a
+    foot bounces within one step of the plant, so every step is measured.  The
+    discrete state is the output, and the forces in the steps of the period, the
+    latest first.
 
     .. pydrake_system::
 

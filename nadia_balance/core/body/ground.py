@@ -23,8 +23,7 @@ _TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
 class Region:
     """A convex part of a plane; `vertices` are its corners from above.
 
-    The plane has the `height` at the mean of the vertices, and the `normal`.
-    Obstacles have no footholds.
+    `height` is that at the mean of the vertices.  Obstacles have no footholds.
     """
 
     name: str = ""
@@ -289,10 +288,7 @@ def _beside(ground: Ground, foot: walking.FootPose) -> str:
 
 
 def check_ground(ground: Ground) -> None:
-    """Checks that regions do not overlap, and that soles fit on them.
-
-    Raises ValueError: names the region and the condition.
-    """
+    """Raises ValueError if regions overlap, or soles do not fit on one."""
     names = [region.name for region in ground.regions]
     for name in names:
         if not name or names.count(name) > 1:
@@ -319,10 +315,7 @@ def check_ground(ground: Ground) -> None:
 
 
 def check_friction(ground: Ground, friction: float) -> None:
-    """Checks that a vertical force is in every region's cone of `friction`.
-
-    Raises ValueError: names the region that is too steep.
-    """
+    """Raises ValueError if a region is too steep for this `friction`."""
     for region in ground.regions:
         if not region.obstacle and region.slope >= friction:
             tilt, most = (math.atan(s) for s in (region.slope, friction))

@@ -120,10 +120,7 @@ def cross_over_region(params: ReachabilityParams, region: str) -> Array:
 def step_regions(
     params: ReachabilityParams, cross_over: bool
 ) -> dict[str, Array]:
-    """Returns the regions of footholds by name.
-
-    They are BASE, and with `cross_over` also FORWARD and BACKWARD.
-    """
+    """Returns BASE, with `cross_over` also FORWARD and BACKWARD, by name."""
     regions = {BASE: base_region(params)}
     if cross_over:
         for name in FORWARD, BACKWARD:
@@ -132,10 +129,7 @@ def step_regions(
 
 
 def total_region(params: ReachabilityParams, cross_over: bool) -> Array:
-    """Returns the hull of all regions.
-
-    It covers the stance foot: use it for capture regions, not for footholds.
-    """
+    """Returns the hull of all, which covers the stance foot: no footholds."""
     regions = step_regions(params, cross_over)
     return convex_hull(np.concatenate(list(regions.values())))
 

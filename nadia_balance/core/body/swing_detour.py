@@ -101,9 +101,9 @@ class SwingDetourParams:
         """Returns the least time [s] of the foot to the end of the path `way`.
 
         The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
-        rest.  The foot accelerates for one part of the path and brakes for the
-        other; or it brakes harder on the whole path; or, if it is too fast, it
-        overshoots and returns.  Lateral and backward speed are ignored.
+        rest.  The foot accelerates and brakes; or brakes harder on the whole
+        path; or, if it is too fast, overshoots and returns.  Lateral and
+        backward speed are ignored.
         """
         parts = (way[1:] - way[:-1]).tolist()
         length = sum(math.hypot(*part) for part in parts)

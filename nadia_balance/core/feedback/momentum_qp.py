@@ -57,8 +57,7 @@ class FeedbackLimits(NamedTuple):
 
     lower <= C (cop, kappa) <= upper, with the total kappa = ecmp - cop: the
     CoP is in the `polygon` (n, 2) [m] in W, and kappa within +-max_kappa along
-    and across the foot, the last two rows of C (n + 2, 4).  The bound on kappa
-    also bounds the distance of the eCMP from the polygon.
+    and across the foot, the last two rows of C (n + 2, 4).
     """
 
     polygon: Array
@@ -72,8 +71,7 @@ def feedback_limits(
 ) -> FeedbackLimits:
     """Returns the limits for a support polygon (n, 2) [m] in W.
 
-    `heading` [rad] is the yaw of the foot along and across which kappa is
-    bounded.
+    `heading` is the yaw [rad] of the foot.
 
     Raises ValueError: the margin leaves no area of the polygon.
     """
@@ -92,7 +90,6 @@ class IcpFeedback(NamedTuple):
 
     `increments` (4,) are delta, of the CoP, and kappa, of the eCMP with respect
     to the CoP; `cop` (2,) is r_cop,d, `ecmp` (2,) is r_ecmp,d.
-    `result.x` is valid only if the result is solved.
     """
 
     increments: Array

@@ -103,7 +103,6 @@ def bounded(default: Any, **bounds: Any) -> Any:
 def check(params: object, name: str = "") -> None:
     """Checks all fields of the dataclass `params` against their bounds.
 
-    Numbers without bounds must be finite, and no larger than LARGEST_OF_ALL.
     Descends into dataclasses, lists and mappings, then calls
     `params.validate_more()`, if defined, for conditions between fields.
     `name` is that of `params` itself.

@@ -14,8 +14,7 @@ from nadia_balance.core.math.arrays import Array
 # rows of very different lengths are violated by centimetres.
 _TOLERANCE = 1e-10
 # Settings of the second attempt: with dependent rows and an ill-conditioned H,
-# rounding may look like infeasibility.  With these settings, it never did in
-# thousands of such programs.
+# rounding may look like infeasibility.
 _WITH_CARE = {
     "primal_tol": 1e-8,
     "eps_prox": 0.01,
@@ -57,11 +56,9 @@ class DaqpSolver(solvers.SolverInterface):
         min 1/2 x'Hx + g'x  s.t.  lower <= A x <= upper
 
     It is for dense programs of up to some hundred variables and rows, solved
-    repeatedly in a loop: `solve` takes about 20 us more than DAQP itself after
-    the first solve of a program.  No result depends on an earlier one.
+    repeatedly in a loop.  No result depends on an earlier one.
     Arnstroem, Bemporad and Axehill, A dual active-set solver for embedded
-    quadratic programming using recursive LDL' updates, IEEE Transactions on
-    Automatic Control 67 (2022).
+    quadratic programming using recursive LDL' updates, IEEE TAC 67 (2022).
 
     Initial guess and solver options are not used.  A result has no dual
     solution, and its `get_solver_id` names another solver: Drake does not let
@@ -265,8 +262,8 @@ def _fill(
 ) -> None:
     """Writes the solution `found` of `prog` into `result`.
 
-    Only Drake's own solvers can set the variables and the cost of a result.
-    One of them solves x = found with that cost.
+    Only Drake's own solvers can set its variables and cost: one solves x =
+    found with that cost.
     """
     x = np.nan_to_num(found)
     cost = _NO_COSTS.get(outcome, math.nan)

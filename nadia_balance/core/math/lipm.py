@@ -57,8 +57,8 @@ def com_after(
 ) -> tuple[Array, Array]:
     """Returns CoM and its velocity after `t` [s] at a constant eCMP.
 
-    It solves xddot = omega^2 (x - r_ecmp), which is Eq. 5 of the Nadia paper
-    at constant height.  Points (2,) [m], [m/s] in W.
+    It solves xddot = omega^2 (x - r_ecmp), Eq. 5 of the Nadia paper at constant
+    height.  Points (2,) [m], [m/s] in W.
     """
     c, s = math.cosh(omega * t), math.sinh(omega * t)
     offset = com - ecmp

@@ -64,10 +64,9 @@ class DenseQp:
     """Minimises 1/2 x'Hx + g'x, lower <= A x <= upper.
 
     H (n, n) must be positive definite, bounds may be equal or infinite, and
-    the number of rows may change.  Each solve overwrites the coefficients of
-    one MathematicalProgram: no result depends on an earlier one.  DAQP solves
-    it; if it finds neither a solution nor a proof of infeasibility, Clarabel
-    solves it to its own accuracy, and `fallback` is True.
+    the number of rows may change: no result depends on an earlier one.  DAQP
+    solves it; if it finds neither a solution nor a proof of infeasibility,
+    Clarabel does to its own accuracy, and `fallback` is True.
     """
 
     def __init__(self, num_variables: int) -> None:

@@ -1,7 +1,6 @@
 """The ICP plan of the Atlas paper: the CMP rests in heel and toe (Sec. II-A).
 
-Between these rests it moves during splines of the ICP.  The recursion runs
-backward from the final rest position, so that the plan is a linear function of
+Between these rests it moves during splines of the ICP.  The plan is linear in
 the footholds (Eq. 18): points and their derivatives with respect to the
 footholds are columns of the same matrix.
 """

@@ -151,10 +151,7 @@ class _Phase(NamedTuple):
 
 
 class Stance:
-    """The segments of each phase, for feet on the ground.
-
-    `inner` is the part of the sole in which the CoP may be.
-    """
+    """The segments of each phase, for feet on the ground."""
 
     def __init__(self, params: IcpPlanParams, sole: Array) -> None:
         """Takes the corners `sole` (k, 2) [m] in the sole frame.

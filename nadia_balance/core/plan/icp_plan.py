@@ -105,8 +105,8 @@ def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
     ICP(t) = sum of multiplier_i eCMP_i, for an eCMP that is piecewise linear
     between the waypoints and rests at the last one, where the ICP ends: Atlas
     paper, Eq. 14 and Algorithm 1, in which the CMP jumps between heel and toe
-    instead.  The multipliers are >= 0 and add up to 1; those of passed
-    waypoints are 0.  `knots` (N + 1,) [s] increase; t [s], `omega` [rad/s].
+    instead.  Multipliers are >= 0, those of passed waypoints 0, and add up to
+    1.  `knots` (N + 1,) [s] increase; t [s], `omega` [rad/s].
     """
     begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
     passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
@@ -272,7 +272,6 @@ def plan_icp(
     The plan solves Eq. 4 of the Nadia paper for linear CoP segments.  It starts
     with the CoM, CoP and ICP of schedule.start and ends at rest between the
     feet.
-
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
 

@@ -326,9 +326,8 @@ def _stance_foot(
 ) -> tuple[Array, Array]:
     """Returns A (k, 2), b (k,): the foothold p is blocked if A p < b.
 
-    A and b are the sides of the Minkowski sum of the stance sole and the
-    reflected swing sole, without the outer side: the swing foot cannot reach
-    the far side of the stance leg.
+    These are the sides of the Minkowski sum of the stance sole and the
+    reflected swing sole, without the outer one: the swing foot cannot reach it.
     """
     swing = walking.FootPose(yaw=step.pose.yaw)
     A, b = polygon.halfspaces(

@@ -66,8 +66,7 @@ def touchdown_interval(
     """Returns the earliest and latest load [s] from now on the new foot.
 
     `time_gain` [s] is the total expected change of the clock, negative while
-    the clock is held.  Without it, the predicted touchdown is too late, and the
-    legs may cross for an ICP that is not reached.
+    the clock is held.
     """
     earliest = max(state.remaining_time - time_gain, 0.0)
     return earliest, earliest + params.waiting_time
@@ -325,8 +324,8 @@ def in_time(
     """Returns `wanted`, limited to what the foot can reach in `time` [s].
 
     The foothold moves on from that of `current` only as far as the swing foot
-    can be before touchdown; otherwise the foot would be dragged along the
-    ground.  The nominal foothold is always allowed.  Not in the papers.
+    can be before touchdown, or the foot would be dragged along the ground.  The
+    nominal foothold is always allowed.
     """
 
     def is_in_time(foothold: Array) -> bool:

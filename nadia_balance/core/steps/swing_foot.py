@@ -74,10 +74,7 @@ def as_reference(motion: Array, lead: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SwingFoot:
-    """The swing foot of a robot, once per `period` [s].
-
-    Its reference is for drives with a lag of `lead` [s].
-    """
+    """The swing foot, each `period` [s], for drives with a lag `lead` [s]."""
 
     params: SwingFootParams
     model: PointMassModel
@@ -93,13 +90,11 @@ class SwingFoot:
         """Returns the motion (3, 4) of the swing foot one `period` [s] later.
 
         Motions are rows p, v, a of [x, y, z, yaw] in W.  The second result is
-        the motion another `lead` [s] later, the reference for drives with that
-        lag. `previous` is the motion of the last tick, `state` the walking
-        state of this one.  Outside of a swing, the next swing foot is at rest.
-        A foot that cannot reach its foothold in time lands later.  At the
-        foothold, after the end of the swing's clock, it moves downward with the
-        touchdown velocity until contact; if it is faster, it brakes first.  It
-        passes above any `edges` on its path.
+        the motion another `lead` [s] later.  `previous` is the motion of the
+        last tick, `state` the walking state of this one.  Outside of a swing,
+        the next swing foot is at rest.  A foot that cannot reach its foothold
+        in time lands later; after the end of the swing's clock it sinks with
+        the touchdown velocity.  It passes above any `edges` on its path.
         """
         schedule = state.schedule
         side = schedule.support_side.other
@@ -329,10 +324,9 @@ def end_beyond(
 def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     """Returns the time [s] to pass `via` (n,) with the least jerk.
 
-    Candidates are multiples of `STEP` before `horizon` [s] > STEP, so that they
-    are the same in every tick.  The jerk cost of passing via at t is
-    proportional to the squared distance of the quintic from via, over
-    (t (horizon - t))^5.
+    Candidates are multiples of `STEP` before `horizon` [s] > STEP, the same in
+    every tick.  The jerk cost of passing via at t is proportional to the
+    squared distance of the quintic from via, over (t (horizon - t))^5.
     """
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end

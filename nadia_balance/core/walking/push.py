@@ -144,9 +144,8 @@ class Push:
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
         """True if the push begins at or before `time` [s], without `delay`.
 
-        At any fraction, the push is due at the latest in the last tick of its
-        phase, which begins less than 1.5 `period` [s] before the end, since the
-        state machine rounds durations to ticks.
+        It is due at the latest in the last tick of its phase, less than 1.5
+        `period` [s] before the end, as durations are rounded to ticks.
         """
         moment = self.moment
         if moment.phase is None:

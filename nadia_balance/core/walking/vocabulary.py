@@ -170,10 +170,9 @@ class ContactSchedule(Immutable):
 
     The present phase began at time 0.  `support_side` is the stance foot of a
     swing, and in a transfer the foot that receives the weight.  `footsteps`
-    have not landed yet: in a swing, footsteps[0] is in the air.  A transfer
-    without footsteps is the last one and ends between the feet.  The plan
-    continues from `start`, the reference at `start_time`: the end of the
-    previous phase or, after a foothold change, the moved reference.
+    have not landed yet: in a swing, footsteps[0] is in the air; a transfer
+    without any ends between the feet.  The plan continues from `start`, the
+    reference at `start_time`: the end of the previous phase, or a moved one.
     """
 
     phase: Phase
