@@ -7,8 +7,8 @@ The public names are available here; each is imported at its first use, so that
 import importlib
 
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
-# they are links to the folders of the same names beside it.  Here: a module, and
-# its public names.
+# they are links to the folders of the same names beside it.  In each line here:
+# a module, and its public names.
 _PUBLIC = """
     balance_controller BalanceController CapturePointController ControllerParams
     core.body.ground Ground Region
