@@ -121,12 +121,10 @@ class CollisionAvoidance:
         W = np.empty((6, 2, distance.size))
         W[3:, 0], W[3:, 1] = normal, -normal
         W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        velocity = plant.EvalBodySpatialVelocityInWorld
         V = np.empty((len(self._bodies), 6))
         for i in set(bodies.ravel().tolist()):
-            V_WB = plant.EvalBodySpatialVelocityInWorld(
-                context, self._bodies[i]
-            )
-            V[i] = V_WB.get_coeffs()
+            V[i] = velocity(context, self._bodies[i]).get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
         braking = self._params.braking(distance, rates)
         near = distance < self._params.attention
@@ -165,9 +163,7 @@ class CollisionAvoidance:
         distance = length - self._radii.take(near)
         return distance, normal, p.take(near, axis=2), bodies
 
-    def _near_others(
-        self, context: Context, X_WB: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
+    def _near_others(self, context: Context, X_WB: np.ndarray) -> tuple:
         """Returns the same for other shapes, with points on the surfaces."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
         found = []
@@ -192,9 +188,7 @@ class CollisionAvoidance:
 class _Shape:
     """A shape of a link, with its axis if it is a capsule or a sphere."""
 
-    def __init__(
-        self, inspector: SceneGraphInspector, plant: MultibodyPlant, shape
-    ):
+    def __init__(self, inspector: SceneGraphInspector, plant, shape):
         """A pose [R, p] of the body times `segment` (4, 2) is [begin, way].
 
         `radius` [m] is None unless the shape is a capsule or a sphere.
