@@ -146,29 +146,21 @@ class CapturePointController(Diagram):
         check(params)
         period, qp = params.control_period, params.icp_step_qp
         plan = params.atlas_icp_plan if qp else params.icp_plan
-        stabilisers: dict = {
-            "step_adjuster": (
-                steps.CaptureRegionStepAdjuster,
-                params.step_adjuster,
-            ),
-            "momentum_qp": (feedback.MomentumQp, params.balance),
+        clock = partial(planning.WalkingStateMachine, start=start)
+        planner = partial(planning.IcpPlanner, has_reference=not qp)
+        usual: dict = {
+            "walking_state_machine": (clock, params.walking_state_machine),
+            "icp_planner": (planner, plan),
+            "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
         }
         if qp:  # both in one, for the Atlas paper's plan
-            stabilisers = {"step_controller": (feedback.IcpStepController, qp)}
-        clock = partial(planning.WalkingStateMachine, start=start)
-        usual = {
-            "walking_state_machine": (clock, params.walking_state_machine),
-            "icp_planner": (
-                partial(planning.IcpPlanner, has_reference=not qp),
-                plan,
-            ),
-            "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
-            **stabilisers,
-            "com_height_controller": (
-                feedback.ComHeightController,
-                params.com_height,
-            ),
-        }
+            usual["step_controller"] = feedback.IcpStepController, qp
+        else:
+            adjuster = steps.CaptureRegionStepAdjuster, params.step_adjuster
+            usual["step_adjuster"] = adjuster
+            usual["momentum_qp"] = feedback.MomentumQp, params.balance
+        height = feedback.ComHeightController, params.com_height
+        usual["com_height_controller"] = height
         makers = {
             role: partial(kind, own, model, period)
             for role, (kind, own) in usual.items()

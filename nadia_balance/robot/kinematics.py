@@ -146,7 +146,8 @@ def whole_body_model(
         found = np.full(n, others)
         for joint, value in named.items():
             if not plant.HasJointNamed(joint):
-                raise ValueError(f"joint = {joint!r}: must be the robot's")
+                why = "the robot has no such joint"
+                raise ValueError(f"joint = {joint!r}: {why}")
             found[plant.GetJointByName(joint).velocity_start() - 6] = value
         return found
 
