@@ -16,12 +16,10 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.plan.walking_state_machine import (
-    WalkingStateMachineParams,
-)
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams as StepAdjusterParams,
 )
@@ -43,8 +41,8 @@ class ControllerParams:
     control_period: float = bounded(
         0.004, least=0.0005, most=0.02, unit="s", of=""
     )  # T
-    walking_state_machine: WalkingStateMachineParams = bounded(
-        WalkingStateMachineParams
+    walking_state_machine: machine.WalkingStateMachineParams = bounded(
+        machine.WalkingStateMachineParams
     )
     timing_adapter: TimingAdapterParams = bounded(TimingAdapterParams)
     step_adjuster: StepAdjusterParams = bounded(StepAdjusterParams)
@@ -263,10 +261,8 @@ class BalanceController(Diagram):
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
             names = ", ".join(task.name for task in tasks)
-            raise ValueError(
-                f"tasks = {names}: must be given to the block that replaces "
-                "whole_body_inverse_dynamics"
-            )
+            where = "the block that replaces whole_body_inverse_dynamics"
+            raise ValueError(f"tasks = {names}: must be given to {where}")
         inner = CapturePointController.ROLES
         if "capture_point_controller" in blocks:
             inner = {}

@@ -217,9 +217,7 @@ def support_side(walking: signals.WalkingSignal) -> Side:
     return Side.LEFT if walking.support_side > 0 else Side.RIGHT
 
 
-def push_direction(
-    walking: signals.WalkingSignal | None, force: np.ndarray
-) -> float:
+def push_direction(walking, force: np.ndarray) -> float:
     """Direction [0, 360) [deg] of `force` (3,) to the support foot, or in W."""
     yaw = 0.0
     if walking is not None:

@@ -9,7 +9,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import CalmSteps, recovered_at
-from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
+from nadia_balance.systems.signals import PHASES, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
@@ -70,14 +70,11 @@ class LiveStory:
         self._pushed_after: int | None = None
         self._calm = CalmSteps()
 
-    def look(
-        self,
-        time: float,
-        walking: WalkingSignal,
-        push: PushSignal,
-        error: float,
-    ) -> list[str]:
-        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's."""
+    def look(self, time: float, walking, push, error: float) -> list[str]:
+        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's.
+
+        `walking` and `push` are the WalkingSignal and the PushSignal.
+        """
         taken, told = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
             newtons = float(np.linalg.norm(push.force))
@@ -114,9 +111,7 @@ def moment_words(walking: WalkingSignal) -> str:
     return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
 
 
-def push_words(
-    walking: WalkingSignal | None, force: Array, delta_v: float
-) -> str:
+def push_words(walking, force: Array, delta_v: float) -> str:
     """Describes a push, as it begins: size, direction, point of the gait."""
     told = f"push {delta_v:.2f} m/s {direction_words(walking, force)}"
     return told if walking is None else f"{told}, {moment_words(walking)}"
