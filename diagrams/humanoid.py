@@ -82,9 +82,8 @@ class HumanoidDiagram(ClosedLoop):
         known = self.robot.mass, period, self.plant, self.robot.pelvis_body
         push = push_source.PushSource(scenario.pushes, *known)
         self.push = builder.AddNamedSystem("push_source", push)
-        self._sensors = None
-        if scenario.sensors != "perfect":
-            self._sensors = load_sensors(scenario.sensors)
+        kind = scenario.sensors
+        self._sensors = None if kind == "perfect" else load_sensors(kind)
         noise = self._sensors, scenario.seed
         known = self.plant, self.robot, period, self.engine
         sensor = hardware.FootForceSensor(*known, *noise)

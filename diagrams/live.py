@@ -42,11 +42,7 @@ class LiveSession:
     """
 
     def __init__(
-        self,
-        diagram: ClosedLoop,
-        meshcat: Meshcat,
-        tell: Callable[[str], None],
-        speed: float = 1.0,
+        self, diagram: ClosedLoop, meshcat: Meshcat, tell: Callable, speed=1.0
     ):
         """Sends each event's line to `tell`; `speed` is 1 in real time."""
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell

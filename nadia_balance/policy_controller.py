@@ -121,9 +121,8 @@ class PolicyController(LeafSystem):
         names = [joint.name() for joint in joints]
         _same(names, self.joints, f"{what} be of the joints of {robot.name}")
         for name in {*params.default_angles} - {*names}:
-            raise ValueError(
-                f"default_angles.{name}: must be a joint of {robot.name}"
-            )
+            why = f"must be a joint of {robot.name}"
+            raise ValueError(f"default_angles.{name}: {why}")
         # In the order of the policy.
         places = [names.index(name) for name in self.joints]
         nq, default = plant.num_positions(), params.default_angles.get
@@ -221,10 +220,8 @@ def _metadata(network: Any, what: str) -> tuple[list[str], Any, Any]:
         names, gains = [], np.zeros((2, 0))
     sized = len({*names}) > 0 and gains.shape == (2, len({*names}))
     if not sized or not np.all((gains >= 0.0) & np.isfinite(gains)):
-        raise ValueError(
-            f"{what} have lists in JSON as metadata: dof_names, as many kp "
-            ">= 0 and kd >= 0"
-        )
+        lists = "dof_names, as many kp >= 0 and kd >= 0"
+        raise ValueError(f"{what} have lists in JSON as metadata: {lists}")
     return names, *gains
 
 
@@ -237,9 +234,8 @@ def _checked_port(network: Any, n: int, what: str) -> str:
         wanted = f"tensor(float) [1, {size}]"
         has = ", ".join(f"{port.type} {port.shape}" for port in ports)
         if has != wanted:
-            raise ValueError(
-                f"{what} have one {name} {wanted} for {n} joints; has {has}"
-            )
+            why = f"have one {name} {wanted} for {n} joints; has {has}"
+            raise ValueError(f"{what} {why}")
     return network.get_inputs()[0].name
 
 

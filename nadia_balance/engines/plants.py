@@ -154,21 +154,17 @@ class PointMassPlant(framework.LeafSystem):
     """
 
     def __init__(
-        self,
-        model: PointMassModel,
-        period: float,
-        initial: walking.WalkingState,
+        self, model: PointMassModel, period: float, start: walking.WalkingState
     ):
-        """Integrates `model` from `initial` on, one tick per `period` [s]."""
+        """Integrates `model` from `start` on, one tick per `period` [s]."""
         super().__init__()
         self._omega, self._period = model.omega, period
         self._weight = model.mass * GRAVITY
         self._stiffness = model.mass * model.omega**2
-        schedule = initial.schedule
-        start, foot = schedule.start, schedule.feet[schedule.support_side.other]
-        self._com = self.DeclareDiscreteState(
-            [*start.com, model.com_height, *start.com_velocity, 0.0]
-        )
+        schedule = start.schedule
+        point, foot = schedule.start, schedule.feet[schedule.support_side.other]
+        com = [*point.com, model.com_height, *point.com_velocity, 0.0]
+        self._com = self.DeclareDiscreteState(com)
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
         self._ecmp, self._swing, self._walking, self._push = ports.inputs(
             self, "ecmp_command swing_foot_reference walking_state push_force"

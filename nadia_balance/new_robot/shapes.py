@@ -62,9 +62,7 @@ def find_sole(foot: robots.Link, down: Array) -> SolePlane:
     return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
 
 
-def sole_plane(
-    shapes: Sequence[robots.Shape], down: Array, source: str
-) -> SolePlane | None:
+def sole_plane(shapes: list, down: Array, source: str) -> SolePlane | None:
     """The supporting plane with the largest area of the convex hull."""
     if not shapes:
         return None

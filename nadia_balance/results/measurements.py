@@ -302,8 +302,8 @@ def _qp_failures(log: Log) -> int:
     return sum(map(int, several))
 
 
-# Name: the signals that are needed, and a function of the log x.  Of
-# an array, the largest entry counts.  Units are in the names, or as of the functions.
+# Name: the signals that are needed, and a function of a log; of an array the
+# largest entry counts.  Units are in the names, or as of the functions.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "duration_s": ("t", lambda x: x["t"] - x["t"][:1]),
     "pushes": ("t", lambda x: [_measure_push(x, p) for p in pushes(x)]),

@@ -57,11 +57,7 @@ _POLLED = "/status"  # path of the live text, as a list of lines
 
 
 def write_run(
-    folder: Path,
-    log: Log,
-    summary: dict,
-    scenario: str,
-    meshcat: Meshcat | None = None,
+    folder: Path, log: Log, summary: dict, scenario: str, meshcat=None
 ) -> list[str]:
     """Writes the files of a run into `folder`; returns their names.
 

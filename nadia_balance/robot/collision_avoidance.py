@@ -4,7 +4,7 @@ import itertools
 import math
 
 import numpy as np
-from pydrake.geometry import Capsule, SceneGraph, SceneGraphInspector, Sphere
+from pydrake.geometry import Capsule, SceneGraphInspector, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
@@ -34,17 +34,14 @@ class CollisionAvoidance:
     with another shape are measured by the SceneGraph, one by one.
     """
 
-    def __init__(
-        self,
-        params: CollisionAvoidanceParams,
-        robot: RobotModel,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-    ):
-        """Measures the links of `robot`, the only one in `plant`."""
+    def __init__(self, params: CollisionAvoidanceParams, robot, plant, scene):
+        """Measures the links of `robot`, the only one in `plant`.
+
+        `scene` is the SceneGraph with their shapes.
+        """
         self._plant, self._params = plant, params
         self._world = plant.world_frame()
-        inspector = scene_graph.model_inspector()
+        inspector = scene.model_inspector()
         candidates = sorted(inspector.GetCollisionCandidates())
         self._shapes = {
             shape: _Shape(inspector, plant, shape)

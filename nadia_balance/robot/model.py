@@ -150,10 +150,8 @@ class RobotModel:
                 own = actuator.joint().name(), actuator.effort_limit()
                 actuator.set_effort_limit(limits.pop(*own))
         for joint in limits:
-            raise ValueError(
-                f"drives.max_torque.{joint}: must be of an actuated joint of "
-                f"{self.name}"
-            )
+            why = f"must be of an actuated joint of {self.name}"
+            raise ValueError(f"drives.max_torque.{joint}: {why}")
         return instance
 
     def add_plant_to(
@@ -177,12 +175,7 @@ class RobotModel:
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
 
-    def stand_in(
-        self,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-        ground: Ground | None = None,
-    ) -> None:
+    def stand_in(self, plant: MultibodyPlant, scene_graph, ground=None) -> None:
         """Puts robot and `ground` into an empty `plant`; finalizes it."""
         self.add_to(plant)
         plants.add_ground(plant, ground)
@@ -270,9 +263,9 @@ class RobotModel:
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip
         raise ValueError(
-            f"step_width = {width}, com_height = {self.com_height}: must "
-            f"be within reach of the legs of {self.name}, in m; with "
-            f"straight ones, the CoM is {highest:.3f} m high"
+            f"step_width = {width}, com_height = {self.com_height}: must be "
+            f"within reach of the legs of {self.name}, in m; with straight "
+            f"ones, the CoM is {highest:.3f} m high"
         )
 
 
@@ -299,9 +292,8 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     robot.yaml or its URDF does not exist.
     """
     if fidelity not in FIDELITIES:
-        raise ValueError(
-            f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
-        )
+        which = f"must be one of {', '.join(FIDELITIES)}"
+        raise ValueError(f"fidelity = {fidelity!r}: {which}")
     params, urdf = load_robot_params(name)
     if fidelity == "ideal":
         params = idealised(params)
@@ -323,10 +315,8 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
         return copy.deepcopy(params), urdf
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
-        raise ValueError(
-            f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
-            "or a path to a robot.yaml"
-        )
+        which = f"one of {', '.join(robot_names())}, or a path to a robot.yaml"
+        raise ValueError(f"robot = {name!r}: must be {which}")
     return _read_params(name, path)
 
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 from pydrake import geometry
-from pydrake.geometry import Meshcat, MeshcatParams, Rgba, SceneGraph
+from pydrake.geometry import Meshcat, MeshcatParams, Rgba
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody import plant as mbp
@@ -59,9 +59,7 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
         return meshcat, f"port {port} is busy: using {meshcat.port()}"
 
 
-def add_robot_view(
-    builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
-) -> None:
+def add_robot_view(builder: DiagramBuilder, scene_graph, meshcat) -> None:
     """Adds a MeshcatVisualizer of the robot's visual shapes only."""
     params = geometry.MeshcatVisualizerParams(prefix=ROBOT)
     params.role = geometry.Role.kIllustration
@@ -282,12 +280,7 @@ def add_mechanisms(
     return controls.GetOutputPort("mechanisms")
 
 
-def add_mouse(
-    builder: DiagramBuilder,
-    plant: mbp.MultibodyPlant,
-    scene_graph: SceneGraph,
-    meshcat: Meshcat,
-) -> OutputPort | None:
+def add_mouse(builder, plant, scene_graph, meshcat) -> OutputPort | None:
     """Adds Drake's pushes with the mouse; returns the port of their forces.
 
     The port is not connected; None before Drake 1.57, which has no mouse.
@@ -306,10 +299,8 @@ def add_mouse(
     return forces
 
 
-def connect_forces(
-    builder: DiagramBuilder, engine: System, *forces: OutputPort | None
-) -> None:
-    """Applies the sum of the `forces` that are not None to the `engine`."""
+def connect_forces(builder: DiagramBuilder, engine: System, *forces) -> None:
+    """Applies the sum of the ports `forces`, if not None, to the `engine`."""
     ports = [port for port in forces if port is not None]
     source = ports[0]
     if len(ports) > 1:

@@ -54,23 +54,18 @@ SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 _AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
+_HEAD = "-|>,head_width=0.3,head_length=0.6"  # of arrows
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 
 
-def plan_view(
-    ax: Axes, x: tuple[float, float], y: tuple[float, float], **more
-) -> None:
+def plan_view(ax: Axes, x: tuple, y: tuple, **more) -> None:
     """Makes `ax` a view from above, with the limits x and y [m]."""
     ax.set(xlim=x, ylim=y, aspect="equal", **more)
     ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
 
 
 def time_axes(
-    log: Log,
-    summary: dict,
-    what: str,
-    heights: list[float],
-    label: bool = False,
+    log: Log, summary: dict, what: str, heights: list[float], label=False
 ) -> tuple[Figure, list[Axes]]:
     """A figure with stacked axes of `heights` [in] over one time axis.
 
@@ -131,12 +126,7 @@ def _mark_pushes(ax: Axes, log: Log, label: bool) -> None:
 
 
 def fill(
-    ax: Axes,
-    polygon: np.ndarray,
-    color: str,
-    label: str | None = None,
-    alpha: float = 0.22,
-    **style,
+    ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style
 ) -> None:
     """Draws a polygon (n, 2) [m] with a transparent fill and an opaque edge."""
     style = {"edgecolor": color, "linewidth": 1.4, **style}
@@ -144,21 +134,12 @@ def fill(
     ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))
 
 
-def draw_sole(
-    ax: Axes, corners: np.ndarray, side: Side, alpha: float = 0.0, **style
-) -> None:
+def draw_sole(ax: Axes, corners, side: Side, alpha=0.0, **style) -> None:
     """Draws the `corners` (n, 2) [m] of a sole in the colour of its foot."""
     fill(ax, corners, palette.foot_color(side), alpha=alpha, **style)
 
 
-def arrow(
-    ax: Axes,
-    start: np.ndarray,
-    end: np.ndarray,
-    color: str,
-    width: float = 2.0,
-    style: str = "-|>,head_width=0.3,head_length=0.6",
-) -> None:
+def arrow(ax: Axes, start, end, color: str, width=2.0, style=_HEAD) -> None:
     """Draws an arrow from `start` to `end` (2,) [m]."""
     look = {"arrowstyle": style, "color": color, "linewidth": width}
     look |= {"shrinkA": 0, "shrinkB": 0}

@@ -80,9 +80,7 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     return max(starts), min([*after[1:2], last_row])
 
 
-def _limits(
-    log: Log, first: int, rows: slice, shown: list[Step]
-) -> tuple[Array, Array]:
+def _limits(log: Log, first: int, rows: slice, shown: list[Step]) -> tuple:
     """Least and largest x and y (2,) [m] of paths and footholds."""
     points = np.concatenate(
         [
