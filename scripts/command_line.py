@@ -260,10 +260,8 @@ def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
     finally:
         say(*telling_lines(run.logs, summary))
     say(f"wrote {folder}/{{{', '.join(written)}}}")
-    if args.hold:  # until Enter, Ctrl-C or the end of the input
-        say(f"Meshcat: {meshcat.web_url()}  (Enter ends)")
-        with contextlib.suppress(KeyboardInterrupt):
-            (sys.stdin or io.StringIO()).readline()  # it may be closed
+    if args.hold:
+        _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
 
 
@@ -311,3 +309,10 @@ def _live(diagram: closed_loop.ClosedLoop, meshcat: Meshcat, args) -> int:
             webbrowser.open(page.url)
         interrupted = session.run(page.show)
     return INTERRUPTED if interrupted else DONE
+
+
+def _hold(meshcat: Meshcat) -> None:
+    """Keeps Meshcat alive until Enter, Ctrl-C or the end of the input."""
+    say(f"Meshcat: {meshcat.web_url()}  (Enter ends)")
+    with contextlib.suppress(KeyboardInterrupt):
+        (sys.stdin or io.StringIO()).readline()  # it may be closed
