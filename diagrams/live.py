@@ -76,10 +76,8 @@ class LiveSession:
         lines.append(self._story.result or ("walks" if walks else "stands"))
         if self.paused:
             return [*lines, "PAUSED"]
-        ticks = max(len(self._walls) - 1, 0)
-        factor = (
-            LOOK * ticks / (self._walls[-1] - self._walls[0]) if ticks else 0.0
-        )
+        ticks, walls = max(len(self._walls) - 1, 0), self._walls
+        factor = LOOK * ticks / (walls[-1] - walls[0]) if ticks else 0.0
         return [*lines, f"real-time factor {factor:.2f}"]
 
     def tick(self) -> None:

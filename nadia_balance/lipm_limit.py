@@ -258,10 +258,8 @@ class LipmLimit:
                     left = min(max(least, 0.0), left)
                 return swings, [left, *transfers[1:]]
         if self.on.swing:
-            rest = self.timing.least_rest_of_swing(
-                state.schedule.duration, state.elapsed
-            )
-            left = min(rest, left)
+            now = state.schedule.duration, state.elapsed
+            left = min(self.timing.least_rest_of_swing(*now), left)
         return [left, *swings[1:]], [0.0, *transfers[1:]]
 
     def _swings(self, n: int) -> Iterator[Swings]:

@@ -94,10 +94,8 @@ class MujocoModel:
     def _add_joint(self, body: mujoco.MjsBody, joint: Joint, X_BM) -> None:
         kind = joint.type_name()
         if kind not in _JOINTS:
-            what = f"joint {joint.name()}: type {kind}: must be one of"
-            raise ValueError(
-                f"{what} {', '.join(_JOINTS)} or fixed, for MuJoCo"
-            )
+            which = f"must be one of {', '.join(_JOINTS)} or fixed, for MuJoCo"
+            raise ValueError(f"joint {joint.name()}: type {kind}: {which}")
         added = body.add_joint(name=str(int(joint.index())), type=_JOINTS[kind])
         if joint.num_velocities() > 1:
             return

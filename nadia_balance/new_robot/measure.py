@@ -348,9 +348,8 @@ def _posture(robot: Description, legs, knees, p_FS: Array) -> dict[str, float]:
         poses = robot.poses(angles)
         com, feet = robot.com(poses), [poses[leg.foot] for leg in legs]
         ahead = [(X_RF @ p_FS - com)[0] for X_RF in feet]
-        return np.array(
-            ahead + [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
-        )
+        tilts = [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
+        return np.array(ahead + tilts)
 
     least, goal = _BENDS[-1], "must bend the knee, so that the foot goes back"
     for name, knee in knees.items():

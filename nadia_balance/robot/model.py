@@ -66,9 +66,8 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        self.remarks = robot_urdf.remarks_on(
-            self.control_diagram()[1], set(feet)
-        )
+        _, plant, _ = self.control_diagram()
+        self.remarks = robot_urdf.remarks_on(plant, set(feet))
         with naming(f"urdf = {urdf}"):
             self.legs_at(self.standing_positions()).check_standing()
 

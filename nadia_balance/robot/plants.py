@@ -73,10 +73,7 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
     if ground is None or ground.is_level:
         Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
         return
-    tops = [
-        np.column_stack([r.polygon, r.heights(r.polygon)])
-        for r in ground.regions
-    ]
+    tops = [np.c_[r.polygon, r.heights(r.polygon)] for r in ground.regions]
     bottom = min(top[:, 2].min() for top in tops) - _DEPTH
     for i, top in enumerate(tops):
         below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]

@@ -117,11 +117,8 @@ def _add_actuators(plant: MultibodyPlant, instance, urdf: Path) -> None:
     }
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
         limit = efforts.get(joint.name(), 0.0)
-        if (
-            limit > 0.0
-            and joint.num_positions()
-            and joint.index() not in driven
-        ):
+        is_bare = joint.num_positions() and joint.index() not in driven
+        if limit > 0.0 and is_bare:
             plant.AddJointActuator(joint.name(), joint, limit)
 
 

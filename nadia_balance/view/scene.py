@@ -234,10 +234,8 @@ class ChangingPolygon:
     def draw(self, polygon: Array, z: float, time: float) -> None:
         """Shows `polygon` (n, 2) [m] of W at z [m]; an empty one hides it."""
         corners, old = at_height(polygon, z), self._corners
-        if (
-            corners.shape == old.shape
-            and (abs(corners - old) < self.STILL).all()
-        ):
+        alike = corners.shape == old.shape
+        if alike and (abs(corners - old) < self.STILL).all():
             return
         self._corners = corners
         if self._shown is not None:

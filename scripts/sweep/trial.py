@@ -108,9 +108,7 @@ def run_sweep(
     return not running
 
 
-def search(
-    sweep: Sweep, identity: dict, cell: Cell, known: Results
-) -> list[dict]:
+def search(sweep: Sweep, identity: dict, cell: Cell, known: Results) -> list:
     """Makes the trials that the search of `cell` needs; returns their rows.
 
     It is repeated from its beginning: the `known` ones are not made again.

@@ -125,9 +125,7 @@ def _mark_pushes(ax: Axes, log: Log, label: bool) -> None:
             ax.annotate(text, *place, *units, annotation_clip=True, **look)
 
 
-def fill(
-    ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style
-) -> None:
+def fill(ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style):
     """Draws a polygon (n, 2) [m] with a transparent fill and an opaque edge."""
     style = {"edgecolor": color, "linewidth": 1.4, **style}
     face = (*palette.rgb(color), alpha)
