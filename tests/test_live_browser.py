@@ -90,9 +90,8 @@ def heights(page: Page, *labels: str) -> list[float]:
 
 def use(browser: Browser, program: subprocess.Popen) -> None:
     """Does what the test is called after, and looks at the page."""
-    url = next(
-        line.split()[1] for line in program.stdout if line.startswith("Live:")
-    )
+    told = filter(lambda line: line.startswith("Live:"), program.stdout)
+    url = next(told).split()[1]
     # Small, as all pixels are computed without a GPU.
     page = browser.new_page(viewport={"width": 700, "height": 450})
     page.set_default_timeout(1000.0 * PATIENCE)

@@ -45,7 +45,7 @@ TIME_ADJUSTMENT = "icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
 STEPS = "adjustment", "capture_regions"
-QP = "ecmp_command", "momentum_qp_status"
+QP, REFERENCE = ("ecmp_command", "momentum_qp_status"), "icp_reference"
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": dict.fromkeys(STEPS, STEP_ADJUSTMENT),
@@ -59,13 +59,8 @@ FEEDTHROUGH = {
     },
     "FootForceSensor": {"foot_forces": ""},  # held between two ticks
     "FrictionEstimator": {"friction": ""},  # one tick late
-    "IcpStepController": dict.fromkeys(
-        (*STEPS, *QP, "icp_reference"), STEP_CONTROL
-    ),
-    "IcpPlanner": {
-        "icp_plan": "walking_state",
-        "icp_reference": "walking_state",
-    },
+    "IcpStepController": dict.fromkeys((*STEPS, *QP, REFERENCE), STEP_CONTROL),
+    "IcpPlanner": dict.fromkeys(("icp_plan", "icp_reference"), "walking_state"),
     "Imu": {"imu": "state"},
     "JointEncoders": {"joints": "state"},
     "StateEstimator": dict.fromkeys(
@@ -237,7 +232,7 @@ def text(value: object) -> str:
 
 
 @pytest.mark.parametrize(
-    "index", range(4), ids=["humanoid", "lipm", "by qp", "mujoco"]
+    "index", range(4), ids="humanoid lipm qp mujoco".split()
 )
 def test_equal_contexts_give_equal_outputs(index, diagrams, simulators):
     """Oracle: the state that a run led to, given to new contexts.

@@ -15,10 +15,9 @@ def test_a_pushed_robot_moves_as_at_the_origin():
     contacts and QPs make 6e-9 m within 2 s.
     """
     push = "pushes: [{delta_v: 0.35, direction_deg: 60, at: 0.8 s}]"
+    rest = f"{push}, {EARLY % 'num_steps: 9'}"
     near, far = (
-        load_scenario(
-            "push", text=f"{{{place}, {push}, {EARLY % 'num_steps: 9'}}}"
-        )
+        load_scenario("push", text=f"{{{place}, {rest}}}")
         for place in ("place: {}", FAR)
     )
     near.duration = far.duration = 1.4

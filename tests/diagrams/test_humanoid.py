@@ -100,15 +100,12 @@ def measured_wrench(results: ContactResults, body, p_WF) -> np.ndarray:
     total = np.zeros(6)
     for i in range(results.num_point_pair_contacts()):
         contact = results.point_pair_contact_info(i)
-        # The force is that on body B.
-        for index, sign in (
-            (contact.bodyA_index(), -1.0),
-            (contact.bodyB_index(), 1.0),
-        ):
-            if index == body.index():
-                force = sign * contact.contact_force()
-                arm = contact.contact_point() - p_WF
-                total += np.concatenate([np.cross(arm, force), force])
+        on_A, on_B = contact.bodyA_index(), contact.bodyB_index()
+        if body.index() in (on_A, on_B):  # the force is that on body B
+            sign = 1.0 if body.index() == on_B else -1.0
+            force = sign * contact.contact_force()
+            arm = contact.contact_point() - p_WF
+            total += np.concatenate([np.cross(arm, force), force])
     return total
 
 
@@ -123,14 +120,12 @@ def test_walks_where_it_is_told():
     assert found["qp_failures"] == 0
 
 
-@pytest.mark.parametrize(
-    ("direction_deg", "impulse"), [(0, 28), (180, 28), (90, 35)]
-)
-def test_takes_a_shove_without_a_step(direction_deg, impulse):
+@pytest.mark.parametrize(("degrees", "impulse"), [(0, 28), (180, 28), (90, 35)])
+def test_takes_a_shove_without_a_step(degrees, impulse):
     """Oracle: the bar of the project [N s], in 0.1 s at the pelvis."""
     text = (
         f"{{duration: 1.3, pushes: [{{force: {10 * impulse}, at: 0.1 s, "
-        f"direction_deg: {direction_deg}}}]}}"
+        f"direction_deg: {degrees}}}]}}"
     )
     found = runs.figures(text)
     assert found["recovered"]

@@ -55,7 +55,7 @@ def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
 @pytest.mark.parametrize(
     "delta_v, names",
     [
-        (0.45, set(ATLAS_MECHANISMS) - {"feedback"}),
+        (0.45, {*ATLAS_MECHANISMS} - {"feedback"}),
         (0.9, {"feedback_step_timing"}),
     ],
 )

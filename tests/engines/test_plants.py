@@ -4,16 +4,8 @@ import sys
 
 import numpy as np
 import pytest
-from pydrake.geometry import (
-    Box,
-    Capsule,
-    Convex,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    SceneGraph,
-    Sphere,
-)
+from pydrake import geometry
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -40,26 +32,24 @@ START = ReferencePoint([0.01, 0.02], [0.1, -0.05], [0.0, 0.0])
 
 
 def touch(plant: MultibodyPlant, body, shape) -> None:
-    friction = CoulombFriction(0.8, 0.8)
-    plant.RegisterCollisionGeometry(
-        body, RigidTransform(), shape, "touches", friction
-    )
+    what = body, RigidTransform(), shape, "touches"
+    plant.RegisterCollisionGeometry(*what, CoulombFriction(0.8, 0.8))
 
 
 def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
     """Oracle: m g, within 5 g, for one body of each shape."""
     (tmp_path / "cube.obj").write_text(CUBE)
     shapes = {
-        "box": Box(0.2, 0.2, 0.2),
-        "capsule": Capsule(0.1, 0.2),
-        "cylinder": Cylinder(0.1, 0.2),
-        "ellipsoid": Ellipsoid(0.1, 0.1, 0.1),
-        "hull": Convex(str(tmp_path / "cube.obj"), 0.1),
-        "sphere": Sphere(0.1),
+        "box": geometry.Box(0.2, 0.2, 0.2),
+        "capsule": geometry.Capsule(0.1, 0.2),
+        "cylinder": geometry.Cylinder(0.1, 0.2),
+        "ellipsoid": geometry.Ellipsoid(0.1, 0.1, 0.1),
+        "hull": geometry.Convex(str(tmp_path / "cube.obj"), 0.1),
+        "sphere": geometry.Sphere(0.1),
     }
     plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    touch(plant, plant.world_body(), HalfSpace())
+    touch(plant, plant.world_body(), geometry.HalfSpace())
     bodies = {}
     for i, (name, shape) in enumerate(shapes.items()):
         inertia = SpatialInertia.SolidSphereWithMass(1.0 + i, 0.1)
@@ -115,11 +105,7 @@ def test_says_what_to_install(nadia, monkeypatch):
 
 
 def plant_with(
-    phase=Phase.SWING,
-    ecmp=(0.0, 0.0),
-    swing=(0, 0, 0.05),
-    push=0,
-    rates=(0.0,) * 6,
+    phase=Phase.SWING, ecmp=(0, 0), swing=(0, 0, 0.05), push=0, rates=6 * (0,)
 ):
     """The plant, its simulator and a context in which all inputs are fixed.
 
@@ -165,9 +151,8 @@ def test_a_push_changes_the_velocity_by_its_impulse():
 def test_the_swing_foot_goes_where_it_is_told():
     """Oracle: p + v t + a t^2 / 2, by hand, for one tick of 0.002 s."""
     rates = (0.5, -1.0, 1.5, 10.0, 20.0, -30.0)
-    plant, simulator, context = plant_with(
-        swing=(0.05, -0.13, 0.04), rates=rates
-    )
+    swing = (0.05, -0.13, 0.04)
+    plant, simulator, context = plant_with(swing=swing, rates=rates)
     simulator.AdvanceTo(0.5 * PERIOD)
     foot = answer(plant, context, "foot_poses")[Side.RIGHT]
     told = [0.05 + 0.00102, -0.13 - 0.00196, 0.04 + 0.00294]

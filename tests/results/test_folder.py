@@ -57,9 +57,8 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
     """Oracle: the folders; what is named is refused to the second one."""
     monkeypatch.chdir(tmp_path)
     with contextlib.ExitStack() as held:
-        folders = [
-            held.enter_context(folder.new_folder(None, "run", [])) for _ in "ab"
-        ]
+        new = folder.new_folder
+        folders = [held.enter_context(new(None, "run", [])) for _ in "ab"]
         assert len({*folders}) == 2
         with (
             pytest.raises(ValueError, match="in use by no other run"),
@@ -75,10 +74,7 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
     [
         (lambda log: made_up_run.cut(log, 700), PLOTS),
         (lambda log: made_up_run.cut(log, 1), []),
-        (
-            lambda log: {n: a for n, a in log.items() if n not in EFFORT},
-            PLOTS[:3],
-        ),
+        (lambda log: {n: log[n] for n in {*log} - {*EFFORT}}, PLOTS[:3]),
     ],
     ids=["cut off", "one row", "no effort"],
 )

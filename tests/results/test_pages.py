@@ -38,9 +38,8 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
         )
         phase = "right swing" if time < end else "left swing"
         clock = f"t = {time:.2f} s, {phase}"
-        page.wait_for_function(
-            "(t) => document.body.innerText.includes(t)", arg=clock
-        )
+        shown = "(t) => document.body.innerText.includes(t)"
+        page.wait_for_function(shown, arg=clock)
         shown = " ".join(page.inner_text("#status").split())
         assert shown.startswith("</script> · ")
         for begins, line in told:

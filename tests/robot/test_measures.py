@@ -43,9 +43,8 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
 
 
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
-WEDGE = Convex(
-    np.vstack([np.c_[CORNERS, 4 * [-0.01]], [0.0, 0.0, 0.05]]).T, "wedge"
-)
+TIP = [0.0, 0.0, 0.05]
+WEDGE = Convex(np.vstack([np.c_[CORNERS, 4 * [-0.01]], TIP]).T, "wedge")
 
 
 @pytest.mark.parametrize(
@@ -62,13 +61,10 @@ WEDGE = Convex(
             ],
             (-0.05, 0.15, 0.03, -0.06),
         ),
-        (
-            [(WEDGE, (0.0, 0.0, -0.02), (0.0, 0.0, 0.0))],
-            (-0.05, 0.15, 0.04, -0.03),
-        ),
-        (
-            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0.0), (0.0, 0.0, 0.0))],
-            (-0.03, 0.07, 0.04, -0.02),  # symmetric about y = 0
+        ([(WEDGE, (0, 0, -0.02), (0, 0, 0))], (-0.05, 0.15, 0.04, -0.03)),
+        (  # symmetric about y = 0
+            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0), (0, 0, 0))],
+            (-0.03, 0.07, 0.04, -0.02),
         ),
     ],
 )

@@ -84,9 +84,7 @@ def test_refuses_scenarios_of_another_kind(name):
         sweep_of("--scenario_name", name)
 
 
-@pytest.mark.parametrize(
-    ("plant", "tick"), [("lipm", 0.01), ("humanoid", 4e-3)]
-)
+@pytest.mark.parametrize("plant, tick", [("lipm", 0.01), ("humanoid", 4e-3)])
 def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
     """Oracle: put back what differs, and compare all of the texts."""
     sweep = made_up_sweep(plant=plant)
@@ -166,9 +164,8 @@ def test_parameters_are_all_but_what_a_sweep_sets_itself():
     assert made_up_sweep(**other, at=(LATER,)).identity() == identity
 
     def hash_of(scenario):
-        return made_up_sweep(scenarios={"push": scenario}).identity()[
-            "parameters"
-        ]
+        sweep = made_up_sweep(scenarios={"push": scenario})
+        return sweep.identity()["parameters"]
 
     scenario = load_scenario("push")
     before = hash_of(scenario)
