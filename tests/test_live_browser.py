@@ -64,9 +64,8 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
         *(sys.executable, "-m", "nadia_balance.scripts.push", "--live"),
         *("--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"),
     ]
-    with subprocess.Popen(
-        argv, env=environment(), stdout=subprocess.PIPE, text=True
-    ) as program:
+    how = {"env": environment(), "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(argv, **how) as program:
         try:
             use(browser, program)
             assert program.wait(PATIENCE) == 0

@@ -78,11 +78,8 @@ CHAINS = {
     "nadia": (),
 }
 # Step widths that the legs reach [m], and one at which the shoes touch.
-WIDTHS = {
-    "atlas": (0.17, 0.25, 0.8),
-    "g1": (0.1, 0.237, 0.49),
-    "nadia": (0.17, 0.25, 0.8),
-}
+WIDTHS = dict.fromkeys(("atlas", "nadia"), (0.17, 0.25, 0.8))
+WIDTHS["g1"] = (0.1, 0.237, 0.49)
 FOOT = 2  # of a leg's links
 
 

@@ -13,10 +13,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
-from pydrake.multibody.plant import (
-    ContactResults,
-    ExternallyAppliedSpatialForceMultiplexer,
-)
+from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side
@@ -95,7 +92,7 @@ def test_stands_still_on_the_commanded_wrenches(text):
         assert by_engine[3:] == pytest.approx(wrench[3:], abs=2.0)
 
 
-def measured_wrench(results: ContactResults, body, p_WF) -> np.ndarray:
+def measured_wrench(results: mbp.ContactResults, body, p_WF) -> np.ndarray:
     """[moment about p_WF, force] (6,) of all contacts on `body`, in W."""
     total = np.zeros(6)
     for i in range(results.num_point_pair_contacts()):
@@ -231,11 +228,9 @@ def test_clicks_do_what_the_scenario_would():
         meshcat = start_meshcat()[0]
         off = runs.scenario_of(text % ("icp_only", ""))
         diagram = HumanoidDiagram(off, meshcat)
-        sums = [
-            system.num_input_ports()
-            for system in diagram.GetSystems()
-            if isinstance(system, ExternallyAppliedSpatialForceMultiplexer)
-        ]
+        kind = mbp.ExternallyAppliedSpatialForceMultiplexer
+        adding = [one for one in diagram.GetSystems() if isinstance(one, kind)]
+        sums = [system.num_input_ports() for system in adding]
         simulator = start(diagram)
         simulator.Initialize()
         for label in LABELS.values():

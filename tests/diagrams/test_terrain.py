@@ -42,9 +42,8 @@ def test_stairs_fit_the_robot_that_climbs_them():
     stairs.terrain.rise = None
     regions = stairs.terrain.ground(sole, size).regions
     assert regions[1].height == pytest.approx(0.18 * 0.558 / 0.88)
-    for hold, region in zip(
-        scaled(stairs.gait, size).footholds[1:5], regions[1:5], strict=True
-    ):
+    holds = scaled(stairs.gait, size).footholds[1:5]
+    for hold, region in zip(holds, regions[1:5], strict=True):
         assert hold.x == pytest.approx(region.polygon[:, 0].mean(), abs=2e-3)
 
 
@@ -73,9 +72,7 @@ def pushed(direction_deg, delta_v):
     return run_of(scenario, "lipm")
 
 
-@pytest.mark.parametrize(
-    ("degrees", "delta_v"), [(0, 0.8), (180, 1), (90, 0.5)]
-)
+@pytest.mark.parametrize("degrees, delta_v", [(0, 0.8), (180, 1), (90, 0.5)])
 def test_whole_soles_land_on_stones(degrees, delta_v):
     """Oracle: shapely; 1 cm from the edge, the controller keeps 2 cm."""
     run = pushed(degrees, delta_v)

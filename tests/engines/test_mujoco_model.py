@@ -90,10 +90,8 @@ def test_touches_what_it_touches_in_drake(name, fidelity):
             bodies = frozenset(map(int, pair))
             found[bodies] = max(-dist, found.get(bodies, 0.0))
         assert set(found) == set(expected)
-        ground = [pair for pair in found if 0 in pair]
-        assert [found[pair] for pair in ground] == pytest.approx(
-            [expected[pair] for pair in ground]
-        )
+        ground = {pair: d for pair, d in expected.items() if 0 in pair}
+        assert {pair: found[pair] for pair in ground} == pytest.approx(ground)
         seen |= set(found)
     assert any(0 in pair for pair in seen) and any(0 not in p for p in seen)
 

@@ -13,11 +13,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
-from nadia_balance.engines.plants import (
-    MujocoPlant,
-    PointMassPlant,
-    add_mujoco_plant,
-)
+from nadia_balance.engines import plants
+from nadia_balance.engines.plants import MujocoPlant
 from nadia_balance.robot.model import load_robot
 from tests.blocks import answer, running
 from tests.example_walks import MODEL, ReferencePoint, replace, walk
@@ -77,7 +74,7 @@ def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
 
 @pytest.fixture(scope="module")
 def nadia():
-    return add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
+    return plants.add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
 
 
 def test_a_state_that_diverges_ends_the_run(nadia, tmp_path, monkeypatch):
@@ -113,7 +110,7 @@ def plant_with(
     to swing or swings.
     """
     state = WalkingState(replace(walk(), phase=phase, start=START))
-    plant = PointMassPlant(MODEL, PERIOD, state)
+    plant = plants.PointMassPlant(MODEL, PERIOD, state)
     return plant, *running(
         plant,
         ecmp_command=[0.0, 0.0, *ecmp],

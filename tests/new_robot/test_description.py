@@ -161,9 +161,8 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     assert (sole.half_width, sole.z) == pytest.approx((0.05, -0.08))
     plant = robot.control_plant()
     context = plant.CreateDefaultContext()
-    without = re.sub(
-        r"<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>", "", WITH_BOW
-    )
+    scene = "<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>"
+    without = re.sub(scene, "", WITH_BOW)
     model = mujoco.MjModel.from_xml_string(without)
     data, order = mujoco.MjData(model), {}
     for i, name in enumerate([*JOINTS, "bow"]):

@@ -13,7 +13,7 @@ from nadia_balance.new_robot import shapes as soles
 TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
 UPRIGHT = RollPitchYaw(0.0, 0.0, 0.0)
 LYING = RollPitchYaw(0.0, 0.5 * np.pi, 0.0)
-DOWN = np.array([0.0, 0.0, -1.0])
+DOWN, HIGH = np.array([0.0, 0.0, -1.0]), (0.0, 0.0, 0.05)
 CORNERS = [(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.04, 0.04)]
 
 
@@ -51,11 +51,7 @@ def rounded() -> Shape:
         # A point 2 mm above the plane of the rounding counts, 9 mm outside.
         ([rounded()], 0.02, (0.2172, 0.0972)),
         # An ankle on a plate.
-        (
-            [box(0.2, 0.1, 0.02), box(0.1, 0.1, 0.1, (0, 0, 0.05))],
-            0.01,
-            (0.2, 0.1),
-        ),
+        ([box(0.2, 0.1, 0.02), box(0.1, 0.1, 0.1, HIGH)], 0.01, (0.2, 0.1)),
     ],
     ids=["box", "spheres", "cylinders", "capsules", "rounded", "plate"],
 )

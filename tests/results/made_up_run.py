@@ -112,9 +112,8 @@ def _walking_signal(recipe: Recipe) -> np.ndarray:
 
     for k in range(1, recipe.num_steps + 1):
         plan = np.array([recipe.length * k, swing.sign * HALF_WIDTH, 0.0])
-        move, swings, transfers = recipe.changed.get(
-            k, (np.zeros(2), recipe.swing, recipe.transfer)
-        )
+        usual = np.zeros(2), recipe.swing, recipe.transfer
+        move, swings, transfers = recipe.changed.get(k, usual)
         goal = plan + [*move, 0.0]
         step = (k - 1, plan, goal, swing.sign)
         if k == 1:

@@ -24,9 +24,8 @@ def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
     meshcat = start_meshcat()[0]
     pages.start_recording(meshcat)
-    names = pages.write_run(
-        tmp_path, log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
-    )
+    what = log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
+    names = pages.write_run(tmp_path, *what)
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
     assert names == expected + PLOTS
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)

@@ -247,11 +247,9 @@ def test_rows_are_those_of_the_law():
     law = rows @ vdot + 50.0 * (rows @ v) + 625.0 * (distances - 0.02)
     near = distances < 0.08
     assert near.any() and not near.all()
-    for told, expected in (
-        (found.limits, law[near]),
-        (found.braking, math.sqrt(3.0) * law[~near]),
-    ):
-        assert told @ np.append(vdot, 1.0) == pytest.approx(expected)
+    soft, now = math.sqrt(3.0) * law[~near], np.append(vdot, 1.0)
+    assert found.limits @ now == pytest.approx(law[near])
+    assert found.braking @ now == pytest.approx(soft)
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.3])
@@ -260,9 +258,8 @@ def test_links_are_kept_apart(speed):
     terms = examples.terms_at(examples.random_state(0, 0.0))
     towards = moving("LEFT_SHOULDER_X", 1.0)
     v = speed * towards
-    qp = WholeBodyQp(
-        of_qp.WholeBodyQpParams(), examples.model(), examples.PERIOD
-    )
+    params, period = of_qp.WholeBodyQpParams(), examples.PERIOD
+    qp = WholeBodyQp(params, examples.model(), period)
     free = qp.solve(terms._replace(v=v), examples.command(terms))
     rows = np.append(towards, -PARAMS.braking(0.03, towards @ v))[None]
     near = terms._replace(v=v, avoidance=Avoidance(rows, rows[:0]))

@@ -76,9 +76,8 @@ def test_soles_are_where_shapes_meet_the_ground(shapes, ends):
         body = plant.AddRigidBody(foot, mass)
         for i, (shape, p, rpy) in enumerate(shapes):
             X_BG = RigidTransform(RollPitchYaw(*rpy), p)
-            plant.RegisterCollisionGeometry(
-                body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
-            )
+            what = body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
+            plant.RegisterCollisionGeometry(*what)
     plant.Finalize()
     params = RobotParams(left_foot_body="left", right_foot_body="right")
     inspector = scene_graph.model_inspector()

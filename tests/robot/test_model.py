@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.core.whole_body.params import (
-    CollisionAvoidanceParams,
-    WholeBodyQpParams,
-)
+from nadia_balance.core.whole_body import params as of_qp
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
 
@@ -180,12 +178,13 @@ def test_a_robot_has_parameters_of_its_own(copy):
     own = "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}"
     change(copy / "robot.yaml", "whole_body:", own)
     scenario = WholeBodyQpParams(rolling_step=0.5, friction=0.4)
-    scenario.avoidance = CollisionAvoidanceParams(clearance=0.01, rate=20.0)
+    avoidance = of_qp.CollisionAvoidanceParams(clearance=0.01, rate=20.0)
+    scenario.avoidance = avoidance
     found = load(copy).whole_body(scenario)
     assert found == replace(
         scenario,
         rolling_step=0.3,
-        avoidance=CollisionAvoidanceParams(clearance=0.03, rate=20.0),
+        avoidance=replace(avoidance, clearance=0.03),
         joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
     )
     ideal = load_robot("nadia", "ideal")

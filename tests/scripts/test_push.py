@@ -114,9 +114,7 @@ def nothing_runs(monkeypatch, tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"), REFUSED, ids=[" ".join(argv) for argv, _ in REFUSED]
-)
+@pytest.mark.parametrize(("argv", "message"), REFUSED)
 def test_refuses_what_has_no_meaning(argv, message, nothing_runs, capsys):
     """Oracle: exit code 2, one line, nothing simulated, nothing left."""
     outcome = run_script(push, ["--no-meshcat", *argv], capsys)

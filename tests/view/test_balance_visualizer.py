@@ -124,13 +124,11 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
     plant.Finalize()
     scene.add_robot_view(builder, scene_graph, meshcat)
     stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
-    visualizer = builder.AddSystem(
-        View(meshcat, SOLE, Ground(tuple(stones), SOLE))
-    )
+    ground = Ground(tuple(stones), SOLE)
+    visualizer = builder.AddSystem(View(meshcat, SOLE, ground))
     params = capture_region.CaptureRegionStepAdjusterParams()
-    adjuster = builder.AddSystem(
-        CaptureRegionStepAdjuster(params, MODEL, period=0.002)
-    )
+    adjuster = CaptureRegionStepAdjuster(params, MODEL, period=0.002)
+    builder.AddSystem(adjuster)
     connect(builder, adjuster, visualizer, "capture_regions")
     builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
     builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))

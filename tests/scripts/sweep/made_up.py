@@ -43,9 +43,7 @@ def identity_of(search: SearchParams = SEARCH) -> dict:
     }
 
 
-def made_up_rows(
-    largest: Mapping[Cell, float], search: SearchParams = SEARCH
-) -> list[dict]:
+def made_up_rows(largest: Mapping[Cell, float], search=SEARCH) -> list[dict]:
     """The rows of all trials that the search asks for, cell by cell."""
     rows = []
     for cell, most in largest.items():

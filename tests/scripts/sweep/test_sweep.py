@@ -108,9 +108,8 @@ def test_the_fingerprint_is_of_every_file_of_a_trial():
     """Oracle: what Python imports for one."""
     package = "nadia_balance.scripts.sweep"
     code = f"import sys, {package}.trial, {package}.search; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
+    how = {"cwd": ROOT, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], **how)
     modules = {m for m in done.stdout.split() if m.startswith("nadia_balance")}
     names = {
         f"{module.removeprefix(f'{package}.')}.py"
