@@ -77,10 +77,10 @@ class BalanceVisualizer(LeafSystem):
         """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        names = "walking_state com_state? push_force? capture_regions?"
-        ports = inputs(self, names)
-        self._walking_state, self._com, self._push, self._regions = ports
-        self._on_ground = inputs(self, "icp? icp_reference? ecmp_command?")
+        points, last = "icp? icp_reference? ecmp_command?", "capture_regions?"
+        names = f"walking_state com_state? {points} push_force? {last}"
+        self._walking_state, self._com, *others = inputs(self, names)
+        *self._on_ground, self._push, self._regions = others
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
         draws = {PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
