@@ -72,9 +72,8 @@ class ClosedLoop(framework.Diagram):
                 builder.Connect(of[name], view.GetInputPort(name))
         logged = {name: of[name] for name in LOGGED if name in of} | ports
         self._sizes = {name: port.size() for name, port in logged.items()}
-        multiplexer = builder.AddNamedSystem(
-            "log_multiplexer", Multiplexer(list(self._sizes.values()))
-        )
+        multiplexer = Multiplexer(list(self._sizes.values()))
+        builder.AddNamedSystem("log_multiplexer", multiplexer)
         for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
         port = multiplexer.get_output_port()

@@ -82,9 +82,8 @@ class HumanoidDiagram(ClosedLoop):
         known = self.robot.mass, period, self.plant, self.robot.pelvis_body
         push = push_source.PushSource(scenario.pushes, *known)
         self.push = builder.AddNamedSystem("push_source", push)
-        self._sensors = None
-        if scenario.sensors != "perfect":
-            self._sensors = load_sensors(scenario.sensors)
+        kind = scenario.sensors
+        self._sensors = None if kind == "perfect" else load_sensors(kind)
         noise = self._sensors, scenario.seed
         known = self.plant, self.robot, period, self.engine
         sensor = hardware.FootForceSensor(*known, *noise)
@@ -101,10 +100,8 @@ class HumanoidDiagram(ClosedLoop):
     def _check_controller(self, controller: System, blocks: dict) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
         what = f"controller = {type(controller).__name__}: must"
-        if blocks:
-            raise ValueError(
-                f"{what} not come with blocks: {', '.join(blocks)}"
-            )
+        if names := ", ".join(blocks):
+            raise ValueError(f"{what} not come with blocks: {names}")
         plant = self.plant
         for way, name, size in (
             ("Input", "estimated_state", plant.num_multibody_states()),
@@ -119,29 +116,23 @@ class HumanoidDiagram(ClosedLoop):
         """Adds the engine: the plant itself, or a MujocoPlant."""
         step = self.scenario.time_step
         if self.scenario.engine == "mujoco":
-            self.engine, self.plant, self.scene_graph = add_mujoco_plant(
-                builder, self.robot, step, self._ground
-            )
-        else:
-            self.plant, self.scene_graph = self.robot.add_plant_to(
-                builder, step, self._ground
-            )
-            self.engine = self.plant
-            ratio = self.scenario.imperfections.friction_ratio
-            if ratio != 1.0:
-                scale_friction(self.plant, self.scene_graph, ratio)
+            made = add_mujoco_plant(builder, self.robot, step, self._ground)
+            self.engine, self.plant, self.scene_graph = made
+            return
+        made = self.robot.add_plant_to(builder, step, self._ground)
+        self.engine, self.scene_graph = self.plant, _ = made
+        ratio = self.scenario.imperfections.friction_ratio
+        if ratio != 1.0:
+            scale_friction(self.plant, self.scene_graph, ratio)
 
-    def _close_loop(
-        self, builder: DiagramBuilder, meshcat: Meshcat | None
-    ) -> None:
+    def _close_loop(self, builder: DiagramBuilder, meshcat) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
-            clock = push_source.ContactClock(
-                self.robot.mass * GRAVITY, self.push.period
-            )
+            weight = self.robot.mass * GRAVITY
+            clock = push_source.ContactClock(weight, self.push.period)
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
@@ -192,11 +183,9 @@ class HumanoidDiagram(ClosedLoop):
     def _estimate(self, builder: DiagramBuilder) -> None:
         """Adds sensors, and the estimator that reads them."""
         seed, period = self.scenario.seed, self.push.period
-        common, height = (self.robot, self._sensors, period), None
-        if self.scenario.terrain.seen and (
-            self._ground is None or self._ground.is_level
-        ):
-            height = 0.0
+        common, ground = (self.robot, self._sensors, period), self._ground
+        level = ground is None or ground.is_level
+        height = 0.0 if level and self.scenario.terrain.seen else None
         told = StateEstimator.told(self._standing, seed)
         kind = self.scenario.estimator
         estimator = StateEstimator(*common, told, height, kind)
@@ -221,25 +210,20 @@ class HumanoidDiagram(ClosedLoop):
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
         own = self.engine.GetMyMutableContextFromRoot(context)
         self.engine.SetPositions(own, q)
-        self._load_torso(own)
-        if self._state_sensor is not None:
-            self._state_sensor.ExecuteInitializationEvents(
-                self._state_sensor.GetMyMutableContextFromRoot(context)
-            )
+        ratio = self.scenario.imperfections.torso_mass_ratio
+        if ratio != 1.0:  # scales its inertia, too
+            torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
+            known = torso.CalcSpatialInertiaInBodyFrame(own)
+            mass, shape = ratio * known.get_mass(), known.get_unit_inertia()
+            heavier = SpatialInertia(mass, known.get_com(), shape)
+            torso.SetSpatialInertiaInBodyFrame(own, heavier)
+        if (sensor := self._state_sensor) is not None:
+            measured = sensor.GetMyMutableContextFromRoot(context)
+            sensor.ExecuteInitializationEvents(measured)
         if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
             commanded = self._drives.GetInputPort("actuation").Eval(own)
             own.SetDiscreteState(commanded)
-
-    def _load_torso(self, context: Context) -> None:
-        """Scales the torso's mass and inertia by `torso_mass_ratio`."""
-        ratio = self.scenario.imperfections.torso_mass_ratio
-        if ratio != 1.0:
-            torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
-            known = torso.CalcSpatialInertiaInBodyFrame(context)
-            mass, shape = ratio * known.get_mass(), known.get_unit_inertia()
-            heavier = SpatialInertia(mass, known.get_com(), shape)
-            torso.SetSpatialInertiaInBodyFrame(context, heavier)
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""

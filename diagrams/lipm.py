@@ -42,9 +42,8 @@ class LipmDiagram(ClosedLoop):
         super().__init__(scenario)
         for name, only in ("engine", "drake"), ("sensors", "perfect"):
             if (value := getattr(scenario, name)) != only:
-                raise ValueError(
-                    f"{name} = {value!r}: must be {only} for a point mass"
-                )
+                why = f"must be {only} for a point mass"
+                raise ValueError(f"{name} = {value!r}: {why}")
         # Bodies of pushes are checked on the robot: a point mass has none.
         for name in filter(None, (push.body for push in scenario.pushes)):
             find_body(self.robot.control_plant(), name)
@@ -59,9 +58,8 @@ class LipmDiagram(ClosedLoop):
         start = scenario.start(model)
         builder = DiagramBuilder()
         add, pushes = builder.AddNamedSystem, scenario.pushes
-        controller = CapturePointController(
-            params, model, start=start, **blocks
-        )
+        blocks |= {"start": start}
+        controller = CapturePointController(params, model, **blocks)
         self.controller = add("capture_point_controller", controller)
         swing = SwingFootPlanner(params.swing_foot, model, period)
         self.swing = add("swing_foot_planner", swing)
@@ -93,10 +91,9 @@ class LipmDiagram(ClosedLoop):
         """Shifts the point mass at random by the scenario's seed."""
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
-            plant_context = self.plant.GetMyMutableContextFromRoot(context)
-            state = plant_context.get_mutable_discrete_state(0)
-            for axis, shift in enumerate(rng.uniform(-1e-5, 1e-5, 2)):
-                state[axis] += shift
+            own = self.plant.GetMyMutableContextFromRoot(context)
+            state = own.get_mutable_discrete_state(0).get_mutable_value()
+            state[:2] += rng.uniform(-1e-5, 1e-5, 2)
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which it has fallen; empty if it has not."""

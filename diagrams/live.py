@@ -42,11 +42,7 @@ class LiveSession:
     """
 
     def __init__(
-        self,
-        diagram: ClosedLoop,
-        meshcat: Meshcat,
-        tell: Callable[[str], None],
-        speed: float = 1.0,
+        self, diagram: ClosedLoop, meshcat: Meshcat, tell: Callable, speed=1.0
     ):
         """Sends each event's line to `tell`; `speed` is 1 in real time."""
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
@@ -80,7 +76,9 @@ class LiveSession:
         lines.append(self._story.result or ("walks" if walks else "stands"))
         if self.paused:
             return [*lines, "PAUSED"]
-        return [*lines, f"real-time factor {self._real_time_factor():.2f}"]
+        ticks, walls = max(len(self._walls) - 1, 0), self._walls
+        factor = LOOK * ticks / (walls[-1] - walls[0]) if ticks else 0.0
+        return [*lines, f"real-time factor {factor:.2f}"]
 
     def tick(self) -> None:
         """Handles the buttons, then simulates for LOOK [s] or waits."""
@@ -107,9 +105,9 @@ class LiveSession:
             self._first = self._first_swing()
         self._simulator = Simulator(self._diagram, self._first.Clone())
         if old is not None:
-            self._diagram.GetSubsystemByName(CONTROLS).keep_mechanisms(
-                old, self._simulator.get_mutable_context()
-            )
+            controls = self._diagram.GetSubsystemByName(CONTROLS)
+            new = self._simulator.get_mutable_context()
+            controls.keep_mechanisms(old, new)
         self._simulator.Initialize()
         self._story = LiveStory(self._diagram.scenario.calm_steps)
         self._looks = round(self.context.get_time() / LOOK)
@@ -155,9 +153,8 @@ class LiveSession:
         context, diagram = self.context, self._diagram
         state = diagram.GetOutputPort("walking_state").Eval(context)
         _, self._error = simulation.gait_and_error(diagram, context)
-        controller = diagram.controller
-        own = controller.GetMyContextFromRoot(context)
-        port = controller.GetOutputPort("walking_signal")
+        own = diagram.controller.GetMyContextFromRoot(context)
+        port = diagram.controller.GetOutputPort("walking_signal")
         walking = WalkingSignal(port.Eval(own))
         self._phase = moment_words(walking)
         push = simulation.push_signal(diagram, context)
@@ -172,9 +169,9 @@ class LiveSession:
         """Moves the floor, deletes old prints; restarts after the last step."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
+        old = self._steps - PRINTS
         for side in Side:
-            old = f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"
-            self._meshcat.Delete(old)
+            self._meshcat.Delete(f"{FOOTPRINTS}/{side.value}_{old}")
         if not schedule.footsteps and schedule.phase is not Phase.SWING:
             self._tell_now("walked all its steps: begins anew")
             self._fell = time.monotonic()
@@ -186,12 +183,6 @@ class LiveSession:
         due = last + LOOK / self._meshcat.GetSliderValue(SPEED)
         time.sleep(max(due - now, 0.0))
         self._walls.append(max(due, now))
-
-    def _real_time_factor(self) -> float:
-        if len(self._walls) < 2:
-            return 0.0
-        wall = self._walls[-1] - self._walls[0]
-        return LOOK * (len(self._walls) - 1) / wall
 
     def _clicked(self, button: str) -> bool:
         clicks = self._meshcat.GetButtonClicks(button)

@@ -123,17 +123,13 @@ class Scenario:
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
         if self.sensors != "perfect" and self.imperfections.has_noise:
-            raise ValueError(
-                f"sensors = {self.sensors!r}: must be 'perfect' with noise in "
-                "imperfections"
-            )
+            why = "must be 'perfect' with noise in imperfections"
+            raise ValueError(f"sensors = {self.sensors!r}: {why}")
         if self.engine == "mujoco":
             for name in ("friction_ratio", "torso_mass_ratio"):
                 if (value := getattr(self.imperfections, name)) != 1.0:
-                    raise ValueError(
-                        f"imperfections.{name} = {value}: must be 1 with "
-                        "engine = mujoco"
-                    )
+                    why = f"{value}: must be 1 with engine = mujoco"
+                    raise ValueError(f"imperfections.{name} = {why}")
         if self.duration < period:
             raise ValueError(
                 f"duration = {self.duration}: must be >= "
@@ -155,21 +151,16 @@ class Scenario:
                 f"terrain.name = {self.terrain.name!r}: must be {FLAT} with "
                 "controller.icp_step_qp, which knows no regions"
             )
-        for push in self.pushes:
+        for push in self.pushes:  # it must begin
             self._check_moment(push)
 
     def _check_moment(self, push: Push) -> None:
-        """Raises ValueError for a push that can never begin."""
         gait, moment = self.gait, push.moment
+        what, steps = f"at = {push.at!r}: must", gait.num_steps or gait.steps
         if moment.phase is None and not moment.time < self.duration:
-            raise ValueError(
-                f"at = {push.at!r}: must be before duration = {self.duration} s"
-            )
-        steps = gait.num_steps or gait.steps or gait.footholds
-        if moment.phase and not steps:
-            raise ValueError(
-                f"at = {push.at!r}: must come with steps in the gait"
-            )
+            raise ValueError(f"{what} be before duration = {self.duration} s")
+        if moment.phase and not (steps or gait.footholds):
+            raise ValueError(f"{what} come with steps in the gait")
 
 
 def scenario_names() -> dict[str, Path]:
@@ -198,9 +189,8 @@ def load_scenario(
     if filename is None:
         known = scenario_names()
         if name not in known:
-            raise ValueError(
-                f"scenario_name = {name!r}: must be one of {', '.join(known)}"
-            )
+            which = f"must be one of {', '.join(known)}"
+            raise ValueError(f"scenario_name = {name!r}: {which}")
         what, filename = "scenario", known[name]
     elif not Path(filename).is_file():
         raise FileNotFoundError(f"{what}: no such file")
@@ -213,10 +203,8 @@ def load_scenario(
         scenario = load_typed(Scenario, "scenario_text", **over)
         tree = load_tree(text)
         if "units" in tree:
-            raise ValueError(
-                f"units = {tree['units']!r}: must be in a scenario_file; "
-                "scenario_text is in SI units"
-            )
+            why = "must be in a scenario_file; scenario_text is in SI units"
+            raise ValueError(f"units = {tree['units']!r}: {why}")
         given = _merged(given, tree)
     changes = {k: v for k, v in changes.items() if v is not None}
     for field_name, value in changes.items():
@@ -266,10 +254,8 @@ def set_push(
         try:
             push.direction_deg = float(direction)
         except ValueError:
-            raise ValueError(
-                f"direction = {direction!r}: must be degrees, or one of "
-                f"{', '.join(DIRECTIONS)}"
-            ) from None
+            which = f"must be degrees, or one of {', '.join(DIRECTIONS)}"
+            raise ValueError(f"direction = {direction!r}: {which}") from None
     check(scenario)
 
 

@@ -206,9 +206,9 @@ def advance(
             contacts |= diagram.improper_contacts(context)
             if reason := diagram.fall_reason(context):
                 outcome.update(fell_at=now, fall_reason=reason)
-            elif stop_at_failure and (
-                contacts or diagram.passed_limit(context)
-            ):
+            elif stop_at_failure and contacts:
+                return True
+            elif stop_at_failure and diagram.passed_limit(context):
                 return True
         if not outcome and until(context):
             outcome["until"] = True
@@ -296,16 +296,14 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     """
     robot = load_robot(scenario.robot, scenario.fidelity)
     start = scenario.start(scenario.point_mass(robot)).schedule
-    begin, taken = 0.0, 0
-    felt = pushes(log)
+    begin, taken, felt = 0.0, 0, pushes(log)
     if "walking_signal" not in log:
         ends = felt[-1].end if felt else 0.0
         steps = min(scenario.calm_steps, len(start.footsteps))
         return steps, any(log["t"][-1:] >= ends + STEADY)
     if felt:
-        begin = felt[-1].start
-        walking = logged(log, "walking_signal", felt[-1].first)
-        taken = int(walking.steps_taken)
+        begin, row = felt[-1].start, felt[-1].first
+        taken = int(logged(log, "walking_signal", row).steps_taken)
     left = start.footsteps[taken:]
     required = min(scenario.calm_steps, max(len(left) - 1, 0))
     ends = itertools.accumulate(
@@ -321,21 +319,19 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
 def _run_info(diagram: ClosedLoop, log: Log) -> RunInfo:
     """The conditions of a run, by which it is judged."""
     scenario = diagram.scenario
-    same = "robot", "fidelity", "engine", "seed"
-    push = scenario.pushes[0] if scenario.pushes else None
-    calm_steps, is_long_enough = required_calm_steps(scenario, log)
-    upright = {}
+    same = ["robot", "fidelity", "engine", "seed"]
     if scenario.fidelity == "realistic":
-        upright["max_torso_tilt_deg"] = scenario.max_torso_tilt_deg
+        same.append("max_torso_tilt_deg")
+    calm_steps, is_long_enough = required_calm_steps(scenario, log)
     gait, policy = scenario.gait, getattr(diagram.controller, "file", "")
+    push = scenario.pushes[0] if scenario.pushes else None
     return RunInfo(
-        **{field: getattr(scenario, field) for field in same},
+        **{name: getattr(scenario, name) for name in same},
+        direction_deg=push.direction_deg if push else None,
+        delta_v=push.delta_v if push else None,
         commanded_steps=gait.num_steps or len(gait.steps or gait.footholds),
         mechanisms=policy or scenario.mechanisms,
         plant=diagram.PLANT,
-        direction_deg=push.direction_deg if push else None,
-        delta_v=push.delta_v if push else None,
         calm_steps=calm_steps,
         is_long_enough=is_long_enough,
-        **upright,
     )

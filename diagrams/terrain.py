@@ -9,6 +9,7 @@ from nadia_balance.core.math.bounds import NADIA, Size, bounded, check
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.typed_yaml import load_typed
 
+Ground = core.Ground | None  # None: flat
 FLAT = "flat"
 # The courses of the package, by name: files of regions.
 _FILES = sorted((Path(__file__).parent / "courses").glob("*.yaml"))
@@ -33,15 +34,11 @@ class Terrain:
     def validate_more(self) -> None:
         """Raises ValueError if the error would have no effect."""
         if not self.seen and self.error != core.GroundError():
-            raise ValueError(
-                f"terrain.error = {self.error}: must not be given with "
-                "seen = False"
-            )
+            why = "must not be given with seen = False"
+            raise ValueError(f"terrain.error = {self.error}: {why}")
 
-    def ground(self, sole: Array, size: Size = NADIA) -> core.Ground | None:
+    def ground(self, sole: Array, size: Size = NADIA) -> Ground:
         """The true ground for soles (n, 2) [m] of a robot of that `size`.
-
-        None if it is flat.
 
         Raises ValueError: the course or file does not exist, or has no rise, or
         regions are not convex, upside down, too small, or overlap.
@@ -54,9 +51,7 @@ class Terrain:
         core.check_ground(ground)
         return ground
 
-    def known(
-        self, truth: core.Ground | None, start: Array
-    ) -> core.Ground | None:
+    def known(self, truth: Ground, start: Array) -> Ground:
         """The controller's model of the ground, with its error.
 
         The region at the robot's `start` (2,) [m] has none.
@@ -71,12 +66,9 @@ class Terrain:
     def _regions(self, size: Size) -> tuple[core.Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
         if not path.is_file():
-            raise ValueError(
-                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
-                f"{', '.join((FLAT, *COURSES))}"
-            )
-        what = f"terrain {self.name}"
-        file = load_typed(RegionFile, what, filename=path)
+            which = f"a YAML file, or one of {', '.join((FLAT, *COURSES))}"
+            raise ValueError(f"terrain.name = {self.name!r}: must be {which}")
+        file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)
         along = leg = 1.0
         if file.along:
@@ -85,10 +77,8 @@ class Terrain:
         up = leg
         if self.rise is not None:
             if file.rise is None:
-                raise ValueError(
-                    f"terrain.rise = {self.rise}: must be null, as "
-                    f"{self.name} has no rise of its own"
-                )
+                why = f"must be null, as {self.name} has no rise of its own"
+                raise ValueError(f"terrain.rise = {self.rise}: {why}")
             up = self.rise / file.rise
         return tuple(
             replace(
@@ -100,9 +90,7 @@ class Terrain:
         )
 
 
-def check_start(
-    ground: core.Ground | None, feet: walking.FootPoses, friction: float
-) -> None:
+def check_start(ground: Ground, feet: walking.FootPoses, friction: float):
     """Checks that a robot can start on the true `ground` with these `feet`.
 
     Raises ValueError: the ground under a foot is not one level region at z = 0,
@@ -114,15 +102,11 @@ def check_start(
     for side in walking.Side:
         for foot in core.standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
-                raise ValueError(
-                    f"{side.value} foot at the start: its region must be "
-                    "level, at height 0, and known to be so"
-                )
+                why = "region must be level, at height 0, and known to be so"
+                raise ValueError(f"{side.value} foot at the start: its {why}")
 
 
-def foot_beside(
-    ground: core.Ground | None, schedule: walking.ContactSchedule
-) -> str:
+def foot_beside(ground: Ground, schedule: walking.ContactSchedule) -> str:
     """Names a stance foot that is not on one region; empty if none is."""
     if ground is not None:
         for side in filter(schedule.in_contact, walking.Side):

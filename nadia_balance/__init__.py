@@ -7,49 +7,41 @@ The public names are available here; each is imported at its first use, so that
 import importlib
 
 # `diagrams`, `models` and `scripts` are parts of this package; in a checkout
-# they are links to the folders of the same names beside it.
-_PUBLIC = {
-    "balance_controller": (
-        *("BalanceController", "CapturePointController", "ControllerParams"),
-    ),
-    "core.body.ground": ("Ground", "Region"),
-    "core.body.model": ("PointMassModel",),
-    "core.math.daqp_solver": ("DaqpSolver",),
-    "core.plan.gait": ("Gait", "StepVector", "walking_start"),
-    "core.walking.push": ("Push",),
-    "core.walking.vocabulary": (
-        *("Adjustment", "FootPose", "FootPoses", "Footstep", "MECHANISMS"),
-        *("Mechanisms", "Phase", "Side", "WalkingState"),
-    ),
-    "core.whole_body.tasks": ("Motion", "Task"),
-    "diagrams.humanoid": ("HumanoidDiagram",),
-    "diagrams.scenario": ("Scenario", "load_scenario"),
-    "diagrams.simulation": ("simulate",),
-    "engines.plants": ("MujocoPlant", "PointMassPlant", "add_mujoco_plant"),
-    "policy_controller": ("PolicyController", "PolicyParams"),
-    "robot.model": ("RobotModel", "load_robot"),
-    "robot.plants": ("add_ground",),
-    "systems.feedback": (
-        "ComHeightController",
-        "IcpStepController",
-        "MomentumQp",
-    ),
-    "systems.hardware": (
-        *("FootForceSensor", "Imperfections", "JointDrives", "StateSensor"),
-    ),
-    "systems.plan": ("IcpPlanner", "TimingAdapter", "WalkingStateMachine"),
-    "systems.ports": ("NOTHING",),
-    "systems.push_source": ("ContactClock", "PushSource"),
-    "systems.sensors": ("Imu", "JointEncoders"),
-    "systems.signals": ("connect",),
-    "systems.state": ("CentroidalEstimator", "StatePredictor"),
-    "systems.state_estimator": ("StateEstimator",),
-    "systems.steps": ("CaptureRegionStepAdjuster", "SwingFootPlanner"),
-    "systems.whole_body": ("FrictionEstimator", "WholeBodyInverseDynamics"),
-    "view.balance_visualizer": ("BalanceVisualizer",),
-    "view.live_controls": ("LiveControls",),
-}
-_HOME = {name: home for home, names in _PUBLIC.items() for name in names}
+# they are links to the folders of the same names beside it.  In each line here:
+# a module, and its public names.
+_PUBLIC = """
+    balance_controller BalanceController CapturePointController ControllerParams
+    core.body.ground Ground Region
+    core.body.model PointMassModel
+    core.math.daqp_solver DaqpSolver
+    core.plan.gait Gait StepVector walking_start
+    core.walking.push Push
+    core.walking.vocabulary Adjustment FootPose FootPoses Footstep
+    core.walking.vocabulary MECHANISMS Mechanisms Phase Side WalkingState
+    core.whole_body.tasks Motion Task
+    diagrams.humanoid HumanoidDiagram
+    diagrams.scenario Scenario load_scenario
+    diagrams.simulation simulate
+    engines.plants MujocoPlant PointMassPlant add_mujoco_plant
+    policy_controller PolicyController PolicyParams
+    robot.model RobotModel load_robot
+    robot.plants add_ground
+    systems.feedback ComHeightController IcpStepController MomentumQp
+    systems.hardware FootForceSensor Imperfections JointDrives StateSensor
+    systems.plan IcpPlanner TimingAdapter WalkingStateMachine
+    systems.ports NOTHING
+    systems.push_source ContactClock PushSource
+    systems.sensors Imu JointEncoders
+    systems.signals connect
+    systems.state CentroidalEstimator StatePredictor
+    systems.state_estimator StateEstimator
+    systems.steps CaptureRegionStepAdjuster SwingFootPlanner
+    systems.whole_body FrictionEstimator WholeBodyInverseDynamics
+    view.balance_visualizer BalanceVisualizer
+    view.live_controls LiveControls
+"""
+_ROWS = map(str.split, _PUBLIC.strip().splitlines())
+_HOME = {name: home for home, *names in _ROWS for name in names}
 __all__ = sorted(_HOME)
 
 

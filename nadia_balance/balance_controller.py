@@ -16,12 +16,10 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.plan.walking_state_machine import (
-    WalkingStateMachineParams,
-)
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams as StepAdjusterParams,
 )
@@ -43,8 +41,8 @@ class ControllerParams:
     control_period: float = bounded(
         0.004, least=0.0005, most=0.02, unit="s", of=""
     )  # T
-    walking_state_machine: WalkingStateMachineParams = bounded(
-        WalkingStateMachineParams
+    walking_state_machine: machine.WalkingStateMachineParams = bounded(
+        machine.WalkingStateMachineParams
     )
     timing_adapter: TimingAdapterParams = bounded(TimingAdapterParams)
     step_adjuster: StepAdjusterParams = bounded(StepAdjusterParams)
@@ -146,29 +144,21 @@ class CapturePointController(Diagram):
         check(params)
         period, qp = params.control_period, params.icp_step_qp
         plan = params.atlas_icp_plan if qp else params.icp_plan
-        stabilisers: dict = {
-            "step_adjuster": (
-                steps.CaptureRegionStepAdjuster,
-                params.step_adjuster,
-            ),
-            "momentum_qp": (feedback.MomentumQp, params.balance),
+        clock = partial(planning.WalkingStateMachine, start=start)
+        planner = partial(planning.IcpPlanner, has_reference=not qp)
+        usual: dict = {
+            "walking_state_machine": (clock, params.walking_state_machine),
+            "icp_planner": (planner, plan),
+            "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
         }
         if qp:  # both in one, for the Atlas paper's plan
-            stabilisers = {"step_controller": (feedback.IcpStepController, qp)}
-        clock = partial(planning.WalkingStateMachine, start=start)
-        usual = {
-            "walking_state_machine": (clock, params.walking_state_machine),
-            "icp_planner": (
-                partial(planning.IcpPlanner, has_reference=not qp),
-                plan,
-            ),
-            "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
-            **stabilisers,
-            "com_height_controller": (
-                feedback.ComHeightController,
-                params.com_height,
-            ),
-        }
+            usual["step_controller"] = feedback.IcpStepController, qp
+        else:
+            adjuster = steps.CaptureRegionStepAdjuster, params.step_adjuster
+            usual["step_adjuster"] = adjuster
+            usual["momentum_qp"] = feedback.MomentumQp, params.balance
+        height = feedback.ComHeightController, params.com_height
+        usual["com_height_controller"] = height
         makers = {
             role: partial(kind, own, model, period)
             for role, (kind, own) in usual.items()
@@ -271,10 +261,8 @@ class BalanceController(Diagram):
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
             names = ", ".join(task.name for task in tasks)
-            raise ValueError(
-                f"tasks = {names}: must be given to the block that replaces "
-                "whole_body_inverse_dynamics"
-            )
+            where = "the block that replaces whole_body_inverse_dynamics"
+            raise ValueError(f"tasks = {names}: must be given to {where}")
         inner = CapturePointController.ROLES
         if "capture_point_controller" in blocks:
             inner = {}

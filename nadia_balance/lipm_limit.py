@@ -16,12 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
+from nadia_balance.core.body import reachability
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.body.reachability import (
-    circle,
-    step_regions,
-    total_region,
-)
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.math.qp import largest_first
@@ -44,9 +40,12 @@ _HULL = "hull"  # name of the hull of all regions
 _BETTER = 1e-6  # least improvement of a push [m/s]
 _ZERO = np.zeros(2)
 _BOX = np.vstack([np.eye(2), -np.eye(2)])
-_DIRECTIONS = circle(1.0)  # normals; the outer polygon is 0.5 % too large
+_DIRECTIONS = reachability.circle(
+    1.0
+)  # normals; the outer polygon is 0.5 % too large
 
 Halfplanes = tuple[Array, Array]  # A p <= b
+Swings = tuple[float, ...]  # durations [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +137,8 @@ class LipmLimit:
         exceeds the best push found (branch and bound).
         """
         best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
-        for swings in itertools.chain.from_iterable(
-            map(self._swings, step_counts)
-        ):
+        names = [name for name in self._regions if name != _HULL]
+        for swings in (s for n in step_counts for s in self._swings(n)):
             undecided = [(_HULL,) * len(swings)]
             while undecided:
                 regions = undecided.pop()
@@ -151,11 +149,8 @@ class LipmLimit:
                     best = found
                     continue
                 k = regions.index(_HULL)
-                undecided += [
-                    (*regions[:k], name, *regions[k + 1 :])
-                    for name in self._regions
-                    if name != _HULL
-                ]
+                before, after = regions[:k], regions[k + 1 :]
+                undecided += [(*before, name, *after) for name in names]
         return best
 
     @property
@@ -186,9 +181,9 @@ class LipmLimit:
     @cached_property
     def _regions(self) -> dict[str, Array]:
         """The reachability regions by name, and their hull."""
-        regions = step_regions(self.model.reach, self.on.cross_over)
-        hull = total_region(self.model.reach, self.on.cross_over)
-        return {**regions, _HULL: hull}
+        known = self.model.reach, self.on.cross_over
+        regions = reachability.step_regions(*known)
+        return {**regions, _HULL: reachability.total_region(*known)}
 
     @cached_property
     def _reach(self) -> list[dict[str, Halfplanes]]:
@@ -263,16 +258,12 @@ class LipmLimit:
                     left = min(max(least, 0.0), left)
                 return swings, [left, *transfers[1:]]
         if self.on.swing:
-            rest = self.timing.least_rest_of_swing(
-                state.schedule.duration, state.elapsed
-            )
-            left = min(rest, left)
+            now = state.schedule.duration, state.elapsed
+            left = min(self.timing.least_rest_of_swing(*now), left)
         return [left, *swings[1:]], [0.0, *transfers[1:]]
 
-    def _swings(self, n: int) -> Iterator[tuple[float, ...]]:
-        """Yields the tried durations [s] of `n` swings, fast ones first."""
-        if not n:
-            return iter([()])
+    def _swings(self, n: int) -> Iterator[Swings]:
+        """Yields those that are tried of `n` swings, fast ones first."""
         tried = [
             [s + wait / self.model.omega for wait in waits]
             if self.on.swing
@@ -291,11 +282,7 @@ class LipmLimit:
         return share * (1.0 - _mean_decay(self.model.omega * rest))
 
     def _solve(
-        self,
-        way: Array,
-        swings: tuple[float, ...],
-        regions: Sequence[str],
-        most: float,
+        self, way: Array, swings: Swings, regions: Sequence[str], most: float
     ) -> Capture | None:
         """Returns the largest push along `way` (2,); None if infeasible.
 
@@ -331,7 +318,7 @@ class LipmLimit:
         footholds = np.cumsum(x[1:].reshape(n, 2), axis=0)
         return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
 
-    def _landings(self, swings: tuple[float, ...]) -> tuple[Array, Array]:
+    def _landings(self, swings: Swings) -> tuple[Array, Array]:
         """Returns the ends (n,) [s] of the swings, and the weights (n,) [-].
 
         The weights are those of the step vectors in the mean of the eCMPs.

@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, EventStatus, LeafSystem
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.ports import Input
 
 _METADATA = "dof_names", "kp", "kd"
@@ -116,14 +117,12 @@ class PolicyController(LeafSystem):
         self.joints, self._kp, self._kd = _metadata(self._network, what)
         self._port = _checked_port(self._network, len(self.joints), what)
         plant = robot.control_plant()
-        indices = plant.GetJointActuatorIndices()
-        joints = [plant.get_joint_actuator(i).joint() for i in indices]
+        joints = [drive.joint() for drive in actuators(plant)]
         names = [joint.name() for joint in joints]
         _same(names, self.joints, f"{what} be of the joints of {robot.name}")
         for name in {*params.default_angles} - {*names}:
-            raise ValueError(
-                f"default_angles.{name}: must be a joint of {robot.name}"
-            )
+            why = f"must be a joint of {robot.name}"
+            raise ValueError(f"default_angles.{name}: {why}")
         # In the order of the policy.
         places = [names.index(name) for name in self.joints]
         nq, default = plant.num_positions(), params.default_angles.get
@@ -137,12 +136,12 @@ class PolicyController(LeafSystem):
         self._state = Input(self, "estimated_state", size)
         first = [*np.zeros(len(names)), *_FIRST.values()]
         self._memory = self.DeclareDiscreteState(first)
-        torques, calc = ("actuation", len(names)), self._calc_torques
         memory = self.discrete_state_ticket(self._memory)
-        needs = {self._state.ticket(), memory}
-        self.DeclareVectorOutputPort(*torques, calc, needs)
-        every = params.period, 0.0
-        self.DeclarePeriodicUnrestrictedUpdateEvent(*every, self._update)
+        size, needs = len(names), {self._state.ticket(), memory}
+        out = "actuation", size, self._calc_torques, needs
+        self.DeclareVectorOutputPort(*out)
+        every = params.period, 0.0, self._update
+        self.DeclarePeriodicUnrestrictedUpdateEvent(*every)
 
     def observe(self, context: Context) -> np.ndarray:
         """Returns the observation (3 n + 13,) of the tick of `context`."""
@@ -188,7 +187,7 @@ class PolicyController(LeafSystem):
         target = self._q0 + self.params.action_scale * action
         torques = self._kp * (target - state[self._q])
         torques -= self._kd * state[self._v]
-        torques = np.clip(torques, -self._limits, self._limits)
+        torques = torques.clip(-self._limits, self._limits)
         output.SetFromVector(torques[self._actuators])
 
 
@@ -199,9 +198,8 @@ def _session(onnx: Path, what: str) -> Any:
     try:
         import onnxruntime
     except ModuleNotFoundError:
-        raise ValueError(
-            f"{what} have its package: pip install onnxruntime"
-        ) from None
+        why = "have its package: pip install onnxruntime"
+        raise ValueError(f"{what} {why}") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     try:
@@ -222,10 +220,8 @@ def _metadata(network: Any, what: str) -> tuple[list[str], Any, Any]:
         names, gains = [], np.zeros((2, 0))
     sized = len({*names}) > 0 and gains.shape == (2, len({*names}))
     if not sized or not np.all((gains >= 0.0) & np.isfinite(gains)):
-        raise ValueError(
-            f"{what} have lists in JSON as metadata: dof_names, as many kp "
-            ">= 0 and kd >= 0"
-        )
+        lists = "dof_names, as many kp >= 0 and kd >= 0"
+        raise ValueError(f"{what} have lists in JSON as metadata: {lists}")
     return names, *gains
 
 
@@ -238,9 +234,8 @@ def _checked_port(network: Any, n: int, what: str) -> str:
         wanted = f"tensor(float) [1, {size}]"
         has = ", ".join(f"{port.type} {port.shape}" for port in ports)
         if has != wanted:
-            raise ValueError(
-                f"{what} have one {name} {wanted} for {n} joints; has {has}"
-            )
+            why = f"have one {name} {wanted} for {n} joints; has {has}"
+            raise ValueError(f"{what} {why}")
     return network.get_inputs()[0].name
 
 

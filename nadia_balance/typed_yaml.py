@@ -135,10 +135,8 @@ def _check(schema: type, value: object, name: str) -> None:
             if fields is None or key in fields:
                 _check(fields[key] if fields else args[1], item, path)
             elif key != "_tag":
-                known = ", ".join(fields)
-                raise ValueError(
-                    f"{path}: unknown field, must be one of {known}"
-                )
+                known = f"must be one of {', '.join(fields)}"
+                raise ValueError(f"{path}: unknown field, {known}")
 
 
 def _fields(schema: type) -> dict[str, type]:

@@ -27,6 +27,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.results.summary import versions
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import command_line
 
 GAINS = PdControllerGains(p=3000.0, d=100.0)  # of the joints of a plant alone
@@ -54,9 +55,8 @@ def main(argv: list[str] | None = None) -> int:
         given = {"text": args.scenario_text, "mechanisms": args.mechanisms}
         scenario = load_scenario(args.scenario_name, **given)
         if not 0.0 < args.seconds <= LONGEST:
-            raise ValueError(
-                f"seconds = {args.seconds}: must be in (0, {LONGEST}]"
-            )
+            why = f"must be in (0, {LONGEST}]"
+            raise ValueError(f"seconds = {args.seconds}: {why}")
     figures = measure(scenario, args.seconds)
     lines = [f"{name:26} {value:8.2f}" for name, value in figures.items()]
     command_line.say(*([json.dumps(figures, indent=2)] if args.json else lines))
@@ -93,8 +93,7 @@ def plant_alone(scenario: Scenario) -> Simulator:
     robot = load_robot(scenario.robot, scenario.fidelity)
     plant, _ = robot.add_plant_to(builder, scenario.time_step)
     joints = []
-    for i in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(i)
+    for actuator in actuators(plant):
         actuator.set_controller_gains(GAINS)
         joints.append(actuator.joint().position_start())
     simulator = Simulator(builder.Build())

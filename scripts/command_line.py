@@ -45,12 +45,8 @@ _NOT_LIVE = """no_meshcat out hold duration direction delta_v at shape random
     controller""".split()
 
 
-# The `main` of a script: argv=None -> exit code.
-Main = Callable[..., int]
-
-
-def program(main: Main) -> Main:
-    """Makes `main` end without a traceback at Ctrl-C and at OSErrors.
+def program(main: Callable[..., int]) -> Callable[..., int]:
+    """Makes the `main` of a script end without a traceback, by its exit code.
 
     Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
     write, is reported in one line, with exit code 4.  A closed pipe of the
@@ -209,12 +205,11 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     return scenario
 
 
-def main_job(
-    parser: CommandLine,
-    argv: list[str] | None,
-    make_scenario: Callable[[argparse.Namespace], Scenario],
-) -> int:
-    """Parses, simulates, prints and writes; returns the exit code."""
+def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
+    """Parses, simulates, prints and writes; returns the exit code.
+
+    `make_scenario` returns the Scenario of the parsed `argv`.
+    """
     _output_flags(parser)
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:
@@ -238,12 +233,7 @@ def main_job(
         return _run(simulator, meshcat, folder, args)
 
 
-def _run(
-    simulator: Simulator,
-    meshcat: Meshcat | None,
-    folder: Path,
-    args: argparse.Namespace,
-) -> int:
+def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
     """Simulates, prints and writes; returns the exit code.
 
     A long run is judged by chapters; the log of the last one is written.
@@ -278,10 +268,8 @@ def _run(
 def refuse_with_policy(args: argparse.Namespace) -> None:
     """Raises ValueError: a flag is of our own controller only."""
     if args.plant == "lipm" or args.mechanisms is not None:
-        raise ValueError(
-            f"controller = {str(args.controller)!r}: must not come with "
-            "plant = lipm or mechanisms"
-        )
+        why = "must not come with plant = lipm or mechanisms"
+        raise ValueError(f"controller = {str(args.controller)!r}: {why}")
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
@@ -299,9 +287,8 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
     for name in ("open", "hold", "port"):
         value = getattr(args, name)
         if reason and value not in (None, False):
-            raise ValueError(
-                f"{name} = {value}: must not come with {reason}: no Meshcat"
-            )
+            why = f"must not come with {reason}: no Meshcat"
+            raise ValueError(f"{name} = {value}: {why}")
     return not reason
 
 

@@ -107,16 +107,10 @@ def running_flags(add: Callable, out: str) -> None:
     add("--out", type=command_line.place, help=f"{about}{out})")
 
 
-def carry_out(
-    parser: command_line.CommandLine,
-    args: argparse.Namespace,
-    argv: list[str] | None,
-    sweep: Sweep,
-    report: Callable[[Rows], int],
-) -> int:
+def carry_out(parser, args, argv, sweep: Sweep, report: Callable) -> int:
     """Runs the sweep, and the report, also after an error or Ctrl-C.
 
-    Returns the exit code, that of the report if the sweep is complete.
+    Returns the exit code: that of `report(rows)` if the sweep is complete.
     """
     argv = sys.argv[1:] if argv is None else argv
     with contextlib.ExitStack() as stack:
@@ -130,11 +124,8 @@ def carry_out(
         named = sweep.scenarios.items()
         texts = (yaml_dump_typed(one, child_name=name) for name, one in named)
         (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
-        command_line.say(
-            f"{len(sweep.cells())} cells; {len(rows.all)} trials are there "
-            "already",
-            f"into {folder}",
-        )
+        counts = f"{len(sweep.cells())} cells; {len(rows.all)} trials"
+        command_line.say(f"{counts} are there already", f"into {folder}")
         code, stopped = command_line.DONE, stack.enter_context(until_ctrl_c())
         try:
             if not trial.run_sweep(sweep, rows, executor, stopped):
@@ -144,8 +135,8 @@ def carry_out(
             code = command_line.FAILED
         reported = report(rows)
         if code:
-            again = f"the same flags and --out {folder} go on from here"
-            command_line.say(again)
+            again = f"the same flags and --out {folder}"
+            command_line.say(f"{again} go on from here")
         return code or reported
 
 
@@ -153,10 +144,8 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
     """Writes and prints the limits; returns UNDECIDED if a cell has none."""
     if {row["outcome"] for row in rows.all} <= {"undecided"}:
         why = "; ".join({row["reason"] for row in rows.all})
-        none = ValueError(
-            f"no limit: of {len(rows.all)} trials none was decided: {why}"
-        )
-        command_line.complain("envelope.py", none)
+        none = f"no limit: of {len(rows.all)} trials none was decided: {why}"
+        command_line.complain("envelope.py", ValueError(none))
         return command_line.UNDECIDED
     found = limits.limit_table(rows, scenarios)
     names = ", ".join([*report.write_report(found, rows), TRIALS])

@@ -63,9 +63,8 @@ def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
         if (value := getattr(args, name)) is not None:
             raise ValueError(f"{name} = {value!r}: must not come with --random")
     if not 1 <= args.random <= MOST_RANDOM:
-        raise ValueError(
-            f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
-        )
+        why = f"must be in [1, {MOST_RANDOM}]"
+        raise ValueError(f"random = {args.random}: {why}")
     largest = scenario.pushes[0].delta_v
     if largest is None:
         raise ValueError("delta_v: must be given with --random")

@@ -131,27 +131,23 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     with parser.refusing():
         if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
-            raise ValueError(
-                f"pushes = {args.pushes}, share = {args.share}: must be in "
-                "[1, 100000] and (0, 3]"
-            )
+            why = "must be in [1, 100000] and (0, 3]"
+            given = f"pushes = {args.pushes}, share = {args.share}"
+            raise ValueError(f"{given}: {why}")
         scenario = load_scenario("push", seed=args.seed)
         known = limits.known_limits(Path(args.limits))
         pushes = drawn(scenario, known, args.pushes, args.share)
         what = {"scenarios": {"push": scenario}, "share": args.share}
         sweep = RandomPushes(pushes=pushes, **what)
-    return envelope.carry_out(
-        parser, args, argv, sweep, lambda rows: _report(sweep, rows)
-    )
 
+    def report(rows: Rows) -> int:
+        with appearing(rows.folder) as drafts:
+            text = failures_text(sweep, rows)
+            (drafts / FAILURES).write_text(text, encoding="utf-8")
+        command_line.say(outcomes(rows), f"wrote {rows.folder}/{FAILURES}")
+        return command_line.DONE
 
-def _report(sweep: RandomPushes, rows: Rows) -> int:
-    """Writes the page; returns DONE."""
-    with appearing(rows.folder) as drafts:
-        text = failures_text(sweep, rows)
-        (drafts / FAILURES).write_text(text, encoding="utf-8")
-    command_line.say(outcomes(rows), f"wrote {rows.folder}/{FAILURES}")
-    return command_line.DONE
+    return envelope.carry_out(parser, args, argv, sweep, report)
 
 
 if __name__ == "__main__":

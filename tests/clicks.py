@@ -8,9 +8,8 @@ def click(meshcat: Meshcat, button: str) -> None:
 
     def packed(text: str) -> bytes:  # as MessagePack
         size = len(text)
-        return bytes([0xA0 | size] if size < 32 else [0xD9, size]) + (
-            text.encode()
-        )
+        head = [0xA0 | size] if size < 32 else [0xD9, size]
+        return bytes(head) + text.encode()
 
     parts = ("type", "button", "name", button)
     meshcat._InjectWebsocketMessage(b"\x82" + b"".join(map(packed, parts)))

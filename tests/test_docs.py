@@ -34,17 +34,11 @@ from tests.run_cache import data
 from tests.source_files import ROOT, imports
 
 README, DIAGRAM, OWN, FIELDS = (
-    (ROOT / page).read_text(encoding="utf-8")
-    for page in (
-        "README.md",
-        *("docs/diagram.md", "docs/own_blocks.md", "docs/robot_yaml.md"),
-    )
+    (ROOT / f"{page}.md").read_text(encoding="utf-8")
+    for page in "README docs/diagram docs/own_blocks docs/robot_yaml".split()
 )
-PAGES = [
-    *ROOT.glob("*.md"),
-    *(ROOT / "docs").rglob("*.md"),
-    *(ROOT / "models").glob("*.md"),
-]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]
+PAGES += ROOT.glob("models/*.md")
 NOTEBOOK = ROOT / "docs" / "learning.ipynb"
 CELLS = [
     cell
@@ -52,11 +46,8 @@ CELLS = [
     if cell["cell_type"] == "code"
 ]
 # What a command line goes on to check.
-MAKERS = {
-    "push": push._pushed_scenario,
-    "simulate": scenario_from,
-    "envelope": sweep_from,
-}
+MAKERS = {"simulate": scenario_from, "envelope": sweep_from}
+MAKERS["push"] = push._pushed_scenario
 
 # What an example may come upon, see run_cache.
 MODULES = tuple(f"nadia_balance.{home}" for home in nb._HOME.values())

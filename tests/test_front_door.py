@@ -65,7 +65,6 @@ assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")
 """
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
+    how = {"cwd": ROOT, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], **how)
     assert done.returncode == 0, done.stderr

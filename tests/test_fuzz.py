@@ -76,9 +76,8 @@ def with_bad(file, pattern, rng, folder):
 
 
 def bad_urdf(rng, folder):
-    robot, path, text, spot = with_bad(
-        "nadia.urdf", '(mass value|effort|velocity)="[^"]*"', rng, folder
-    )
+    what = '(mass value|effort|velocity)="[^"]*"'
+    robot, path, text, spot = with_bad("nadia.urdf", what, rng, folder)
     bad = rng.choice(["nan", "-5", "inf", "up", ""])
     rest = f'{spot[1]}="{bad}"{text[spot.end() :]}' if rng.randrange(3) else ""
     path.write_text(text[: spot.start()] + rest)
@@ -86,12 +85,10 @@ def bad_urdf(rng, folder):
 
 
 def bad_robot(rng, folder):
-    robot, path, text, spot = with_bad(
-        "robot.yaml", r"(?m)^\s*\w+: (-?[\d.]+)\s*(#.*)?$", rng, folder
-    )
-    path.write_text(
-        text[: spot.start(1)] + rng.choice(HUGE) + text[spot.end(1) :]
-    )
+    what = r"(?m)^\s*\w+: (-?[\d.]+)\s*(#.*)?$"
+    robot, path, text, spot = with_bad("robot.yaml", what, rng, folder)
+    before, after = text[: spot.start(1)], text[spot.end(1) :]
+    path.write_text(before + rng.choice(HUGE) + after)
     return ["--robot", str(robot)]
 
 

@@ -9,7 +9,7 @@ import pytest
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import MECHANISMS
+from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase
 from nadia_balance.lipm_limit import LOST, LipmLimit
 from tests.example_walks import ALL, FEET, MODEL, walk
 
@@ -17,10 +17,8 @@ SPEED = 3.0  # of a foot [m/s]
 TIMING = TimingAdapterParams(min_swing_duration=0.35)
 # [m/s], by direction [deg]: columns v2 and v3 of lipm_limit_nadia.csv, with
 # which the project was given, for Nadia's own figures.
-NADIA = {
-    **{0: (1.49, 1.99), 60: (0.91, 1.19)},
-    **{150: (1.17, 1.41), 270: (1.50, 1.93)},
-}
+NADIA = {0: (1.49, 1.99), 60: (0.91, 1.19), 150: (1.17, 1.41)}
+NADIA[270] = 1.50, 1.93
 # Columns of lipm_limit.csv: CoM height 1.0 m, sole 0.24 m x 0.12 m, swing
 # 0.4 s and transfer 0.05 s at least.
 OTHER = {
@@ -52,9 +50,7 @@ def icp_of(model, phases):
     return p
 
 
-def limit(
-    model, on=ALL, at=0.25, phase=walking.Phase.SWING, num_steps=4, **more
-):
+def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
     """Of stepping in place, at a share of the right swing or transfer before.
 
     As the Nadia paper's Fig. 10: swing 0.7 s, transfer 0.3 s.
@@ -62,26 +58,20 @@ def limit(
     left, right = (FEET[side].p_WF[:2] for side in walking.Side)
     sides = [walking.Side.RIGHT, walking.Side.LEFT] * 3
     steps = [walking.Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
-    duration = 0.7 if phase is walking.Phase.SWING else 0.3
-    schedule = replace(
-        walk(),
-        phase=phase,
-        duration=duration,
-        footsteps=tuple(steps[:num_steps]),
-    )
+    duration = 0.7 if phase is Phase.SWING else 0.3
+    steps = tuple(steps[:num_steps])
+    schedule = replace(walk(), phase=phase, duration=duration, footsteps=steps)
     cycle = [(0.3, right, left), (0.7, left, left)]
     cycle += [(t, -start, -end) for t, start, end in cycle]
     now = (0.7, left, left)
     rest = [((1.0 - at) * 0.7, left, left), *cycle[2:]]
-    if phase is walking.Phase.TRANSFER:
+    if phase is Phase.TRANSFER:
         now = right + at * (left - right)
         rest = [((1.0 - at) * 0.3, now, left), *cycle[1:]]
     icp = icp_of(model, [*rest, *cycle * 3])
     state = walking.WalkingState(schedule, at * duration, at * duration)
-    given = {"timing": TIMING, **more}
-    return LipmLimit(
-        state=state, icp=icp, foot=right, model=model, on=on, **given
-    )
+    given = {"timing": TIMING, "model": model, "on": on, **more}
+    return LipmLimit(state=state, icp=icp, foot=right, **given)
 
 
 @pytest.mark.parametrize("direction", NADIA)
@@ -100,14 +90,12 @@ def test_nadia_s_limits_are_those_of_an_enumeration(direction):
 @pytest.mark.parametrize("name", OTHER)
 def test_each_set_of_mechanisms_has_its_limit(name):
     """Oracle: lipm_limit.csv, a column for each of them, to 2.5 cm/s."""
-    timing = TimingAdapterParams(
-        min_swing_duration=0.4, min_transfer_duration=0.05
-    )
+    least = {"min_swing_duration": 0.4, "min_transfer_duration": 0.05}
+    timing = TimingAdapterParams(**least)
     found = limit(robot(1.0, 0.24), MECHANISMS[name], timing=timing)
     for direction, value in OTHER[name].items():
-        assert found.largest_push(direction).delta_v == pytest.approx(
-            value, abs=0.025
-        )
+        push = found.largest_push(direction).delta_v
+        assert push == pytest.approx(value, abs=0.025)
 
 
 @pytest.mark.parametrize("angle", [20, 250])
@@ -133,21 +121,19 @@ def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
 @pytest.mark.parametrize(
     ("phase", "at", "rest", "swing", "load"),
     [
-        (walking.Phase.SWING, 0.25, 0.0, 0.75 * 0.7, 0.3),
-        (walking.Phase.TRANSFER, 0.5, 0.0, 0.7, 0.03),
-        (walking.Phase.TRANSFER, 0.05, 0.015, 0.7, 0.03),
+        (Phase.SWING, 0.25, 0.0, 0.75 * 0.7, 0.3),
+        (Phase.TRANSFER, 0.5, 0.0, 0.7, 0.03),
+        (Phase.TRANSFER, 0.05, 0.015, 0.7, 0.03),
     ],
 )
-def test_the_farthest_icp_of_one_step_is_a_closed_form(
-    phase, at, rest, swing, load
-):
+def test_the_farthest_icp_of_a_step(phase, at, rest, swing, load):
     """Oracle: by hand: e^wt (x - corner) + corner - the sole's = the tip.
 
     The base region ends 1 m ahead and 0.25 m to the side of the stance foot;
     the `load` [s] goes on to the same corner of the new foot.  In the `rest`
     [s] of a transfer, it leaves the trailing foot.
     """
-    on = replace(MECHANISMS["step"], transfer=phase is walking.Phase.TRANSFER)
+    on = replace(MECHANISMS["step"], transfer=phase is Phase.TRANSFER)
     found = limit(robot(speed=math.inf), on, at, phase, num_steps=1)
     w, corner = found.model.omega, np.array([0.125, 0.06])
     loading, step = -math.expm1(-load * w) / (load * w), np.array([1.0, -0.25])
@@ -156,22 +142,18 @@ def test_the_farthest_icp_of_one_step_is_a_closed_form(
         behind = 1.0 + math.expm1(-rest * w) / (rest * w)
         present += (1.0 - at) * behind * np.array([0.0, -0.25])
     left = FEET[walking.Side.LEFT].p_WF[:2]
-    for beyond, expected in (
-        ([-1e-3, -1e-3], 1),
-        ([1e-3, -1e-3], LOST),
-        ([-1e-3, 2e-3], LOST),
-    ):
-        icp = left + present + beyond
+    for beyond, expected in ((-1, -1), 1), ((1, -1), LOST), ((-1, 2), LOST):
+        icp = left + present + 1e-3 * np.array(beyond)
         assert replace(found, icp=icp).least_steps() == expected
 
 
 def test_without_a_step_there_are_the_soles_on_the_ground():
     """Oracle: by hand: 0.25 m x 0.37 m in a transfer, one sole in a swing."""
     for phase, y, expected in (
-        (walking.Phase.TRANSFER, -0.18, 0),
-        (walking.Phase.TRANSFER, -0.19, LOST),
-        (walking.Phase.SWING, 0.07, 0),
-        (walking.Phase.SWING, 0.06, LOST),
+        (Phase.TRANSFER, -0.18, 0),
+        (Phase.TRANSFER, -0.19, LOST),
+        (Phase.SWING, 0.07, 0),
+        (Phase.SWING, 0.06, LOST),
     ):
         found = limit(robot(), phase=phase, num_steps=0)
         found = replace(found, icp=np.array([0.12, y]))

@@ -64,9 +64,8 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
         *(sys.executable, "-m", "nadia_balance.scripts.push", "--live"),
         *("--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"),
     ]
-    with subprocess.Popen(
-        argv, env=environment(), stdout=subprocess.PIPE, text=True
-    ) as program:
+    how = {"env": environment(), "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(argv, **how) as program:
         try:
             use(browser, program)
             assert program.wait(PATIENCE) == 0
@@ -90,9 +89,8 @@ def heights(page: Page, *labels: str) -> list[float]:
 
 def use(browser: Browser, program: subprocess.Popen) -> None:
     """Does what the test is called after, and looks at the page."""
-    url = next(
-        line.split()[1] for line in program.stdout if line.startswith("Live:")
-    )
+    told = filter(lambda line: line.startswith("Live:"), program.stdout)
+    url = next(told).split()[1]
     # Small, as all pixels are computed without a GPU.
     page = browser.new_page(viewport={"width": 700, "height": 450})
     page.set_default_timeout(1000.0 * PATIENCE)

@@ -9,19 +9,8 @@ from pydrake.geometry import Sphere
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.robot import plants
 from nadia_balance.robot.model import RobotModel, load_robot, robot_names
-
-
-class Urdf:
-    """A robot's URDF as it is written."""
-
-    def __init__(self, robot: RobotModel):
-        self.root = ElementTree.parse(robot.urdf).getroot()
-        self.joints = [
-            joint.get("name")
-            for joint in self.root.findall("joint")
-            if joint.get("type") != "fixed"
-        ]
 
 
 class World:
@@ -33,9 +22,8 @@ class World:
         self.inspector = scene_graph.model_inspector()
         self._robot = robot
         self._simulator = Simulator(builder.Build())
-        self.context = self.plant.GetMyMutableContextFromRoot(
-            self._simulator.get_mutable_context()
-        )
+        root = self._simulator.get_mutable_context()
+        self.context = self.plant.GetMyMutableContextFromRoot(root)
         if q is not None:
             self.plant.SetPositions(self.context, q)
 
@@ -48,9 +36,8 @@ class World:
     def improper_contacts(self) -> set[str]:
         """What the robot says of the contacts of the next millisecond."""
         self._simulator.AdvanceTo(0.001)
-        results = self.plant.get_contact_results_output_port().Eval(
-            self.context
-        )
+        port = self.plant.get_contact_results_output_port()
+        results = port.Eval(self.context)
         return self._robot.improper_contacts(self.plant, results)
 
     def body(self, geometry_id) -> str:
@@ -59,7 +46,7 @@ class World:
 
 
 ROBOTS = {name: load_robot(name, "realistic") for name in robot_names()}
-URDFS = {name: Urdf(robot) for name, robot in ROBOTS.items()}
+URDFS = {n: ElementTree.parse(r.urdf).getroot() for n, r in ROBOTS.items()}
 # Thigh, shin and foot: left, right.
 LEGS = {
     "atlas": (("l_uleg", "l_lleg", "l_foot"), ("r_uleg", "r_lleg", "r_foot")),
@@ -91,11 +78,8 @@ CHAINS = {
     "nadia": (),
 }
 # Step widths that the legs reach [m], and one at which the shoes touch.
-WIDTHS = {
-    "atlas": (0.17, 0.25, 0.8),
-    "g1": (0.1, 0.237, 0.49),
-    "nadia": (0.17, 0.25, 0.8),
-}
+WIDTHS = dict.fromkeys(("atlas", "nadia"), (0.17, 0.25, 0.8))
+WIDTHS["g1"] = (0.1, 0.237, 0.49)
 FOOT = 2  # of a leg's links
 
 
@@ -131,19 +115,18 @@ def test_masses_and_drives_are_those_of_the_robot(name):
     """
     assert ROBOTS[name].mass == pytest.approx(MASSES[name], abs=1e-3)
     plant = load_robot(name, "ideal").control_plant()  # no drives' limits
-    actuators = [
-        plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()
-    ]
-    driven = sorted(actuator.joint().name() for actuator in actuators)
-    assert driven == sorted(URDFS[name].joints)
-    efforts = [actuator.effort_limit() for actuator in actuators]
+    drives = plants.actuators(plant)
+    driven = sorted(actuator.joint().name() for actuator in drives)
+    joints = URDFS[name].findall("joint")
+    moving = [j.get("name") for j in joints if j.get("type") != "fixed"]
+    assert driven == sorted(moving)
+    efforts = [actuator.effort_limit() for actuator in drives]
     assert sorted(efforts) == sorted(EFFORTS[name])
-    for actuator, effort in zip(actuators, efforts, strict=True):
+    for actuator, effort in zip(drives, efforts, strict=True):
         speed, armature = MOTORS[effort if name == "g1" else 0.0]
         assert actuator.joint().velocity_upper_limits() == [speed]
-        assert actuator.default_reflected_inertia() == pytest.approx(
-            armature, rel=1e-12
-        )
+        inertia = actuator.default_reflected_inertia()
+        assert inertia == pytest.approx(armature, rel=1e-12)
 
 
 @every_robot
@@ -161,9 +144,8 @@ def test_the_contact_spheres_end_at_the_corners_of_the_sole(name):
             lowest.append(centre - [0.0, 0.0, sphere.radius()])
         corners = [X_FS @ [*corner, 0.0] for corner in robot.sole]
         # Sums of decimals, exact but for their last digits.
-        assert sorted(np.round(lowest, 12).tolist()) == sorted(
-            np.round(corners, 12).tolist()
-        )
+        ends = (sorted(np.round(p, 12).tolist()) for p in (lowest, corners))
+        assert next(ends) == next(ends)
 
 
 @every_robot
@@ -175,9 +157,8 @@ def test_only_the_corners_of_the_soles_touch_when_standing(name):
         q[6] -= 0.001
         world = World(robot, q)
         feet = [body for pair in world.touching() for body in pair]
-        assert sorted(feet) == sorted(
-            [*robot.foot_bodies.values(), "world"] * 4 + ["world"] * 4
-        )
+        expected = [*robot.foot_bodies.values(), "world", "world"] * 4
+        assert sorted(feet) == sorted(expected)
         assert world.improper_contacts() == set()
 
 
@@ -197,7 +178,7 @@ def candidates(world):
 def test_all_links_but_neighbours_can_touch(name):
     """Oracle: all pairs of links that have shapes, less a list by hand."""
     pelvis = ROBOTS[name].pelvis_body
-    links = URDFS[name].root.iter("link")
+    links = URDFS[name].iter("link")
     shaped = {link.get("name") for link in links if link.find("collision")}
     pairs = set(map(frozenset, itertools.combinations(shaped, 2)))
     legs = [(pelvis, *leg) for leg in LEGS[name]]

@@ -173,10 +173,8 @@ def test_declares_what_it_imports():
     names_of = ("docs", "mujoco", "policies", "robots")
     more = set().union(*(names(extras[extra]) for extra in names_of))
     extra = names(extras["test"])
-    assert (
-        third_party_imports(*FOLDERS, "docs/figures")
-        == (needed | more) - PLUGINS
-    )
+    imported = third_party_imports(*FOLDERS, "docs/figures")
+    assert imported == (needed | more) - PLUGINS
     assert third_party_imports(*FOLDERS) >= needed
     assert more <= extra, "whoever tests can run all that is tested"
     assert third_party_imports("tests") <= needed | extra

@@ -22,15 +22,12 @@ ROWS = [*NADIA, *ATLAS]
 
 
 @pytest.mark.parametrize(
-    ("rows", "equations", "algorithms", "figures"),
-    [(NADIA, 16, 0, 14), (ATLAS, 22, 1, 8)],
+    ("rows", "most"), [(NADIA, (16, 0, 14)), (ATLAS, (22, 1, 8))]
 )
-def test_every_number_of_a_paper_has_its_row(
-    rows, equations, algorithms, figures
-):
+def test_every_number_of_a_paper_has_its_row(rows, most):
     """Oracle: the last numbers in print; each row has four cells."""
-    numbers = [("Eq.", equations), ("Algorithm", algorithms), ("Fig.", figures)]
-    printed = [f"{kind} {n + 1}" for kind, most in numbers for n in range(most)]
+    numbers = zip(("Eq.", "Algorithm", "Fig."), most, strict=True)
+    printed = [f"{kind} {n + 1}" for kind, last in numbers for n in range(last)]
     found = [row[0] for row in rows if not row[0].startswith("Sec.")]
     assert found == printed
     assert {len(row) for row in rows} == {4}

@@ -23,7 +23,6 @@ from nadia_balance.balance_controller import (
     ControllerParams,
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
@@ -32,6 +31,7 @@ from nadia_balance.policy_controller import PolicyController
 from nadia_balance.systems.push_source import ContactClock
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import fix
+from tests.diagrams.simulated import EARLY
 from tests.example_walks import MODEL
 from tests.onnx_bytes import linear_policy
 from tests.test_policy_controller import GOOD, ROBOT, B, W
@@ -45,7 +45,7 @@ TIME_ADJUSTMENT = "icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
 STEPS = "adjustment", "capture_regions"
-QP = "ecmp_command", "momentum_qp_status"
+QP, REFERENCE = ("ecmp_command", "momentum_qp_status"), "icp_reference"
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
     "CaptureRegionStepAdjuster": dict.fromkeys(STEPS, STEP_ADJUSTMENT),
@@ -59,13 +59,8 @@ FEEDTHROUGH = {
     },
     "FootForceSensor": {"foot_forces": ""},  # held between two ticks
     "FrictionEstimator": {"friction": ""},  # one tick late
-    "IcpStepController": dict.fromkeys(
-        (*STEPS, *QP, "icp_reference"), STEP_CONTROL
-    ),
-    "IcpPlanner": {
-        "icp_plan": "walking_state",
-        "icp_reference": "walking_state",
-    },
+    "IcpStepController": dict.fromkeys((*STEPS, *QP, REFERENCE), STEP_CONTROL),
+    "IcpPlanner": dict.fromkeys(("icp_plan", "icp_reference"), "walking_state"),
     "Imu": {"imu": "state"},
     "JointEncoders": {"joints": "state"},
     "StateEstimator": dict.fromkeys(
@@ -125,10 +120,7 @@ def diagrams() -> list[Diagram]:
         "fidelity: realistic, mechanisms: all_with_cross_over, "
         "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
     )
-    soon = (
-        "gait: {initial_transfer_duration: 0.4, standing_duration: 0.05, "
-        "num_steps: 2}, "
-    )
+    soon = f"{EARLY % 'num_steps: 2'}, "
     scenario, by_qp, mujoco = (
         load_scenario(
             "walk_in_place",
@@ -202,14 +194,10 @@ def test_outputs_depend_at_once_on_no_more_than_they_must(kind, systems):
     system = systems[kind]
     inputs, outputs = input_names(system), output_names(system)
     told = FEEDTHROUGH[kind.__name__]
-    assert {output: set(told[output].split()) for output in told} == {
-        output: {
-            name
-            for i, name in enumerate(inputs)
-            if system.HasDirectFeedthrough(i, j)
-        }
-        for j, output in enumerate(outputs)
-    }
+    through, found = system.HasDirectFeedthrough, {}
+    for j, output in enumerate(outputs):
+        found[output] = {n for i, n in enumerate(inputs) if through(i, j)}
+    assert {output: set(told[output].split()) for output in told} == found
 
 
 def our_outputs(diagram: Diagram, root: Context) -> dict[str, str]:
@@ -236,9 +224,7 @@ def text(value: object) -> str:
         return repr(value)
 
 
-@pytest.mark.parametrize(
-    "index", range(4), ids=["humanoid", "lipm", "by qp", "mujoco"]
-)
+@pytest.mark.parametrize("index", range(4), ids="robot lipm qp mujoco".split())
 def test_equal_contexts_give_equal_outputs(index, diagrams, simulators):
     """Oracle: the state that a run led to, given to new contexts.
 
@@ -277,9 +263,7 @@ def test_equal_contexts_give_equal_outputs(index, diagrams, simulators):
 )
 def test_refuses_a_bad_parameter_at_once(kind, group, name, value):
     """Oracle: field and value; soles are 0.12 m wide, the reach is 0.8 m."""
-    params = ControllerParams(
-        icp_step_qp=IcpStepQpParams(), atlas_icp_plan=AtlasIcpPlanParams()
-    )
+    params = ControllerParams(icp_step_qp=IcpStepQpParams())
     bad = replace(getattr(params, group), **{name: value})
     with pytest.raises(ValueError, match=f"^{name} = {value}[:,].* must"):
         getattr(nadia_balance, kind)(bad, MODEL, 0.002)

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody import plant as mbp
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
+from nadia_balance.robot.plants import actuators, joints
 from nadia_balance.robot.urdf import hull_points
 
 Forces = Iterable[mbp.ExternallyAppliedSpatialForce]
@@ -53,8 +54,8 @@ class MujocoModel:
         """
         self._plant = plant
         self._spec = _empty_spec(plant)
-        inboard = map(plant.get_joint, plant.GetJointIndices())
-        self._inboard = {j.child_body().index(): j for j in inboard}
+        self._softness = [max(STIFFNESS_TIME, 2.0 * plant.time_step()), 1.0]
+        self._inboard = {j.child_body().index(): j for j in joints(plant)}
         world = plant.world_body()
         self._bodies = {world.index(): self._spec.worldbody}
         for i in range(1, plant.num_bodies()):
@@ -63,8 +64,8 @@ class MujocoModel:
         self.model = self._spec.compile()
         self.data = mujoco.MjData(self.model)
         self._actuation = plant.MakeActuationMatrix()
-        limits = plant.GetEffortLowerLimits(), plant.GetEffortUpperLimits()
-        self._efforts = limits
+        low, high = plant.GetEffortLowerLimits(), plant.GetEffortUpperLimits()
+        self._efforts = low, high
         self._find_columns()
 
     def _add_body(self, body: RigidBody) -> mujoco.MjsBody:
@@ -90,15 +91,11 @@ class MujocoModel:
         self._bodies[body.index()] = added
         return added
 
-    def _add_joint(
-        self, body: mujoco.MjsBody, joint: Joint, X_BM: RigidTransform
-    ) -> None:
+    def _add_joint(self, body: mujoco.MjsBody, joint: Joint, X_BM) -> None:
         kind = joint.type_name()
         if kind not in _JOINTS:
-            raise ValueError(
-                f"joint {joint.name()}: type {kind}: must be one of "
-                f"{', '.join(_JOINTS)} or fixed, for MuJoCo"
-            )
+            which = f"must be one of {', '.join(_JOINTS)} or fixed, for MuJoCo"
+            raise ValueError(f"joint {joint.name()}: type {kind}: {which}")
         added = body.add_joint(name=str(int(joint.index())), type=_JOINTS[kind])
         if joint.num_velocities() > 1:
             return
@@ -108,14 +105,9 @@ class MujocoModel:
         added.limited = bool(np.isfinite(limits).any())
         added.range = np.clip(limits, -1e6, 1e6)
         added.solref_limit, added.solimp_limit = self._softness, _HARDNESS
-        for i in self._plant.GetJointActuatorIndices():
-            actuator = self._plant.get_joint_actuator(i)
+        for actuator in actuators(self._plant):
             if actuator.joint().index() == joint.index():
                 added.armature = actuator.default_reflected_inertia()
-
-    @property
-    def _softness(self) -> list[float]:
-        return [max(STIFFNESS_TIME, 2.0 * self._plant.time_step()), 1.0]
 
     def _add_shapes(self, inspector: SceneGraphInspector) -> None:
         pairs = sorted(inspector.GetCollisionCandidates())
@@ -143,10 +135,9 @@ class MujocoModel:
         elif size is not None:
             options["size"] = size(what)
         else:
-            raise ValueError(
-                f"shape {inspector.GetName(shape)}: must not be a "
-                f"{type(what).__name__}, for MuJoCo"
-            )
+            name = f"shape {inspector.GetName(shape)}"
+            why = f"must not be a {type(what).__name__}, for MuJoCo"
+            raise ValueError(f"{name}: {why}")
         options |= {"name": _name(shape), "contype": 0, "conaffinity": 0}
         options["type"] = getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")
         self._bodies[body.index()].add_geom(**options)

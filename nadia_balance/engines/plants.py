@@ -15,7 +15,7 @@ from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import ports
-from nadia_balance.systems.signals import ComState, SwingFootReference
+from nadia_balance.systems.signals import ComState
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,8 @@ class MujocoPlant(framework.LeafSystem):
         try:  # here: it is optional, and slow to import
             from nadia_balance.engines.mujoco_model import MujocoModel
         except ImportError:
-            raise ValueError(
-                "engine = 'mujoco': must have its package: pip install mujoco"
-            ) from None
+            why = "must have its package: pip install mujoco"
+            raise ValueError(f"engine = 'mujoco': {why}") from None
         self._model = MujocoModel(plant, scene_graph.model_inspector())
         self._actuation = ports.Input(self, "actuation", plant.num_actuators())
         forces = AbstractValue.Make([mbp.ExternallyAppliedSpatialForce()])
@@ -91,9 +90,7 @@ class MujocoPlant(framework.LeafSystem):
         x[: len(q)] = q
         context.SetDiscreteState(x)
 
-    def _calc_step(
-        self, context: framework.Context, _
-    ) -> tuple[np.ndarray, PointContacts]:
+    def _calc_step(self, context, _) -> tuple[np.ndarray, PointContacts]:
         x = context.get_discrete_state(self._state).value()
         pushed = self._forces.HasValue(context)
         forces = self._forces.Eval(context) if pushed else ()
@@ -157,21 +154,17 @@ class PointMassPlant(framework.LeafSystem):
     """
 
     def __init__(
-        self,
-        model: PointMassModel,
-        period: float,
-        initial: walking.WalkingState,
+        self, model: PointMassModel, period: float, start: walking.WalkingState
     ):
-        """Integrates `model` from `initial` on, one tick per `period` [s]."""
+        """Integrates `model` from `start` on, one tick per `period` [s]."""
         super().__init__()
         self._omega, self._period = model.omega, period
         self._weight = model.mass * GRAVITY
         self._stiffness = model.mass * model.omega**2
-        schedule = initial.schedule
-        start, foot = schedule.start, schedule.feet[schedule.support_side.other]
-        self._com = self.DeclareDiscreteState(
-            [*start.com, model.com_height, *start.com_velocity, 0.0]
-        )
+        schedule = start.schedule
+        point, foot = schedule.start, schedule.feet[schedule.support_side.other]
+        com = [*point.com, model.com_height, *point.com_velocity, 0.0]
+        self._com = self.DeclareDiscreteState(com)
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
         self._ecmp, self._swing, self._walking, self._push = ports.inputs(
             self, "ecmp_command swing_foot_reference walking_state push_force"
@@ -201,15 +194,13 @@ class PointMassPlant(framework.LeafSystem):
     def _calc_forces(self, context) -> tuple[float, float]:
         schedule = self._schedule(context)
         left = right = True
-        if schedule.phase is walking.Phase.SWING and not self._landed(context):
-            left = schedule.in_contact(walking.Side.LEFT)
-            right = not left
+        if schedule.phase is walking.Phase.SWING:
+            ground = schedule.footsteps[0].pose.p_WF[2]
+            if self._swing_foot(context)[2] > ground + 1e-4:
+                left = schedule.in_contact(walking.Side.LEFT)
+                right = not left
         share = self._weight / (left + right)
         return share * left, share * right
-
-    def _landed(self, context) -> bool:
-        ground = self._schedule(context).footsteps[0].pose.p_WF[2]
-        return self._swing_foot(context)[2] <= ground + 1e-4
 
     def _schedule(self, context):
         return self._walking(context).schedule
@@ -225,13 +216,8 @@ class PointMassPlant(framework.LeafSystem):
             com.position[:2], com.velocity[:2], pivot, self._omega, self._period
         )
         state.get_mutable_discrete_state(self._com).set_value(com[:])
-        foot = self._foot_after(self._swing(context))
-        state.get_mutable_discrete_state(self._foot).set_value(foot)
+        foot, t, t2 = self._swing(context), self._period, 0.5 * self._period**2
+        p = foot.position + t * foot.velocity + t2 * foot.acceleration
+        yaw = foot.yaw + t * foot.yaw_rate + t2 * foot.yaw_acceleration
+        state.get_mutable_discrete_state(self._foot).set_value([*p, yaw])
         return framework.EventStatus.Succeeded()
-
-    def _foot_after(self, now: SwingFootReference) -> np.ndarray:
-        """[p(3), yaw] a period later, with constant accelerations."""
-        t, t2 = self._period, 0.5 * self._period**2
-        p = now.position + t * now.velocity + t2 * now.acceleration
-        yaw = now.yaw + t * now.yaw_rate + t2 * now.yaw_acceleration
-        return np.append(p, yaw)

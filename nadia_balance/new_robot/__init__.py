@@ -13,17 +13,15 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Side
 
 VISUAL, COLLIDING = "visual", "collision"
-_make = trimesh.creation
+Poses = dict[str, RigidTransform]  # of links, by name, in the root
+_make, _ball = trimesh.creation, trimesh.creation.icosphere
 # Attributes [m] of the tags of a URDF, and what makes their meshes.
 SOLIDS = {
     "box": (("size",), lambda *size: _make.box(size)),
-    "sphere": (("radius",), lambda r: _make.icosphere(3, r)),
+    "sphere": (("radius",), lambda r: _ball(3, r)),
     "cylinder": (("radius", "length"), _make.cylinder),
     "capsule": (("radius", "length"), lambda r, long: _make.capsule(long, r)),
-    "ellipsoid": (
-        ("a", "b", "c"),
-        lambda *s: _make.icosphere(3).apply_scale(s),
-    ),
+    "ellipsoid": (("a", "b", "c"), lambda *s: _ball(3).apply_scale(s)),
     "mesh": ((), None),
 }
 
@@ -164,10 +162,8 @@ class Description:
             for link in {joint.parent, joint.child} - self.links.keys():
                 raise ValueError(f"joint {name}: link {link}: must be there")
             if other := held.get(link := joint.child):
-                why = f"not by {other} and {name}: a closed loop"
-                raise ValueError(
-                    f"link {link}: must be held by one joint, {why}"
-                )
+                what = f"link {link}: must be held by one joint, not by"
+                raise ValueError(f"{what} {other} and {name}: a closed loop")
             held[link] = name
         free = [link for link in self.links if link not in held]
         bases = [link for link in free if link != "world"]
@@ -212,9 +208,7 @@ class Description:
         """Mass of `links` [kg]."""
         return sum(self.links[link].M.get_mass() for link in links)
 
-    def poses(
-        self, angles: Mapping[str, float] | None = None
-    ) -> dict[str, RigidTransform]:
+    def poses(self, angles: Mapping[str, float] | None = None) -> Poses:
         """The poses of links in the root; angles [rad] are 0, or near it."""
         poses, known = {self.root: RigidTransform()}, angles or {}
         for link in self.below(self.root):
@@ -223,15 +217,13 @@ class Description:
                 poses[joint.child] = poses[link] @ joint.pose(angle)
         return poses
 
-    def com(self, poses: Mapping[str, RigidTransform]) -> Array:
+    def com(self, poses: Poses) -> Array:
         """The centre of mass (3,) in the frame of the root."""
         inertias = [(X, self.links[name].M) for name, X in poses.items()]
         moment = sum(M.get_mass() * (X @ M.get_com()) for X, M in inertias)
         return moment / self.mass(self.links)
 
-    def hinges(
-        self, names: Iterable[str], poses: Mapping[str, RigidTransform]
-    ) -> tuple[Array, Array]:
+    def hinges(self, names: Iterable[str], poses: Poses) -> tuple[Array, Array]:
         """Points (n, 3) on joints and their axes (n, 3), in the root."""
         joints = [self.joints[name] for name in names]
         at = [poses[joint.child] for joint in joints]

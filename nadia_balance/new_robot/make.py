@@ -1,5 +1,6 @@
 """Creation of a robot folder from a URDF or an MJCF."""
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,7 +9,6 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import trimesh
 import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
@@ -81,9 +81,7 @@ def make_robot(
     return notes
 
 
-def _read(
-    file: Path, roots: Sequence[Path], notes: Notes
-) -> robots.Description:
+def _read(file: Path, roots: Sequence[Path], notes) -> robots.Description:
     try:
         top = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
@@ -93,12 +91,7 @@ def _read(
     return read_urdf(top, file, roots, notes)
 
 
-def _clean(
-    robot: robots.Description,
-    fix: Sequence[str],
-    named: measure.Names,
-    notes: Notes,
-) -> list[Leg]:
+def _clean(robot: robots.Description, fix, named, notes: Notes) -> list[Leg]:
     """Welds joints that are not driven, adds masses; returns the legs."""
     welded = [j.name for j in robot.joints.values() if j.type == "weld"]
     for expression in fix:
@@ -106,8 +99,8 @@ def _clean(
         try:
             found = [n for n in robot.joints if re.fullmatch(expression, n)]
         except re.error as error:
-            why = f"{where} be a regular expression ({error})"
-            raise ValueError(why) from None
+            what = f"a regular expression ({error})"
+            raise ValueError(f"{where} be {what}") from None
         if not found:
             raise ValueError(f"{where} match a joint")
         notes.add("changed", "welded as asked", *found)
@@ -270,8 +263,11 @@ def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
     if shape.kind == "mesh":
         file = folder / "meshes" / f"{name}.obj"
         file.parent.mkdir(exist_ok=True)
-        coarse = _coarse(shape.mesh)
-        coarse.export(file, include_normals=False, include_texture=False)
+        mesh = shape.mesh.copy()
+        if len(mesh.faces) > _FACES:  # vertices within 1 cm are merged
+            mesh.merge_vertices(digits_vertex=2)
+            mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
+        mesh.export(file, include_normals=False, include_texture=False)
         size = {"filename": f"meshes/{file.name}"}
     kind = shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind
     parts = [_origin(shape.X_LG), _tag("geometry", _tag(kind, **size))]
@@ -283,15 +279,6 @@ def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
         colour = _tag("color", rgba=shape.colour)
         parts.append(_tag("material", colour, name=f"{name}_colour"))
     return _tag(shape.role, *parts, name=name)
-
-
-def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh; of a large one, vertices within 1 cm are merged."""
-    if len(mesh.faces) > _FACES:
-        mesh = mesh.copy()
-        mesh.merge_vertices(digits_vertex=2)
-        mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
-    return mesh
 
 
 def _joint(joint: robots.Joint) -> Element:
@@ -319,7 +306,9 @@ def _transmission(joint: robots.Joint) -> Element:
 def write_yaml(folder: Path, fields: measure.Fields) -> None:
     """Writes robot.yaml, with lengths and angles to four decimals."""
     style = {"default_flow_style": None, "allow_unicode": True}
-    text = yaml.safe_dump(_rounded(fields), sort_keys=False, **style)
+    rounded = {"parse_float": lambda number: round(float(number), 4)}
+    tree = json.loads(json.dumps(fields), **rounded)
+    text = yaml.safe_dump(tree, sort_keys=False, **style)
     (folder / "robot.yaml").write_text(_HEADER + text, encoding="utf-8")
 
 
@@ -328,9 +317,3 @@ def write_reach(folder: Path, reach: ReachabilityParams) -> None:
     text = (folder / "robot.yaml").read_text(encoding="utf-8")
     fields = {**yaml.safe_load(text), "reachability": measure.widths(reach)}
     write_yaml(folder, fields)
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {k: _rounded(v) for k, v in value.items()}
-    return round(float(value), 4) if isinstance(value, float) else value

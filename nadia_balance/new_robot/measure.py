@@ -1,8 +1,4 @@
-"""Anatomy of a robot, and the fields of robot.yaml that are measured on it.
-
-Which links are pelvis, torso, legs and feet; sizes of soles and legs, and the
-standing posture.
-"""
+"""Anatomy of a robot, and the fields of robot.yaml that are measured on it."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -161,11 +157,8 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
         raise ValueError(f"leg to {leg.foot}: {why}; it has {has}")
     hip, *inner, ankle = pitches
     ends = [at[hip], at[ankle]]
-
-    def far(name: str) -> float:
-        return float(np.linalg.norm(ends - at[name], axis=1).min())
-
-    return [hip, max(inner, key=far), ankle]
+    far = {n: np.linalg.norm(ends - at[n], axis=1).min() for n in inner}
+    return [hip, max(inner, key=far.__getitem__), ankle]
 
 
 def _back(robot: Description, leg: Leg, forward: Array) -> float:
@@ -230,9 +223,8 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         for names in zip(*(leg.pitches for leg in legs), strict=True)
     )
     com = float(robot.com(poses)[2])
-    known = {"length": length, "hip_width": across}
     heights = {"ankle_height": ankles - ground, "com_above_hip": com - hips}
-    geometry = LegGeometry(**known, **heights)
+    geometry = LegGeometry(length=length, hip_width=across, **heights)
     able = leg_reach(geometry, com - ground, _lean(robot, anatomy))
     step_width = max(across, 2.0 * half_width + _GAP * length)
     sole = {"x_min": heel, "x_max": toe, "half_width": half_width, "z": -depth}
@@ -339,12 +331,7 @@ def _knee(robot: Description, leg: Leg) -> _Knee:
     return _Knee(*map(float, (*lengths, at_zero, sense, *bends)))
 
 
-def _posture(
-    robot: Description,
-    legs: Sequence[Leg],
-    knees: Mapping[str, _Knee],
-    p_FS: Array,
-) -> dict[str, float]:
+def _posture(robot: Description, legs, knees, p_FS: Array) -> dict[str, float]:
     """Angles [rad] of all joints: knees bent, soles level under the CoM."""
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
@@ -360,15 +347,14 @@ def _posture(
         angles.update(zip(searched, map(float, values), strict=True))
         poses = robot.poses(angles)
         com, feet = robot.com(poses), [poses[leg.foot] for leg in legs]
-        return np.array(
-            [(X_RF @ p_FS - com)[0] for X_RF in feet]
-            + [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
-        )
+        ahead = [(X_RF @ p_FS - com)[0] for X_RF in feet]
+        tilts = [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
+        return np.array(ahead + tilts)
 
+    least, goal = _BENDS[-1], "must bend the knee, so that the foot goes back"
     for name, knee in knees.items():
-        if knee.most < _BENDS[-1]:
-            why = f"by {_BENDS[-1]:.2f} rad; it does by {knee.most:.2f} rad"
-            goal = "must bend the knee, so that the foot goes back"
+        if knee.most < least:
+            why = f"by {least:.2f} rad; it does by {knee.most:.2f} rad"
             raise ValueError(f"joint {name}: {goal}, {why}")
     for bend in _BENDS:
         for name, knee in knees.items():
@@ -380,5 +366,5 @@ def _posture(
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}
     raise ValueError(
         f"joints {', '.join(searched)}: must have the range to put level "
-        f"soles under the CoM, the knees {_BENDS[-1]:.2f} rad from straight"
+        f"soles under the CoM, the knees {least:.2f} rad from straight"
     )

@@ -1,6 +1,6 @@
 """Readers of anybody's URDF, mended where no robot is as it says, or MJCF."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -75,9 +75,8 @@ def read_urdf(
     Raises ValueError: it has xacro or closed loops, or a number is invalid.
     """
     if top.tag != "robot" or top.findall(".//{http://www.ros.org/wiki/xacro}*"):
-        raise ValueError(
-            f"<{top.tag}>: must be a URDF, xacro expanded, or an MJCF"
-        )
+        why = "must be a URDF, xacro expanded, or an MJCF"
+        raise ValueError(f"<{top.tag}>: {why}")
     for tag in sorted({child.tag for child in top} - _KNOWN):
         if any(word in tag for word in _LOOPS):
             raise ValueError(f"<{tag}>: must not be there, a closed loop")
@@ -111,18 +110,15 @@ def read_urdf(
     return robots.Description(top.get("name") or file.stem, links, joints)
 
 
-def _let_go(
-    links: Collection[str], joints: dict[str, robots.Joint], notes: robots.Notes
-) -> None:
+def _let_go(links: dict, joints: dict, notes: robots.Notes) -> None:
     """Frees a robot that is welded to the world, if no other base is free."""
     if {joint.child for joint in joints.values()} >= {*links} - {"world"}:
         holders = {joint.parent for joint in joints.values()}
         for name, joint in list(joints.items()):
             held = joint.type == "weld" and joint.parent == "world"
             if held and joint.child in holders:
-                notes.add(
-                    "changed", "no longer welded to the world", joint.child
-                )
+                line = "no longer welded to the world"
+                notes.add("changed", line, joint.child)
                 del joints[name]
 
 
@@ -162,13 +158,7 @@ def _joint(name: str, part: _Part) -> robots.Joint:
     )
 
 
-def _take_shape(
-    link: robots.Link,
-    part: _Part,
-    colours: Mapping[str, str],
-    folders: Sequence[Path],
-    notes: robots.Notes,
-) -> None:
+def _take_shape(link: robots.Link, part: _Part, colours, folders, notes):
     """Adds the shape in `part` to `link`, if it is known and found."""
     solids = part.element.findall("geometry/*")
     kind = solids[0].tag.removeprefix(DRAKE) if solids else "nothing"
@@ -220,9 +210,7 @@ def _load(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def _turn_upright(
-    links: Sequence[robots.Link], coms: Sequence[Array], notes: robots.Notes
-) -> None:
+def _turn_upright(links: list, coms: list[Array], notes: robots.Notes) -> None:
     """Turns meshes of Collada files that say "y is up", if they mean it.
 
     They do if the centres of mass are nearer to the meshes then.
@@ -243,9 +231,7 @@ def _turn_upright(
             shape.X_LG = shape.X_LG @ _Z_UP
 
 
-def _inertia(
-    part: _Part, link: robots.Link, notes: robots.Notes
-) -> SpatialInertia:
+def _inertia(part: _Part, link: robots.Link, notes) -> SpatialInertia:
     """The inertia of a link; without moments it is that of a box."""
     mass = part.number("inertial/mass", "value")
     X = part.pose("inertial/origin")
@@ -312,9 +298,8 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
         if kind == mjtEq.mjEQ_JOINT:
             joints[model.joint(model.eq_obj1id[i]).name].mimics = True
         elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
-            raise ValueError(
-                f"equality {model.eq(i).name}: must not be there, a closed loop"
-            )
+            why = "must not be there, a closed loop"
+            raise ValueError(f"equality {model.eq(i).name}: {why}")
     _let_go(links, joints, notes)
     return robots.Description(spec.modelname, links, joints)
 
@@ -338,10 +323,8 @@ def _pose(position: Array, quaternion: Array) -> RigidTransform:
     return RigidTransform(R, position)
 
 
-def _chain(
-    model: mujoco.MjModel, names: list[str], origins: Array, body: int
-) -> Iterator[robots.Joint]:
-    """Yields the joints from a body's parent to it; a weld if it has none."""
+def _chain(model: mujoco.MjModel, names, origins: Array, body: int) -> Iterator:
+    """Yields the Joints from a body's parent to it; a weld if it has none."""
     parent, link = model.body_parentid[body], names[body]
     at = model.body_pos[body] - origins[parent]
     X, holder = _pose(at, model.body_quat[body]), names[parent]
@@ -383,10 +366,8 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
     return float(min(efforts, default=0.0))
 
 
-def _shapes(
-    model: mujoco.MjModel, body: int, origin: Array, paired: set[str]
-) -> Iterator[robots.Shape]:
-    """Yields the shapes of a body; what MuJoCo lets touch is colliding."""
+def _shapes(model: mujoco.MjModel, body: int, origin, paired) -> Iterator:
+    """Yields the Shapes of a body; what MuJoCo lets touch is colliding."""
     for i in np.flatnonzero(model.geom_bodyid == body):
         kind = mjtGeom(model.geom_type[i]).name[len("mjGEOM_") :].lower()
         if kind not in robots.SOLIDS:

@@ -1,7 +1,7 @@
 """Shapes of links: soles that are found, capsules that are fitted."""
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,9 +62,7 @@ def find_sole(foot: robots.Link, down: Array) -> SolePlane:
     return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
 
 
-def sole_plane(
-    shapes: Sequence[robots.Shape], down: Array, source: str
-) -> SolePlane | None:
+def sole_plane(shapes: list, down: Array, source: str) -> SolePlane | None:
     """The supporting plane with the largest area of the convex hull."""
     if not shapes:
         return None
@@ -216,12 +214,7 @@ def _shoe(x_min, x_max, half_width, z) -> list[robots.Shape]:
     return [_solid("capsule", X, **size) for X in poses]
 
 
-def _thinned(
-    links: list[str],
-    capsules: Shapes,
-    poses: Mapping[str, RigidTransform],
-    feet: Collection[str],
-) -> bool:
+def _thinned(links: list[str], capsules: Shapes, poses, feet) -> bool:
     """Makes capsules not of feet thinner until links are apart, if it can."""
     share = 1.0
     for pair in itertools.product(*(capsules[link] for link in links)):
@@ -235,9 +228,7 @@ def _thinned(
         share = min(share, room / soft if soft else 1.0)
     if share < _THINNEST:
         return False
-    for capsule in itertools.chain(
-        *(capsules[n] for n in links if n not in feet)
-    ):
+    for capsule in (c for n in links if n not in feet for c in capsules[n]):
         capsule.size["length"] += 2.0 * capsule.size["radius"] * (1.0 - share)
         capsule.size["radius"] *= share
     return True

@@ -90,12 +90,13 @@ class PhaseSpan:
 
 def phase_spans(log: Log) -> list[PhaseSpan]:
     """Returns the phases of the run, in order; none if they are not logged."""
-    if "walking_signal" not in log:
+    if "walking_signal" not in log or not len(log["t"]):
         return []
     t, walking = log["t"], signal(log, "walking_signal")
     last = len(t) - 1
-    columns = walking.phase, walking.support_side, walking.steps_taken
-    edges = [*([0] if len(t) else []), *_changes(*columns), len(t)]
+    what = walking.phase, walking.support_side, walking.steps_taken
+    changed = np.any(np.diff(np.stack(what)) != 0.0, axis=0)
+    edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
     return [
         PhaseSpan(
             phase=signals.PHASES[int(walking.phase[first])],
@@ -109,12 +110,6 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
         )
         for first, end in itertools.pairwise(edges)
     ]
-
-
-def _changes(*columns: np.ndarray) -> list[int]:
-    """The rows in which any of the `columns` (n,) has changed."""
-    differs = np.any(np.diff(np.stack(columns)) != 0.0, axis=0)
-    return (np.flatnonzero(differs) + 1).tolist()
 
 
 @dataclass(frozen=True)
@@ -152,8 +147,8 @@ def steps(log: Log) -> list[Step]:
         found.append(
             Step(
                 side=swing.swing_side,
-                commanded=target_pose(log, (before or swing).first),
-                adjusted=target_pose(log, swing.last),
+                commanded=_scheduled(log, (before or swing).first, "target"),
+                adjusted=_scheduled(log, swing.last, "target"),
                 achieved=sole_pose(log, landed, swing.swing_side),
                 swing=swing,
                 transfer=before,
@@ -202,24 +197,19 @@ def ground_regions(log: Log) -> list[np.ndarray]:
 
 def sole_pose(log: Log, row: int, side: Side) -> FootPose:
     """The pose of a sole in the schedule at this row, on the ground."""
-    return to_pose(getattr(signal(log, "walking_signal", row), side.value))
+    return _scheduled(log, row, side.value)
 
 
-def target_pose(log: Log, row: int) -> FootPose:
-    """The foothold of the next step at this row; NaN if there is none."""
-    return to_pose(signal(log, "walking_signal", row).target)
-
-
-def to_pose(x_y_yaw: np.ndarray) -> FootPose:
-    """The pose on the ground of (x, y, yaw) in W [m], [rad]."""
-    x, y, yaw = x_y_yaw
+def _scheduled(log: Log, row: int, what: str) -> FootPose:
+    """The pose of `left` or `right`, or the `target`, NaN if there is none."""
+    x, y, yaw = getattr(signal(log, "walking_signal", row), what)
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 
 
 def walking_at(log: Log, row: int) -> signals.WalkingSignal | None:
     """The walking signal at this row, None if it is not logged."""
-    has = "walking_signal" in log
-    return signal(log, "walking_signal", row) if has else None
+    name = "walking_signal"
+    return signal(log, name, row) if name in log else None
 
 
 def support_side(walking: signals.WalkingSignal) -> Side:
@@ -227,9 +217,7 @@ def support_side(walking: signals.WalkingSignal) -> Side:
     return Side.LEFT if walking.support_side > 0 else Side.RIGHT
 
 
-def push_direction(
-    walking: signals.WalkingSignal | None, force: np.ndarray
-) -> float:
+def push_direction(walking, force: np.ndarray) -> float:
     """Direction [0, 360) [deg] of `force` (3,) to the support foot, or in W."""
     yaw = 0.0
     if walking is not None:
@@ -265,23 +253,21 @@ def pushes(log: Log) -> list[PushSpan]:
     if "push_signal" not in log:
         return []
     push = signal(log, "push_signal")
-    numbers = dict.fromkeys(push.number[np.any(push.force != 0.0, axis=0)])
-    spans = [np.flatnonzero(push.number == number) for number in numbers]
-    return [_push_span(log, rows) for rows in spans]
-
-
-def _push_span(log: Log, rows: np.ndarray) -> PushSpan:
-    t, push = log["t"], signal(log, "push_signal")
-    first = max(int(rows[0]) - _FELT, 0)
-    force = push.force[:, rows]
-    sizes = np.linalg.norm(force, axis=0)
-    begins = force[:, 0] / max(sizes[0], 1e-9)
-    return PushSpan(
-        first=first,
-        start=float(t[first]),
-        end=float(t[rows[-1] + 1 - _FELT]),
-        force=begins * np.max(sizes),
-        delta_v=float(push.delta_v[rows[0]]),
-        direction_deg=push_direction(walking_at(log, first), begins),
-        rows=rows,
-    )
+    t, spans = log["t"], []
+    for number in dict.fromkeys(push.number[np.any(push.force, axis=0)]):
+        rows = np.flatnonzero(push.number == number)
+        first = max(int(rows[0]) - _FELT, 0)
+        sizes = np.linalg.norm(push.force[:, rows], axis=0)
+        begins = push.force[:, rows[0]] / max(sizes[0], 1e-9)
+        spans.append(
+            PushSpan(
+                first=first,
+                start=float(t[first]),
+                end=float(t[rows[-1] + 1 - _FELT]),
+                force=begins * np.max(sizes),
+                delta_v=float(push.delta_v[rows[0]]),
+                direction_deg=push_direction(walking_at(log, first), begins),
+                rows=rows,
+            )
+        )
+    return spans

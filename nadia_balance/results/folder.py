@@ -21,9 +21,8 @@ def new_folder(
     with locked(prepare_folder(out, name)) as folder:
         for file in files:
             if (folder / file).exists():
-                raise ValueError(
-                    f"out = {str(out)!r}: must be a folder without {file}"
-                )
+                why = f"must be a folder without {file}"
+                raise ValueError(f"out = {str(out)!r}: {why}")
         yield folder
 
 
@@ -38,9 +37,8 @@ def locked(folder: Path) -> Iterator[Path]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ValueError(
-                f"out = {str(folder)!r}: must be in use by no other run"
-            ) from None
+            why = "must be in use by no other run"
+            raise ValueError(f"out = {str(folder)!r}: {why}") from None
         yield folder
     finally:
         os.close(lock)
@@ -65,9 +63,8 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
             file.flush()
     except (OSError, ValueError, RecursionError) as error:  # too deep
         why = getattr(error, "strerror", None) or str(error)
-        raise ValueError(
-            f"out = {str(folder)!r}: must be a folder to write to ({why})"
-        ) from error
+        what = f"out = {str(folder)!r}: must be a folder to write to"
+        raise ValueError(f"{what} ({why})") from error
     return folder
 
 

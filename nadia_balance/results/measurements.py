@@ -33,9 +33,7 @@ class CalmSteps:
         """Counts from the first call of `look`."""
         self.since, self.taken = 0.0, 0
 
-    def look(
-        self, time: float, steps_taken: int, error: float, pushed: bool
-    ) -> int:
+    def look(self, time: float, steps_taken: int, error: float, pushed) -> int:
         """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
         if pushed or not error < ICP_BACK:
             self.since, self.taken = time, steps_taken
@@ -304,47 +302,36 @@ def _qp_failures(log: Log) -> int:
     return sum(map(int, several))
 
 
-# Name: the signals that are needed, and a function of the log; of an array the
+# Name: the signals that are needed, and a function of a log; of an array the
 # largest entry counts.  Units are in the names, or as of the functions.
 _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
-    "duration_s": ("t", lambda log: log["t"] - log["t"][:1]),
-    "pushes": ("t", lambda log: [_measure_push(log, p) for p in pushes(log)]),
+    "duration_s": ("t", lambda x: x["t"] - x["t"][:1]),
+    "pushes": ("t", lambda x: [_measure_push(x, p) for p in pushes(x)]),
     "body_sway_deg": ("com_state", body_sway),
-    "max_torso_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[0]),
-    "max_pelvis_tilt_deg": ("trunk_tilt", lambda log: trunk_tilts(log)[1]),
-    "com_sag_m": (
-        "com_state",
-        lambda log: com_height(log)[:1] - com_height(log),
-    ),
+    "max_torso_tilt_deg": ("trunk_tilt", lambda x: trunk_tilts(x)[0]),
+    "max_pelvis_tilt_deg": ("trunk_tilt", lambda x: trunk_tilts(x)[1]),
+    "com_sag_m": ("com_state", lambda x: com_height(x)[:1] - com_height(x)),
     "max_icp_error_m": ("icp", icp_error),
-    "footstep_error_m": (
-        "t",
-        lambda log: np.array([s.error for s in steps(log)]),
-    ),
-    "swing_durations_s": ("t", lambda log: _durations(log, Phase.SWING)),
-    "transfer_durations_s": ("t", lambda log: _durations(log, Phase.TRANSFER)),
-    "steps_taken": ("t", lambda log: len(logs.landings(log))),
+    "footstep_error_m": ("t", lambda x: np.array([s.error for s in steps(x)])),
+    "swing_durations_s": ("t", lambda x: _durations(x, Phase.SWING)),
+    "transfer_durations_s": ("t", lambda x: _durations(x, Phase.TRANSFER)),
+    "steps_taken": ("t", lambda x: len(logs.landings(x))),
     "steps_after_push": ("t", _steps_after_push),
     "calm_steps": ("icp", calm_steps),
     "stance_slip_m": ("foot_poses walking_signal", _stance_slip),
     "max_torque_ratio": ("effort_limits", torque_ratio),
     # From tick to tick, of the commands [N m].
-    "max_torque_step": (
-        "actuation",
-        lambda log: np.abs(np.diff(log["actuation"], axis=0)),
-    ),
+    "max_torque_step": ("actuation", lambda x: abs(np.diff(x["actuation"].T))),
     "max_joint_speed": ("state", joint_speed),
     "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
-    "max_power_w": ("torques", lambda log: _powers(log).sum(axis=1)),
-    "positive_power_w": (  # of the drives that do not brake
-        "torques",
-        lambda log: np.maximum(_powers(log), 0.0).sum(axis=1),
-    ),
+    "max_power_w": ("torques", lambda x: _powers(x).sum(axis=1)),
+    # Of the drives that do not brake.
+    "positive_power_w": ("torques", lambda x: _powers(x).clip(0.0).sum(axis=1)),
     "mean_swing_foot_speed": ("foot_poses", _swing_speeds),
     # Each force is the mean of a tick.
     "max_impact_body_weights": (
         "weight",
-        lambda log: log["foot_forces"] / log["weight"],
+        lambda x: x["foot_forces"] / x["weight"],
     ),
     "estimate": (ESTIMATE, measure_estimate),
     "min_sole_distance_m": ("foot_poses", _sole_distance),
@@ -352,12 +339,12 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "qp_failures": ("t", _qp_failures),
     "qp_fallbacks": (
         "t",
-        lambda log: sum(int(np.sum(q.fallback > 0.5)) for q in _qps(log)),
+        lambda x: sum(int(np.sum(q.fallback > 0.5)) for q in _qps(x)),
     ),
     "max_qp_violation": (
         "t",
-        lambda log: np.concatenate(
-            [q.violation[np.isfinite(q.violation)] for q in _qps(log)] or [[]]
+        lambda x: np.concatenate(
+            [q.violation[np.isfinite(q.violation)] for q in _qps(x)] or [[]]
         ),
     ),
 }

@@ -57,11 +57,7 @@ _POLLED = "/status"  # path of the live text, as a list of lines
 
 
 def write_run(
-    folder: Path,
-    log: Log,
-    summary: dict,
-    scenario: str,
-    meshcat: Meshcat | None = None,
+    folder: Path, log: Log, summary: dict, scenario: str, meshcat=None
 ) -> list[str]:
     """Writes the files of a run into `folder`; returns their names.
 
@@ -85,14 +81,11 @@ def write_run(
 def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
     """Draws every plot that the log has the data for; returns their names."""
     written = []
-    if len(log["t"]) < 2:
-        return written
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
         mpl.rcParams.update(plots.RC)
-        for name, draw in PLOTS.items():
-            figure = draw(log, summary)
-            if figure is not None:
+        for name, draw in PLOTS.items() if len(log["t"]) > 1 else ():
+            if (figure := draw(log, summary)) is not None:
                 figure.savefig(folder / name)
                 written.append(name)
     return written
@@ -141,9 +134,6 @@ def _legend() -> str:
     return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
 
 
-_GOOD, _BAD = "#1b7a3d", "#c01a2e"  # colours of the last line
-
-
 def replay_status(log: Log, summary: dict) -> str:
     """Returns the HTML of the status text of a replay.
 
@@ -152,31 +142,24 @@ def replay_status(log: Log, summary: dict) -> str:
     each push and of each step; above them ICP error, foot forces and torque are
     drawn over time.
     """
-    color = palette.foot_color
-    told = telling(log, summary)
-    ends = _GOOD if summary["recovered"] else _BAD
+    color, told = palette.foot_color, telling(log, summary)
+    ends = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red
     story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
     story += [[t, text.split("   ")[0], ends] for t, text in told[-1:]]
+    phases = []
+    for span in logs.phase_spans(log):
+        side = f"{span.swing_side.value} " * (span.phase is not Phase.STANDING)
+        phases.append([span.start, f"{side}{span.phase.value}"])
+    jumps = [[p.start, "push", palette.PUSH] for p in pushes(log)]
+    for step in steps(log):
+        label = f"step {step.number}"
+        jumps.append([step.swing.start, label, color(step.side)])
     names = "scenario", "robot", "plant", "mechanisms"
     said = {
         "title": "  ·  ".join(str(summary[n]) for n in names if n in summary),
-        "phases": [
-            [
-                span.start,
-                "standing"
-                if span.phase is Phase.STANDING
-                else f"{span.swing_side.value} {span.phase.value}",
-            ]
-            for span in logs.phase_spans(log)
-        ],
+        "phases": phases,
         "story": story,
-        "jumps": [
-            *([p.start, "push", palette.PUSH] for p in pushes(log)),
-            *(
-                [step.swing.start, f"step {step.number}", color(step.side)]
-                for step in steps(log)
-            ),
-        ],
+        "jumps": jumps,
         "curves": _curves(log),
         "end": float(log["t"][-1]),
     }
@@ -191,40 +174,34 @@ def _curves(log: Log) -> list[list]:
     edges = np.unique(np.linspace(0, len(log["t"]) - 1, _POINTS).astype(int))
     colors = [palette.foot_color(side) for side in Side]
     strips = []
-    for needs, values, label, of_curves in (
-        (
-            "icp_reference",
-            logs.icp_error,
-            "ICP error, up to {:.2f} m",
-            [palette.ICP],
-        ),
-        (
-            "weight",
-            lambda log: (log["foot_forces"] / log["weight"]).T,
-            "foot forces, up to {:.1f} of the weight",
-            colors,
-        ),
-        (
-            "effort_limits",
-            lambda log: np.max(measurements.torque_ratio(log), axis=1),
-            "largest torque, up to {:.0%} of its limit",
-            [palette.SUPPORT],
-        ),
-    ):
-        if needs in log:
-            peaks = np.maximum.reduceat(np.atleast_2d(values(log)), edges, 1)
-            most = float(np.max(peaks))
-            scaled = np.rint(100.0 * peaks / max(most, 1e-9)).astype(int)
-            curves = zip(of_curves, scaled.tolist(), strict=True)
-            strips.append([label.format(most), [*map(list, curves)]])
+
+    def add(values: np.ndarray, label: str, colors: list[str]) -> None:
+        peaks = np.maximum.reduceat(np.atleast_2d(values), edges, 1)
+        most = float(np.max(peaks))
+        scaled = np.rint(100.0 * peaks / max(most, 1e-9)).astype(int)
+        curves = zip(colors, scaled.tolist(), strict=True)
+        strips.append([label.format(most), [*map(list, curves)]])
+
+    if "icp_reference" in log:
+        error = "ICP error, up to {:.2f} m"
+        add(logs.icp_error(log), error, [palette.ICP])
+    if "weight" in log:
+        forces = (log["foot_forces"] / log["weight"]).T
+        add(forces, "foot forces, up to {:.1f} of the weight", colors)
+    if "effort_limits" in log:
+        torque = np.max(measurements.torque_ratio(log), axis=1)
+        label = "largest torque, up to {:.0%} of its limit"
+        add(torque, label, [palette.SUPPORT])
     return strips
 
 
-class LivePage:
+class LivePage(ThreadingHTTPServer):
     """Serves Meshcat's page, with lines of text and a legend, on localhost.
 
     Its panel is open.  As a context manager it serves within its block.
     """
+
+    daemon_threads = True
 
     def __init__(self, meshcat: Meshcat):
         """Serves from a free port; see `url`."""
@@ -236,54 +213,48 @@ class LivePage:
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
         live = _LIVE % _POLLED
         self._page = _extended(page, _legend(), _STATUS, live).encode()
-        self._server = ThreadingHTTPServer(("localhost", 0), self._handler())
-        self._server.daemon_threads = True
+        super().__init__(("localhost", 0), _Handler)
 
     @property
     def url(self) -> str:
         """The URL of the page."""
-        return f"http://localhost:{self._server.server_address[1]}"
+        return f"http://localhost:{self.server_port}"
 
     def show(self, lines: list[str]) -> None:
         """Shows `lines` in the page."""
         self._lines = lines
 
     def __enter__(self) -> Self:
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        threading.Thread(target=self.serve_forever, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._server.shutdown()
-        self._server.server_close()
+        self.shutdown()
+        self.server_close()
 
     def _fetched(self, path: str) -> bytes:
-        url = f"{self._meshcat_url}/{path.lstrip('/')}"
-        with self._fetch(url) as answer:
+        with self._fetch(f"{self._meshcat_url}/{path.lstrip('/')}") as answer:
             return answer.read()
 
-    def _answer(self, path: str) -> bytes:
+    def answer(self, path: str) -> bytes:
+        """What is at a path; OSError: Meshcat has no such file."""
         if path == _POLLED:
             return json.dumps(self._lines).encode()
-        if path.partition("?")[0] == "/":
-            return self._page
-        return self._fetched(path)
+        root = path.partition("?")[0] == "/"
+        return self._page if root else self._fetched(path)
 
-    def _handler(self) -> type[BaseHTTPRequestHandler]:
-        page = self
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                try:
-                    code, body = 200, page._answer(self.path)
-                except OSError:  # Meshcat has no such file
-                    code, body = 404, b""
-                with contextlib.suppress(OSError):  # the browser is gone
-                    self.send_response(code)
-                    self.send_header("Content-Length", str(len(body)))
-                    self.end_headers()
-                    self.wfile.write(body)
+class _Handler(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        try:
+            code, body = 200, self.server.answer(self.path)
+        except OSError:
+            code, body = 404, b""
+        with contextlib.suppress(OSError):  # the browser is gone
+            self.send_response(code)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
 
-            def log_message(self, *_: object) -> None:
-                """Suppresses the log of requests on the terminal."""
-
-        return Handler
+    def log_message(self, *_: object) -> None:
+        """Suppresses the log of requests on the terminal."""

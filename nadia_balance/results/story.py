@@ -6,10 +6,10 @@ import numpy as np
 
 import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import CalmSteps, recovered_at
-from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
+from nadia_balance.systems.signals import PHASES, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
@@ -30,18 +30,23 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
     end = _end_time(log, summary)
     if summary["fell_at"] is None and told:
         end = max(end, told[-1][0])  # the result is the last line
-    return [*told, (end, _tell_end(log, summary, end))]
+    figures = _figures(
+        summary,
+        ("max ICP error {:.3f} m", "max_icp_error_m", 1.0),
+        ("max torque {:.0f} %", "max_torque_ratio", 100.0),
+        ("QP violation {:.0e}", "max_qp_violation", 1.0),
+        ("real-time factor {:.1f}", "real_time_factor", 1.0),
+    )
+    line = "   ".join([_tell_outcome(log, summary, end), *figures])
+    return [*told, (end, line.replace("e-0", "e-"))]
 
 
 def chapter_words(summary: dict) -> str:
     """Returns the line of a chapter of a longer run."""
-    told = _figures(
-        summary,
-        ("{:.3f} m of ICP error", "max_icp_error_m", 1.0),
-        ("{:.0f} % of torque", "max_torque_ratio", 100.0),
-        ("{:.0f} QP failures", "qp_failures", 1.0),
-    )
-    return f"walks on: {', '.join(told)}"
+    error = "{:.3f} m of ICP error", "max_icp_error_m", 1.0
+    torque = "{:.0f} % of torque", "max_torque_ratio", 100.0
+    failures = "{:.0f} QP failures", "qp_failures", 1.0
+    return f"walks on: {', '.join(_figures(summary, error, torque, failures))}"
 
 
 def _figures(summary: dict, *texts: tuple[str, str, float]) -> list[str]:
@@ -65,14 +70,11 @@ class LiveStory:
         self._pushed_after: int | None = None
         self._calm = CalmSteps()
 
-    def look(
-        self,
-        time: float,
-        walking: WalkingSignal,
-        push: PushSignal,
-        error: float,
-    ) -> list[str]:
-        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's."""
+    def look(self, time: float, walking, push, error: float) -> list[str]:
+        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's.
+
+        `walking` and `push` are the WalkingSignal and the PushSignal.
+        """
         taken, told = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
             newtons = float(np.linalg.norm(push.force))
@@ -109,14 +111,10 @@ def moment_words(walking: WalkingSignal) -> str:
     return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
 
 
-def push_words(
-    walking: WalkingSignal | None, force: Array, delta_v: float
-) -> str:
+def push_words(walking, force: Array, delta_v: float) -> str:
     """Describes a push, as it begins: size, direction, point of the gait."""
-    direction = direction_words(walking, force)
-    if walking is None:
-        return f"push {delta_v:.2f} m/s {direction}"
-    return f"push {delta_v:.2f} m/s {direction}, {moment_words(walking)}"
+    told = f"push {delta_v:.2f} m/s {direction_words(walking, force)}"
+    return told if walking is None else f"{told}, {moment_words(walking)}"
 
 
 def direction_words(walking: WalkingSignal | None, force: Array) -> str:
@@ -132,18 +130,10 @@ def direction_words(walking: WalkingSignal | None, force: Array) -> str:
     return f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg"
 
 
-def step_words(number: int, side: Side, changes: str) -> str:
-    """Describes the `number`-th step, counted from 1, and its `changes`."""
-    ordinal = _ORDINALS.get(number, f"{number}th")
-    return f"{ordinal} step ({side.value}) {changes}"
-
-
-def move_words(side: Side, commanded: FootPose, adjusted: FootPose) -> str:
+def move_words(step: logs.Step) -> str:
     """Describes the shift of a foothold in the commanded one's frame."""
-    move = (adjusted.p_WF - commanded.p_WF)[:2]
-    forward, left = commanded.rotation.T @ move
-    out = left * side.sign
-    parts = []
+    forward, left = step.commanded.rotation.T @ step.adjustment
+    out, parts = left * step.side.sign, []
     if abs(forward) > TOLD_MOVE:
         word = "forward" if forward > 0 else "back"
         parts.append(f"{word} {abs(forward):.2f} m")
@@ -176,12 +166,14 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
     later = [step for step in logs.steps(log) if step.swing.end > begin]
     told = []
     for number, step in enumerate(later, start=1):
-        changes = [move_words(step.side, step.commanded, step.adjusted)]
+        changes = [move_words(step)]
         if step.transfer is not None and step.transfer.end > begin:
             changes.append(_tell_time("transfer", step.transfer))
         changes.append(_tell_time("swing", step.swing))
         if text := ", ".join(filter(None, changes)):
-            told.append((step.swing.end, step_words(number, step.side, text)))
+            which = f"{_ORDINALS.get(number, f'{number}th')} step"
+            line = f"{which} ({step.side.value}) {text}"
+            told.append((step.swing.end, line))
     return told
 
 
@@ -199,18 +191,6 @@ def _end_time(log: Log, summary: dict) -> float:
     if not pushed or not summary["recovered"] or "icp" not in log:
         return float(log["t"][-1]) if len(log["t"]) else 0.0
     return recovered_at(log, pushed[-1])
-
-
-def _tell_end(log: Log, summary: dict, end: float) -> str:
-    told = _figures(
-        summary,
-        ("max ICP error {:.3f} m", "max_icp_error_m", 1.0),
-        ("max torque {:.0f} %", "max_torque_ratio", 100.0),
-        ("QP violation {:.0e}", "max_qp_violation", 1.0),
-        ("real-time factor {:.1f}", "real_time_factor", 1.0),
-    )
-    told.insert(0, _tell_outcome(log, summary, end))
-    return "   ".join(told).replace("e-0", "e-")
 
 
 def _tell_outcome(log: Log, summary: dict, end: float) -> str:

@@ -171,12 +171,11 @@ def _shortfall(run: Run) -> str:
 
 def _overload(log: Log) -> str:
     """The joint limit that was exceeded; empty if none was."""
-    ratio = largest(measured.torque_ratio(log))
-    if ratio is not None and not ratio <= 1.0 + EFFORT_MARGIN:
+    if not np.all(measured.torque_ratio(log) <= 1.0 + EFFORT_MARGIN):
         return "a torque was above its limit"
-    ratio = largest(measured.joint_speed_ratio(log))
-    if ratio is not None and not ratio <= 1.0 + SPEED_MARGIN:
-        return f"too fast: a joint at {100.0 * ratio:.1f} % of its limit"
+    speeds = measured.joint_speed_ratio(log)
+    if not np.all(speeds <= 1.0 + SPEED_MARGIN):
+        return f"too fast: a joint at {100.0 * speeds.max():.1f} % of its limit"
     return ""
 
 

@@ -4,7 +4,7 @@ import itertools
 import math
 
 import numpy as np
-from pydrake.geometry import Capsule, SceneGraph, SceneGraphInspector, Sphere
+from pydrake.geometry import Capsule, SceneGraphInspector, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
@@ -34,17 +34,14 @@ class CollisionAvoidance:
     with another shape are measured by the SceneGraph, one by one.
     """
 
-    def __init__(
-        self,
-        params: CollisionAvoidanceParams,
-        robot: RobotModel,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-    ):
-        """Measures the links of `robot`, the only one in `plant`."""
+    def __init__(self, params: CollisionAvoidanceParams, robot, plant, scene):
+        """Measures the links of `robot`, the only one in `plant`.
+
+        `scene` is the SceneGraph with their shapes.
+        """
         self._plant, self._params = plant, params
         self._world = plant.world_frame()
-        inspector = scene_graph.model_inspector()
+        inspector = scene.model_inspector()
         candidates = sorted(inspector.GetCollisionCandidates())
         self._shapes = {
             shape: _Shape(inspector, plant, shape)
@@ -121,12 +118,10 @@ class CollisionAvoidance:
         W = np.empty((6, 2, distance.size))
         W[3:, 0], W[3:, 1] = normal, -normal
         W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        velocity = plant.EvalBodySpatialVelocityInWorld
         V = np.empty((len(self._bodies), 6))
         for i in set(bodies.ravel().tolist()):
-            V_WB = plant.EvalBodySpatialVelocityInWorld(
-                context, self._bodies[i]
-            )
-            V[i] = V_WB.get_coeffs()
+            V[i] = velocity(context, self._bodies[i]).get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
         braking = self._params.braking(distance, rates)
         near = distance < self._params.attention
@@ -165,9 +160,7 @@ class CollisionAvoidance:
         distance = length - self._radii.take(near)
         return distance, normal, p.take(near, axis=2), bodies
 
-    def _near_others(
-        self, context: Context, X_WB: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
+    def _near_others(self, context: Context, X_WB: np.ndarray) -> tuple:
         """Returns the same for other shapes, with points on the surfaces."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
         found = []
@@ -192,9 +185,7 @@ class CollisionAvoidance:
 class _Shape:
     """A shape of a link, with its axis if it is a capsule or a sphere."""
 
-    def __init__(
-        self, inspector: SceneGraphInspector, plant: MultibodyPlant, shape
-    ):
+    def __init__(self, inspector: SceneGraphInspector, plant, shape):
         """A pose [R, p] of the body times `segment` (4, 2) is [begin, way].
 
         `radius` [m] is None unless the shape is a capsule or a sphere.

@@ -24,9 +24,7 @@ class WholeBodyKinematics:
     one degree of freedom, each with one actuator (see check_plant).
     """
 
-    def __init__(
-        self, robot: RobotModel, plant: MultibodyPlant, lead: float = 0.0
-    ):
+    def __init__(self, robot: RobotModel, plant: MultibodyPlant, lead=0.0):
         """Computes in a context of `plant`, of the `robot` alone.
 
         The positions are a `lead` [s] ahead of the velocities.
@@ -63,13 +61,10 @@ class WholeBodyKinematics:
         plant, rows = self.plant, self._rows.copy()
         state = plant.GetPositionsAndVelocities(context)
         v = state[-self._damping.size :]
-        self._fill_forces(
-            context, v, rows[command.BASE.start : command.TORSO.start]
-        )
+        self._fill_forces(context, v, rows)
         self._fill_motions(context, rows)
-        poses = (
-            plants.body_poses(plant, context, self._bodies) @ self._X_BodyFrame
-        )
+        poses = plants.body_poses(plant, context, self._bodies)
+        poses = poses @ self._X_BodyFrame
         velocities = rows[:, :-1] @ v
         if self._lead:
             self._take_back(rows, v, velocities)
@@ -98,12 +93,13 @@ class WholeBodyKinematics:
         turns[command.BASE.stop : command.TORSO.start] = 0.0
         velocities -= self._lead * turns
 
-    def _fill_forces(self, context, v, forces):
+    def _fill_forces(self, context, v, rows):
         """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""
         M = self.plant.CalcMassMatrix(context)
         bias = self.plant.CalcBiasTerm(context) + self._damping * v
         # Gravity from M: the base's linear velocity is expressed in W.
         bias -= M[:, 3:6] @ self._gravity
+        forces = rows[command.BASE.start : command.TORSO.start]
         forces[:, :-1], forces[:, -1] = M, bias
         forces /= self._mass
 
@@ -150,9 +146,8 @@ def whole_body_model(
         found = np.full(n, others)
         for joint, value in named.items():
             if not plant.HasJointNamed(joint):
-                raise ValueError(
-                    f"joint = {joint!r}: the robot has no such joint"
-                )
+                why = "the robot has no such joint"
+                raise ValueError(f"joint = {joint!r}: {why}")
             found[plant.GetJointByName(joint).velocity_start() - 6] = value
         return found
 

@@ -133,11 +133,9 @@ class StandingLegs:
                 low[axis] = max(low[axis], near)
                 high[axis] = min(high[axis], far)
                 if not low[axis] < high[axis]:
-                    raise ValueError(
-                        f"effort limit of {joint.name()} = {effort[i]:g}: "
-                        f"must hold the weight of {weight:.0f} N somewhere on "
-                        "the sole"
-                    )
+                    what = f"effort limit of {joint.name()} = {effort[i]:g}"
+                    why = f"must hold the weight of {weight:.0f} N somewhere"
+                    raise ValueError(f"{what}: {why} on the sole")
         low[1] = max(low[1], -high[1])  # alike for both feet
         high[1] = -low[1]
         return sole.clip(low, high)
@@ -200,9 +198,7 @@ class StandingKinematics(ik.InverseKinematics):
         com = ik.ComPositionConstraint(plant, None, world, context)
         prog.AddConstraint(com, [*self.q(), *self._com])
 
-    def nearest(
-        self, q: np.ndarray, com: ArrayLike, weight: float = 1.0
-    ) -> np.ndarray | None:
+    def nearest(self, q: Array, com: ArrayLike, weight=1.0) -> Array | None:
         """Returns the positions (nq,) nearest to `q`; None if there are none.
 
         The search begins at `q` (nq,) and the CoM `com` (3,) [m].

@@ -66,9 +66,8 @@ class RobotModel:
         self.sole = rectangle(self.sole_length, self.sole_width)
         centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
         self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        self.remarks = robot_urdf.remarks_on(
-            self.control_diagram()[1], set(feet)
-        )
+        _, plant, _ = self.control_diagram()
+        self.remarks = robot_urdf.remarks_on(plant, set(feet))
         with naming(f"urdf = {urdf}"):
             self.legs_at(self.standing_positions()).check_standing()
 
@@ -95,19 +94,14 @@ class RobotModel:
         """The robot's model for capture-point control."""
         legs = self.legs_at(self.standing_positions())
         a, v = legs.foot_limits(self.max_joint_speeds)
-        detour = self.params.swing_detour
-        detour = replace(
-            detour,
-            max_acceleration=min(a, detour.max_acceleration),
-            max_speed=min(v, detour.max_speed),
-        )
+        own = self.params.swing_detour
+        most = {"max_acceleration": min(a, own.max_acceleration)}
+        detour = replace(own, max_speed=min(v, own.max_speed), **most)
         reach, apart = self.params.reachability, 0.0
         if avoidance := self.params.whole_body.avoidance:
             _, shaped, scene_graph = self.control_diagram()
-            inspector = scene_graph.model_inspector()
-            width = robot_urdf.foot_width(
-                shaped, inspector, self.foot_bodies.values()
-            )
+            seen, feet = scene_graph.model_inspector(), self.foot_bodies
+            width = robot_urdf.foot_width(shaped, seen, feet.values())
             width = max(width, self.sole_width)
             apart = width + avoidance.clearance
             beside = max(detour.beside, apart + 0.5 * avoidance.clearance)
@@ -127,9 +121,8 @@ class RobotModel:
 
     def legs_at(self, q: np.ndarray) -> StandingLegs:
         """Returns the legs of the robot, standing at `q` (nq,)."""
-        return StandingLegs(
-            self.control_plant(), q, self.foot_bodies, self.X_FootSole
-        )
+        feet = self.foot_bodies, self.X_FootSole
+        return StandingLegs(self.control_plant(), q, *feet)
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
         """Returns `params` with the values that are this robot's own.
@@ -153,15 +146,11 @@ class RobotModel:
         limits = dict(self.drives.max_torque) if self.drives else {}
         for actuator in plants.actuators(plant):
             if actuator.model_instance() == instance:
-                name = actuator.joint().name()
-                actuator.set_effort_limit(
-                    limits.pop(name, actuator.effort_limit())
-                )
+                own = actuator.joint().name(), actuator.effort_limit()
+                actuator.set_effort_limit(limits.pop(*own))
         for joint in limits:
-            raise ValueError(
-                f"drives.max_torque.{joint}: must be of an actuated joint of "
-                f"{self.name}"
-            )
+            why = f"must be of an actuated joint of {self.name}"
+            raise ValueError(f"drives.max_torque.{joint}: {why}")
         return instance
 
     def add_plant_to(
@@ -185,12 +174,7 @@ class RobotModel:
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
 
-    def stand_in(
-        self,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-        ground: Ground | None = None,
-    ) -> None:
+    def stand_in(self, plant: MultibodyPlant, scene_graph, ground=None) -> None:
         """Puts robot and `ground` into an empty `plant`; finalizes it."""
         self.add_to(plant)
         plants.add_ground(plant, ground)
@@ -208,22 +192,21 @@ class RobotModel:
         own = set(plant.GetBodyIndices(pelvis.model_instance()))
         feet = self.foot_bodies.values()
         hips = [plants.joints_above(plant, foot)[-1].index() for foot in feet]
-        left, right = (
-            set(plant.GetBodiesKinematicallyAffectedBy([hip])) for hip in hips
-        )
+        moved = plant.GetBodiesKinematicallyAffectedBy
+        left, right = (set(moved([hip])) for hip in hips)
 
         def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
-            bodies = [plant.get_body(link) for link in links]
-            return plant.CollectRegisteredGeometries(bodies)
+            return plant.CollectRegisteredGeometries(
+                [plant.get_body(link) for link in links]
+            )
 
         others = shapes(own - left - right)
+        soles = shapes(plant.GetBodyByName(foot).index() for foot in feet)
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(shapes(left))
             .ExcludeWithin(shapes(right))
-            .ExcludeWithin(
-                shapes(plant.GetBodyByName(foot).index() for foot in feet)
-            )
+            .ExcludeWithin(soles)
             .ExcludeWithin(others)
             .ExcludeBetween(others, shapes(left | right))
         )
@@ -239,13 +222,11 @@ class RobotModel:
         """A diagram of a plant of the robot alone and its SceneGraph."""
         return _shaped(self.urdf)
 
-    def improper_contacts(
-        self, plant: MultibodyPlant, contact_results: mbp.ContactResults
-    ) -> set[str]:
+    def improper_contacts(self, plant: MultibodyPlant, results) -> set[str]:
         """Calls plants.improper_contacts for this robot in `plant`."""
         robot = plant.GetBodyByName(self.pelvis_body).model_instance()
         feet = set(self.foot_bodies.values())
-        return plants.improper_contacts(plant, contact_results, robot, feet)
+        return plants.improper_contacts(plant, results, robot, feet)
 
     def standing_positions(
         self, step_width: float | None = None, place: FootPose = ORIGIN
@@ -273,18 +254,17 @@ class RobotModel:
         for joint, angle in self.posture.items():
             nominal[plant.GetJointByName(joint).position_start()] = angle
         if (q := found.nearest(nominal, com)) is not None:
-            turn = Quaternion(
-                math.cos(place.yaw / 2), 0, 0, math.sin(place.yaw / 2)
-            )
+            half = 0.5 * place.yaw
+            turn = Quaternion(math.cos(half), 0, 0, math.sin(half))
             q[:4] = turn.multiply(Quaternion(q[:4])).wxyz()
             q[4:6] = place.to_world(q[None, 4:6])[0]
             return q
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip
         raise ValueError(
-            f"step_width = {width}, com_height = {self.com_height}: must "
-            f"be within reach of the legs of {self.name}, in m; with "
-            f"straight ones, the CoM is {highest:.3f} m high"
+            f"step_width = {width}, com_height = {self.com_height}: must be "
+            f"within reach of the legs of {self.name}, in m; with straight "
+            f"ones, the CoM is {highest:.3f} m high"
         )
 
 
@@ -306,15 +286,13 @@ def robot_names() -> list[str]:
 def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
     """Returns the robot `name` of the package, or of the robot.yaml `name`.
 
-    Raises:
-        ValueError: unknown name, fidelity or field, malformed YAML or URDF, a
-            value out of range; one line that names it.
-        FileNotFoundError: the robot.yaml or its URDF does not exist.
+    Raises ValueError: unknown name, fidelity or field, malformed YAML or URDF,
+    a value out of range; one line that names it; FileNotFoundError: the
+    robot.yaml or its URDF does not exist.
     """
     if fidelity not in FIDELITIES:
-        raise ValueError(
-            f"fidelity = {fidelity!r}: must be one of {', '.join(FIDELITIES)}"
-        )
+        which = f"must be one of {', '.join(FIDELITIES)}"
+        raise ValueError(f"fidelity = {fidelity!r}: {which}")
     params, urdf = load_robot_params(name)
     if fidelity == "ideal":
         params = idealised(params)
@@ -336,17 +314,13 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
         return copy.deepcopy(params), urdf
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
-        raise ValueError(
-            f"robot = {name!r}: must be one of {', '.join(robot_names())}, "
-            "or a path to a robot.yaml"
-        )
+        which = f"one of {', '.join(robot_names())}, or a path to a robot.yaml"
+        raise ValueError(f"robot = {name!r}: must be {which}")
     return _read_params(name, path)
 
 
 @functools.lru_cache(maxsize=16)
-def _params_of_package(
-    name: str, changed: tuple[int, ...]
-) -> tuple[RobotParams, Path]:
+def _params_of_package(name: str, changed: tuple) -> tuple[RobotParams, Path]:
     """Reads a robot once, and again when one of its files has `changed`."""
     return _read_params(name, MODELS / name / "robot.yaml")
 
@@ -362,18 +336,13 @@ def _read_params(name: str, path: Path) -> tuple[RobotParams, Path]:
         params.validate_more()
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")
-    params = _measured(params, given, urdf)
-    with naming(what):
-        check(params)
-    return scaled(params, params.size, given), urdf
-
-
-def _measured(params: RobotParams, given: dict, urdf: Path) -> RobotParams:
-    """Returns `params` with lengths of the URDF, checked but for numbers."""
     with naming(f"urdf = {urdf}"):
         robot_urdf.check_urdf(urdf)
     _, plant, scene_graph = _shaped(urdf)
     robot_urdf.check_plant(plant, params)
     with naming(f"urdf = {urdf}"):
         inspector = scene_graph.model_inspector()
-        return robot_urdf.with_lengths(params, given, plant, inspector)
+        params = robot_urdf.with_lengths(params, given, plant, inspector)
+    with naming(what):
+        check(params)
+    return scaled(params, params.size, given), urdf

@@ -71,12 +71,8 @@ class RobotParams:
     @property
     def size(self) -> Size:
         """The size that scales Nadia's values to parameters not given here."""
-        sole = self.sole
-        return Size(
-            leg=self.legs.length + self.legs.ankle_height,
-            sole_length=sole.x_max - sole.x_min,
-            sole_width=2.0 * sole.half_width,
-        )
+        leg, sole = self.legs.length + self.legs.ankle_height, self.sole
+        return Size(leg, sole.x_max - sole.x_min, 2.0 * sole.half_width)
 
     def validate_more(self) -> None:
         """Raises ValueError if the robot has no name, or no URDF."""

@@ -1,9 +1,7 @@
 """A plant: its ground; its joints, drives and bodies."""
 
-from collections.abc import Iterable
-
 import numpy as np
-from pydrake.geometry import Convex, RoleAssign, SceneGraph
+from pydrake.geometry import Convex, RoleAssign
 from pydrake.math import RigidTransform
 from pydrake.multibody import plant as mbp
 from pydrake.multibody import tree
@@ -60,9 +58,7 @@ def is_pitch(joint: tree.Joint, context: Context) -> bool:
     return abs((R_WJ @ joint.revolute_axis())[1]) > _PITCH
 
 
-def body_poses(
-    plant: MultibodyPlant, context: Context, bodies: Iterable[tree.RigidBody]
-) -> np.ndarray:
+def body_poses(plant: MultibodyPlant, context: Context, bodies) -> Array:
     """Poses [R, p] (n, 3, 4) in W of the `bodies` of `plant`."""
     poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
     return np.array([X_WB.GetAsMatrix34() for X_WB in poses])
@@ -77,10 +73,7 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
     if ground is None or ground.is_level:
         Parser(plant).AddModels(str(MODELS / "terrain" / "flat.urdf"))
         return
-    tops = [
-        np.column_stack([r.polygon, r.heights(r.polygon)])
-        for r in ground.regions
-    ]
+    tops = [np.c_[r.polygon, r.heights(r.polygon)] for r in ground.regions]
     bottom = min(top[:, 2].min() for top in tops) - _DEPTH
     for i, top in enumerate(tops):
         below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
@@ -90,9 +83,7 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
         plant.RegisterVisualGeometry(*where, palette.rgba(palette.GROUND).rgba)
 
 
-def scale_friction(
-    plant: MultibodyPlant, scene_graph: SceneGraph, ratio: float
-) -> None:
+def scale_friction(plant: MultibodyPlant, scene_graph, ratio: float) -> None:
     """Multiplies all friction coefficients in a finalized `plant`."""
     inspector, source = scene_graph.model_inspector(), plant.get_source_id()
     replaces = RoleAssign.kReplace

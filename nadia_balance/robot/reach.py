@@ -74,17 +74,14 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
     detour = robot.point_mass.detour
-
-    def is_beside(p: Array) -> bool:
-        return abs(p[0]) < detour.ahead and p[1] < detour.beside
-
     missed: list[tuple[str, Array]] = []
     for _ in range(_TURNS):
         missed = [
-            (name, point)
+            (name, (x, y))
             for name, polygon in step_regions(reach, True).items()
-            for point in _around(polygon)
-            if not (is_beside(point) or reaches(robot, point))
+            for x, y in _around(polygon)
+            if abs(x) >= detour.ahead or y >= detour.beside
+            if not reaches(robot, np.array([x, y]))
         ]
         if not missed:
             break
@@ -93,27 +90,25 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
                 getattr(reach, f"width_{name}") - _NARROWER * leg,
                 -0.9 * reach.width_nominal,
             )
-            for name, point in missed
-            if name != BASE and point[1] < reach.width_nominal
+            for name, (_, y) in missed
+            if name != BASE and y < reach.width_nominal
         }
         narrower = replace(reach, **less)
-        too_long = narrower == reach or any(name == BASE for name, _ in missed)
-        reach = _shorter(reach) if too_long else narrower
+        if narrower == reach or any(name == BASE for name, _ in missed):
+            narrowest = 1.01 * reach.width_nominal
+            narrower = replace(
+                reach,
+                length_forward=_LESS * reach.length_forward,
+                length_backward=_LESS * reach.length_backward,
+                width_max=max(_LESS * reach.width_max, narrowest),
+            )
+        reach = narrower
     return reach, {name for name, _ in missed}
 
 
 def _around(polygon: Array) -> Array:
     """Corners and midpoints (2 n, 2) of the edges: the reach is not convex."""
     return np.vstack([polygon, 0.5 * (polygon + np.roll(polygon, 1, axis=0))])
-
-
-def _shorter(reach: ReachabilityParams) -> ReachabilityParams:
-    return replace(
-        reach,
-        length_forward=_LESS * reach.length_forward,
-        length_backward=_LESS * reach.length_backward,
-        width_max=max(_LESS * reach.width_max, 1.01 * reach.width_nominal),
-    )
 
 
 def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
@@ -140,11 +135,10 @@ def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
             short.append(f"speed of {name}, {speed:.0%} in place")
     model = robot.point_mass
     for what, i in (("ahead and behind", 0), ("aside", 1)):
-        ends = [
-            [100.0 * sole[:, i].max(), -100.0 * sole[:, i].min()]
+        (ahead, behind), (toe, heel) = (
+            (100.0 * sole[:, i].max(), -100.0 * sole[:, i].min())
             for sole in (model.cop_area, model.sole)
-        ]
-        (ahead, behind), (toe, heel) = ends
+        )
         lines.append(
             f"  ankles hold the CoP {what}: {ahead:.1f} and {behind:.1f} cm, "
             f"of the sole's {toe:.1f} and {heel:.1f} cm"
@@ -173,11 +167,8 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     found, limits, legs = [], plants.effort_limits(plant), robot.legs_at(q)
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
-        pitches = [
-            joint
-            for joint in plants.joints_above(legs.plant, foot)
-            if plants.is_pitch(joint, legs.context)
-        ]
+        above = plants.joints_above(legs.plant, foot)
+        pitches = [j for j in above if plants.is_pitch(j, legs.context)]
         if len(pitches) > 1:
             i = pitches[1].velocity_start()
             found.append((abs(torques[i]) / limits[i], pitches[1].name()))

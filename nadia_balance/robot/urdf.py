@@ -16,6 +16,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
 
@@ -46,16 +47,14 @@ def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
     parser.SetStrictParsing()
     with naming(f"urdf = {urdf}"):
         instance = parser.AddModels(str(urdf))[0]
-        _add_actuators(plant, instance, _effort_limits(urdf))
+        _add_actuators(plant, instance, urdf)
     return instance
 
 
 def check_urdf(urdf: Path) -> None:
     """Checks values that Drake accepts unchecked, or for which it aborts.
 
-    Raises:
-        ValueError: a value is out of range.
-        SyntaxError: `urdf` is no XML.
+    Raises ValueError: a value is out of range; SyntaxError: `urdf` is no XML.
     """
     root = ElementTree.parse(urdf).getroot()
     for link in root.iter("link"):
@@ -86,16 +85,6 @@ def check_urdf(urdf: Path) -> None:
             )
 
 
-def _effort_limits(urdf: Path) -> dict[str, float]:
-    """The effort limit of each joint of a checked `urdf` that has one."""
-    return {
-        joint.get("name", ""): effort
-        for joint in ElementTree.parse(urdf).getroot().findall("joint")
-        for limit in joint.findall("limit")
-        if (effort := _number(limit.get("effort"))) > 0.0
-    }
-
-
 def require(fulfilled: bool, message: str) -> None:
     """Raises ValueError(message) unless it is fulfilled."""
     if not fulfilled:
@@ -115,19 +104,21 @@ def _positive(what: str, text: str | None, unit: str) -> None:
     require(positive, f"{what} = {text}: must be a number > 0 {unit}")
 
 
-def _add_actuators(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    effort_limits: dict[str, float],
-) -> None:
-    """Adds actuators to joints for which the URDF has no <transmission>."""
+def _add_actuators(plant: MultibodyPlant, instance, urdf: Path) -> None:
+    """Adds actuators to joints for which the `urdf` has no <transmission>."""
     # All actuators: those of an instance are known only once it is finalized.
     driven = [actuator.joint().index() for actuator in actuators(plant)]
     if len(set(driven)) < len(driven):
         raise ValueError("a joint must not have two <transmission>s")
+    efforts = {
+        joint.get("name"): _number(limit.get("effort"))
+        for joint in ElementTree.parse(urdf).getroot().findall("joint")
+        for limit in joint.findall("limit")
+    }
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
-        limit = effort_limits.get(joint.name())
-        if limit and joint.num_positions() and joint.index() not in driven:
+        limit = efforts.get(joint.name(), 0.0)
+        is_bare = joint.num_positions() and joint.index() not in driven
+        if limit > 0.0 and is_bare:
             plant.AddJointActuator(joint.name(), joint, limit)
 
 
@@ -173,9 +164,7 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
             require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
 
 
-def _check_drives(
-    plant: MultibodyPlant, params: RobotParams, by_name: dict
-) -> None:
+def _check_drives(plant: MultibodyPlant, params: RobotParams, by_name) -> None:
     where = f"urdf = {params.urdf}"
     drives = {drive.joint().name(): drive for drive in actuators(plant)}
     for name, joint in by_name.items():
@@ -208,13 +197,10 @@ def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
             "only the feet have collision shapes: a fall, or legs in each "
             "other, are not noticed"
         )
-    light = [
-        drive.joint().name()
-        for drive in actuators(plant)
-        if not drive.default_reflected_inertia()
-    ]
-    if light:
-        remarks.append(f"no rotor inertia: {', '.join(light)}")
+    bare = [a for a in actuators(plant) if not a.default_reflected_inertia()]
+    if bare:
+        names = ", ".join(drive.joint().name() for drive in bare)
+        remarks.append(f"no rotor inertia: {names}")
     return remarks
 
 
@@ -262,22 +248,18 @@ def _filled(params, measured: dict, given: dict, part: str = ""):
     return replace(params, **lengths)
 
 
-def _position(
-    plant: MultibodyPlant, context: Context, body: str, z: float = 0.0
-) -> np.ndarray:
+def _position(plant, context: Context, body: str, z: float = 0.0) -> Array:
     """Position (3,) [m] in W of the point [0, 0, z] of a body."""
     X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
     return X_WB @ np.array([0.0, 0.0, z])
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> float:
+def _apart(a: Array, b: Array) -> float:
     """Distance [m] of two pitch axes in the sagittal plane."""
     return math.hypot(a[0] - b[0], a[2] - b[2])
 
 
-def _pitch_axes(
-    plant: MultibodyPlant, context: Context, foot: str
-) -> list[np.ndarray]:
+def _pitch_axes(plant, context: Context, foot: str) -> list[Array]:
     """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
 
     Empty if the leg has not three of them, as with oblique hip axes.
@@ -290,9 +272,7 @@ def _pitch_axes(
     return found if len(found) == 3 else []
 
 
-def _sole(
-    plant: MultibodyPlant, inspector: SceneGraphInspector, feet: tuple[str, str]
-) -> dict[str, float]:
+def _sole(plant, inspector, feet: tuple[str, str]) -> dict[str, float]:
     """The largest rectangle, symmetric about y = 0, in the ground points."""
     ends = []
     for foot in feet:
@@ -332,9 +312,7 @@ def foot_width(
     return 2.0 * round(float(max(sides)), _DIGITS)
 
 
-def _low_points(
-    inspector: SceneGraphInspector, shape: GeometryId
-) -> np.ndarray:
+def _low_points(inspector: SceneGraphInspector, shape: GeometryId) -> Array:
     """Points (n, 3) [m] of a shape, in the frame of its body.
 
     Lowest points of balls, corners of hulls, otherwise of the bounding box.
@@ -354,9 +332,7 @@ def _low_points(
     return (X_BG @ box.pose() @ (signs * box.half_width()).T).T
 
 
-def hull_points(
-    inspector: SceneGraphInspector, shape: GeometryId
-) -> np.ndarray:
+def hull_points(inspector: SceneGraphInspector, shape: GeometryId) -> Array:
     """Corners (n, 3) [m] of the convex hull of a shape, in its frame."""
     hull = inspector.GetConvexHull(shape)
     return np.array([hull.vertex(i) for i in range(hull.num_vertices())])

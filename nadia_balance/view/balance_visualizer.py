@@ -49,7 +49,6 @@ _POLYGONS = {
 }
 # Heights above the ground [m], so that none hides another one.
 _ON_FLOOR, _PRINT, _REGION, _OUTLINE = 0.0005, 0.002, 0.004, 0.006
-_NOTHING = np.empty((0, 2))
 
 
 class BalanceVisualizer(LeafSystem):
@@ -78,11 +77,10 @@ class BalanceVisualizer(LeafSystem):
         """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        self._walking_state, self._com = inputs(
-            self, "walking_state com_state?"
-        )
-        self._on_ground = inputs(self, "icp? icp_reference? ecmp_command?")
-        self._push, self._regions = inputs(self, "push_force? capture_regions?")
+        points, last = "icp? icp_reference? ecmp_command?", "capture_regions?"
+        names = f"walking_state com_state? {points} push_force? {last}"
+        self._walking_state, self._com, *others = inputs(self, names)
+        *self._on_ground, self._push, self._regions = others
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
         draws = {PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
@@ -117,11 +115,9 @@ class BalanceVisualizer(LeafSystem):
             if not region.obstacle:
                 z = region.heights(region.polygon) + _ON_FLOOR
                 corners = np.column_stack([region.polygon, z])
+                what = f"{ROOT}/ground/{i}", corners
                 color = palette.rgba(palette.GROUND, 0.5)
-                path = f"{ROOT}/ground/{i}"
-                scene.add_polygon(meshcat, path, corners, color).show(
-                    True, None
-                )
+                scene.add_polygon(meshcat, *what, color).show(True, None)
 
     def _forget(self, context):
         """Removes the drawings of the previous run."""
@@ -172,18 +168,12 @@ class BalanceVisualizer(LeafSystem):
             for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
                 _draw_sole(outline, pose, time)
 
-    def _draw_print(
-        self,
-        side: walking.Side,
-        number: int,
-        pose: walking.FootPose,
-        time: float,
-    ) -> None:
+    def _draw_print(self, side: walking.Side, number: int, pose, time) -> None:
         """Draws the print that step `number` left on `side`."""
-        path, is_new = f"{FOOTPRINTS}/{side.value}_{number}", False
-        if not self._meshcat.HasPath(path):
+        path = f"{FOOTPRINTS}/{side.value}_{number}"
+        if is_new := not self._meshcat.HasPath(path):
             color = palette.rgba(palette.foot_color(side), 0.6)
-            corners, is_new = scene.at_height(self._sole, 0.0), True
+            corners = scene.at_height(self._sole, 0.0)
             scene.add_polygon(self._meshcat, path, corners, color)
         drawing = scene.Drawing(self._meshcat, path)
         if is_new:
@@ -211,33 +201,27 @@ class BalanceVisualizer(LeafSystem):
         is drawn only if the adjusted one differs from it.
         """
         schedule = self._walking_state(context).schedule
-        if schedule.phase is not walking.Phase.SWING:
-            return EventStatus.DidNothing()
-        if (found := self._regions(context)) is None:
+        swings = schedule.phase is walking.Phase.SWING
+        if not swings or (found := self._regions(context)) is None:
             return EventStatus.DidNothing()
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
-        drawn: dict[str, Array] = {"reach": found.reach}
-        for i, region in zip_longest(range(3), found.regions[:3]):
-            clipped = _NOTHING if region is None else intersection(region, near)
-            drawn[f"c_{i + 1}"] = clipped
+        drawn = {"reach": found.reach}
+        drawn |= dict.fromkeys(("c_1", "c_2", "c_3"), np.empty((0, 2)))
+        for i, region in enumerate(found.regions[:3], start=1):
+            drawn[f"c_{i}"] = intersection(region, near)
         for name, polygon in drawn.items():
             above = _OUTLINE if name == "reach" else _REGION
             self._polygons[f"{REGIONS}/{name}"].draw(polygon, z + above, time)
-        nominal, adjusted = found.nominal, found.adjusted
-        if nominal is not None and (
-            adjusted is None or math.dist(nominal.p_WF, adjusted.p_WF) <= 1e-3
-        ):
-            nominal = None
-        _draw_sole(self._nominal, nominal, time)
+        feet = [f.p_WF for f in (found.nominal, found.adjusted) if f]
+        is_moved = len(feet) == 2 and math.dist(*feet) > 1e-3
+        _draw_sole(self._nominal, found.nominal if is_moved else None, time)
         self._region_view.show(True, time)
         return EventStatus.Succeeded()
 
 
-def _draw_sole(
-    outline: scene.Drawing, pose: walking.FootPose | None, time: float
-) -> None:
+def _draw_sole(outline: scene.Drawing, pose, time: float) -> None:
     """Shows an outlined sole at `pose`; None hides it."""
     if pose is None:
         outline.show(False, time)

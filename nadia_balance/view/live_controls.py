@@ -38,10 +38,8 @@ class LiveControls(LeafSystem):
         output_ports: [live_push, mechanisms]
     """
 
-    def __init__(
-        self, meshcat: Meshcat, mechanisms: Mechanisms, period: float = 0.02
-    ):
-        """Polls every `period` [s]; begins with `mechanisms`."""
+    def __init__(self, meshcat: Meshcat, on: Mechanisms, period: float = 0.02):
+        """Polls every `period` [s]; begins with these mechanisms."""
         super().__init__()
         self._meshcat = meshcat
         meshcat.AddButton(PUSH, PUSH_KEY)
@@ -49,10 +47,9 @@ class LiveControls(LeafSystem):
             if name not in meshcat.GetSliderNames():
                 meshcat.AddSlider(name, *limits, value)
             meshcat.SetSliderValue(name, value)
-        on = mechanisms.as_vector()
-        self._show_mechanisms(on)
+        self._show_mechanisms(on.as_vector())
         self._push = self.DeclareDiscreteState([0.0, *self._sliders()])
-        self._on = self.DeclareDiscreteState(on)
+        self._on = self.DeclareDiscreteState(on.as_vector())
         self._before = self.DeclareDiscreteState(1)  # clicks before this run
         self.DeclareStateOutputPort("live_push", self._push)
         self.DeclareStateOutputPort("mechanisms", self._on)

@@ -9,15 +9,7 @@ import math
 
 import numpy as np
 from pydrake import geometry
-from pydrake.geometry import (
-    Cylinder,
-    Meshcat,
-    MeshcatCone,
-    MeshcatParams,
-    Rgba,
-    SceneGraph,
-    Shape,
-)
+from pydrake.geometry import Meshcat, MeshcatParams, Rgba
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody import plant as mbp
@@ -67,9 +59,7 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
         return meshcat, f"port {port} is busy: using {meshcat.port()}"
 
 
-def add_robot_view(
-    builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
-) -> None:
+def add_robot_view(builder: DiagramBuilder, scene_graph, meshcat) -> None:
     """Adds a MeshcatVisualizer of the robot's visual shapes only."""
     params = geometry.MeshcatVisualizerParams(prefix=ROBOT)
     params.role = geometry.Role.kIllustration
@@ -114,15 +104,13 @@ def _add_floor(meshcat: Meshcat) -> None:
         ("plane", floor, -0.004, palette.FLOOR),
         ("grid", lines, -0.001, palette.GRID),
     ):
-        corners = [
-            p
-            for x0, x1, y0, y1 in rectangles
-            for p in ((x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
-        ]
-        a, b, c, d = 4 * np.arange(len(rectangles)) + np.arange(4)[:, None]
-        triangles = np.hstack([[a, b, c], [a, c, d]]).astype(np.int32)
-        rgba, path = palette.rgba(color), f"/Floor/{name}"
-        meshcat.SetTriangleMesh(path, np.transpose(corners), triangles, rgba)
+        x0, x1, y0, y1 = np.transpose(rectangles)
+        xy = np.array([[x0, x1, x1, x0], [y0, y0, y1, y1]])  # (2, 4, n)
+        corners = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
+        a, b, c, d = np.arange(xy[0].size, dtype=np.int32).reshape(4, -1)
+        triangles = np.hstack([[a, b, c], [a, c, d]])
+        look = palette.rgba(color)
+        meshcat.SetTriangleMesh(f"/Floor/{name}", corners, triangles, look)
 
 
 class Drawing:
@@ -143,9 +131,7 @@ class Drawing:
         self.show(True, time)
 
 
-def add_marker(
-    meshcat: Meshcat, path: str, shape: Shape, color: str
-) -> Drawing:
+def add_marker(meshcat: Meshcat, path: str, shape, color: str) -> Drawing:
     """Adds a small object that is seen through the robot."""
     # Transparent objects are painted after all opaque ones.
     meshcat.SetObject(path, shape, palette.rgba(color, 0.99))
@@ -163,8 +149,8 @@ def add_arrow(meshcat: Meshcat, path: str, color: str) -> Drawing:
     middle = [0.0, 0.0, -gap - head - 0.5 * shaft]
     tip = RigidTransform(over, [0.0, 0.0, -gap])
     for part, shape, X in (
-        ("shaft", Cylinder(0.02, shaft), RigidTransform(middle)),
-        ("head", MeshcatCone(head, 0.05, 0.05), tip),
+        ("shaft", geometry.Cylinder(0.02, shaft), RigidTransform(middle)),
+        ("head", geometry.MeshcatCone(head, 0.05, 0.05), tip),
     ):
         meshcat.SetObject(f"{path}/{part}", shape, palette.rgba(color))
         meshcat.SetTransform(f"{path}/{part}", X)
@@ -247,10 +233,9 @@ class ChangingPolygon:
 
     def draw(self, polygon: Array, z: float, time: float) -> None:
         """Shows `polygon` (n, 2) [m] of W at z [m]; an empty one hides it."""
-        corners = at_height(polygon, z)
-        if corners.shape == self._corners.shape and np.all(
-            np.abs(corners - self._corners) < self.STILL
-        ):
+        corners, old = at_height(polygon, z), self._corners
+        alike = corners.shape == old.shape
+        if alike and (abs(corners - old) < self.STILL).all():
             return
         self._corners = corners
         if self._shown is not None:
@@ -293,12 +278,7 @@ def add_mechanisms(
     return controls.GetOutputPort("mechanisms")
 
 
-def add_mouse(
-    builder: DiagramBuilder,
-    plant: mbp.MultibodyPlant,
-    scene_graph: SceneGraph,
-    meshcat: Meshcat,
-) -> OutputPort | None:
+def add_mouse(builder, plant, scene_graph, meshcat) -> OutputPort | None:
     """Adds Drake's pushes with the mouse; returns the port of their forces.
 
     The port is not connected; None before Drake 1.57, which has no mouse.
@@ -306,11 +286,10 @@ def add_mouse(
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None
     kinds = "illustration proximity inertia contacts".split()
-    none = {f"publish_{kind}": False for kind in kinds}
-    config = VisualizationConfig(**none)
+    config = VisualizationConfig(**{f"publish_{kind}": False for kind in kinds})
     where = {"plant": plant, "scene_graph": scene_graph, "meshcat": meshcat}
-    lcm = DrakeLcm("memq://null")
-    ApplyVisualizationConfig(config, builder, lcm=lcm, **where)
+    where["lcm"] = DrakeLcm("memq://null")
+    ApplyVisualizationConfig(config, builder, **where)
     applied = plant.GetInputPort("applied_spatial_force")
     spring, index = builder.connection_map()[plant, applied.get_index()]
     forces = spring.get_output_port(index)
@@ -318,10 +297,8 @@ def add_mouse(
     return forces
 
 
-def connect_forces(
-    builder: DiagramBuilder, engine: System, *forces: OutputPort | None
-) -> None:
-    """Applies the sum of the `forces` that are not None to the `engine`."""
+def connect_forces(builder: DiagramBuilder, engine: System, *forces) -> None:
+    """Applies the sum of the ports `forces`, if not None, to the `engine`."""
     ports = [port for port in forces if port is not None]
     source = ports[0]
     if len(ports) > 1:

@@ -141,10 +141,9 @@ class Rows:
             for name in identity | rows.identity:
                 asked, found = identity.get(name), rows.identity.get(name)
                 if asked != found:
-                    raise ValueError(
-                        f"{name} = {asked}: must be {found} as in "
-                        f"{folder / TRIALS}, or --out another folder"
-                    )
+                    where = f"in {folder / TRIALS}, or --out another folder"
+                    what = f"{name} = {asked}: must be {found} as"
+                    raise ValueError(f"{what} {where}")
             rows._write()  # without a torn line
             file = folder / TRIALS
             with open(file, "a", encoding="utf-8", newline="") as rows.file:
@@ -177,12 +176,10 @@ def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
     """Returns versions and hashes: this process' code, robot and policy."""
     file = Path(controller)
     policy = f"{file.name} {digest([file.read_bytes()])}" if controller else ""
-    return {
-        **versions(scenario.engine),
-        **({"controller": policy} if controller else {}),
-        "code": _first_hash(PACKAGE),
-        "robot_files": robot_hash(scenario.robot),
-    }
+    found = {"controller": policy} if controller else {}
+    found |= {"code": _first_hash(PACKAGE)}
+    found |= {"robot_files": robot_hash(scenario.robot)}
+    return versions(scenario.engine) | found
 
 
 def code_hash(package: Path = PACKAGE) -> str:

@@ -98,7 +98,7 @@ def protocol_of(robot: str, situation: Situation) -> Protocol | None:
     return None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class LimitTable:
     """The limits of one robot, and what they are compared with."""
 
@@ -138,18 +138,11 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
                 cell = Cell(*one, name, direction)
                 trials = groups.get(cell, [])
                 records.append(_record(cell, rows.identity, trials, on))
-    return LimitTable(
-        identity=rows.identity,
-        situations=situations,
-        mechanisms=mechanisms,
-        records=records,
-        assumptions=sorted(assumptions),
-    )
+    found = situations, mechanisms, records, sorted(assumptions)
+    return LimitTable(rows.identity, *found)
 
 
-def _record(
-    cell: Cell, identity: dict, rows: list[dict], limits: list[LipmLimit]
-) -> Record:
+def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
     names = vars(SearchParams())
     search = SearchParams(**{name: identity[name] for name in names})
     found = limit(results_of(rows), search)

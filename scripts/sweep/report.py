@@ -24,7 +24,7 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.sweep import OUTCOMES, Rows, Situation
+from nadia_balance.scripts.sweep import OUTCOMES, Rows
 from nadia_balance.scripts.sweep.limits import (
     LIMITS,
     LimitTable,
@@ -127,9 +127,7 @@ def outcomes(rows: Rows) -> str:
     return f"{len(rows.all)}: {told}"
 
 
-def table_of(
-    limits: LimitTable, situation: Situation, kind: Kind
-) -> tuple[str, str]:
+def table_of(limits: LimitTable, situation, kind: Kind) -> tuple[str, str]:
     """Returns the title, and a table of directions by mechanisms."""
     name, title, digits, other = kind
 
@@ -202,9 +200,7 @@ def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
     ax.spines[:].set_visible(False)
 
 
-def _draw_curves(
-    ax: PolarAxes, limits: LimitTable, situation: Situation
-) -> None:
+def _draw_curves(ax: PolarAxes, limits: LimitTable, situation) -> None:
     """Draws the limits over those of the paper and of any controller."""
     most = limits.mechanisms[-1]
     records = limits.of(most, situation)

@@ -76,10 +76,9 @@ class Sweep:
             given = scenario.robot, scenario.seed, scenario.engine
             shared = self.one.robot, self.one.seed, self.one.engine
             if len(scenario.pushes) != 1 or given != shared:
-                raise ValueError(
-                    f"scenario_name = {name!r}: must have one push, and the "
-                    "robot, seed and engine of the other scenarios"
-                )
+                own = "the robot, seed and engine of the other scenarios"
+                why = f"must have one push, and {own}"
+                raise ValueError(f"scenario_name = {name!r}: {why}")
         for cell in self.cells():
             if cell.direction_deg == self.directions[0]:
                 check(self.walk(cell, replica=0))
@@ -146,9 +145,7 @@ class Limit(NamedTuple):
     complete: bool  # the search has ended
 
 
-def _tried(
-    results: Results, search: SearchParams
-) -> tuple[dict[float, bool], float | None]:
+def _tried(results: Results, search: SearchParams) -> tuple:
     """All pushes [m/s] below the smallest that failed, and that.
 
     True: the push is in doubt, as one replica has not recovered, which others

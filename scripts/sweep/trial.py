@@ -52,27 +52,20 @@ def open_workers(
     if scheduler is None:
         if workers < 1:
             raise ValueError(f"workers = {workers}: must be >= 1")
-        cluster = LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address=None,
-            memory_limit=None,
-            silence_logs=logging.CRITICAL,
-        )
+        less = {"dashboard_address": None, "memory_limit": None}
+        less |= {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
+        cluster = LocalCluster(n_workers=workers, host="127.0.0.1", **less)
         with cluster, Client(cluster, set_as_default=False) as client:
             client.run(os.setsid)  # Ctrl-C interrupts only this process
             yield client.get_executor(pure=False)
         return
     try:
         get_address_host_port(scheduler)  # or else the Client may hang
-        client = Client(
-            scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False
-        )
+        own = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
+        client = Client(scheduler, **own)
     except (OSError, OverflowError, ValueError) as error:
-        raise ValueError(
-            f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
-        ) from None
+        why = f"must be a Dask scheduler ({error})"
+        raise ValueError(f"scheduler = {scheduler!r}: {why}") from None
     with client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
@@ -115,9 +108,7 @@ def run_sweep(
     return not running
 
 
-def search(
-    sweep: Sweep, identity: dict, cell: Cell, known: Results
-) -> list[dict]:
+def search(sweep: Sweep, identity: dict, cell: Cell, known: Results) -> list:
     """Makes the trials that the search of `cell` needs; returns their rows.
 
     It is repeated from its beginning: the `known` ones are not made again.
@@ -126,10 +117,8 @@ def search(
     """
     for name, value in of_process(sweep.one, sweep.controller).items():
         if identity.get(name, value) != value:
-            raise ValueError(
-                f"{name} = {value}: must be {identity[name]}, as when the "
-                "sweep began"
-            )
+            why = f"must be {identity[name]}, as when the sweep began"
+            raise ValueError(f"{name} = {value}: {why}")
     results: Results = {}
     rows = []
     while batch := sweep.attempts(cell, results):
@@ -165,22 +154,14 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
 
 
 @functools.lru_cache(MOST_WALKS)
-def _walked(
-    text: str, plant: str, controller: str, thread: int
-) -> tuple[ClosedLoop, Context, Run]:
-    """Walks to the push; threads do not share diagrams."""
+def _walked(text: str, plant: str, controller: str, thread: int) -> tuple:
+    """Diagram, Context and Run at the push; threads do not share diagrams."""
     scenario = load_typed(Scenario, "walk", data=text)
     diagram = simulation.closed_loop(scenario, plant, controller)
     return diagram, *simulation.walk_to_push(diagram)
 
 
-def _pushed(
-    diagram: ClosedLoop,
-    walked: Context,
-    run: Run,
-    delta_v: float,
-    direction_deg: float,
-) -> dict:
+def _pushed(diagram: ClosedLoop, walked, run: Run, delta_v, direction) -> dict:
     """Returns the row of a push, unless the `run` ended before it.
 
     `predicted_at_push` is the least number of steps that capture the point mass
@@ -196,12 +177,11 @@ def _pushed(
         signal = simulation.push_signal(diagram, context)
         if plans and at_push is None and signal.waiting == 0.0:
             model = scenario.point_mass(diagram.robot)
-            limit = limit_from(diagram, context, model=model)
-            at_push = limit.least_steps()
+            at_push = limit_from(diagram, context, model=model).least_steps()
         return watch(context)
 
     if run.until:
-        push = simulation.pushed(diagram, walked, delta_v, direction_deg)
+        push = simulation.pushed(diagram, walked, delta_v, direction)
         ends = {"stop_at_failure": True, "until": decided}
         run = simulation.advance(push, scenario.duration, **ends)
     summary = run.summary

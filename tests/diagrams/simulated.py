@@ -64,9 +64,8 @@ def all_of(scenario: Scenario, plant: str) -> str:
         files.append(Path(terrain.name))
         scenario.terrain = replace(terrain, name="file")
     texts = [path.read_text(encoding="utf-8") for path in files]
-    return "\n".join(
-        [plant, yaml_dump_typed(scenario), yaml_dump_typed(params), *texts]
-    )
+    dumped = map(yaml_dump_typed, (scenario, params))
+    return "\n".join([plant, *dumped, *texts])
 
 
 def figures(text: str = "{}", plant: str = "humanoid") -> dict:

@@ -15,20 +15,17 @@ def test_a_pushed_robot_moves_as_at_the_origin():
     contacts and QPs make 6e-9 m within 2 s.
     """
     push = "pushes: [{delta_v: 0.35, direction_deg: 60, at: 0.8 s}]"
+    rest = f"{push}, {EARLY % 'num_steps: 9'}"
     near, far = (
-        load_scenario(
-            "push", text=f"{{{place}, {push}, {EARLY % 'num_steps: 9'}}}"
-        )
+        load_scenario("push", text=f"{{{place}, {rest}}}")
         for place in ("place: {}", FAR)
     )
     near.duration = far.duration = 1.4
     expected, found = (run_of(scenario).logs for scenario in (near, far))
     place = far.place.pose
     assert np.linalg.norm(np.ptp(expected["icp"], axis=0)) > 0.1
-    np.testing.assert_allclose(
-        found["icp"], place.to_world(expected["icp"]), rtol=0.0, atol=1e-6
-    )
+    moved = place.to_world(expected["icp"])
+    np.testing.assert_allclose(found["icp"], moved, rtol=0.0, atol=1e-6)
     joints = slice(7, 7 + expected["actuation"].shape[1])
-    np.testing.assert_allclose(
-        found["state"][:, joints], expected["state"][:, joints], atol=1e-6
-    )
+    there, here = (log["state"][:, joints] for log in (found, expected))
+    np.testing.assert_allclose(there, here, atol=1e-6)

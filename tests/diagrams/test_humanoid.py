@@ -13,10 +13,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
-from pydrake.multibody.plant import (
-    ContactResults,
-    ExternallyAppliedSpatialForceMultiplexer,
-)
+from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side
@@ -95,20 +92,17 @@ def test_stands_still_on_the_commanded_wrenches(text):
         assert by_engine[3:] == pytest.approx(wrench[3:], abs=2.0)
 
 
-def measured_wrench(results: ContactResults, body, p_WF) -> np.ndarray:
+def measured_wrench(results: mbp.ContactResults, body, p_WF) -> np.ndarray:
     """[moment about p_WF, force] (6,) of all contacts on `body`, in W."""
     total = np.zeros(6)
     for i in range(results.num_point_pair_contacts()):
         contact = results.point_pair_contact_info(i)
-        # The force is that on body B.
-        for index, sign in (
-            (contact.bodyA_index(), -1.0),
-            (contact.bodyB_index(), 1.0),
-        ):
-            if index == body.index():
-                force = sign * contact.contact_force()
-                arm = contact.contact_point() - p_WF
-                total += np.concatenate([np.cross(arm, force), force])
+        on_A, on_B = contact.bodyA_index(), contact.bodyB_index()
+        if body.index() in (on_A, on_B):  # the force is that on body B
+            sign = 1.0 if body.index() == on_B else -1.0
+            force = sign * contact.contact_force()
+            arm = contact.contact_point() - p_WF
+            total += np.concatenate([np.cross(arm, force), force])
     return total
 
 
@@ -123,14 +117,12 @@ def test_walks_where_it_is_told():
     assert found["qp_failures"] == 0
 
 
-@pytest.mark.parametrize(
-    ("direction_deg", "impulse"), [(0, 28), (180, 28), (90, 35)]
-)
-def test_takes_a_shove_without_a_step(direction_deg, impulse):
+@pytest.mark.parametrize(("degrees", "impulse"), [(0, 28), (180, 28), (90, 35)])
+def test_takes_a_shove_without_a_step(degrees, impulse):
     """Oracle: the bar of the project [N s], in 0.1 s at the pelvis."""
     text = (
         f"{{duration: 1.3, pushes: [{{force: {10 * impulse}, at: 0.1 s, "
-        f"direction_deg: {direction_deg}}}]}}"
+        f"direction_deg: {degrees}}}]}}"
     )
     found = runs.figures(text)
     assert found["recovered"]
@@ -236,11 +228,9 @@ def test_clicks_do_what_the_scenario_would():
         meshcat = start_meshcat()[0]
         off = runs.scenario_of(text % ("icp_only", ""))
         diagram = HumanoidDiagram(off, meshcat)
-        sums = [
-            system.num_input_ports()
-            for system in diagram.GetSystems()
-            if isinstance(system, ExternallyAppliedSpatialForceMultiplexer)
-        ]
+        kind = mbp.ExternallyAppliedSpatialForceMultiplexer
+        adding = [one for one in diagram.GetSystems() if isinstance(one, kind)]
+        sums = [system.num_input_ports() for system in adding]
         simulator = start(diagram)
         simulator.Initialize()
         for label in LABELS.values():

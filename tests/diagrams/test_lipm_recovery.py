@@ -20,19 +20,18 @@ pushes: [{delta_v: 0.0, at: right swing 25 %}]
 
 
 def recovers(
-    mechanisms: str, direction: float, delta_v: float, by_qp: bool = False
+    mechanisms: str, direction: float, delta_v: float, qp=None
 ) -> bool:
     """Whether all steps of the gait end with the ICP error below 5 cm.
 
-    It is pushed in this direction [deg], so hard [m/s].  Adjusted by the QP of
-    the Atlas paper, if told.
+    It is pushed in this direction [deg], so hard [m/s].  Adjusted by the `qp`
+    of the Atlas paper, if told.
     """
     scenario = load_scenario("push", text=PUSH, fidelity="ideal")
     scenario.mechanisms = mechanisms
     (push,) = scenario.pushes
     push.direction_deg, push.delta_v = direction, delta_v
-    if by_qp:
-        scenario.controller.icp_step_qp = IcpStepQpParams()
+    scenario.controller.icp_step_qp = qp
     found = judged(scenario, "lipm")
     return found["recovered"] and found["steps_after_push"] >= 4
 
@@ -52,18 +51,11 @@ def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
     assert found == names[names.index(fewest) :]
 
 
-@pytest.mark.parametrize(
-    "delta_v, names",
-    [
-        (0.45, set(ATLAS_MECHANISMS) - {"feedback"}),
-        (0.9, {"feedback_step_timing"}),
-    ],
-)
+BOTH, FEWER = {"feedback_step_timing"}, {*ATLAS_MECHANISMS} - {"feedback"}
+
+
+@pytest.mark.parametrize("delta_v, names", [(0.45, FEWER), (0.9, BOTH)])
 def test_step_and_timing_together_recover_most(delta_v, names):
     """Oracle: the order of the Atlas paper's Fig. 6, pushed outward."""
-    found = {
-        name
-        for name in ATLAS_MECHANISMS
-        if recovers(name, 270.0, delta_v, by_qp=True)
-    }
-    assert found == names
+    qp, all_ = IcpStepQpParams(), ATLAS_MECHANISMS
+    assert {n for n in all_ if recovers(n, 270.0, delta_v, qp)} == names

@@ -50,10 +50,8 @@ def test_walks_without_the_scripted_push_and_without_a_log(session):
     assert session.context.get_time() == pytest.approx(BEGIN)
     session.ticks(200)
     assert session.context.get_time() == pytest.approx(5.3)
-    state = session._diagram.GetOutputPort("walking_state").Eval(
-        session.context
-    )
-    assert state.steps_taken == 4
+    port = session._diagram.GetOutputPort("walking_state")
+    assert port.Eval(session.context).steps_taken == 4
     assert session.told == []
     assert session.status()[2] == "walks"
     assert len(session.times_logged()) == 0

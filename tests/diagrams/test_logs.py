@@ -27,9 +27,8 @@ def test_equals_the_ports_at_that_instant(plant):
     (push,) = pushes(logs)
     assert push.start == pytest.approx(0.2)
     assert push.delta_v == pytest.approx(0.1)
-    assert np.linalg.norm(push.force) == pytest.approx(
-        diagram.robot.mass * 0.1 / 0.1
-    )
+    newtons = diagram.robot.mass * 0.1 / 0.1
+    assert np.linalg.norm(push.force) == pytest.approx(newtons)
     ports = ports_of(diagram)
     rows = len(logs["t"])
     names = {n for n, a in logs.items() if a.ndim == 2 and len(a) == rows}

@@ -33,14 +33,10 @@ def test_a_copied_context_goes_on_with_the_same_bits():
     for time in (0.65, 0.7):
         first.AdvanceTo(time)
         second.AdvanceTo(time)
-    x, y = (
-        diagram.engine.GetOutputPort("state").Eval(
-            diagram.engine.GetMyContextFromRoot(simulator.get_context())
-        )
-        for simulator in (first, second)
-    )
+    engine, roots = diagram.engine, [s.get_context() for s in (first, second)]
+    own = map(engine.GetMyContextFromRoot, roots)
+    x, y = map(engine.GetOutputPort("state").Eval, own)
     assert np.array_equal(x, y)
     log = simulated(PUSHED).logs
-    assert np.array_equal(
-        x, log["state"][np.searchsorted(log["t"], 0.7 - 1e-9)]
-    )
+    row = np.searchsorted(log["t"], 0.7 - 1e-9)
+    assert np.array_equal(x, log["state"][row])

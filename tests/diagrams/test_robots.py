@@ -11,10 +11,8 @@ from nadia_balance.diagrams.scenario import load_scenario
 from tests.diagrams.simulated import EARLY, diagram_of, figures, simulated
 
 PERIOD = 0.004
-SHOVED = (
-    "{fidelity: %s, duration: 0.5, "
-    "pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]}"
-)
+SHOVE = "pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]"
+SHOVED = f"{{fidelity: %s, duration: 0.5, {SHOVE}}}"
 
 
 def test_real_torques_lag_behind_the_commanded():

@@ -3,20 +3,17 @@
 import pytest
 from pydrake.common.yaml import yaml_load_file
 
-from nadia_balance.diagrams.scenario import (
-    SCENARIO_FOLDER,
-    load_scenario,
-    scenario_names,
-)
+from nadia_balance.diagrams import scenario as module
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
 
-FILES = sorted(SCENARIO_FOLDER.glob("*.yaml"))
+FILES = sorted(module.SCENARIO_FOLDER.glob("*.yaml"))
 
 
 def test_every_scenario_loads_and_has_its_steps_in_reach():
     """Oracle: the footsteps that are made; the names in the files."""
     names = [name for path in FILES for name in yaml_load_file(str(path))]
-    assert sorted(names) == sorted(scenario_names())
+    assert sorted(names) == sorted(module.scenario_names())
     robots = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
     for name in names:
         scenario = load_scenario(name)
@@ -48,9 +45,7 @@ BAD_TEXTS = {
     "mechanisms: feedback_step": (
         "mechanisms = 'feedback_step': must go with controller.icp_step_qp"
     ),
-    "pushes: [{delta_v: 0.1, at: 10 s}]": (
-        "at = '10 s': must be before duration = 10.0 s"
-    ),
+    "pushes: [{delta_v: 1, at: 10 s}]": "at = '10 s': must be before duration",
     "pushes: [{delta_v: 0.1, at: right swing 5 %}]": (
         "at = 'right swing 5 %': must come with steps in the gait"
     ),

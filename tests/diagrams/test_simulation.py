@@ -106,9 +106,8 @@ def test_ctrl_c_keeps_what_was_logged():
     assert rows == round(run.simulated_time / PERIOD) + 1
     whole = simulated("{duration: 1.0}", "lipm").logs
     for name in ("t", "icp", "walking_signal"):
-        assert np.array_equal(
-            run.logs[name], whole[name][:rows], equal_nan=True
-        )
+        until_then = whole[name][:rows]
+        assert np.array_equal(run.logs[name], until_then, equal_nan=True)
 
 
 def test_a_number_that_is_none_stops_the_point_mass():

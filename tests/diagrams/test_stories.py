@@ -170,12 +170,8 @@ def test_the_qp_steps_out(atlas_steps):
 
 
 @pytest.mark.parametrize(
-    ("name", "after", "length"),
-    [
-        ("backward_shove", 3, 0.1),
-        ("cross_over", 3, 0.0),
-        ("atlas_steps", 5, 0.5),
-    ],
+    "name, after, length",
+    [("backward_shove", 3, 0.1), ("cross_over", 3, 0), ("atlas_steps", 5, 0.5)],
 )
 def test_the_feet_go_back_to_their_footholds(name, after, length, request):
     """Oracle: the n-th of the gait's footholds is n lengths ahead.

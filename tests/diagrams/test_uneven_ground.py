@@ -79,10 +79,8 @@ def test_soles_stand_on_the_planes_of_their_regions(
 def test_walks_on_tiles_that_it_takes_for_flat_ground(robot):
     """Oracle: by hand: its feet stand higher and lower, and tilted."""
     log = walked(soon(load_scenario("tiles", duration=4.4)))
-    soles = [
-        soles_at(robot, log, log["t"][step.swing.last])[step.side]
-        for step in steps(log)
-    ]
+    landed = [(log["t"][s.swing.last], s.side) for s in steps(log)]
+    soles = [soles_at(robot, log, time)[side] for time, side in landed]
     heights = [X_WF.translation()[2] for X_WF in soles]
     assert np.ptp(heights) > 0.015
     upright = RotationMatrix().col(2)

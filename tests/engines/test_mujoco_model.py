@@ -3,11 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from pydrake.multibody import plant as mbp
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import (
-    ExternallyAppliedSpatialForce,
-    MultibodyPlant,
-)
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.engines.mujoco_model import MujocoModel
@@ -47,7 +45,7 @@ def test_moves_as_drake_does(name):
     load_robot(name).add_to(plant)
     plant.Finalize()
     context, rng = plant.CreateDefaultContext(), np.random.default_rng(1)
-    force = ExternallyAppliedSpatialForce()
+    force = mbp.ExternallyAppliedSpatialForce()
     force.body_index = plant.GetBodyByName(load_robot(name).torso_body).index()
     nv, com = plant.num_velocities(), plant.CalcCenterOfMassPositionInWorld
     for _ in range(10):
@@ -75,9 +73,8 @@ def test_touches_what_it_touches_in_drake(name, fidelity):
     torques, seen = np.zeros(plant.num_actuators()), set()
     for _ in range(40):
         x = a_state(plant, rng, 0.6)
-        plant.SetPositionsAndVelocities(
-            plant.GetMyMutableContextFromRoot(root), x
-        )
+        context = plant.GetMyMutableContextFromRoot(root)
+        plant.SetPositionsAndVelocities(context, x)
         query, expected = scene_graph.get_query_output_port().Eval(own), {}
         for pair in query.ComputePointPairPenetration():
             bodies = frozenset(
@@ -87,19 +84,14 @@ def test_touches_what_it_touches_in_drake(name, fidelity):
             expected[bodies] = max(pair.depth, expected.get(bodies, 0.0))
         _, contacts = model.step(x, torques)
         assert model.data.ncon == len(contacts)
-        found = {}
-        for contact, dist in zip(
-            contacts, model.data.contact.dist, strict=True
-        ):
-            bodies = frozenset(
-                map(int, (contact.bodyA_index(), contact.bodyB_index()))
-            )
+        found, distances = {}, model.data.contact.dist
+        for contact, dist in zip(contacts, distances, strict=True):
+            pair = contact.bodyA_index(), contact.bodyB_index()
+            bodies = frozenset(map(int, pair))
             found[bodies] = max(-dist, found.get(bodies, 0.0))
         assert set(found) == set(expected)
-        ground = [pair for pair in found if 0 in pair]
-        assert [found[pair] for pair in ground] == pytest.approx(
-            [expected[pair] for pair in ground]
-        )
+        ground = {pair: d for pair, d in expected.items() if 0 in pair}
+        assert {pair: found[pair] for pair in ground} == pytest.approx(ground)
         seen |= set(found)
     assert any(0 in pair for pair in seen) and any(0 not in p for p in seen)
 

@@ -4,16 +4,8 @@ import sys
 
 import numpy as np
 import pytest
-from pydrake.geometry import (
-    Box,
-    Capsule,
-    Convex,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    SceneGraph,
-    Sphere,
-)
+from pydrake import geometry
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -21,11 +13,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
-from nadia_balance.engines.plants import (
-    MujocoPlant,
-    PointMassPlant,
-    add_mujoco_plant,
-)
+from nadia_balance.engines import plants
+from nadia_balance.engines.plants import MujocoPlant
 from nadia_balance.robot.model import load_robot
 from tests.blocks import answer, running
 from tests.example_walks import MODEL, ReferencePoint, replace, walk
@@ -40,26 +29,24 @@ START = ReferencePoint([0.01, 0.02], [0.1, -0.05], [0.0, 0.0])
 
 
 def touch(plant: MultibodyPlant, body, shape) -> None:
-    friction = CoulombFriction(0.8, 0.8)
-    plant.RegisterCollisionGeometry(
-        body, RigidTransform(), shape, "touches", friction
-    )
+    what = body, RigidTransform(), shape, "touches"
+    plant.RegisterCollisionGeometry(*what, CoulombFriction(0.8, 0.8))
 
 
 def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
     """Oracle: m g, within 5 g, for one body of each shape."""
     (tmp_path / "cube.obj").write_text(CUBE)
     shapes = {
-        "box": Box(0.2, 0.2, 0.2),
-        "capsule": Capsule(0.1, 0.2),
-        "cylinder": Cylinder(0.1, 0.2),
-        "ellipsoid": Ellipsoid(0.1, 0.1, 0.1),
-        "hull": Convex(str(tmp_path / "cube.obj"), 0.1),
-        "sphere": Sphere(0.1),
+        "box": geometry.Box(0.2, 0.2, 0.2),
+        "capsule": geometry.Capsule(0.1, 0.2),
+        "cylinder": geometry.Cylinder(0.1, 0.2),
+        "ellipsoid": geometry.Ellipsoid(0.1, 0.1, 0.1),
+        "hull": geometry.Convex(str(tmp_path / "cube.obj"), 0.1),
+        "sphere": geometry.Sphere(0.1),
     }
     plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    touch(plant, plant.world_body(), HalfSpace())
+    touch(plant, plant.world_body(), geometry.HalfSpace())
     bodies = {}
     for i, (name, shape) in enumerate(shapes.items()):
         inertia = SpatialInertia.SolidSphereWithMass(1.0 + i, 0.1)
@@ -87,7 +74,7 @@ def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
 
 @pytest.fixture(scope="module")
 def nadia():
-    return add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
+    return plants.add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
 
 
 def test_a_state_that_diverges_ends_the_run(nadia, tmp_path, monkeypatch):
@@ -115,11 +102,7 @@ def test_says_what_to_install(nadia, monkeypatch):
 
 
 def plant_with(
-    phase=Phase.SWING,
-    ecmp=(0.0, 0.0),
-    swing=(0, 0, 0.05),
-    push=0,
-    rates=(0.0,) * 6,
+    phase=Phase.SWING, ecmp=(0, 0), swing=(0, 0, 0.05), push=0, rates=6 * (0,)
 ):
     """The plant, its simulator and a context in which all inputs are fixed.
 
@@ -127,7 +110,7 @@ def plant_with(
     to swing or swings.
     """
     state = WalkingState(replace(walk(), phase=phase, start=START))
-    plant = PointMassPlant(MODEL, PERIOD, state)
+    plant = plants.PointMassPlant(MODEL, PERIOD, state)
     return plant, *running(
         plant,
         ecmp_command=[0.0, 0.0, *ecmp],
@@ -165,9 +148,8 @@ def test_a_push_changes_the_velocity_by_its_impulse():
 def test_the_swing_foot_goes_where_it_is_told():
     """Oracle: p + v t + a t^2 / 2, by hand, for one tick of 0.002 s."""
     rates = (0.5, -1.0, 1.5, 10.0, 20.0, -30.0)
-    plant, simulator, context = plant_with(
-        swing=(0.05, -0.13, 0.04), rates=rates
-    )
+    swing = (0.05, -0.13, 0.04)
+    plant, simulator, context = plant_with(swing=swing, rates=rates)
     simulator.AdvanceTo(0.5 * PERIOD)
     foot = answer(plant, context, "foot_poses")[Side.RIGHT]
     told = [0.05 + 0.00102, -0.13 - 0.00196, 0.04 + 0.00294]

@@ -144,15 +144,13 @@ class Biped:
                 SubElement(shape, "origin", xyz=at)
         return link
 
-    def _joint(
-        self, name, parent, child, at, axis=None, limits=None, kind="revolute"
-    ):
-        held, hanging = self._frame(parent), self._frame(child)
-        kind = kind if axis is not None else "fixed"
+    def _joint(self, name, holder, child, at, axis=None, limits=None, kind=""):
+        held, hanging = self._frame(holder), self._frame(child)
+        kind = kind or ("fixed" if axis is None else "revolute")
         joint = SubElement(self._top, "joint", name=name, type=kind)
         rpy = _text((held.inv() * hanging).as_euler("xyz"))
         SubElement(joint, "origin", xyz=_text(held.inv().apply(at)), rpy=rpy)
-        SubElement(joint, "parent", link=parent)
+        SubElement(joint, "parent", link=holder)
         SubElement(joint, "child", link=child)
         if axis is not None:
             SubElement(joint, "axis", xyz=_text(hanging.inv().apply(axis)))

@@ -39,9 +39,8 @@ def seen_by_drake(file, folder):
     for name, angle in ANGLES.items():
         plant.GetJointByName(name).set_angle(context, angle)
     thigh = plant.GetFrameByName("r_thigh")
-    bodies = plant.GetBodyIndices(
-        plant.GetBodyByName("pelvis").model_instance()
-    )
+    pelvis = plant.GetBodyByName("pelvis")
+    bodies = plant.GetBodyIndices(pelvis.model_instance())
     inertia = plant.CalcSpatialInertia(context, thigh, bodies)
     legs = [
         plant.GetJointByName(f"{n}_{name}").velocity_start()
@@ -162,9 +161,8 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     assert (sole.half_width, sole.z) == pytest.approx((0.05, -0.08))
     plant = robot.control_plant()
     context = plant.CreateDefaultContext()
-    without = re.sub(
-        r"<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>", "", WITH_BOW
-    )
+    scene = "<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>"
+    without = re.sub(scene, "", WITH_BOW)
     model = mujoco.MjModel.from_xml_string(without)
     data, order = mujoco.MjData(model), {}
     for i, name in enumerate([*JOINTS, "bow"]):
@@ -199,10 +197,8 @@ def test_heavy_arms_are_not_taken_for_legs(tmp_path):
 def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
     """Oracle: the robot that floats in the file."""
     found = []
-    for name, text in (
-        ("free", MJCF),
-        ("held", MJCF.replace("<freejoint/>", "")),
-    ):
+    held = MJCF.replace("<freejoint/>", "")
+    for name, text in ("free", MJCF), ("held", held):
         file = tmp_path / f"{name}.xml"
         file.write_text(text)
         notes = make_once(file, tmp_path / name)

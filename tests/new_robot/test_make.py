@@ -127,10 +127,8 @@ def rod(parent, child):
 
 BACKWARD = '"0.0" upper="2.3"', '"-2.3" upper="0.0"'
 NO_EFFORT = r' effort="250"', ""
-HIGHER = (
-    r'<geometry>(\s*<mesh filename="[^"]*/r_foot)',
-    (r'<origin xyz="0 0 0.02"/><geometry>\1'),
-)
+RIGHT_FOOT = r'<geometry>(\s*<mesh filename="[^"]*/r_foot)'
+HIGHER = RIGHT_FOOT, r'<origin xyz="0 0 0.02"/><geometry>\1'
 BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
 
 
@@ -138,12 +136,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
     "name, old, new, message",
     [
         ("l_yaw", "revolute", "fixed", "legs: must be two, of 6"),
-        (
-            "l_tilt",
-            "revolute",
-            "continuous",
-            "joint l_tilt: continuous: must be a driven",
-        ),
+        ("l_tilt", "revolute", "continuous", "joint l_tilt: continuous: must"),
         ("bow", "revolute", "planar", "joint bow: planar: must be revol"),
         ("r_knee", "</joint>", "<mimic/></joint>", "joint r_knee: mimic: must"),
         ("r_hip", *NO_EFFORT, "joint r_hip: no effort limit: m"),
@@ -163,9 +156,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("", '<joint name="waist".*?</joint>', "", "floating bases: must be"),
     ],
 )
-def test_a_faulty_biped_is_refused_on_one_line(
-    tmp_path, name, old, new, message
-):
+def test_a_faulty_biped_is_refused_in_a_line(tmp_path, name, old, new, message):
     """Oracle: what was made wrong, and where."""
     if name:
         old, new = rf'(name="{name}"(?!/).*?){old}', rf"\g<1>{new}"
@@ -174,10 +165,7 @@ def test_a_faulty_biped_is_refused_on_one_line(
     assert "\n" not in str(error.value)
 
 
-ASIDE = (
-    r'<geometry>(\s*<mesh filename="[^"]*/r_foot)',
-    r'<origin xyz="0 0 0" rpy="0 0 1.5708"/><geometry>\1',
-)
+ASIDE = RIGHT_FOOT, r'<origin xyz="0 0 0" rpy="0 0 1.5708"/><geometry>\1'
 SHIN = 'name="l_shin">.*?'
 
 
@@ -186,7 +174,7 @@ SHIN = 'name="l_shin">.*?'
     [
         (
             [times("value", 10, SHIN)],
-            "left and right differ: link masses at l_knee and r_knee, 40 ",
+            "left and right differ: link masses at l_k",
         ),
         ([times("ixx|iyy|izz", 100)], "moments of inertia too large "),
         ([times("effort", 10)], "effort limits > 548 N m, weight times leg: "),
@@ -234,10 +222,7 @@ def test_says_what_it_mends(tmp_path):
         (r'(name="l_thumb".*?)<sphere radius="0.01"', rf"\1{mesh}"),
         (r'(name="r_thumb".*?)<sphere radius="0.01"', rf"\1{broken}"),
         (r'(name="l_palm".*?)radius="0.02"', r'\1radius="0.00"'),
-        (
-            r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"',
-            r'\g<1>0\g<2>0\g<3>0"',
-        ),
+        (r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"', r'\1 0\2 0\3 0"'),
         fix=["r_sw.*"],
         make=make_robot,
     )

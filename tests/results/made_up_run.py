@@ -9,22 +9,12 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from nadia_balance.core.body.reachability import (
-    ReachabilityParams,
-    step_regions,
-)
+from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results.summary import Run, RunInfo
-from nadia_balance.systems.signals import (
-    PHASES,
-    ComState,
-    EcmpCommand,
-    IcpReference,
-    MeasuredFeet,
-    PushSignal,
-    WalkingSignal,
-)
+from nadia_balance.systems import signals
+from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 
 T, OMEGA, MASS = 0.002, 3.2, 90.9
 HALF_WIDTH = 0.125
@@ -90,10 +80,8 @@ def without_robot(log: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def cut(log: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
     """Returns the first `rows` rows of the log."""
     n = len(log["t"])
-    return {
-        name: a[:rows] if a.ndim and len(a) == n else a
-        for name, a in log.items()
-    }
+    timed = {name: a for name, a in log.items() if a.ndim and len(a) == n}
+    return log | {name: a[:rows] for name, a in timed.items()}
 
 
 def summary_of(log: dict[str, np.ndarray], **told) -> dict:
@@ -124,9 +112,8 @@ def _walking_signal(recipe: Recipe) -> np.ndarray:
 
     for k in range(1, recipe.num_steps + 1):
         plan = np.array([recipe.length * k, swing.sign * HALF_WIDTH, 0.0])
-        move, swings, transfers = recipe.changed.get(
-            k, (np.zeros(2), recipe.swing, recipe.transfer)
-        )
+        usual = np.zeros(2), recipe.swing, recipe.transfer
+        move, swings, transfers = recipe.changed.get(k, usual)
         goal = plan + [*move, 0.0]
         step = (k - 1, plan, goal, swing.sign)
         if k == 1:
@@ -165,14 +152,9 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
     share = np.clip(walking.time_in_phase / walking.duration, 0.0, 1.0)[:, None]
     last = (walking.target_side == 0)[:, None] * 0.5
     phase = walking.phase[:, None]
-    cop = np.select(
-        [phase == 2, phase == 1],
-        [
-            support + share * [0.06, 0.0],
-            other + (1 - last) * share * (support - other),
-        ],
-        0.5 * (left + right),
-    )
+    shifted = other + (1 - last) * share * (support - other)
+    cop = np.where(phase == 1, shifted, 0.5 * (left + right))
+    cop = np.where(phase == 2, support + share * [0.06, 0.0], cop)
     icp_r = np.empty((n, 2))
     icp_r[-1] = cop[-1]
     for i in range(n - 2, -1, -1):
@@ -182,7 +164,7 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
         jump = push[i, :2] * T / (MASS * OMEGA)
         error[i] = error[i - 1] * np.exp(-2.0 * OMEGA * T) + jump
     icp = icp_r + error
-    com = ComState(np.zeros((6, n)))
+    com = signals.ComState(np.zeros((6, n)))
     com.z[:] = 0.95
     com.position[:2, 0] = icp[0]
     for i in range(1, n):
@@ -191,14 +173,12 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
     p = com.position[:2].T
     com.velocity[:2] = (OMEGA * (icp - p)).T
     log["com_state"], log["icp"] = com[:].T, icp
-    reference = IcpReference(np.empty((8, n)))
-    reference.icp[:], reference.icp_velocity[:] = (
-        icp_r.T,
-        OMEGA * (icp_r - cop).T,
-    )
+    reference = signals.IcpReference(np.empty((8, n)))
+    reference.icp[:] = icp_r.T
+    reference.icp_velocity[:] = OMEGA * (icp_r - cop).T
     reference.cop[:] = reference.ecmp[:] = cop.T
     log["icp_reference"] = reference[:].T
-    command = EcmpCommand(np.empty((4, n)))
+    command = signals.EcmpCommand(np.empty((4, n)))
     command.cop[:] = (cop + np.clip(3.0 * error, -0.04, 0.04)).T
     command.ecmp[:] = ecmp = (cop + 3.0 * error).T
     log["ecmp_command"] = command[:].T
@@ -211,7 +191,8 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
     weight = MASS * 9.81
     log["foot_forces"] = weight * np.column_stack([to_left, 1 - to_left])
     log["sole"] = rectangle(0.25, 0.12)
-    regions = step_regions(ReachabilityParams(), cross_over=True)
+    reach = reachability.ReachabilityParams()
+    regions = reachability.step_regions(reach, cross_over=True)
     log |= {f"region_{name}": region for name, region in regions.items()}
 
 
@@ -234,7 +215,7 @@ def _add_robot(log, walking: WalkingSignal, push: np.ndarray) -> None:
     log["weight"] = np.array(MASS * 9.81)
     log["foot_wrenches"] = np.zeros((n, 12))
     log["whole_body_qp_status"] = np.tile([1.0, 0.0, 2.0, 2e-7, 0.0], (n, 1))
-    feet = MeasuredFeet(np.zeros((8, n)))
+    feet = signals.MeasuredFeet(np.zeros((8, n)))
     feet.left[:2], feet.right[:2] = walking.left[:2], walking.right[:2]
     for x in (feet.left_x, feet.right_x):
         x += 0.002 * np.sin(t)  # slips

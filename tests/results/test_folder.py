@@ -24,9 +24,8 @@ def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
     meshcat = start_meshcat()[0]
     pages.start_recording(meshcat)
-    names = pages.write_run(
-        tmp_path, log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
-    )
+    what = log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
+    names = pages.write_run(tmp_path, *what)
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
     assert names == expected + PLOTS
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
@@ -57,9 +56,8 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
     """Oracle: the folders; what is named is refused to the second one."""
     monkeypatch.chdir(tmp_path)
     with contextlib.ExitStack() as held:
-        folders = [
-            held.enter_context(folder.new_folder(None, "run", [])) for _ in "ab"
-        ]
+        new = folder.new_folder
+        folders = [held.enter_context(new(None, "run", [])) for _ in "ab"]
         assert len({*folders}) == 2
         with (
             pytest.raises(ValueError, match="in use by no other run"),
@@ -75,10 +73,7 @@ def test_two_runs_at_once_have_a_folder_each(tmp_path, monkeypatch):
     [
         (lambda log: made_up_run.cut(log, 700), PLOTS),
         (lambda log: made_up_run.cut(log, 1), []),
-        (
-            lambda log: {n: a for n, a in log.items() if n not in EFFORT},
-            PLOTS[:3],
-        ),
+        (lambda log: {n: log[n] for n in {*log} - {*EFFORT}}, PLOTS[:3]),
     ],
     ids=["cut off", "one row", "no effort"],
 )

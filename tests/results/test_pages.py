@@ -33,14 +33,12 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
     page.goto(path.as_uri())
     page.wait_for_function("viewer.animator.duration > 0")
     for time in end - 0.1, end + 0.5:
-        page.evaluate(
-            "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }", time
-        )
+        seek = "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }"
+        page.evaluate(seek, time)
         phase = "right swing" if time < end else "left swing"
         clock = f"t = {time:.2f} s, {phase}"
-        page.wait_for_function(
-            "(t) => document.body.innerText.includes(t)", arg=clock
-        )
+        shown = "(t) => document.body.innerText.includes(t)"
+        page.wait_for_function(shown, arg=clock)
         shown = " ".join(page.inner_text("#status").split())
         assert shown.startswith("</script> · ")
         for begins, line in told:
@@ -55,7 +53,6 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
         x = f"viewer.scene_tree.find({MIDDLE[1:].split('/')}).object.position.x"
         page.wait_for_function(f"Math.abs({x} - {time}) < 0.3")
     page.evaluate("viewer.animator.play()")
-    page.wait_for_function(
-        "(t) => viewer.animator.playing && viewer.animator.time < t", arg=end
-    )
+    again = "(t) => viewer.animator.playing && viewer.animator.time < t"
+    page.wait_for_function(again, arg=end)
     page.close()

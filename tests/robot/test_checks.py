@@ -14,7 +14,7 @@ from tests.boxes import ground, register
 FEET = {"left", "right"}
 SIZE = 0.1  # of every box [m]
 ON_GROUND = 0.5 * SIZE - 0.001  # [m]
-ON_A_FOOT = 1.5 * SIZE - 0.002  # [m]
+ON_TOP = 1.5 * SIZE - 0.002  # [m]
 
 
 def contacts(positions: dict) -> set[str]:
@@ -53,13 +53,13 @@ def contacts(positions: dict) -> set[str]:
         ({"left": [0, 0, ON_GROUND], "right": [0, 1, ON_GROUND]}, set()),
         ({"knee": [0, 0, ON_GROUND]}, {"knee - ground"}),
         (
-            {"left": [0, 0, ON_A_FOOT], "right": [0, 0, ON_GROUND]},
+            {"left": [0, 0, ON_TOP], "right": [0, 0, ON_GROUND]},
             {"left - right"},
         ),
         # A foot may stand on a box, but no knee.
-        ({"box": [0, 0, ON_GROUND], "left": [0, 0, ON_A_FOOT]}, set()),
+        ({"box": [0, 0, ON_GROUND], "left": [0, 0, ON_TOP]}, set()),
         (
-            {"box": [0, 0, ON_GROUND], "knee": [0, 0, ON_A_FOOT]},
+            {"box": [0, 0, ON_GROUND], "knee": [0, 0, ON_TOP]},
             {"knee - other::box"},
         ),
     ],

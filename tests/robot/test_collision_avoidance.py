@@ -8,31 +8,18 @@ import numpy as np
 import pytest
 from pydrake.geometry import Capsule, Sphere
 
+from nadia_balance.core.whole_body import params as of_qp
 from nadia_balance.core.whole_body.command import Avoidance
-from nadia_balance.core.whole_body.params import (
-    CollisionAvoidanceParams,
-    WholeBodyQpParams,
-)
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.robot import collision_avoidance
-from nadia_balance.robot.collision_avoidance import (
-    MAX_PAIRS,
-    CollisionAvoidance,
-)
+from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.model import RobotModel, load_robot, load_robot_params
+from tests import whole_body_examples as examples
 from tests.core.whole_body.test_collision_avoidance import brute_force
-from tests.whole_body_examples import (
-    PERIOD,
-    command,
-    model,
-    nadia,
-    random_state,
-    standing_positions,
-    terms_at,
-)
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
-PARAMS = CollisionAvoidanceParams()
+PARAMS = of_qp.CollisionAvoidanceParams()
+MAX_PAIRS = collision_avoidance.MAX_PAIRS
 FAR = 0.4  # [m]
 ROBOTS = ("nadia", "atlas")
 
@@ -88,10 +75,8 @@ class Links:
         for k, pair in enumerate(pairs):
             radii[k] = sum(self.round[shape][3] for shape in pair)
         # As begin and way, (3, 2, n k).
-        begin, way = np.moveaxis(places, (3, 4, 2), (0, 1, 2)).reshape(
-            2, 3, 2, -1
-        )
-        return brute_force(begin, way).reshape(-1, len(pairs)) - radii
+        sides = np.moveaxis(places, (3, 4, 2), (0, 1, 2)).reshape(2, 3, 2, -1)
+        return brute_force(*sides).reshape(-1, len(pairs)) - radii
 
     def by_drake(self, q, v):
         """Distances and rates (k, 2) of all pairs with another shape."""
@@ -102,10 +87,8 @@ class Links:
         for pair in self.candidates:
             if not set(pair) <= set(self.round):
                 near = query.ComputeSignedDistancePairClosestPoints(*pair)
-                speeds = []
-                for shape, p_GC in zip(
-                    pair, (near.p_ACa, near.p_BCb), strict=True
-                ):
+                speeds, points = [], (near.p_ACa, near.p_BCb)
+                for shape, p_GC in zip(pair, points, strict=True):
                     frame = inspector.GetFrameId(shape)
                     body = self.plant.GetBodyFromFrameId(frame)
                     p_BC = inspector.GetPoseInFrame(shape) @ p_GC
@@ -126,7 +109,7 @@ class Links:
         return q
 
 
-NADIA = Links(nadia())
+NADIA = Links(examples.nadia())
 
 
 @pytest.fixture(scope="module")
@@ -169,13 +152,9 @@ def test_rows_are_the_rates_of_the_distances(links):
     """
     q, step = links.random_positions(np.random.default_rng(1)), 1e-5
     found, rows = links.said(q, FAR)
-    nv = links.plant.num_velocities()
-    along = [
-        step * links.plant.MapVelocityToQDot(links.at(q), v) for v in np.eye(nv)
-    ]
-    now, *others = links.true(
-        [q, *(q + way for way in along), *(q - way for way in along)]
-    )
+    nv, rates = links.plant.num_velocities(), links.plant.MapVelocityToQDot
+    along = [step * rates(links.at(q), v) for v in np.eye(nv)]
+    now, *others = links.true([q, *(q + along), *(q - along)])
     after, before = np.array(others).reshape(2, nv, -1)
     rates = (after - before) / (2.0 * step)
     assert len(found) > 10
@@ -251,7 +230,7 @@ def test_an_arm_is_seen_from_afar_if_it_has_to_brake(joint, speed, seen):
 
     Legs may pass each other as closely, and as fast.
     """
-    q, v = standing_positions(), moving(joint, speed)
+    q, v = examples.standing_positions(), moving(joint, speed)
     found, rows = NADIA.said(q, 0.08, v)
     assert len(found) == seen
     for d, rate in zip(found, rows @ v, strict=True):
@@ -268,24 +247,23 @@ def test_rows_are_those_of_the_law():
     law = rows @ vdot + 50.0 * (rows @ v) + 625.0 * (distances - 0.02)
     near = distances < 0.08
     assert near.any() and not near.all()
-    for told, expected in (
-        (found.limits, law[near]),
-        (found.braking, math.sqrt(3.0) * law[~near]),
-    ):
-        assert told @ np.append(vdot, 1.0) == pytest.approx(expected)
+    soft, now = math.sqrt(3.0) * law[~near], np.append(vdot, 1.0)
+    assert found.limits @ now == pytest.approx(law[near])
+    assert found.braking @ now == pytest.approx(soft)
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.3])
 def test_links_are_kept_apart(speed):
     """Oracle: by hand, distance 3 cm: (d/dt + 25)^2 (distance - 2 cm) >= 0."""
-    terms = terms_at(random_state(0, 0.0))
+    terms = examples.terms_at(examples.random_state(0, 0.0))
     towards = moving("LEFT_SHOULDER_X", 1.0)
     v = speed * towards
-    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
-    free = qp.solve(terms._replace(v=v), command(terms))
+    params, period = of_qp.WholeBodyQpParams(), examples.PERIOD
+    qp = WholeBodyQp(params, examples.model(), period)
+    free = qp.solve(terms._replace(v=v), examples.command(terms))
     rows = np.append(towards, -PARAMS.braking(0.03, towards @ v))[None]
     near = terms._replace(v=v, avoidance=Avoidance(rows, rows[:0]))
-    found = qp.solve(near, command(terms))
+    found = qp.solve(near, examples.command(terms))
     least = -25.0 * (2.0 * speed + 25.0 * 0.01)
     assert found.qp.solved
     expected = max(towards @ free.vdot, least)

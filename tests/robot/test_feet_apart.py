@@ -17,15 +17,10 @@ def foot_distance(robot, apart):
     root = diagram.CreateDefaultContext()
     context = plant.GetMyMutableContextFromRoot(root)
     plant.SetPositions(context, robot.standing_positions(apart))
-    query = scene_graph.get_query_output_port().Eval(
-        scene_graph.GetMyContextFromRoot(root)
-    )
-    left, right = (
-        plant.GetCollisionGeometriesForBody(
-            plant.GetBodyByName(robot.foot_bodies[side])
-        )
-        for side in Side
-    )
+    own = scene_graph.GetMyContextFromRoot(root)
+    query = scene_graph.get_query_output_port().Eval(own)
+    feet = (plant.GetBodyByName(robot.foot_bodies[side]) for side in Side)
+    left, right = map(plant.GetCollisionGeometriesForBody, feet)
     return min(
         query.ComputeSignedDistancePairClosestPoints(a, b).distance
         for a in left

@@ -3,21 +3,11 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.core.whole_body.command import (
-    LEFT_SOLE,
-    PELVIS,
-    RIGHT_SOLE,
-    TORSO,
-)
+from nadia_balance.core.whole_body.command import PELVIS, SOLES, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
-from tests.whole_body_examples import (
-    kinematics,
-    model,
-    nadia,
-    random_state,
-    terms_at,
-)
+from tests import whole_body_examples as examples
+from tests.whole_body_examples import kinematics, nadia, random_state, terms_at
 
 STEP = 1e-6
 
@@ -57,13 +47,10 @@ def test_velocities_are_those_of_soles_and_torso(seed):
         foot = plant.GetBodyByName(nadia().foot_bodies[side])
         X_WB = plant.EvalBodyPoseInWorld(context, foot)
         X_FS = nadia().X_FootSole[side]
-        V_WS = plant.EvalBodySpatialVelocityInWorld(context, foot).Shift(
-            X_WB.rotation() @ X_FS.translation()
-        )
-        rows = slice(6 * index, 6 * index + 6)
-        assert terms.velocities[rows] == pytest.approx(
-            V_WS.get_coeffs(), abs=1e-13
-        )
+        V_WB = plant.EvalBodySpatialVelocityInWorld(context, foot)
+        V_WS = V_WB.Shift(X_WB.rotation() @ X_FS.translation()).get_coeffs()
+        found = terms.velocities[6 * index : 6 * index + 6]
+        assert found == pytest.approx(V_WS, abs=1e-13)
         X_WS = X_WB @ X_FS
         assert terms.sole_positions[index] == pytest.approx(X_WS.translation())
         assert terms.rotations[index] == pytest.approx(X_WS.rotation().matrix())
@@ -80,13 +67,11 @@ def test_bias_is_the_rest_of_the_acceleration(seed):
     terms = terms_at(state)
     vdot = np.random.default_rng(seed).normal(size=29)
     qdot = plant.MapVelocityToQDot(context_at(state), terms.v)
-    motion = np.concatenate([qdot, vdot])
-    ahead, behind = (
-        terms_at(state + sign * STEP * motion) for sign in (1.0, -1.0)
-    )
+    way = STEP * np.concatenate([qdot, vdot])
+    ahead, behind = terms_at(state + way), terms_at(state - way)
     change = (ahead.velocities - behind.velocities) / (2.0 * STEP)
     acceleration = terms.rows @ np.append(vdot, 1.0)
-    for rows in (LEFT_SOLE, RIGHT_SOLE, TORSO, PELVIS):
+    for rows in (*SOLES, TORSO, PELVIS):
         # Truncation and rounding at this step both leave about 1e-8.
         assert acceleration[rows] == pytest.approx(change[rows], abs=1e-6)
 
@@ -110,18 +95,15 @@ def test_joints_are_damped():
 def test_constants_are_in_the_order_of_velocities():
     """Oracle: joints by name, whatever the order of the actuators."""
     plant = kinematics().plant
-    limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
-    params = WholeBodyQpParams(
-        joint_lower_limits={"LEFT_KNEE_Y": 0.2}, joint_upper_limits=limits
-    )
+    params = WholeBodyQpParams(joint_lower_limits={"LEFT_KNEE_Y": 0.2})
+    params.joint_upper_limits = {"LEFT_KNEE_Y": 2.0, "LEFT_ANKLE_Y": 3.0}
     constants = whole_body_model(nadia(), plant, params)
 
     def at(values, joint):
         return values[plant.GetJointByName(joint).velocity_start() - 6]
 
-    assert at(constants.posture, "LEFT_ELBOW_Y") == pytest.approx(
-        nadia().posture["LEFT_ELBOW_Y"]
-    )
+    bent = nadia().posture["LEFT_ELBOW_Y"]
+    assert at(constants.posture, "LEFT_ELBOW_Y") == pytest.approx(bent)
     assert at(constants.max_torque, "RIGHT_KNEE_Y") == 350.0
     assert at(constants.max_torque, "LEFT_SHOULDER_X") == 57.0
     assert at(constants.max_torque, "RIGHT_SHOULDER_X") == 41.0
@@ -140,4 +122,4 @@ def test_constants_are_in_the_order_of_velocities():
 def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
-        model(TAIL=0.1)
+        examples.model(TAIL=0.1)

@@ -78,10 +78,8 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     plant, context = standing(robot)
     gravity = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, gravity)
-    (acceleration, speed), effort = (
-        limits(robot, robot.max_joint_speeds),
-        efforts(plant),
-    )
+    effort = efforts(plant)
+    acceleration, speed = limits(robot, robot.max_joint_speeds)
     torques, speeds = [], []
     for side, angle in itertools.product(Side, ANGLES):
         way = moving(plant, context, robot, side, angle)
@@ -112,9 +110,8 @@ def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     np.testing.assert_array_equal(robot.point_mass.sole, robot.sole)
     half_width = 20.0 / weight
     assert half_width < 0.06 and x - 120.0 / weight < -0.125
-    assert area.max(axis=0) == pytest.approx(
-        [x + 120.0 / weight, half_width], abs=1e-4
-    )
+    most = [x + 120.0 / weight, half_width]
+    assert area.max(axis=0) == pytest.approx(most, abs=1e-4)
     assert area.min(axis=0) == pytest.approx([-0.125, -half_width], abs=1e-4)
 
 

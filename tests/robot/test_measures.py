@@ -43,9 +43,8 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
 
 
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
-WEDGE = Convex(
-    np.vstack([np.c_[CORNERS, 4 * [-0.01]], [0.0, 0.0, 0.05]]).T, "wedge"
-)
+TIP = [0.0, 0.0, 0.05]
+WEDGE = Convex(np.vstack([np.c_[CORNERS, 4 * [-0.01]], TIP]).T, "wedge")
 
 
 @pytest.mark.parametrize(
@@ -62,13 +61,10 @@ WEDGE = Convex(
             ],
             (-0.05, 0.15, 0.03, -0.06),
         ),
-        (
-            [(WEDGE, (0.0, 0.0, -0.02), (0.0, 0.0, 0.0))],
-            (-0.05, 0.15, 0.04, -0.03),
-        ),
-        (
-            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0.0), (0.0, 0.0, 0.0))],
-            (-0.03, 0.07, 0.04, -0.02),  # symmetric about y = 0
+        ([(WEDGE, (0, 0, -0.02), (0, 0, 0))], (-0.05, 0.15, 0.04, -0.03)),
+        (  # symmetric about y = 0
+            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0), (0, 0, 0))],
+            (-0.03, 0.07, 0.04, -0.02),
         ),
     ],
 )
@@ -80,9 +76,8 @@ def test_soles_are_where_shapes_meet_the_ground(shapes, ends):
         body = plant.AddRigidBody(foot, mass)
         for i, (shape, p, rpy) in enumerate(shapes):
             X_BG = RigidTransform(RollPitchYaw(*rpy), p)
-            plant.RegisterCollisionGeometry(
-                body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
-            )
+            what = body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
+            plant.RegisterCollisionGeometry(*what)
     plant.Finalize()
     params = RobotParams(left_foot_body="left", right_foot_body="right")
     inspector = scene_graph.model_inspector()

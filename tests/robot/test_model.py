@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.core.whole_body.params import (
-    CollisionAvoidanceParams,
-    WholeBodyQpParams,
-)
+from nadia_balance.core.whole_body import params as of_qp
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
 
@@ -36,13 +34,9 @@ def position(plant, context, body: str) -> np.ndarray:
 
 def soles(plant, context):
     """X_WF of both soles, by side."""
-    return {
-        side: plant.GetBodyByName(ROBOT.foot_bodies[side]).EvalPoseInWorld(
-            context
-        )
-        @ ROBOT.X_FootSole[side]
-        for side in Side
-    }
+    feet = {s: plant.GetBodyByName(ROBOT.foot_bodies[s]) for s in Side}
+    poses = {side: foot.EvalPoseInWorld(context) for side, foot in feet.items()}
+    return {side: X @ ROBOT.X_FootSole[side] for side, X in poses.items()}
 
 
 @pytest.mark.parametrize("width", [None, 0.125, 0.5])
@@ -91,9 +85,7 @@ def change(path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-def test_a_robot_of_the_package_is_read_again_if_it_has_changed(
-    copy, monkeypatch
-):
+def test_a_robot_of_the_package_that_has_changed_is_read(copy, monkeypatch):
     """Oracle: its files; who changes what was read changes nothing else."""
     monkeypatch.setattr(model, "MODELS", copy.parent)
     for old, new in ("Y: 377", "Y: 370"), ("Y: 370", "Y: 360"):
@@ -138,10 +130,8 @@ def test_max_joint_speed_is_of_joints_without_a_limit(copy):
 def test_transmissions_may_be_missing(copy):
     """Oracle: Nadia's own effort limits, in the order of the velocities."""
     urdf = copy / "nadia.urdf"
-    text = re.sub(
-        "<transmission.*?</transmission>", "", urdf.read_text(), flags=re.DOTALL
-    )
-    urdf.write_text(text)
+    drives = re.compile("<transmission.*?</transmission>", re.DOTALL)
+    urdf.write_text(drives.sub("", urdf.read_text()))
     bare = load(copy)
     assert effort_limits(bare) == effort_limits(ROBOT)
     (remark,) = bare.remarks
@@ -185,21 +175,16 @@ def test_shapes_are_missed(copy):
 
 def test_a_robot_has_parameters_of_its_own(copy):
     """Oracle: by hand; the scenario's others stay, also in the same group."""
-    change(
-        copy / "robot.yaml",
-        "whole_body:",
-        "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}",
-    )
-    scenario = WholeBodyQpParams(
-        rolling_step=0.5,
-        friction=0.4,
-        avoidance=CollisionAvoidanceParams(clearance=0.01, rate=20.0),
-    )
+    own = "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}"
+    change(copy / "robot.yaml", "whole_body:", own)
+    scenario = WholeBodyQpParams(rolling_step=0.5, friction=0.4)
+    avoidance = of_qp.CollisionAvoidanceParams(clearance=0.01, rate=20.0)
+    scenario.avoidance = avoidance
     found = load(copy).whole_body(scenario)
     assert found == replace(
         scenario,
         rolling_step=0.3,
-        avoidance=CollisionAvoidanceParams(clearance=0.03, rate=20.0),
+        avoidance=replace(avoidance, clearance=0.03),
         joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
     )
     ideal = load_robot("nadia", "ideal")

@@ -50,9 +50,8 @@ def python(*argv, **options) -> subprocess.Popen:
     """Starts Python; `options` are those of Popen."""
     pipe = subprocess.PIPE
     usual = {"env": environment(), "stdout": pipe, "stderr": pipe, "text": True}
-    return subprocess.Popen(
-        [sys.executable, *map(str, argv)], **(usual | options)
-    )
+    command = [sys.executable, *map(str, argv)]
+    return subprocess.Popen(command, **(usual | options))
 
 
 def ended(process: subprocess.Popen) -> Outcome:

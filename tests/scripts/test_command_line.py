@@ -13,18 +13,13 @@ import pytest
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, simulate
-from tests.scripts.running import (
-    assert_refused,
-    ended,
-    program,
-    python,
-    run_script,
-)
+from tests.scripts import running
+from tests.scripts.running import assert_refused, ended, run_script
 
 
 def piped(script, *argv, **options):
     """Exit code and stderr of a program whose stdout is something else."""
-    done = ended(program(script, *argv, **options))
+    done = ended(running.program(script, *argv, **options))
     return done.code, done.err
 
 
@@ -106,7 +101,8 @@ def test_a_signal_ends_a_program_in_any_place(sent):
 
 def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
     """Oracle: stderr, and that the signal itself ended it (130 in a shell)."""
-    outcome = ended(python("-c", INTERRUPTED_START, "push", cwd=tmp_path))
+    start = running.python("-c", INTERRUPTED_START, "push", cwd=tmp_path)
+    outcome = ended(start)
     assert (outcome.code, outcome.err) == (-signal.SIGINT, [])
 
 
@@ -140,20 +136,15 @@ def test_results_are_whole_although_nobody_reads_the_story(tmp_path):
         assert (tmp_path / "run" / name).stat().st_size > 100
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_half_file(
-    tmp_path, monkeypatch, capsys
-):
+def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, capsys):
     """Oracle: the system's error in the last file; the story is told."""
 
     def fill(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(pages, "write_plots", fill)
-    outcome = run_script(
-        simulate,
-        ["--scenario_name", "stand", *QUICK, "--out", tmp_path],
-        capsys,
-    )
+    argv = ["--scenario_name", "stand", *QUICK, "--out", tmp_path]
+    outcome = run_script(simulate, argv, capsys)
     assert outcome.code == 4
     assert outcome.err == ["simulate.py: [Errno 28] No space left on device"]
     assert "STOOD" in outcome.out[0]
@@ -165,15 +156,12 @@ def test_the_results_of_another_run_are_not_overwritten(tmp_path, capsys):
     file = tmp_path / "summary.json"
     file.write_text("mine")
     outcome = run(capsys, "--out", tmp_path)
-    assert_refused(
-        outcome, f"out = '{tmp_path}': must be a folder without summary.json"
-    )
+    why = "must be a folder without summary.json"
+    assert_refused(outcome, f"out = '{tmp_path}': {why}")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
 
 
-def test_a_present_folder_that_is_gone_is_one_line(
-    tmp_path, monkeypatch, capsys
-):
+def test_a_present_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
     """Oracle: the system's error; Drake's would be a traceback."""
     monkeypatch.chdir(tmp_path)
     tmp_path.rmdir()

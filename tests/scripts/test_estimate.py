@@ -81,9 +81,7 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
         ),
     ],
 )
-def test_a_log_that_is_wrong_is_refused(
-    log, tmp_path, capsys, name, spoil, message
-):
+def test_a_wrong_log_is_refused(log, tmp_path, capsys, name, spoil, message):
     """Oracle: the one line, and that nothing is written."""
     spoilt = {**log, name: spoil and spoil(log[name])}
     if spoil is None:

@@ -17,9 +17,7 @@ def file(tmp_path):
     return Biped(seed=7).write(tmp_path)
 
 
-def test_an_unseen_biped_walks_by_one_command(
-    file, tmp_path, capsys, monkeypatch
-):
+def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
     """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
 
     Two steps of the twenty.  The ankles' 250 N m are more than the weight times
@@ -47,9 +45,7 @@ def test_an_unseen_biped_walks_by_one_command(
     ) in outcome.out
 
 
-def test_a_robot_that_does_not_walk_is_told(
-    file, tmp_path, capsys, monkeypatch
-):
+def test_a_robot_that_does_not_walk_says(file, tmp_path, capsys, monkeypatch):
     """Oracle: a scenario that needs soles of more than a metre."""
     large = "{controller: {step_adjuster: {foot_front: 1.0}}}"
     monkeypatch.setattr(new_robot, "WALK", large)
@@ -70,9 +66,7 @@ def test_a_robot_that_does_not_walk_is_told(
         (["FILE", "--out", ""], "argument --out: '': must be a path"),
     ],
 )
-def test_refuses_what_it_cannot_make_a_robot_of(
-    file, argv, message, tmp_path, capsys
-):
+def test_refuses_what_makes_no_robot(file, argv, message, tmp_path, capsys):
     argv = [file if word == "FILE" else word for word in argv]
     outcome = run_script(new_robot, ["--out", tmp_path / "made", *argv], capsys)
     assert_refused(outcome, message)

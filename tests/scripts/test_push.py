@@ -10,13 +10,8 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.signals import PushSignal
-from tests.scripts.running import (
-    assert_refused,
-    ended,
-    program,
-    run_script,
-    summary_of,
-)
+from tests.scripts import running
+from tests.scripts.running import assert_refused, run_script, summary_of
 
 QUICK = ["--plant", "lipm", "--no-meshcat"]
 
@@ -119,9 +114,7 @@ def nothing_runs(monkeypatch, tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("argv", "message"), REFUSED, ids=[" ".join(argv) for argv, _ in REFUSED]
-)
+@pytest.mark.parametrize(("argv", "message"), REFUSED)
 def test_refuses_what_has_no_meaning(argv, message, nothing_runs, capsys):
     """Oracle: exit code 2, one line, nothing simulated, nothing left."""
     outcome = run_script(push, ["--no-meshcat", *argv], capsys)
@@ -194,9 +187,7 @@ def test_says_whether_it_has_recovered(argv, code, told, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_the_program_with_its_results(
-    tmp_path, sent, monkeypatch, capsys
-):
+def test_ctrl_c_ends_it_with_its_results(tmp_path, sent, monkeypatch, capsys):
     """Oracle: a signal to a program that would go on for ten minutes.
 
     SIGTERM, which has the same handler, comes from within.
@@ -213,12 +204,12 @@ def test_ctrl_c_ends_the_program_with_its_results(
         monkeypatch.setattr(LipmDiagram, "fall_reason", press)
         outcome = run_script(push, argv, capsys)
     else:
-        process = program("push", *argv)
+        process = running.program("push", *argv)
         while not run.exists() and process.poll() is None:
             time.sleep(0.05)  # it is made just before the start
         time.sleep(0.2)
         process.send_signal(sent)
-        outcome = ended(process)
+        outcome = running.ended(process)
     assert (outcome.code, outcome.err) == (130, [])
     assert "INTERRUPTED" in " ".join(outcome.out)
     assert not summary_of(run)["recovered"]

@@ -35,9 +35,8 @@ def test_draws_a_share_of_the_limit_of_each_direction():
     moments = [Moment.parse(cell.at) for cell in pushes]
     swings = np.mean([moment.phase.value == "swing" for moment in moments])
     assert swings == pytest.approx(0.7, abs=0.1)
-    assert {push.body for push in pushes.values()} == {
-        *("PELVIS_LINK", "TORSO_LINK")
-    }
+    bodies = {push.body for push in pushes.values()}
+    assert bodies == {"PELVIS_LINK", "TORSO_LINK"}
 
 
 @pytest.fixture
@@ -60,9 +59,8 @@ def test_every_failure_is_a_line_of_the_page(made_up, tmp_path, capsys):
         assert run_script(random_pushes, argv, capsys).code == 0
     rows = Rows.read(tmp_path).all
     assert len(made_up.tried) == len(rows) == 20
-    failed = {
-        row["direction_deg"] for row in rows if row["outcome"] != "recovered"
-    }
+    bad = [row for row in rows if row["outcome"] != "recovered"]
+    failed = {row["direction_deg"] for row in bad}
     assert 0 < len(failed) < 20
     page = (tmp_path / "failures.md").read_text("utf-8")
     lines = re.findall(r'^\|[^|]*\| +([\d.]+) \|.*"ouch"', page, re.MULTILINE)

@@ -24,20 +24,15 @@ from shapely import Point, Polygon, union_all
 
 from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.steps.capture_region import (
-    CaptureRegionStepAdjusterParams,
-)
+from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.view import scene
-from nadia_balance.view.balance_visualizer import (
-    FOOTPRINTS,
-    RADIUS,
-    BalanceVisualizer,
-)
+from nadia_balance.view.balance_visualizer import FOOTPRINTS, RADIUS
+from nadia_balance.view.balance_visualizer import BalanceVisualizer as View
 from nadia_balance.view.scene import LINE
 from tests.blocks import asked
 from tests.core.body.test_ground import square
@@ -66,42 +61,33 @@ def walking_state(time: float) -> walking.WalkingState:
     taken = int(time)
     clock = time - taken
     side, landed = foot(taken)
-    feet = walking.FootPoses(landed, landed).with_foot(
-        side.other, foot(taken - 1)[1]
-    )
+    feet = walking.FootPoses(landed, landed)
+    feet = feet.with_foot(side.other, foot(taken - 1)[1])
     swings = clock >= TRANSFER
+    next_ones = map(foot, range(taken + 1, taken + 5))
+    steps = [walking.Footstep(*one, TRANSFER, SWING) for one in next_ones]
     schedule = walking.ContactSchedule(
         walking.Phase.SWING if swings else walking.Phase.TRANSFER,
         side,
         SWING if swings else TRANSFER,
         feet,
-        tuple(
-            walking.Footstep(*foot(taken + i), TRANSFER, SWING)
-            for i in range(1, 5)
-        ),
+        tuple(steps),
         walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
     )
+    told = {"steps_taken": taken}
     if not swings:
-        return walking.WalkingState(schedule, clock, steps_taken=taken)
+        return walking.WalkingState(schedule, clock, **told)
     clock -= TRANSFER
-    return walking.WalkingState(
-        schedule,
-        clock,
-        clock,
-        steps_taken=taken,
-        adjustment=walking.Adjustment(
-            nominal(taken + 1), schedule.footsteps[0].pose
-        ),
-    )
+    planned = nominal(taken + 1)
+    told["adjustment"] = walking.Adjustment(planned, steps[0].pose)
+    return walking.WalkingState(schedule, clock, clock, **told)
 
 
 def nominal(step: int) -> walking.Footstep:
     """Where this step was to land: farther out."""
     side, pose = foot(step)
-    out = np.array([0.0, 0.2 * side.sign, 0.0])
-    return walking.Footstep(
-        side, walking.FootPose(pose.p_WF + out), TRANSFER, SWING
-    )
+    out = walking.FootPose(pose.p_WF + [0.0, 0.2 * side.sign, 0.0])
+    return walking.Footstep(side, out, TRANSFER, SWING)
 
 
 def com(time: float) -> np.ndarray:
@@ -138,14 +124,11 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
     plant.Finalize()
     scene.add_robot_view(builder, scene_graph, meshcat)
     stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
-    visualizer = builder.AddSystem(
-        BalanceVisualizer(meshcat, SOLE, Ground(tuple(stones), SOLE))
-    )
-    adjuster = builder.AddSystem(
-        CaptureRegionStepAdjuster(
-            CaptureRegionStepAdjusterParams(), MODEL, period=0.002
-        )
-    )
+    ground = Ground(tuple(stones), SOLE)
+    visualizer = builder.AddSystem(View(meshcat, SOLE, ground))
+    params = capture_region.CaptureRegionStepAdjusterParams()
+    adjuster = CaptureRegionStepAdjuster(params, MODEL, period=0.002)
+    builder.AddSystem(adjuster)
     connect(builder, adjuster, visualizer, "capture_regions")
     builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
     builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
@@ -248,9 +231,8 @@ def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     html = tmp_path_factory.mktemp("replay") / "replay.html"
     regions = write_imitation(html)
     assert html.stat().st_size <= 3.8 * MEGABYTE, "5 MB for ten seconds"
-    context = browser.new_context(
-        viewport={"width": 480, "height": 360}, offline=True
-    )
+    size = {"width": 480, "height": 360}
+    context = browser.new_context(viewport=size, offline=True)
     replay = Replay(context.new_page(), regions)
     page = replay.page
     page.on("request", lambda request: replay.requests.append(request.url))
@@ -351,16 +333,13 @@ def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
 def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
     """Oracle: Drake's own Meshcat, which packs false as 0xc2."""
     meshcat = scene.start_meshcat()[0]
-    visualizer = BalanceVisualizer(meshcat, SOLE)
+    visualizer = View(meshcat, SOLE)
     for time in 3.5, 7.5:
         context = asked(visualizer, walking_state=walking_state(time))
         visualizer.ExecuteInitializationEvents(context)
         visualizer.ForcedPublish(context)
-        prints = [
-            n
-            for n in range(9)
-            if meshcat.HasPath(f"{FOOTPRINTS}/{foot(n)[0].value}_{n}")
-        ]
+        paths = [f"{FOOTPRINTS}/{foot(n)[0].value}_{n}" for n in range(9)]
+        prints = [n for n, path in enumerate(paths) if meshcat.HasPath(path)]
         assert prints == [int(time)], "the other foot is in the air"
     for name in ("icp", "icp_reference", "cop", "ecmp", "com", "push"):
         packed = meshcat._GetPackedProperty(f"/overlay/{name}", "visible")

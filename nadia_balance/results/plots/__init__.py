@@ -31,13 +31,11 @@ RC = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "grid.color": "#e7eaef",
-    "grid.linewidth": 0.8,
     "text.color": TEXT,
     "xtick.color": TEXT,
     "ytick.color": TEXT,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
-    "lines.linewidth": 1.5,
     "savefig.bbox": "tight",
     "savefig.dpi": 130,
     "savefig.pad_inches": 0.12,
@@ -54,46 +52,39 @@ GROUPS = {
 _GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
 SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 _AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
-_BAND = 0.2  # opacity of 3 standard deviations
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
+_HEAD = "-|>,head_width=0.3,head_length=0.6"  # of arrows
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 
 
-def plan_view(
-    ax: Axes, x: tuple[float, float], y: tuple[float, float], **more
-) -> None:
+def plan_view(ax: Axes, x: tuple, y: tuple, **more) -> None:
     """Makes `ax` a view from above, with the limits x and y [m]."""
     ax.set(xlim=x, ylim=y, aspect="equal", **more)
     ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
 
 
 def time_axes(
-    log: Log,
-    summary: dict,
-    what: str,
-    heights: list[float],
-    label: bool = False,
+    log: Log, summary: dict, what: str, heights: list[float], label=False
 ) -> tuple[Figure, list[Axes]]:
     """A figure with stacked axes of `heights` [in] over one time axis.
 
-    Swings are shaded in the colour of the foot in the air, pushes are marked;
-    with `label`, they are labelled.  `what` is the first part of the title.
+    Swings are shaded in the colour of the foot in the air, pushes are marked
+    and, with `label`, labelled.  `what` is the first part of the title.
     """
     fig = Figure(figsize=(10.0, sum(heights) + 0.9), layout="constrained")
     shape = {"sharex": True, "squeeze": False, "height_ratios": heights}
     axes = fig.subplots(len(heights), **shape)[:, 0]
     swings = [s for s in logs.phase_spans(log) if s.phase is Phase.SWING]
-    pale, color = {"alpha": 0.12}, palette.foot_color
-    look = {side: {"color": color(side), **pale} for side in Side}
+    look = {s: {"color": palette.foot_color(s), "alpha": 0.12} for s in Side}
     for ax in axes:
         for span in swings:
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
         _mark_pushes(ax, log, label and ax is axes[0])
     axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
-    swung = filter({span.swing_side for span in swings}.__contains__, Side)
-    words = {side: f"{side.value} foot swings" for side in swung}
-    bands = [Patch(label=text, **look[side]) for side, text in words.items()]
+    swung = [s for s in Side if s in {span.swing_side for span in swings}]
+    named = [{"label": f"{s.value} foot swings", **look[s]} for s in swung]
+    bands = [Patch(**one) for one in named]
     if pushes(log):
         bands.append(Patch(label="push", **_PUSH))
     key(fig, bands)
@@ -126,47 +117,27 @@ def _mark_pushes(ax: Axes, log: Log, label: bool) -> None:
     for push in pushes(log):
         ax.axvspan(push.start, push.end, zorder=0, **_PUSH)
         if label:
-            where = {"xycoords": ("data", "axes fraction"), "xytext": (0, 3)}
-            where |= {"textcoords": "offset points", "ha": "center"}
-            ax.annotate(
-                f"push {np.linalg.norm(push.force):.0f} N",
-                (0.5 * (push.start + push.end), 1.0),
-                annotation_clip=True,  # only where the axes show that time
-                color=palette.PUSH,
-                fontsize=8.5,
-                **where,
-            )
+            text = f"push {np.linalg.norm(push.force):.0f} N"
+            place = (0.5 * (push.start + push.end), 1.0), (0, 3)
+            units = ("data", "axes fraction"), "offset points"
+            look = {"color": palette.PUSH, "fontsize": 8.5, "ha": "center"}
+            # Clipped: only where the axes show that time.
+            ax.annotate(text, *place, *units, annotation_clip=True, **look)
 
 
-def fill(
-    ax: Axes,
-    polygon: np.ndarray,
-    color: str,
-    label: str | None = None,
-    alpha: float = 0.22,
-    **style,
-) -> None:
+def fill(ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style):
     """Draws a polygon (n, 2) [m] with a transparent fill and an opaque edge."""
     style = {"edgecolor": color, "linewidth": 1.4, **style}
     face = (*palette.rgb(color), alpha)
     ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))
 
 
-def draw_sole(
-    ax: Axes, corners: np.ndarray, side: Side, alpha: float = 0.0, **style
-) -> None:
+def draw_sole(ax: Axes, corners, side: Side, alpha=0.0, **style) -> None:
     """Draws the `corners` (n, 2) [m] of a sole in the colour of its foot."""
     fill(ax, corners, palette.foot_color(side), alpha=alpha, **style)
 
 
-def arrow(
-    ax: Axes,
-    start: np.ndarray,
-    end: np.ndarray,
-    color: str,
-    width: float = 2.0,
-    style: str = "-|>,head_width=0.3,head_length=0.6",
-) -> None:
+def arrow(ax: Axes, start, end, color: str, width=2.0, style=_HEAD) -> None:
     """Draws an arrow from `start` to `end` (2,) [m]."""
     look = {"arrowstyle": style, "color": color, "linewidth": width}
     look |= {"shrinkA": 0, "shrinkB": 0}
@@ -202,10 +173,9 @@ def _draw_torques(ax: Axes, log: Log) -> None:
     """Draws the largest torque ratio of each group of joints."""
     ratio = 100.0 * measured.torque_ratio(log)
     groups = joint_groups(log["actuator_names"])
-    looks = zip(groups.items(), _GROUP_COLORS, strict=False)
-    for (group, members), color in looks:
-        largest = np.max(ratio[:, members], axis=1)
-        ax.plot(log["t"], largest, color=color, linewidth=1.1, label=group)
+    for (name, own), color in zip(groups.items(), _GROUP_COLORS, strict=False):
+        largest = np.max(ratio[:, own], axis=1)
+        ax.plot(log["t"], largest, color=color, linewidth=1.1, label=name)
     if np.max(ratio) > 60.0:
         look = {"color": palette.PUSH, "linewidth": 1.0, "linestyle": "--"}
         ax.axhline(100.0, label="limit", **look)
@@ -229,8 +199,8 @@ def _draw_forces(ax: Axes, log: Log) -> None:
     _legend(ax, 2)
 
 
-def _legend(ax: Axes, columns: int) -> None:
-    look = {"borderpad": 0, "borderaxespad": 0.2, "ncols": columns}
+def _legend(ax: Axes, columns: int, **what) -> None:
+    look = {"borderpad": 0, "borderaxespad": 0.2, "ncols": columns, **what}
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), **look)
 
 
@@ -274,55 +244,46 @@ def _draw_icp_error(ax: Axes, log: Log) -> None:
     ax.set(ylabel="ICP error [mm]", ylim=(0.0, None))
     if max(error) > 0.5 * limit:
         ax.axhline(limit, color=FAINT, linewidth=1.0, linestyle="--")
-        where = {"xytext": (-4, 3), "textcoords": "offset points"}
-        where |= {"xycoords": ("axes fraction", "data"), "ha": "right"}
-        look = {"fontsize": 8, "color": FAINT}
         text = f"{limit:.0f} mm: recovered below"
-        ax.annotate(text, (1.0, limit), **where, **look)
+        units = ("axes fraction", "data"), "offset points"
+        look = {"fontsize": 8, "color": FAINT, "ha": "right"}
+        ax.annotate(text, (1.0, limit), (-4, 3), *units, **look)
 
 
 def draw_estimate(log: Log, summary: dict) -> Figure | None:
     """Draws the estimate, 3 standard deviations and, if known, the error."""
     if "estimate_covariance" not in log:
         return None
-    known, told = "state" in log, log["estimated_state"]
+    t, told, known = log["t"], log["estimated_state"], "state" in log
     heights = [1.8, 1.3] if known else [1.8]
     fig, axes = time_axes(log, summary, "Estimate", 2 * heights, label=True)
     variances = log["estimate_covariance"][:, ::10]  # the diagonal of (9, 9)
-    for kind, unit, value, columns in (
-        ("velocity", "mm/s", _velocity, (3, 4)),
-        ("tilt", "deg", _tilt, (1, 0)),
+    v = (told.shape[1] + 1) // 2 + 3  # the pelvis' velocity along x, then y
+    for kind, unit, scale, value, columns in (
+        ("velocity", "mm/s", 1e3, lambda x: 1e3 * x[:, v : v + 2], (3, 4)),
+        ("tilt", "deg", np.degrees(1.0), _tilt, (1, 0)),
     ):
-        scale = 1e3 if kind == "velocity" else np.degrees(1.0)
         band = 3.0 * scale * np.sqrt(variances[:, columns])
         rows, axes = axes[: len(heights)], axes[len(heights) :]
         estimated = value(told)
         if known:
             truth = value(log["state"])
             look = {"color": FAINT, "lw": 3.0, "alpha": 0.6}
-            rows[0].plot(log["t"], truth, label=["truth", None], **look)
-            _draw_estimate(rows[1], log, estimated - truth, 0.0 * truth, band)
+            rows[0].plot(t, truth, label=["truth", None], **look)
+            _draw_estimate(rows[1], t, estimated - truth, 0.0 * truth, band)
             rows[1].set_ylabel(f"error and\n3 sigma [{unit}]")
-        _draw_estimate(rows[0], log, estimated, estimated, band)
+        _draw_estimate(rows[0], t, estimated, estimated, band)
         rows[0].set_ylabel(f"{kind} [{unit}]")
         rows[0].legend(ncols=3, loc="upper right")
     return fig
 
 
-def _draw_estimate(
-    ax: Axes, log: Log, line: Array, middle: Array, band: Array
-) -> None:
+def _draw_estimate(ax: Axes, t: Array, line: Array, middle, band) -> None:
     """Draws both parts of `line` (n, 2), and `band` about `middle`."""
     for axis, (label, color) in enumerate(_AXES.items()):
-        low, high = middle[:, axis] - band[:, axis], (middle + band)[:, axis]
-        ax.fill_between(log["t"], low, high, color=color, alpha=_BAND, lw=0)
-        ax.plot(log["t"], line[:, axis], color=color, lw=1.1, label=label)
-
-
-def _velocity(state: Array) -> Array:
-    """Horizontal velocity (n, 2) [mm/s] of the pelvis, of `state` (n, nx)."""
-    nq = (state.shape[1] + 1) // 2
-    return 1e3 * state[:, nq + 3 : nq + 5]
+        low, high = (middle - band)[:, axis], (middle + band)[:, axis]
+        ax.fill_between(t, low, high, color=color, alpha=0.2, lw=0)
+        ax.plot(t, line[:, axis], color=color, lw=1.1, label=label)
 
 
 def _tilt(state: Array) -> Array:
@@ -351,8 +312,7 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
     ax.grid(axis="y", visible=False)
     bars = [Patch(color=FAINT, alpha=0.3, label="as planned")] if spans else []
     bars.append(Patch(color=FAINT, label="as measured"))
-    where = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
-    ax.legend(handles=bars, ncols=2, borderpad=0, **where)
+    _legend(ax, 2, handles=bars)
     for span in spans if np.ptp(log["t"]) < _SHORT else ():
         if span.complete and span.phase is not Phase.STANDING:
             _write_duration(ax, span)

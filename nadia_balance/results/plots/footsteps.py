@@ -40,14 +40,21 @@ def draw(log: Log, summary: dict) -> Figure | None:
     shown = [s for s in logs.steps(log) if first <= s.swing.last < last]
     rows = slice(first, last + 1)
     low, high = _limits(log, first, rows, shown)
-    fig = Figure(figsize=_size(high - low), layout="constrained")
+    extent = high - low
+    scale = _LONGEST / max(extent[0], 1.4 * extent[1])
+    # With room for the legend.
+    size = np.maximum(scale * extent + [3.2, 1.0], _SHORTEST)
+    fig = Figure(figsize=size, layout="constrained")
     ax = fig.subplots()
     plots.plan_view(ax, *zip(low, high, strict=True))
     _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
-    for push in pushed[-1:]:
-        _draw_push(ax, log, push)
+    for push in pushed[-1:]:  # its arrow ends in the ICP, as the push begins
+        tip = log["icp"][push.first]
+        way = _ARROW * push.force[:2] / np.linalg.norm(push.force)
+        plots.arrow(ax, tip - way, tip, palette.PUSH, width=2.5)
+        ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
         _draw_reach(ax, log, shown)
     _key_to_footholds(ax, shown)
     where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
@@ -73,9 +80,7 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     return max(starts), min([*after[1:2], last_row])
 
 
-def _limits(
-    log: Log, first: int, rows: slice, shown: list[Step]
-) -> tuple[Array, Array]:
+def _limits(log: Log, first: int, rows: slice, shown: list[Step]) -> tuple:
     """Least and largest x and y (2,) [m] of paths and footholds."""
     points = np.concatenate(
         [
@@ -88,12 +93,6 @@ def _limits(
     )
     points = points[np.all(np.isfinite(points), axis=1)]
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
-
-
-def _size(extent: Array) -> Array:
-    """Width and height [in] of a figure, with room for the legend."""
-    scale = _LONGEST / max(extent[0], 1.4 * extent[1])
-    return np.maximum(scale * extent + [3.2, 1.0], _SHORTEST)
 
 
 def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
@@ -158,14 +157,6 @@ def _number(ax: Axes, step: Step, sole: Array) -> None:
     look["path_effects"] = [withStroke(linewidth=3, foreground="white")]
     look |= {"weight": "bold", "textcoords": "offset points"}
     ax.annotate(str(step.number), place, **where, **look)
-
-
-def _draw_push(ax: Axes, log: Log, push: PushSpan) -> None:
-    """Draws an arrow to the ICP at the start of the push."""
-    tip = log["icp"][push.first]
-    direction = push.force[:2] / np.linalg.norm(push.force)
-    plots.arrow(ax, tip - _ARROW * direction, tip, palette.PUSH, width=2.5)
-    ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
 
 
 def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:

@@ -43,9 +43,7 @@ def identity_of(search: SearchParams = SEARCH) -> dict:
     }
 
 
-def made_up_rows(
-    largest: Mapping[Cell, float], search: SearchParams = SEARCH
-) -> list[dict]:
+def made_up_rows(largest: Mapping[Cell, float], search=SEARCH) -> list[dict]:
     """The rows of all trials that the search asks for, cell by cell."""
     rows = []
     for cell, most in largest.items():
@@ -86,9 +84,7 @@ def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
 def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
     return {
         **cell._asdict(),
-        "delta_v": delta_v,
-        "replica": replica,
-        "seed": replica,
+        **{"delta_v": delta_v, "replica": replica, "seed": replica},
         "outcome": "recovered" if recovered else "fell",
         "reason": "" if recovered else "PELVIS_LINK - ground",
         "steps_after_push": 9 if recovered else 2,
@@ -118,9 +114,7 @@ def made_up_sweep(**changes) -> Sweep:
         "scenarios": {"push": copy.deepcopy(push_scenario())},
         "directions": (0.0, 90.0, 210.0),
         "mechanisms": ("icp_only", "step"),
-        "search": SearchParams(
-            resolution=0.1, stride=3, replicas=3, largest=1.0
-        ),
+        "search": SearchParams(resolution=0.1, stride=3, replicas=3, largest=1),
         "plant": "lipm",
     }
     return Sweep(**{**fields, **changes})
@@ -137,9 +131,7 @@ class MadeUpRobot:
     `tried` keeps its trials: mechanisms, direction, delta_v, replica.
     """
 
-    def __init__(
-        self, workers: int = 2, spoil: Callable[[Cell], None] = lambda _: None
-    ):
+    def __init__(self, workers: int = 2, spoil: Callable = lambda _: None):
         """Before each trial, `spoil` may do what it likes."""
         self._spoil = spoil
         self.threads = ThreadPoolExecutor(workers)
@@ -155,9 +147,7 @@ class MadeUpRobot:
         limit = largest(mechanisms, direction) - WEAKER * (replica % 2)
         return {
             **cell._asdict(),
-            "delta_v": delta_v,
-            "replica": replica,
-            "seed": replica,
+            **{"delta_v": delta_v, "replica": replica, "seed": replica},
             "outcome": "recovered" if delta_v <= limit else "fell",
             "reason": "" if delta_v <= limit else 'said "ouch", and\nfell',
             "max_icp_error_m": delta_v / 7.0,

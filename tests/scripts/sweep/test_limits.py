@@ -7,12 +7,8 @@ import pytest
 
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.sweep import Cell
-from nadia_balance.scripts.sweep.limits import (
-    known_limits,
-    limits_of,
-    protocol_of,
-)
+from nadia_balance.scripts.sweep import Cell, limits
+from nadia_balance.scripts.sweep.limits import known_limits, limits_of
 from tests.scripts.sweep.made_up import AT
 from tests.source_files import ROOT
 
@@ -51,7 +47,7 @@ def test_knows_the_limits_of_a_folder(tmp_path):
     }
     assert [f"{mean:.2f}" for mean in means.values()] == told.split(" | ")
     assert f"**{means[AT_MOST]:.2f} m/s**" in readme
-    paper = protocol_of("nadia", AT).curves("push")[AT_MOST]
+    paper = limits.protocol_of("nadia", AT).curves("push")[AT_MOST]
     times = [known[Cell(*AT, AT_MOST, d)] / v for d, v in paper.items()]
     for text in page, readme:
         words = " ".join(text.split())

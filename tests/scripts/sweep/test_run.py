@@ -36,10 +36,8 @@ def test_the_rows_do_not_depend_on_how_many_work(run, workers):
     robot = made_up.MadeUpRobot(workers)
     rows, done = run(robot)
     assert done
-    tried = [
-        (r["mechanisms"], r["direction_deg"], r["delta_v"], r["replica"])
-        for r in rows
-    ]
+    of_a_trial = "mechanisms", "direction_deg", "delta_v", "replica"
+    tried = [tuple(row[name] for name in of_a_trial) for row in rows]
     assert tried == sorted(robot.tried)
     assert len(tried) == len(set(tried)) == 51
     largest = {}

@@ -84,9 +84,7 @@ def test_refuses_scenarios_of_another_kind(name):
         sweep_of("--scenario_name", name)
 
 
-@pytest.mark.parametrize(
-    ("plant", "tick"), [("lipm", 0.01), ("humanoid", 4e-3)]
-)
+@pytest.mark.parametrize("plant, tick", [("lipm", 0.01), ("humanoid", 4e-3)])
 def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
     """Oracle: put back what differs, and compare all of the texts."""
     sweep = made_up_sweep(plant=plant)
@@ -110,9 +108,8 @@ def test_the_fingerprint_is_of_every_file_of_a_trial():
     """Oracle: what Python imports for one."""
     package = "nadia_balance.scripts.sweep"
     code = f"import sys, {package}.trial, {package}.search; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
+    how = {"cwd": ROOT, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], **how)
     modules = {m for m in done.stdout.split() if m.startswith("nadia_balance")}
     names = {
         f"{module.removeprefix(f'{package}.')}.py"
@@ -166,9 +163,8 @@ def test_parameters_are_all_but_what_a_sweep_sets_itself():
     assert made_up_sweep(**other, at=(LATER,)).identity() == identity
 
     def hash_of(scenario):
-        return made_up_sweep(scenarios={"push": scenario}).identity()[
-            "parameters"
-        ]
+        sweep = made_up_sweep(scenarios={"push": scenario})
+        return sweep.identity()["parameters"]
 
     scenario = load_scenario("push")
     before = hash_of(scenario)
