@@ -164,7 +164,10 @@ class PushSource(framework.LeafSystem):
             else:
                 self._await(context, walking, i, rows[i])
         if self._live_push.HasValue(context):
-            clicks, *wish = self._live_push.Eval(context).tolist()
+            clicks, *wish = told = self._live_push.Eval(context).tolist()
+            if not np.isfinite(told).all():
+                at = f"at {context.get_time():.3f} s"
+                raise ValueError(f"live_push = {told} {at}: must be finite")
             if clicks > count:
                 push = self._live_one(*wish)
                 number += 1.0

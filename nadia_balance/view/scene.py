@@ -15,17 +15,19 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody import plant as mbp
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.visualization import ApplyVisualizationConfig, VisualizationConfig
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import FootPose, Mechanisms
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import connect
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0
-ROBOT = "/drake/robot"  # path of the robot in the scene
+ROBOT, GHOST = "/drake/robot", "/drake/ghost"  # as it is, as estimated
 CONTROLS = "live_controls"  # name of the LiveControls system
 # Lights of the default scene: intensity and new position.  Ambient and fill
 # light are strong because the point lights fade with distance.
@@ -35,6 +37,7 @@ _LIGHTS = {
     "PointLightNegativeX": (2.0, None),
     "PointLightPositiveX": (2.0, None),
 }
+_GHOST = palette.rgba(palette.ICP, 0.3)
 _CAMERA, _TARGET = [3.3, 1.9, 1.75], [0.25, 0.0, 0.72]
 _FLOOR, _CELL = 15.0, 0.5  # half size, grid [m]
 LINE = 0.012  # width of outlines and of the grid [m]
@@ -59,13 +62,39 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
         return meshcat, f"port {port} is busy: using {meshcat.port()}"
 
 
-def add_robot_view(builder: DiagramBuilder, scene_graph, meshcat) -> None:
-    """Adds a MeshcatVisualizer of the robot's visual shapes only."""
-    params = geometry.MeshcatVisualizerParams(prefix=ROBOT)
-    params.role = geometry.Role.kIllustration
-    params.publish_period = 1.0 / FRAMES_PER_SECOND
+def add_robot_view(
+    builder: DiagramBuilder, scene_graph, meshcat, **looks: object
+) -> None:
+    """Adds a MeshcatVisualizer of visual shapes, if `looks` name no other."""
+    looks = {"prefix": ROBOT, "role": geometry.Role.kIllustration} | looks
+    looks["publish_period"] = 1.0 / FRAMES_PER_SECOND
+    params = geometry.MeshcatVisualizerParams(**looks)
     add = geometry.MeshcatVisualizer.AddToBuilder
     add(builder, scene_graph, meshcat, params)
+
+
+def add_ghost(
+    builder: DiagramBuilder,
+    robot: RobotModel,
+    state: OutputPort,
+    meshcat: Meshcat,
+) -> mbp.MultibodyPlant:
+    """Adds the translucent shapes of a `robot` at an estimated `state` [q, v].
+
+    The builder's diagram must not outlive the plant that is returned.
+    """
+    scene_graph = builder.AddNamedSystem("ghost", SceneGraph())
+    plant = mbp.MultibodyPlant(0.0)
+    source = plant.RegisterAsSourceForSceneGraph(scene_graph)
+    robot.add_to(plant)
+    plant.Finalize()
+    poses = builder.AddSystem(MultibodyPositionToGeometryPose(plant, True))
+    builder.Connect(state, poses.get_input_port())
+    port = scene_graph.get_source_pose_port(source)
+    builder.Connect(poses.get_output_port(), port)
+    looks = {"role": geometry.Role.kProximity, "default_color": _GHOST}
+    add_robot_view(builder, scene_graph, meshcat, prefix=GHOST, **looks)
+    return plant
 
 
 def set_scene(meshcat: Meshcat) -> None:

@@ -23,7 +23,7 @@ from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.results import signal
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
-from nadia_balance.view.scene import start_meshcat
+from nadia_balance.view.scene import GHOST, start_meshcat
 from tests import run_cache
 from tests.clicks import click
 from tests.diagrams import simulated as runs
@@ -258,3 +258,32 @@ def test_clicks_do_what_the_scenario_would():
     assert math.dist(footholds[0], footholds[-1]) > 0.1
     hurried = np.max(np.diff(walking.time_in_phase))
     assert hurried > 1.05 * 0.002
+
+
+def test_a_ghost_is_where_the_robot_is_estimated_to_be():
+    """Oracle: kinematics of the estimate; no ghost of a state that is true."""
+    meshcat = start_meshcat()[0]
+    scenario = runs.scenario_of("{sensors: consumer}")
+    diagram = HumanoidDiagram(scenario, meshcat)
+    simulator = start(diagram)
+    simulator.Initialize()
+    root = simulator.get_context()
+    estimator = diagram.GetSubsystemByName("state_estimator")
+    port = estimator.GetOutputPort("estimated_state")
+    plant = diagram.robot.control_plant()
+    own = plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(
+        own, port.Eval(estimator.GetMyContextFromRoot(root))
+    )
+    ghost = diagram.GetSubsystemByName("ghost")
+    query = ghost.GetOutputPort("query").Eval(ghost.GetMyContextFromRoot(root))
+    inspector = query.inspector()
+    frames = {inspector.GetName(f): f for f in inspector.GetAllFrameIds()}
+    for body in "PELVIS_LINK", "LEFT_FOOT_LINK", "TORSO_LINK":
+        X_WB = plant.GetBodyByName(body).EvalPoseInWorld(own)
+        found = query.GetPoseInWorld(frames[f"nadia::{body}"])
+        assert found.IsNearlyEqualTo(X_WB, 1e-12)
+    assert meshcat.HasPath(f"{GHOST}/nadia/PELVIS_LINK")
+    meshcat = start_meshcat()[0]
+    start(HumanoidDiagram(runs.scenario_of(), meshcat)).Initialize()
+    assert not meshcat.HasPath(GHOST)

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -242,6 +243,21 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
         assert (signal.number, signal.waiting) == (number, waiting)
         assert signal.delta_v == pytest.approx(newtons * duration / MASS)
         assert np.linalg.norm(signal.force) == pytest.approx(newtons)
+
+
+@pytest.mark.parametrize("entry", range(4))
+def test_a_live_push_that_is_not_finite_is_an_error_that_tells_when(entry):
+    """Oracle: by hand; one tick before it, all is well."""
+    source, live = PushSource([], MASS, PERIOD), [1.0, 0.3, 90.0, 0.1]
+    simulator, context = running(
+        source, walking_state=RIGHT_SWING, live_push=live
+    )
+    simulator.AdvanceTo(9.5 * PERIOD)
+    live[entry] = math.nan
+    fix(source, context, live_push=live)
+    said = re.escape(f"live_push = {live} at {10.0 * PERIOD:.3f} s: must be")
+    with pytest.raises(ValueError, match=f"^{said} finite$"):
+        simulator.AdvanceTo(10.5 * PERIOD)
 
 
 @pytest.mark.parametrize(
