@@ -186,6 +186,7 @@ def limits_of(
     Raises ValueError: the push is not within the walk.
     """
     scenario = copy.deepcopy(scenario)
+    scenario.engine, scenario.sensors = "drake", "perfect"
     push = scenario.pushes[0]
     push.at, push.delta_v, push.force = situation[1], 0.0, None
     diagram = LipmDiagram(scenario)
