@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import re
 import types
 import typing
 from pathlib import Path
@@ -77,7 +78,8 @@ def _check_nodes(text: str) -> None:
     """Refuses valid but misleading YAML.
 
     Raises ValueError: a key twice in one mapping, of which the last would
-    count; 1:30, which would be 90; or aliases that expand to too many nodes.
+    count; 1:30, which would be 90, or 010, which would be 8; or aliases that
+    expand to too many nodes.
     """
     root, sizes = yaml.compose(text, Loader=yaml.CSafeLoader), {}
 
@@ -94,8 +96,9 @@ def _check_nodes(text: str) -> None:
         elif isinstance(node, yaml.SequenceNode):
             children = node.value
         elif node is not None and node.tag.endswith((":int", ":float")):
-            if ":" in node.value:
-                raise ValueError(f"{node.value}: must be a number without ':'")
+            if re.search(r":|^[-+]?0\d", node.value):
+                why = "must be a number without ':' or a leading 0"
+                raise ValueError(f"{node.value}: {why}")
         sizes[id(node)] = 1 + sum(map(size, children))
         if sizes[id(node)] > _MOST_NODES:
             raise ValueError(f"must have at most {_MOST_NODES} values")

@@ -12,7 +12,6 @@ Example:
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
-import math
 import shlex
 import sys
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from pathlib import Path
 from dask.system import CPU_COUNT
 from pydrake.common.yaml import yaml_dump_typed
 
+from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
@@ -43,6 +43,8 @@ def main(argv: list[str] | None = None) -> int:
     if args.plot_only is not None:
         with parser.refusing():
             rows = Rows.read(args.plot_only)
+            search = vars(SearchParams())
+            check(SearchParams(**{n: rows.identity[n] for n in search}))
             file = rows.folder / SCENARIO
             names = rows.identity["scenario"].split(",")
             scenarios = {name: load_scenario(name, file) for name in names}
@@ -199,9 +201,9 @@ def _directions(asked: dict[str, str]) -> tuple[float, ...]:
     """Returns the `directions` [deg] that are asked for, listed or counted."""
     text = asked["directions"].strip()
     with contextlib.suppress(ValueError):
-        if not text.isdecimal():
+        if not (text.isdecimal() and text.isascii()):
             angles = [float(word) for word in _words("directions", asked)]
-            if all(map(math.isfinite, angles)):
+            if all(abs(angle) <= 3600.0 for angle in angles):
                 found = (round(angle, 6) % 360.0 for angle in angles)
                 return tuple(dict.fromkeys(found))
         elif 1 <= (count := int(text)) <= MOST_DIRECTIONS:

@@ -11,7 +11,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
-from nadia_balance.robot.reach import margins, reach_within
+from nadia_balance.robot.reach import margins, reach_within, too_weak
 from nadia_balance.scripts import command_line
 
 # Twenty seconds of steps, with standing before and after them.
@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
         notes = make_robot(args.file, args.out, fix=args.fix or [], **given)
         command_line.say(*notes.lines())
         made = load_robot(str(robot), args.fidelity)
-        command_line.say(_fit_reach(made, args.out))
+        command_line.say(_fit_reach(made, args.out), *too_weak(made))
     command_line.say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
     walk = not args.no_walk
     return _walk(str(robot), args.fidelity) if walk else command_line.DONE

@@ -99,6 +99,7 @@ MILLION = "[&a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]" + "".join(
         (600 * "[", "malformed YAML: .*recursion"),
         ("{seats: 1, seats: 2}", ".*seats: must be given only once"),
         ("{load: 1:30}", ".*1:30: must be a number without ':'"),
+        ("{load: 017}", ".*017: must be a number without ':' or a leading 0"),
         (f"{MILLION}]", ".*must have at most 100000 values"),
     ],
 )

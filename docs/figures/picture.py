@@ -1,14 +1,15 @@
 """Takes pictures of a run's replay, side by side or as an animation.
 
 By default they show the end of the last push, and each of the next two steps
-just before it lands; the animation shows the push and the next 2.5 s.  The
-camera is at --azimuth (0 in front of the robot, 90 to its left) and --elevation
-[deg], --distance [m] away; a picture has --width by --height pixels.
+just before it lands; the animation shows the push and the next 4 s, with what
+the replay says of them.  The camera is at --azimuth (0 in front of the robot,
+90 to its left) and --elevation [deg], --distance [m] away; a picture has
+--width by --height pixels.
 
 Examples:
     python docs/figures/picture.py --run runs/my_run
     python docs/figures/picture.py --run runs/my_run --times 3.5 3.9 --out a.png
-    python docs/figures/picture.py --run runs/my_run --gif --width 320
+    python docs/figures/picture.py --run runs/my_run --gif --width 640
 """
 
 import argparse
@@ -40,7 +41,7 @@ _GAP = 8  # between the pictures of a strip [pixels]
 _SHARPNESS = 2  # pixels of the browser for each pixel of a picture
 _NUM_STEPS = 2  # pictures of steps after the push
 _BEFORE = 0.03  # time from a picture to its landing [s]
-_GIF = 0.4, 2.5  # time before the push begins, and after its end [s]
+_GIF = 0.4, 4.0  # time before the push begins, and after its end [s]
 _GIF_PERIOD = 2.0 * REGIONS_PERIOD  # frame period [s]
 
 # Points the camera at the robot, and sets the caption.
@@ -57,9 +58,21 @@ _LOOK = """
   viewer.controls.update();
   viewer.render();  // moves the camera, ...
   viewer.render();  // ... and draws what it sees
+  // The replay's words are of the second frame after this.
+  return new Promise((done) => requestAnimationFrame(
+      () => requestAnimationFrame(() => done(true))));
 }
 """
-# What a picture shows of the replay's page, beside the scene.
+# What a picture, and a frame, show of the replay's page, beside the scene.
+_WORDS = """
+  #jumps, .dg, #status > :first-child { display: none; }
+  #legend, #status { inset: auto 0 0 !important; max-width: none !important;
+                     border-radius: 0 !important;
+                     font: 12px/1.35 "DejaVu Sans", sans-serif !important; }
+  #legend { display: flex; flex-wrap: wrap; gap: 0 16px;
+            justify-content: center; }
+  #status { inset: 0 0 auto !important; }
+"""
 _CAPTION = """
   #legend, #status, #jumps, .dg { display: none; }
   body::after { content: attr(data-caption); position: fixed; left: 16px;
@@ -213,7 +226,9 @@ def write_strip(
     page: sync_api.Page, times: list[float], view: View, out: Path
 ) -> None:
     """Writes the replay at `times` [s], side by side over its legend."""
-    pictures = [_picture(page, time, f"{time:.2f} s", view) for time in times]
+    pictures = [
+        _picture(page, time, view, _CAPTION, f"{time:.2f} s") for time in times
+    ]
     width = len(times) * (view.width + _GAP) - _GAP
     page.set_viewport_size({"width": width, "height": view.height})
     legend = _image(page.locator("#legend").screenshot(style=_LEGEND))
@@ -233,7 +248,7 @@ def write_gif(
     """
     keeps_rare_colours = Image.Quantize.MAXCOVERAGE
     first, *others = (
-        _picture(page, time, "", view).quantize(method=keeps_rare_colours)
+        _picture(page, time, view, _WORDS).quantize(method=keeps_rare_colours)
         for time in times
     )
     more = {"duration": round(1000 * _GIF_PERIOD), "loop": 0}
@@ -241,7 +256,7 @@ def write_gif(
 
 
 def _picture(
-    page: sync_api.Page, time: float, caption: str, view: View
+    page: sync_api.Page, time: float, view: View, style: str, caption: str = ""
 ) -> Image.Image:
     turn, rise = math.radians(view.azimuth), math.radians(view.elevation)
     away = math.cos(rise)
@@ -256,7 +271,7 @@ def _picture(
         "offset": [view.distance * part for part in offset],
     }
     page.evaluate(_LOOK, look)
-    return _image(page.screenshot(style=_CAPTION))
+    return _image(page.screenshot(style=style))
 
 
 def _image(screenshot: bytes) -> Image.Image:

@@ -111,6 +111,25 @@ def _around(polygon: Array) -> Array:
     return np.vstack([polygon, 0.5 * (polygon + np.roll(polygon, 1, axis=0))])
 
 
+def too_weak(robot: RobotModel) -> list[str]:
+    """Returns a warning of each joint by which one leg cannot carry the robot.
+
+    It stands in its posture, its whole weight at the centre of a sole.
+    """
+    legs = robot.legs_at(robot.standing_positions())
+    limits, found = plants.effort_limits(legs.plant), []
+    for side, foot in robot.foot_bodies.items():
+        needed = np.abs(legs.standing_torques({side: 1.0}))
+        for joint in plants.joints_above(legs.plant, foot):
+            i = joint.velocity_start()
+            if needed[i] > limits[i]:
+                found.append(
+                    f"warning: effort limit of {joint.name()}, {limits[i]:g} "
+                    f"N m: to carry it, one leg needs {needed[i]:.0f} N m"
+                )
+    return found
+
+
 def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
     """Returns a table of the legs' margins, and a warning of each short one.
 

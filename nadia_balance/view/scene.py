@@ -83,7 +83,7 @@ def add_ghost(
 
     The builder's diagram must not outlive the plant that is returned.
     """
-    scene_graph = builder.AddNamedSystem("ghost", SceneGraph())
+    scene_graph = builder.AddNamedSystem("ghost", geometry.SceneGraph())
     plant = mbp.MultibodyPlant(0.0)
     source = plant.RegisterAsSourceForSceneGraph(scene_graph)
     robot.add_to(plant)

@@ -21,6 +21,8 @@ from typing import NamedTuple, TextIO
 from pydrake.common.yaml import yaml_dump_typed
 
 import nadia_balance
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.folder import appearing, locked
 from nadia_balance.results.summary import versions
@@ -28,6 +30,7 @@ from nadia_balance.robot.model import load_robot
 
 TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
+MOST = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
 
 PACKAGE = Path(nadia_balance.__file__).parent
@@ -118,8 +121,16 @@ class Rows:
             if "resolution" not in identity:
                 raise ValueError("its first line is of no sweep")
             found = list(csv.DictReader(io.StringIO(lines)))
-            return cls(folder, identity, list(map(_parsed, found)))
-        except (OSError, ValueError, TypeError, KeyError) as error:
+            rows = list(map(_parsed, found))
+            if {row["scenario"] for row in rows} - set(
+                identity["scenario"].split(",")
+            ):
+                raise ValueError("a scenario is not of the first line")
+            return cls(folder, identity, rows)
+        except (
+            *(OSError, AttributeError, KeyError, TypeError, ValueError),
+            csv.Error,
+        ) as error:
             why = f"must be rows of this program ({error})"
             raise ValueError(f"trials = {path}: {why}") from None
 
@@ -164,12 +175,23 @@ class Rows:
 
 
 def _parsed(line: dict[str, str]) -> dict:
-    if line["outcome"] not in OUTCOMES or tuple(line) != COLUMNS:
-        raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
-    return {
+    row = {
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
+    numbers = [value for name, value in row.items() if name not in _TEXTS]
+    if not (
+        tuple(line) == COLUMNS
+        and row["outcome"] in OUTCOMES
+        and row["mechanisms"] in NAMED
+        and all(type(x) in (int, float, type(None)) for x in numbers)
+        and 0.0 <= row["delta_v"] <= MOST
+        and 0.0 <= row["direction_deg"] <= 360.0
+        and row["replica"] >= 0
+    ):
+        raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
+    Moment.parse(row["at"])
+    return row
 
 
 def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:

@@ -15,7 +15,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
-from nadia_balance.scripts.sweep import Cell, Rows, Situation, results_of
+from nadia_balance.scripts.sweep import MOST, Cell, Rows, Situation, results_of
 from nadia_balance.scripts.sweep.search import AT, SearchParams, limit
 from nadia_balance.scripts.sweep.trial import limit_from
 
@@ -179,15 +179,20 @@ def limits_of(
     Raises ValueError: the push is not within the walk.
     """
     scenario = copy.deepcopy(scenario)
+    scenario.engine, scenario.sensors = "drake", "perfect"
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    true = scenario.terrain.ground(robot.sole, robot.params.size)
+    known = scenario.point_mass(robot).ground
+    if not all(ground is None or ground.is_level for ground in (true, known)):
+        scenario.terrain.name = "flat"
     push = scenario.pushes[0]
     push.at, push.delta_v, push.force = situation[1], 0.0, None
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
-    robot = diagram.robot
-    if plant == "humanoid":
-        robot = load_robot(scenario.robot, scenario.fidelity)
+    if plant != "humanoid":
+        robot = diagram.robot
     more = {"model": robot.point_mass, "push_duration": push.duration}
     limit = limit_from(diagram, context, **more)
     kappa = scenario.controller.balance.max_kappa
@@ -196,12 +201,17 @@ def limits_of(
 
 def known_limits(folder: Path) -> dict[Cell, float]:
     """Limits [m/s] of a sweep's limits.csv; ValueError or OSError: none."""
-    with open(folder / LIMITS, encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    if not all({*Cell._fields, "recovered"} <= {*line} for line in lines):
-        raise ValueError(f"from = {str(folder)!r}: must have a {LIMITS}")
     found = {}
-    for line in lines:
-        angle = {"direction_deg": float(line["direction_deg"])}
-        found[Cell.of(line | angle)] = float(line["recovered"] or 0.0)
+    try:
+        with open(folder / LIMITS, encoding="utf-8", newline="") as file:
+            for line in csv.DictReader(file):
+                angle = float(line["direction_deg"])
+                limit = float(line["recovered"] or 0.0)
+                if not (0.0 <= angle < 360.0 and 0.0 <= limit <= MOST):
+                    raise ValueError
+                found[Cell.of(line | {"direction_deg": angle})] = limit
+    except (csv.Error, KeyError, TypeError, ValueError):
+        found = {}  # of one that is no sweep's, nothing is known
+    if not found:
+        raise ValueError(f"from = {str(folder)!r}: must have a {LIMITS}")
     return found

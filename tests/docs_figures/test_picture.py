@@ -116,8 +116,8 @@ def test_the_moments_are_those_of_a_push_and_what_came_of_it(runs):
     times = picture.moments(run, gif=True)
     assert times[0] == pytest.approx(1.976 - 0.4, abs=2e-3)
     assert np.diff(times) == pytest.approx(0.125)
-    end = 2.076 + 2.5
-    assert end - 0.2 < times[-1] < end + 1e-6  # the sum of 24 periods
+    end = 2.076 + 4.0
+    assert end - 0.2 < times[-1] < end + 1e-6  # the sum of 36 periods
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,12 @@
-"""Oracle: the time of a step at constant mean speed, by hand."""
+"""Oracles: a step at constant mean speed, and a leg's torque, by hand."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from nadia_balance.robot.model import load_robot
-from nadia_balance.robot.reach import margins
+from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.robot.reach import margins, too_weak
 
 
 def warned(robot):
@@ -30,3 +30,22 @@ def test_feet_that_are_at_the_reach_in_a_swing_are_fast_enough(name):
     robot.point_mass = replace(model, detour=slow)
     (line,) = warned(robot)
     assert line.startswith("warning: short: speed of the leg joints")
+
+
+def test_a_knee_that_carries_half_of_it_only_is_warned_of(tmp_path):
+    """Oracle: one leg needs twice the 10 N m of two, but for the shin's own.
+
+    That weighs 2.5 kg, its centre 0.12 m from the knee.
+    """
+    robot = load_robot("g1")
+    assert too_weak(robot) == []
+    urdf = tmp_path / "weak.urdf"
+    text = robot.urdf.read_text("utf-8")
+    urdf.write_text(text.replace('effort="139"', 'effort="13"'), "utf-8")
+    found = too_weak(RobotModel(robot.params, urdf))
+    names = [
+        f"effort limit of {side}_knee_joint, 13" for side in ("left", "right")
+    ]
+    assert [line.split(": ")[1].removesuffix(" N m") for line in found] == names
+    (needed,) = {float(line.split()[-3]) for line in found}
+    assert needed == pytest.approx(20.0, abs=3.0)

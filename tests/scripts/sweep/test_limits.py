@@ -33,7 +33,7 @@ def test_the_walk_has_the_limit_of_an_enumeration():
     assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
 
 
-def test_knows_the_limits_of_a_folder(tmp_path):
+def test_knows_the_limits_of_a_folder():
     """Oracle: the pages' figures, rounded to 0.01 m/s."""
     known = known_limits(ROOT / "docs" / "results" / "fig10")
     page, readme = (
@@ -52,6 +52,42 @@ def test_knows_the_limits_of_a_folder(tmp_path):
     for text in page, readme:
         words = " ".join(text.split())
         assert f"{min(times):.2f} to {max(times):.2f} times the pap" in words
-    (tmp_path / "limits.csv").write_text("a,b\n1,2\n")
+
+
+HEAD = "scenario,at,mechanisms,direction_deg,recovered\npush,1 s,step,"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "\0",
+        "a,b\n1,2\n",
+        *(HEAD + end for end in "0,nan 0,-1 400,1 x,1".split()),
+        HEAD[:-6],
+    ],
+)
+def test_what_is_no_limit_is_refused(text, tmp_path):
+    """Oracle: no push is below zero, and no direction beyond 360 deg."""
+    (tmp_path / "limits.csv").write_text(text)
     with pytest.raises(ValueError, match="^from = .*: must have a limits.csv"):
         known_limits(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"engine": "mujoco"},
+        {"sensors": "consumer"},
+        {"text": "{terrain: {name: stairs}}"},
+    ],
+)
+def test_the_limit_is_of_a_point_mass_whatever_walks(changes):
+    """Oracle: the limit of the same scenario in Drake, with perfect sensors."""
+    found, wanted = (
+        limits_of(load_scenario("push", **one), AT, "humanoid")[0]
+        for one in (changes, {})
+    )
+    assert found.largest_push(0).delta_v == pytest.approx(
+        wanted.largest_push(0).delta_v, rel=1e-6
+    )

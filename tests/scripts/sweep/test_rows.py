@@ -40,17 +40,30 @@ def test_refuses_another_sweep_and_another_process(tmp_path):
     assert (tmp_path / TRIALS).read_bytes() == before
 
 
-@pytest.mark.parametrize("change", ["outcome", "number", "column", "PNG"])
+SPOILT = {
+    "outcome": ("recovered", "bogus"),
+    "number": ("0.125", "9;9"),
+    "column": ("seed,", ""),
+    "moment": ("right swing 25 %", "now"),
+    "mechanisms": ("icp_only", "luck"),
+    "scenario": ("\npush,", "\nshove,"),
+    "size": (",0.0,0.2,", ",0.0,NaN,"),
+    "list": (",0.0,0.2,", ",0.0,[0.2],"),
+    "direction": (",0.0,0.2,", ",400.0,0.2,"),
+    "PNG": ("", ""),
+}
+
+
+@pytest.mark.parametrize("change", SPOILT)
 def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
     with Rows.opened(tmp_path, IDENTITY) as rows:
         rows.add(ROWS[0])
     text = (tmp_path / TRIALS).read_text()
-    spoilt = {
-        "outcome": text.replace("recovered", "bogus"),
-        "number": text.replace("0.125", "9;9"),
-        "column": text.replace("seed,", ""),
-        "PNG": "\x89PNG\r\n\xff",
-    }[change].encode("latin-1")
+    spoilt = text.replace(*SPOILT[change])
+    if change == "PNG":
+        spoilt = "\x89PNG\r\n\xff"
+    assert spoilt != text
+    spoilt = spoilt.encode("latin-1")
     (tmp_path / TRIALS).write_bytes(spoilt)
     with pytest.raises(ValueError, match=f"^trials = .*{TRIALS}: must be rows"):
         Rows.read(tmp_path)
