@@ -92,6 +92,9 @@ class HumanoidDiagram(ClosedLoop):
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
             scene.move_floor(meshcat, scenario.place.pose.p_WF)
+            if told := self._measured.get("estimated_state"):
+                ghost = builder, self.robot, told, meshcat
+                self._ghost = scene.add_ghost(*ghost)
         systems = self.engine, self.sensor, self.push, controller
         logged = {"mechanisms": self._mechanisms, "torques": self._torques}
         logged |= self._measured
