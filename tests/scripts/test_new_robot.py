@@ -85,9 +85,9 @@ def test_an_edited_robot_is_overwritten_only_by_force(file, tmp_path, capsys):
 
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
     """Oracle: without trimesh, one line; for --help, see test_packaging."""
-    for module in list(sys.modules):
-        if module.startswith("nadia_balance.new_robot"):
-            monkeypatch.delitem(sys.modules, module)
+    for name in "make", "read":
+        module = f"nadia_balance.new_robot.{name}"
+        monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     outcome = run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
     message = "trimesh is missing: pip install 'nadia_balance[robots]'"
