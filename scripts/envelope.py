@@ -26,6 +26,7 @@ from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.scripts.sweep import TRIALS, Rows, limits, report, trial
 from nadia_balance.scripts.sweep.search import AT, HEADROOM, SearchParams, Sweep
@@ -45,6 +46,7 @@ def main(argv: list[str] | None = None) -> int:
             rows = Rows.read(args.plot_only)
             search = vars(SearchParams())
             check(SearchParams(**{n: rows.identity[n] for n in search}))
+            load_robot(rows.identity["robot"])
             file = rows.folder / SCENARIO
             names = rows.identity["scenario"].split(",")
             scenarios = {name: load_scenario(name, file) for name in names}

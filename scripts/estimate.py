@@ -91,7 +91,10 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
                 raise ValueError(f"{name} must be ({len(t)}, {size})")
         if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
             raise ValueError("t must rise in equal steps")
-    except (LookupError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except (
+        *(EOFError, LookupError, TypeError, ValueError),
+        zipfile.BadZipFile,
+    ) as error:
         what = f"a CSV or npz as in docs/sensors.md ({error})"
         raise ValueError(f"log = {path}: must be {what}") from None
     return log

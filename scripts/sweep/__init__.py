@@ -30,6 +30,7 @@ from nadia_balance.robot.model import load_robot
 
 TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
+IDENTITY = "robot scenario plant resolution stride replicas largest".split()
 MOST = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
 
@@ -118,7 +119,7 @@ class Rows:
             text = path.read_text(encoding="utf-8")
             first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
             identity = json.loads(first.removeprefix("# "))
-            if "resolution" not in identity:
+            if not {*IDENTITY} <= {*identity}:
                 raise ValueError("its first line is of no sweep")
             found = list(csv.DictReader(io.StringIO(lines)))
             rows = list(map(_parsed, found))
