@@ -70,6 +70,16 @@ def test_a_swing_sole_turns_from_its_ground_to_the_next_one():
         assert right == pytest.approx([math.sin(angle), 0.0, math.cos(angle)])
 
 
+@pytest.mark.parametrize(
+    "time, expected", [(0.0, 0.2), (0.6, 0.2), (0.8, 0.6), (1.0, 1.0)]
+)
+def test_a_swing_sole_is_flat_only_when_it_lands(time, expected):
+    """Oracle: by hand; half-way through the last 0.4 s, the mean share."""
+    swing = state(Phase.SWING, time_in_phase=time)
+    params = {"swing_early_share": 0.2, "swing_flat_time": 0.4}
+    assert command(swing, **params).flatness == pytest.approx(expected)
+
+
 def test_looks_ahead_between_the_feet():
     """Oracle: the mean, also across the cut of the circle at pi.
 

@@ -176,11 +176,12 @@ def test_refuses_a_negative_weight():
 def test_weights_are_those_of_the_squares(name, rows):
     """Oracle: twice the weight adds weight J'J to H, J the rows of the terms.
 
-    That of the angular momentum is about the CoM.
+    That of the angular momentum is about the CoM; the flatness is a share of
+    the weight of the swing sole's orientation only.
     """
     terms = terms_at(random_state(0))
     wish, params = command(terms, (True, False)), WholeBodyQpParams()
-    weight = getattr(params, name)
+    wish, weight = wish._replace(flatness=0.3), getattr(params, name)
     twice = dataclasses.replace(params, **{name: 2.0 * weight})
     once, more = (
         WholeBodyQp(each, model(), PERIOD).problem(terms, wish).H[:29, :29]
@@ -191,4 +192,5 @@ def test_weights_are_those_of_the_squares(name, rows):
         J = moment - moment[:, 3:6] @ force
     else:
         J = terms.rows[rows, :-1]
+    weight *= 0.3 if name == "swing_orientation_weight" else 1.0
     assert more - once == pytest.approx(weight * J.T @ J, abs=1e-9 * weight)
