@@ -69,7 +69,7 @@ class RobotModel:
         _, plant, _ = self.control_diagram()
         self.remarks = robot_urdf.remarks_on(plant, set(feet))
         with naming(f"urdf = {urdf}"):
-            self.legs_at(self.standing_positions()).check_standing()
+            StandingLegs(self, self.standing_positions()).check_standing()
 
     @cached_property
     def mass(self) -> float:
@@ -92,7 +92,7 @@ class RobotModel:
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
-        legs = self.legs_at(self.standing_positions())
+        legs = StandingLegs(self, self.standing_positions())
         a, v = legs.foot_limits(self.max_joint_speeds)
         own = self.params.swing_detour
         most = {"max_acceleration": min(a, own.max_acceleration)}
@@ -118,11 +118,6 @@ class RobotModel:
             sole_clearance=max(apart - self.sole_width, 0.0),
             detour=detour,
         )
-
-    def legs_at(self, q: np.ndarray) -> StandingLegs:
-        """Returns the legs of the robot, standing at `q` (nq,)."""
-        feet = self.foot_bodies, self.X_FootSole
-        return StandingLegs(self.control_plant(), q, *feet)
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
         """Returns `params` with the values that are this robot's own.
@@ -196,9 +191,8 @@ class RobotModel:
         left, right = (set(moved([hip])) for hip in hips)
 
         def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
-            return plant.CollectRegisteredGeometries(
-                [plant.get_body(link) for link in links]
-            )
+            bodies = [plant.get_body(link) for link in links]
+            return plant.CollectRegisteredGeometries(bodies)
 
         others = shapes(own - left - right)
         soles = shapes(plant.GetBodyByName(foot).index() for foot in feet)
@@ -243,16 +237,15 @@ class RobotModel:
         if not 0.0 < width < np.inf:
             raise ValueError(f"step_width = {width}: must be > 0 m")
         com = [0.0, 0.0, self.com_height]
-        places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
-        plant = self.control_plant()
-        legs = plant, self.foot_bodies, self.X_FootSole
-        found = StandingKinematics(*legs, places, com, com)
+        places = np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]])
+        found = StandingKinematics(self, places, (com, com))
         upright = [1.0, 0.0, 0.0, 0.0]
         found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
-        nominal = np.zeros(plant.num_positions())
+        nominal = np.zeros(found.plant.num_positions())
         nominal[0], nominal[6] = 1.0, self.com_height
         for joint, angle in self.posture.items():
-            nominal[plant.GetJointByName(joint).position_start()] = angle
+            i = found.plant.GetJointByName(joint).position_start()
+            nominal[i] = angle
         if (q := found.nearest(nominal, com)) is not None:
             half = 0.5 * place.yaw
             turn = Quaternion(math.cos(half), 0, 0, math.sin(half))

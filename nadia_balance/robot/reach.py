@@ -15,9 +15,9 @@ from nadia_balance.core.body.reachability import (
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.plan.gait import Gait
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.vocabulary import FootPose
 from nadia_balance.robot import plants
-from nadia_balance.robot.leg_strength import StandingKinematics
+from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.model import RobotModel
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
@@ -40,14 +40,9 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     model, other = robot.point_mass, FootPose(np.append(foothold, 0.0))
     height = ComHeight(ComHeightParams(), model).height_limit(FootPose(), other)
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
-    ik = StandingKinematics(
-        robot.control_plant(),
-        robot.foot_bodies,
-        robot.X_FootSole,
-        dict(zip(Side, feet, strict=True)),
-        [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
-        [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
-    )
+    low = [*(feet.min(axis=0) - _BESIDE), height - _LEVEL]
+    high = [*(feet.max(axis=0) + _BESIDE), height + _LEVEL]
+    ik = StandingKinematics(robot, feet, (low, high))
     pelvis = ik.plant.GetFrameByName(robot.pelvis_body)
     world, upright = ik.plant.world_frame(), RotationMatrix()
     ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
@@ -116,7 +111,7 @@ def too_weak(robot: RobotModel) -> list[str]:
 
     It stands in its posture, its whole weight at the centre of a sole.
     """
-    legs = robot.legs_at(robot.standing_positions())
+    legs = StandingLegs(robot, robot.standing_positions())
     limits, found = plants.effort_limits(legs.plant), []
     for side, foot in robot.foot_bodies.items():
         needed = np.abs(legs.standing_torques({side: 1.0}))
@@ -183,7 +178,11 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     q = stride(robot, foothold)
     if q is None:
         return "the knees", np.inf
-    found, limits, legs = [], plants.effort_limits(plant), robot.legs_at(q)
+    found, limits, legs = (
+        [],
+        plants.effort_limits(plant),
+        StandingLegs(robot, q),
+    )
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
         above = plants.joints_above(legs.plant, foot)
