@@ -131,9 +131,8 @@ class LipmLimit:
     ) -> Capture:
         """Returns the largest push along `way` (2,), up to `most` [m/s].
 
-        It is the maximum over step counts, timings and regions, with one linear
-        program each.  Regions are branched on only if the LP with their hull
-        exceeds the best push found (branch and bound).
+        Each step count, timing and choice of regions is a linear program, and
+        branched on only if that of the hull is better than the best so far.
         """
         best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
         names = [name for name in self._regions if name != _HULL]
@@ -212,15 +211,11 @@ class LipmLimit:
     @cached_property
     def _durations(self) -> tuple[list[float], list[float]]:
         """The least durations [s] of the swings, and of the transfers."""
-        swings = [step.swing_duration for step in self._steps]
-        transfers = [step.transfer_duration for step in self._steps]
-        if self.on.swing:
-            least = self.timing.min_swing_duration
-            swings = [min(swing, least) for swing in swings]
-        if self.on.transfer:
-            least = self.timing.min_transfer_duration
-            transfers = [min(transfer, least) for transfer in transfers]
-        return swings, transfers
+        on, least, steps = self.on, self.timing, self._steps
+        swing = least.min_swing_duration if on.swing else math.inf
+        transfer = least.min_transfer_duration if on.transfer else math.inf
+        swings = [min(step.swing_duration, swing) for step in steps]
+        return swings, [min(s.transfer_duration, transfer) for s in steps]
 
     @cached_property
     def _rests(self) -> tuple[list[float], list[float]]:

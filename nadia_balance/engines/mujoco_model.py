@@ -29,10 +29,8 @@ _SHAPES = {  # Drake's type: the end of the name of MuJoCo's, and its size
     geometry.HalfSpace: ("PLANE", lambda s: [0.0, 0.0, 1.0]),
     geometry.Sphere: ("SPHERE", lambda s: [s.radius(), 0.0, 0.0]),
 }
-_JOINTS = {
-    "revolute": mujoco.mjtJoint.mjJNT_HINGE,
-    "quaternion_floating": mujoco.mjtJoint.mjJNT_FREE,
-}
+_HINGE, _FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
+_JOINTS = {"revolute": _HINGE, "quaternion_floating": _FREE}
 
 
 class MujocoModel:
@@ -60,10 +58,8 @@ class MujocoModel:
         self.model = self._spec.compile()
         self.data = mujoco.MjData(self.model)
         self._actuation = plant.MakeActuationMatrix()
-        self._efforts = (
-            plant.GetEffortLowerLimits(),
-            plant.GetEffortUpperLimits(),
-        )
+        low, high = plant.GetEffortLowerLimits(), plant.GetEffortUpperLimits()
+        self._efforts = low, high
         self._find_columns()
 
     def _add_body(self, body: RigidBody) -> mujoco.MjsBody:
@@ -204,11 +200,8 @@ class MujocoModel:
             body = model.body(str(int(force.body_index))).id
             R_WB = data.xmat[body].reshape(3, 3)
             point, F = data.xpos[body] + R_WB @ force.p_BoBq_B, force.F_Bq_W
-            wrench, sums = (
-                (F.translational(), F.rotational()),
-                data.qfrc_applied,
-            )
-            mujoco.mj_applyFT(model, data, *wrench, point, body, sums)
+            wrench = F.translational(), F.rotational(), point
+            mujoco.mj_applyFT(model, data, *wrench, body, data.qfrc_applied)
         mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_POS, 1)
 
     def _contacts(self) -> list[mbp.PointPairContactInfo]:
@@ -226,8 +219,7 @@ class MujocoModel:
 
 def _empty_spec(plant: mbp.MultibodyPlant) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.compiler.inertiafromgeom = False
+    spec.compiler.degree = spec.compiler.inertiafromgeom = False
     option = spec.option
     option.timestep = plant.time_step()
     option.gravity = plant.gravity_field().gravity_vector()

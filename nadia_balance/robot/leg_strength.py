@@ -38,11 +38,9 @@ class StandingLegs:
         for drive in plants.actuators(self.plant):
             joint, limit = drive.joint(), drive.effort_limit()
             needed = abs(torques[joint.velocity_start()])
-            require(
-                needed <= limit,
-                f"effort limit of {joint.name()} = {limit:g}: must be >= "
-                f"{needed:.0f} N m, for the robot to stand",
-            )
+            what = f"effort limit of {joint.name()} = {limit:g}"
+            must = f"must be >= {needed:.0f} N m, for the robot to stand"
+            require(needed <= limit, f"{what}: {must}")
 
     def standing_torques(self, shares: Mapping[Side, float]) -> Array:
         """Torques (nv,) [N m] for `shares` of the weight at sole centres."""

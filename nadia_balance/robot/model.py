@@ -23,15 +23,11 @@ from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.bounds import check, scaled
 from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot import params as robot_params
 from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
-from nadia_balance.robot.params import (
-    MODELS,
-    RobotParams,
-    idealised,
-    overridden,
-)
+from nadia_balance.robot.params import MODELS, RobotParams
 from nadia_balance.robot.urdf import add_urdf, naming
 from nadia_balance.typed_yaml import load_tree, load_typed
 
@@ -120,14 +116,12 @@ class RobotModel:
         )
 
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
-        """Returns `params` with the values that are this robot's own.
-
-        They are those of its robot.yaml that are not Nadia's, scaled.
+        """Returns `params` with those of robot.yaml not Nadia's, scaled.
 
         Raises ValueError: values contradict each other.
         """
         usual = scaled(WholeBodyQpParams(), self.params.size)
-        params = overridden(params, self.params.whole_body, usual)
+        params = robot_params.overridden(params, self.params.whole_body, usual)
         check(params, "whole_body")
         return params
 
@@ -179,10 +173,7 @@ class RobotModel:
         plant.SetDefaultPositions(self.standing_positions())
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-        """Excludes the robot's self-collisions except those between its legs.
-
-        The feet do not collide with each other either.
-        """
+        """Excludes self-collisions but between the legs, without the feet."""
         pelvis = plant.GetBodyByName(self.pelvis_body)
         own = set(plant.GetBodyIndices(pelvis.model_instance()))
         feet = self.foot_bodies.values()
@@ -196,14 +187,11 @@ class RobotModel:
 
         others = shapes(own - left - right)
         soles = shapes(plant.GetBodyByName(foot).index() for foot in feet)
-        scene_graph.collision_filter_manager().Apply(
-            CollisionFilterDeclaration()
-            .ExcludeWithin(shapes(left))
-            .ExcludeWithin(shapes(right))
-            .ExcludeWithin(soles)
-            .ExcludeWithin(others)
-            .ExcludeBetween(others, shapes(left | right))
-        )
+        legs = shapes(left | right)
+        declared = CollisionFilterDeclaration().ExcludeBetween(others, legs)
+        for group in (shapes(left), shapes(right), soles, others):
+            declared.ExcludeWithin(group)
+        scene_graph.collision_filter_manager().Apply(declared)
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
@@ -254,11 +242,10 @@ class RobotModel:
             return q
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip
-        raise ValueError(
-            f"step_width = {width}, com_height = {self.com_height}: must be "
-            f"within reach of the legs of {self.name}, in m; with straight "
-            f"ones, the CoM is {highest:.3f} m high"
-        )
+        what = f"step_width = {width}, com_height = {self.com_height}"
+        must = f"must be within reach of the legs of {self.name}, in m"
+        why = f"with straight ones, the CoM is {highest:.3f} m high"
+        raise ValueError(f"{what}: {must}; {why}")
 
 
 def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
@@ -288,7 +275,7 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
         raise ValueError(f"fidelity = {fidelity!r}: {which}")
     params, urdf = load_robot_params(name)
     if fidelity == "ideal":
-        params = idealised(params)
+        params = robot_params.idealised(params)
     return RobotModel(params, urdf)
 
 

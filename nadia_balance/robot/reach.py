@@ -52,20 +52,13 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     return ik.nearest(guess, [*middle, height], weight=0.01)
 
 
-def reaches(robot: RobotModel, foothold: Array) -> bool:
-    """True if a `stride` gets to the `foothold` (2,) [m]."""
-    return stride(robot, foothold) is not None
-
-
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     """Returns a reach that inverse kinematics confirms, and failed regions.
 
-    The regions are reduced until all their corners and midpoints of edges are
-    reached, except points beside the stance leg, which are no steps.  If the
-    base region is too large, or no cross-over width can shrink, an iteration
-    reduces lengths and the largest width; otherwise it reduces the cross-over
-    widths.  The names are those of the regions with points out of reach after
-    the last iteration.
+    Regions shrink until their corners and midpoints of edges are reached, but
+    for those beside the stance leg, which are no steps: the cross-over widths,
+    or, if the base region is too large or no such width can shrink, lengths and
+    largest width.  Regions have failed if the last iteration left some out.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
     detour = robot.point_mass.detour
@@ -76,27 +69,21 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
             for name, polygon in step_regions(reach, True).items()
             for x, y in _around(polygon)
             if abs(x) >= detour.ahead or y >= detour.beside
-            if not reaches(robot, np.array([x, y]))
+            if stride(robot, np.array([x, y])) is None
         ]
         if not missed:
             break
-        less = {
-            f"width_{name}": max(
-                getattr(reach, f"width_{name}") - _NARROWER * leg,
-                -0.9 * reach.width_nominal,
-            )
-            for name, (_, y) in missed
-            if name != BASE and y < reach.width_nominal
-        }
+        less, nominal = {}, reach.width_nominal
+        for name, (_, y) in missed:
+            if name != BASE and y < nominal:
+                width = getattr(reach, f"width_{name}") - _NARROWER * leg
+                less[f"width_{name}"] = max(width, -0.9 * nominal)
         narrower = replace(reach, **less)
         if narrower == reach or any(name == BASE for name, _ in missed):
-            narrowest = 1.01 * reach.width_nominal
-            narrower = replace(
-                reach,
-                length_forward=_LESS * reach.length_forward,
-                length_backward=_LESS * reach.length_backward,
-                width_max=max(_LESS * reach.width_max, narrowest),
-            )
+            names = "length_forward", "length_backward", "width_max"
+            less = {name: _LESS * getattr(reach, name) for name in names}
+            less["width_max"] = max(less["width_max"], 1.01 * nominal)
+            narrower = replace(reach, **less)
         reach = narrower
     return reach, {name for name, _ in missed}
 
@@ -118,10 +105,9 @@ def too_weak(robot: RobotModel) -> list[str]:
         for joint in plants.joints_above(legs.plant, foot):
             i = joint.velocity_start()
             if needed[i] > limits[i]:
-                found.append(
-                    f"warning: effort limit of {joint.name()}, {limits[i]:g} "
-                    f"N m: to carry it, one leg needs {needed[i]:.0f} N m"
-                )
+                what = f"effort limit of {joint.name()}, {limits[i]:g} N m"
+                why = f"to carry it, one leg needs {needed[i]:.0f} N m"
+                found.append(f"warning: {what}: {why}")
     return found
 
 
@@ -132,21 +118,20 @@ def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
     their limits.  The CoP that an ankle holds is that of `cop_area`; a knee at
     the reach carries the robot alone, the feet at the ends of a longest step.
     """
-    plant, lines, short = robot.control_plant(), [], []
+    plant, short = robot.control_plant(), []
     drives = [drive.joint().name() for drive in plants.actuators(plant)]
     left, right = (
         [joint.name() for joint in plants.joints_above(plant, foot)[::-1]]
         for foot in robot.foot_bodies.values()
     )
-    lines.append(f"{'margins, in place':40} torque  speed")
+    lines = [f"{'margins, in place':40} torque  speed"]
     for pair in zip(left, right, strict=True):
         i = max(map(drives.index, pair), key=torques.__getitem__)
         name, torque, speed = drives[i], torques[i], speeds[i]
         lines.append(f"  {name:38} {torque:5.0%}  {speed:5.0%}")
-        if torque > _NEAR:
-            short.append(f"torque of {name}, {torque:.0%} in place")
-        if speed > _NEAR:
-            short.append(f"speed of {name}, {speed:.0%} in place")
+        for what, share in (("torque", torque), ("speed", speed)):
+            if share > _NEAR:
+                short.append(f"{what} of {name}, {share:.0%} in place")
     model = robot.point_mass
     for what, i in (("ahead and behind", 0), ("aside", 1)):
         (ahead, behind), (toe, heel) = (
@@ -178,11 +163,8 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     q = stride(robot, foothold)
     if q is None:
         return "the knees", np.inf
-    found, limits, legs = (
-        [],
-        plants.effort_limits(plant),
-        StandingLegs(robot, q),
-    )
+    legs, found = StandingLegs(robot, q), []
+    limits = plants.effort_limits(plant)
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
         above = plants.joints_above(legs.plant, foot)

@@ -68,9 +68,10 @@ def check_urdf(urdf: Path) -> None:
             require(file.lower().endswith(_MESHES), must)
     for joint in root.findall("joint"):
         name, kind = joint.get("name"), joint.get("type", "")
-        must = f"must be one of {kinds}, and no mimic (nadia-new-robot welds"
+        must = f"must be one of {kinds}, and no mimic"
+        why = f"(nadia-new-robot welds others); it is {kind}"
         known = kind in _JOINTS and joint.find("mimic") is None
-        require(known, f"joint {name}: {must} others); it is {kind}")
+        require(known, f"joint {name}: {must} {why}")
         for limit in joint.iter("limit"):
             velocity = limit.get("velocity", "1")
             _positive(f"velocity limit of {name}", velocity, "rad/s")
