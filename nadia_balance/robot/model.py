@@ -187,11 +187,14 @@ class RobotModel:
 
         others = shapes(own - left - right)
         soles = shapes(plant.GetBodyByName(foot).index() for foot in feet)
-        legs = shapes(left | right)
-        declared = CollisionFilterDeclaration().ExcludeBetween(others, legs)
-        for group in (shapes(left), shapes(right), soles, others):
-            declared.ExcludeWithin(group)
-        scene_graph.collision_filter_manager().Apply(declared)
+        scene_graph.collision_filter_manager().Apply(
+            CollisionFilterDeclaration()
+            .ExcludeWithin(shapes(left))
+            .ExcludeWithin(shapes(right))
+            .ExcludeWithin(soles)
+            .ExcludeWithin(others)
+            .ExcludeBetween(others, shapes(left | right))
+        )
 
     def control_plant(self) -> MultibodyPlant:
         """A plant of the robot alone, without geometry, finalized."""
