@@ -16,10 +16,12 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
+from nadia_balance.core.plan.walking_state_machine import (
+    WalkingStateMachineParams as StateMachineParams,
+)
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams as StepAdjusterParams,
 )
@@ -38,12 +40,11 @@ from nadia_balance.systems.state import CentroidalEstimator, StatePredictor
 class ControllerParams:
     """The parameters of every algorithm; robot.yaml overrides `whole_body`."""
 
+    # T
     control_period: float = bounded(
-        0.004, least=0.0005, most=0.02, unit="s", of=""
-    )  # T
-    walking_state_machine: machine.WalkingStateMachineParams = bounded(
-        machine.WalkingStateMachineParams
+        0.004, least=5e-4, most=0.02, unit="s", of=""
     )
+    walking_state_machine: StateMachineParams = bounded(StateMachineParams)
     timing_adapter: TimingAdapterParams = bounded(TimingAdapterParams)
     step_adjuster: StepAdjusterParams = bounded(StepAdjusterParams)
     icp_plan: IcpPlanParams = bounded(IcpPlanParams)
@@ -59,12 +60,9 @@ class ControllerParams:
     def validate_more(self) -> None:
         """Raises ValueError if the QP moves more steps than are planned."""
         qp, plan = self.icp_step_qp, self.atlas_icp_plan
-        if qp and qp.num_steps > plan.num_previewed_steps:
-            raise ValueError(
-                f"icp_step_qp.num_steps = {qp.num_steps}: must be <= "
-                f"num_previewed_steps = {plan.num_previewed_steps} of "
-                "atlas_icp_plan"
-            )
+        if qp and qp.num_steps > (most := plan.num_previewed_steps):
+            must = f"must be <= num_previewed_steps = {most} of atlas_icp_plan"
+            raise ValueError(f"icp_step_qp.num_steps = {qp.num_steps}: {must}")
 
 
 class CapturePointController(Diagram):
@@ -159,10 +157,7 @@ class CapturePointController(Diagram):
             usual["momentum_qp"] = feedback.MomentumQp, params.balance
         height = feedback.ComHeightController, params.com_height
         usual["com_height_controller"] = height
-        makers = {
-            role: partial(kind, own, model, period)
-            for role, (kind, own) in usual.items()
-        }
+        makers = {r: partial(*made, model, period) for r, made in usual.items()}
         builder = DiagramBuilder()
         wire(builder, fill(makers, self.ROLES, blocks), self.INPUTS)
         builder.BuildInto(self)
@@ -255,38 +250,28 @@ class BalanceController(Diagram):
         period = params.control_period
         own = robot.whole_body(params.whole_body)
         model = replace(robot.point_mass, ground=ground)
-        lead = 0.0
-        if robot.drives is not None:  # each torque is held for a period
-            lead = robot.drives.lag + 0.5 * period
+        # Each torque is held for a period.
+        lead = robot.drives.lag + 0.5 * period if robot.drives else 0.0
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
             names = ", ".join(task.name for task in tasks)
             where = "the block that replaces whole_body_inverse_dynamics"
             raise ValueError(f"tasks = {names}: must be given to {where}")
-        inner = CapturePointController.ROLES
-        if "capture_point_controller" in blocks:
-            inner = {}
+        replaced = "capture_point_controller" in blocks
+        inner = {} if replaced else CapturePointController.ROLES
         planners = {name: blocks.pop(name) for name in inner if name in blocks}
-        makers = {
-            "state_predictor": partial(
-                StatePredictor, robot, period, delay, lead
-            ),
-            "centroidal_estimator": partial(
-                CentroidalEstimator, robot, own.avoidance, lead
-            ),
-            "capture_point_controller": partial(
-                CapturePointController, params, model, start=start, **planners
-            ),
-            "swing_foot_planner": partial(
-                steps.SwingFootPlanner, params.swing_foot, model, period, lead
-            ),
-            "friction_estimator": partial(
-                whole_body.FrictionEstimator, own, model, period
-            ),
-            "whole_body_inverse_dynamics": partial(
-                whole_body.WholeBodyInverseDynamics, own, robot, period, tasks
-            ),
-        }
+        planned = partial(CapturePointController, start=start, **planners)
+        inverse_dynamics = whole_body.WholeBodyInverseDynamics
+        usual: tuple = (  # in the order of ROLES
+            (StatePredictor, robot, period, delay, lead),
+            (CentroidalEstimator, robot, own.avoidance, lead),
+            (planned, params, model),
+            (steps.SwingFootPlanner, params.swing_foot, model, period, lead),
+            (whole_body.FrictionEstimator, own, model, period),
+            (inverse_dynamics, own, robot, period, tasks),
+        )
+        made = zip(self.ROLES, usual, strict=True)
+        makers = {role: partial(*kind) for role, kind in made}
         builder = DiagramBuilder()
         found = fill(makers, self.ROLES, blocks, inner)
         wire(builder, found, self.INPUTS)

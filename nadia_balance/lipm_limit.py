@@ -40,9 +40,8 @@ _HULL = "hull"  # name of the hull of all regions
 _BETTER = 1e-6  # least improvement of a push [m/s]
 _ZERO = np.zeros(2)
 _BOX = np.vstack([np.eye(2), -np.eye(2)])
-_DIRECTIONS = reachability.circle(
-    1.0
-)  # normals; the outer polygon is 0.5 % too large
+# Normals of a disc's outer polygon, which is 0.5 % too large.
+_DIRECTIONS = reachability.circle(1.0)
 
 Halfplanes = tuple[Array, Array]  # A p <= b
 Swings = tuple[float, ...]  # durations [s]
@@ -111,8 +110,8 @@ class LipmLimit:
 
         With `on.step` all smaller step counts are tried, as the robot may stop.
         """
-        angle = math.radians(direction_deg)
-        way = np.array([math.cos(angle), self._side * math.sin(angle)])
+        angle = self._side * math.radians(direction_deg)
+        way = np.array([math.cos(angle), math.sin(angle)])
         most = len(self._steps)
         return self._best(way, range(0 if self.on.step else most, most + 1))
 
@@ -132,9 +131,8 @@ class LipmLimit:
     ) -> Capture:
         """Returns the largest push along `way` (2,), up to `most` [m/s].
 
-        It is the maximum over step counts, timings and regions, with one linear
-        program each.  Regions are branched on only if the LP with their hull
-        exceeds the best push found (branch and bound).
+        Each step count, timing and choice of regions is a linear program, and
+        branched on only if that of the hull is better than the best so far.
         """
         best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
         names = [name for name in self._regions if name != _HULL]
@@ -164,16 +162,13 @@ class LipmLimit:
     @cached_property
     def _foot(self) -> Array:
         """Position (2,) [m] of the first swing foot, see `_local`."""
-        schedule = self.state.schedule
-        if schedule.phase is walking.Phase.SWING:
-            return self._local(self.foot)
-        return self._local(schedule.feet[schedule.support_side.other].p_WF[:2])
+        schedule, foot = self.state.schedule, self.foot
+        if schedule.phase is not walking.Phase.SWING:
+            foot = schedule.feet[schedule.support_side.other].p_WF[:2]
+        return self._local(foot)
 
     def _local(self, points: Array) -> Array:
-        """Returns points (..., 2) of W in the sole frame, y to the swing side.
-
-        The sole is that of the stance foot.
-        """
+        """Points (..., 2) of W in the stance sole's frame, y to the swing."""
         schedule = self.state.schedule
         stance = schedule.feet[schedule.support_side]
         return stance.to_sole(points) * [1.0, self._side]
@@ -189,14 +184,10 @@ class LipmLimit:
     def _reach(self) -> list[dict[str, Halfplanes]]:
         """Regions of each step by name, y to the first swing side."""
         if self.on.step:
+            half, hull = polygon.halfspaces, polygon.convex_hull
             sides = [[1.0, (-1.0) ** k] for k in range(len(self._steps))]
-            return [
-                {
-                    name: polygon.halfspaces(polygon.convex_hull(region * side))
-                    for name, region in self._regions.items()
-                }
-                for side in sides
-            ]
+            regions = self._regions.items()
+            return [{n: half(hull(r * s)) for n, r in regions} for s in sides]
         schedule = self.state.schedule
         feet = [schedule.feet[schedule.support_side]]
         feet += [step.pose for step in self._steps]
@@ -207,36 +198,24 @@ class LipmLimit:
         ]
 
     @cached_property
-    def _ecmps(self) -> Halfplanes:
-        """Half-planes of the eCMP about a sole's centre."""
-        return self._around(self.model.cop_area)
-
-    @cached_property
-    def _support(self) -> Halfplanes:
-        """Half-planes of the eCMP on the present contacts, see `_local`."""
-        soles = support_polygon(self.state.schedule, self.model.cop_area)
-        return self._around(self._local(soles))
-
-    def _around(self, corners: Array) -> Halfplanes:
-        """Half-planes of the hull of `corners` (n, 2), widened by kappa."""
-        hull = polygon.convex_hull(corners)
-        square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
-        return polygon.halfspaces(
-            polygon.minkowski_sum(hull, square) if self.kappa else hull
-        )
+    def _ecmps(self) -> list[Halfplanes]:
+        """Half-planes of the eCMP on the present contacts, and on a sole."""
+        sole = self.model.cop_area
+        present = self._local(support_polygon(self.state.schedule, sole))
+        hulls = [polygon.convex_hull(corners) for corners in (present, sole)]
+        if self.kappa:
+            square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
+            hulls = [polygon.minkowski_sum(hull, square) for hull in hulls]
+        return [polygon.halfspaces(hull) for hull in hulls]
 
     @cached_property
     def _durations(self) -> tuple[list[float], list[float]]:
         """The least durations [s] of the swings, and of the transfers."""
-        swings = [step.swing_duration for step in self._steps]
-        transfers = [step.transfer_duration for step in self._steps]
-        if self.on.swing:
-            least = self.timing.min_swing_duration
-            swings = [min(swing, least) for swing in swings]
-        if self.on.transfer:
-            least = self.timing.min_transfer_duration
-            transfers = [min(transfer, least) for transfer in transfers]
-        return swings, transfers
+        on, least, steps = self.on, self.timing, self._steps
+        swing = least.min_swing_duration if on.swing else math.inf
+        transfer = least.min_transfer_duration if on.transfer else math.inf
+        swings = [min(step.swing_duration, swing) for step in steps]
+        return swings, [min(s.transfer_duration, transfer) for s in steps]
 
     @cached_property
     def _rests(self) -> tuple[list[float], list[float]]:
@@ -264,22 +243,19 @@ class LipmLimit:
 
     def _swings(self, n: int) -> Iterator[Swings]:
         """Yields those that are tried of `n` swings, fast ones first."""
-        tried = [
-            [s + wait / self.model.omega for wait in waits]
-            if self.on.swing
-            else [s]
-            for s, waits in zip(self._rests[0][:n], _WAITS, strict=False)
-        ]
-        return itertools.product(*tried)
+        waits = _WAITS if self.on.swing else [[0.0]] * _MOST_STEPS
+        rests, w = self._rests[0][:n], self.model.omega
+        pairs = zip(rests, waits, strict=False)
+        return itertools.product(*([s + t / w for t in ts] for s, ts in pairs))
 
     def _behind(self) -> float:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
-        schedule, state = self.state.schedule, self.state
+        schedule = self.state.schedule
         if schedule.phase is not walking.Phase.TRANSFER:
             return 0.0
-        share = state.remaining_time / schedule.duration
-        rest = self._rests[1][0]
-        return share * (1.0 - _mean_decay(self.model.omega * rest))
+        share = self.state.remaining_time / schedule.duration
+        decay = _mean_decay(self.model.omega * self._rests[1][0])
+        return share * (1.0 - decay)
 
     def _solve(
         self, way: Array, swings: Swings, regions: Sequence[str], most: float
@@ -292,17 +268,17 @@ class LipmLimit:
         n, landings, weights = len(swings), *self._landings(swings)
         w, T, foot = self.model.omega, self.push_duration, self._foot
         per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
-        ecmp, room = self._local(self.icp), self._support
+        ecmp, room = self._local(self.icp), self._ecmps[min(n, 1)]
         if n:
-            ecmp, room = ecmp - self._behind() * foot, self._ecmps
+            ecmp = ecmp - self._behind() * foot
         of_ecmp = np.column_stack(
             [per_speed * way, *(-weight * np.eye(2) for weight in weights)]
         )
         of_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
         limits = [(of_ecmp, ecmp, room)]
         if math.isfinite(most):
-            push = np.eye(1, 2 * n + 1)
-            limits.append((push, np.zeros(1), (np.eye(1), np.array([most]))))
+            push, bound = np.eye(1, 2 * n + 1), (np.eye(1), np.array([most]))
+            limits.append((push, np.zeros(1), bound))
         for k, (region, swing) in enumerate(zip(regions, swings, strict=True)):
             limits.append((of_step[k], _ZERO, self._reach[k][region]))
             if math.isfinite(speed := self.model.detour.max_speed):
@@ -319,13 +295,9 @@ class LipmLimit:
         return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
 
     def _landings(self, swings: Swings) -> tuple[Array, Array]:
-        """Returns the ends (n,) [s] of the swings, and the weights (n,) [-].
-
-        The weights are those of the step vectors in the mean of the eCMPs.
-        """
-        n, w = len(swings), self.model.omega
+        """The swings' ends (n,) [s], and the step vectors' weights (n,) [-]."""
+        n, w, transfers = len(swings), self.model.omega, self._durations[1]
         landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
-        transfers = self._durations[1]
         after = [*transfers[1:], *transfers[-1:]][:n]
         loading = [_mean_decay(w * t) for t in after]
         return landings, np.exp(-w * landings) * loading

@@ -95,13 +95,8 @@ class PolicyController(LeafSystem):
         output_ports: [actuation]
     """
 
-    def __init__(
-        self,
-        robot: RobotModel,
-        onnx: str | Path,
-        params: PolicyParams | None = None,
-    ):
-        """Reads the policy for `robot` from the file `onnx`.
+    def __init__(self, robot: RobotModel, onnx: str | Path, params=None):
+        """Reads the policy for `robot` from the file `onnx`; see PolicyParams.
 
         Raises ValueError: the file is no such policy, or one of another robot,
         or onnxruntime is missing: one line that names what differs.
@@ -137,9 +132,8 @@ class PolicyController(LeafSystem):
         first = [*np.zeros(len(names)), *_FIRST.values()]
         self._memory = self.DeclareDiscreteState(first)
         memory = self.discrete_state_ticket(self._memory)
-        size, needs = len(names), {self._state.ticket(), memory}
-        out = "actuation", size, self._calc_torques, needs
-        self.DeclareVectorOutputPort(*out)
+        out = "actuation", len(names), self._calc_torques
+        self.DeclareVectorOutputPort(*out, {self._state.ticket(), memory})
         every = params.period, 0.0, self._update
         self.DeclarePeriodicUnrestrictedUpdateEvent(*every)
 
@@ -151,34 +145,24 @@ class PolicyController(LeafSystem):
         unit = state[:4] / np.linalg.norm(state[:4])
         R_BW = RotationMatrix(Quaternion(unit)).inverse()
         *velocity, yaw_rate = p.command
-        return np.concatenate(
-            [
-                memory[:-2],
-                p.gyro_scale * (R_BW @ state[self._spin]),
-                [yaw_rate, *velocity],
-                np.cos(phases),
-                state[self._q] - self._q0,
-                p.speed_scale * state[self._v],
-                R_BW @ [0.0, 0.0, -1.0],
-                np.sin(phases),
-            ]
-        )
+        spin, speeds = R_BW @ state[self._spin], state[self._v]
+        moved, down = state[self._q] - self._q0, R_BW @ [0.0, 0.0, -1.0]
+        parts = [memory[:-2], p.gyro_scale * spin, [yaw_rate, *velocity]]
+        parts += [np.cos(phases), moved, p.speed_scale * speeds, down]
+        return np.concatenate([*parts, np.sin(phases)])
 
     def _advanced(self, phases: np.ndarray) -> np.ndarray:
         """The phases (2,) of the next tick."""
-        if self.stands:
-            return np.full(2, math.pi)
-        p = self.params
-        return phases + 2.0 * math.pi * p.period / p.stride
+        turn = 2.0 * math.pi * self.params.period / self.params.stride
+        return np.full(2, math.pi) if self.stands else phases + turn
 
     def _update(self, context: Context, state) -> EventStatus:
         seen = self.observe(context).astype(np.float32)
         action = self._network.run(None, {self._port: seen[None]})[0][0]
         most = self.params.action_limit
         memory = context.get_discrete_state(self._memory).value()
-        state.get_mutable_discrete_state(self._memory).set_value(
-            [*np.clip(action, -most, most), *self._advanced(memory[-2:])]
-        )
+        after = [*np.clip(action, -most, most), *self._advanced(memory[-2:])]
+        state.get_mutable_discrete_state(self._memory).set_value(after)
         return EventStatus.Succeeded()
 
     def _calc_torques(self, context: Context, output) -> None:
@@ -241,9 +225,8 @@ def _checked_port(network: Any, n: int, what: str) -> str:
 
 def _same(wanted: Any, found: Any, what: str) -> None:
     """Raises ValueError, beginning with `what`, unless the names agree."""
-    lacks = [name for name in wanted if name not in found]
     more = [name for name in found if name not in wanted]
-    told = ("lacks", lacks), ("has besides", more)
-    said = [f"{verb} {', '.join(names)}" for verb, names in told if names]
+    told = {"lacks": [n for n in wanted if n not in found], "has besides": more}
+    said = [f"{v} {', '.join(names)}" for v, names in told.items() if names]
     if said:
         raise ValueError(f"{what}: {'; '.join(said)}")

@@ -38,9 +38,7 @@ def load_typed(
     try:
         if filename is not None:
             data = Path(filename).read_text(encoding="utf-8")
-        tree = _parse(data or "")
-        if child_name is not None:
-            tree = _child(tree, child_name)
+        tree = load_tree(data or "", child_name)
         _check(schema, tree, child_name or "")
         given = {"schema": schema, "data": data, "child_name": child_name}
         defaults = schema() if defaults is None else defaults
@@ -51,27 +49,29 @@ def load_typed(
         raise ValueError(f"{what}: {' '.join(str(error).split())}") from error
 
 
-def load_tree(text: str, child_name: str | None = None) -> dict:
-    """Returns YAML that `load_typed` has accepted as mappings and lists."""
-    tree = _parse(text)
-    tree = _child(tree, child_name) if child_name is not None else tree
-    return tree if isinstance(tree, dict) else {}
+def load_tree(text: str, child_name: str | None = None) -> typing.Any:
+    """Returns YAML, or its child of that name, as mappings and lists.
 
-
-def _parse(text: str) -> object:
-    """Raises ValueError if `text` is no YAML."""
+    Raises ValueError: malformed or misleading YAML, or no such child.
+    """
     try:
         tree = yaml_load_data(text)
     except Exception as error:
-        # Any class: PyYAML raises its own errors and Python's, e.g. for an
-        # invalid date or a structure nested too deeply.
+        # Of any class, as for an invalid date or a structure nested too deeply.
         reason, mark = error, getattr(error, "problem_mark", None)
         if mark is not None:
             place = f"line {mark.line + 1}, column {mark.column + 1}"
             reason = f"{place}: {error.problem}"
         raise ValueError(f"malformed YAML: {reason}") from error
     _check_nodes(text)
-    return tree
+    if child_name is None:
+        return tree
+    if not isinstance(tree, dict):
+        raise ValueError("malformed YAML: must be a mapping of names")
+    if child_name not in tree:
+        known = ", ".join(map(str, tree))
+        raise ValueError(f"{child_name!r}: must be one of {known}")
+    return tree[child_name]
 
 
 def _check_nodes(text: str) -> None:
@@ -105,15 +105,6 @@ def _check_nodes(text: str) -> None:
         return sizes[id(node)]
 
     size(root)
-
-
-def _child(tree: object, name: str) -> object:
-    if not isinstance(tree, dict):
-        raise ValueError("malformed YAML: must be a mapping of names")
-    if name not in tree:
-        known = ", ".join(map(str, tree))
-        raise ValueError(f"{name!r}: must be one of {known}")
-    return tree[name]
 
 
 def _check(schema: type, value: object, name: str) -> None:
@@ -161,8 +152,7 @@ def _is_scalar(schema: type, value: object) -> bool:
 
 def _require(fits: bool, name: str, value: object, allowed: str) -> None:
     if not fits:
-        # Shortened to one line: a mapping may be long.
         shown = repr(value)
-        if len(shown) > 60:
+        if len(shown) > 60:  # such as a mapping
             shown = f"{shown[:57]}..."
         raise ValueError(f"{name or 'file'} = {shown}: must be {allowed}")

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody import plant as mbp
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.robot.plants import actuators, joints
 from nadia_balance.robot.urdf import hull_points
 
@@ -23,18 +24,13 @@ _FRICTION_IMPEDANCE = 10.0
 _SHAPES = {  # Drake's type: the end of the name of MuJoCo's, and its size
     geometry.Box: ("BOX", lambda s: 0.5 * s.size()),
     geometry.Capsule: ("CAPSULE", lambda s: [s.radius(), 0.5 * s.length(), 0]),
-    geometry.Cylinder: (
-        "CYLINDER",
-        lambda s: [s.radius(), 0.5 * s.length(), 0],
-    ),
+    geometry.Cylinder: ("CYLINDER", lambda s: [s.radius(), s.length() / 2, 0]),
     geometry.Ellipsoid: ("ELLIPSOID", lambda s: [s.a(), s.b(), s.c()]),
     geometry.HalfSpace: ("PLANE", lambda s: [0.0, 0.0, 1.0]),
     geometry.Sphere: ("SPHERE", lambda s: [s.radius(), 0.0, 0.0]),
 }
-_JOINTS = {
-    "revolute": mujoco.mjtJoint.mjJNT_HINGE,
-    "quaternion_floating": mujoco.mjtJoint.mjJNT_FREE,
-}
+_HINGE, _FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
+_JOINTS = {"revolute": _HINGE, "quaternion_floating": _FREE}
 
 
 class MujocoModel:
@@ -45,10 +41,8 @@ class MujocoModel:
     of q, v and of the actuators: x = [q, v] (nq + nv,).
     """
 
-    def __init__(
-        self, plant: mbp.MultibodyPlant, inspector: SceneGraphInspector
-    ):
-        """Models `plant`, finalized, with the shapes of the `inspector`.
+    def __init__(self, plant: mbp.MultibodyPlant, inspector):
+        """Models `plant`, finalized, with the shapes of a scene's `inspector`.
 
         Raises ValueError: a joint or a shape of a type that is not supported.
         """
@@ -113,14 +107,13 @@ class MujocoModel:
         pairs = sorted(inspector.GetCollisionCandidates())
         for shape in sorted({shape for pair in pairs for shape in pair}):
             self._add_shape(inspector, shape)
+        same = {"condim": 3, "solref": self._softness, "solimp": _HARDNESS}
         for shapes in pairs:
             a, b = (_friction(inspector, shape) for shape in shapes)
             mu = 2.0 * a * b / (a + b) if a + b else 0.0  # Drake's rule
             first, second = map(_name, shapes)
-            pair = {"geomname1": first, "geomname2": second, "condim": 3}
-            soft = {"solref": self._softness, "solimp": _HARDNESS}
-            friction = [mu, mu, 0.0, 0.0, 0.0]
-            self._spec.add_pair(**pair, **soft, friction=friction)
+            pair = {"geomname1": first, "geomname2": second, **same}
+            self._spec.add_pair(**pair, friction=[mu, mu, 0.0, 0.0, 0.0])
 
     def _add_shape(self, inspector: SceneGraphInspector, shape) -> None:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
@@ -163,20 +156,9 @@ class MujocoModel:
             self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
         names = (model.body(i).name for i in model.geom_bodyid)
-        numbers = (int(name) if name.isdigit() else 0 for name in names)
-        self._body_of = list(map(BodyIndex, numbers))
+        self._body_of = [BodyIndex(int(n) if n.isdigit() else 0) for n in names]
 
-    def set_state(self, x: np.ndarray) -> None:
-        """Writes the state x to `data`, with angular velocities in B."""
-        nq, data = self.model.nq, self.data
-        data.qpos[:], data.qvel[:] = x[self._q], x[nq + self._v]
-        inverse = np.empty(4)
-        for quaternion, turning in self._turning:
-            mujoco.mju_negQuat(inverse, data.qpos[quaternion])
-            w_W = data.qvel[turning].copy()
-            mujoco.mju_rotVecQuat(data.qvel[turning], w_W, inverse)
-
-    def rates(self, vector: np.ndarray) -> np.ndarray:
+    def rates(self, vector: Array) -> Array:
         """Returns v, or its derivative, in Drake's order, from MuJoCo's."""
         found, vector = np.empty(self.model.nv), vector.copy()
         for quaternion, turning in self._turning:
@@ -187,29 +169,30 @@ class MujocoModel:
         return found
 
     def step(
-        self, x: np.ndarray, torques: np.ndarray, forces: Forces = ()
-    ) -> tuple[np.ndarray, list[mbp.PointPairContactInfo]]:
+        self, x: Array, torques: Array, forces: Forces = ()
+    ) -> tuple[Array, list[mbp.PointPairContactInfo]]:
         """Returns x a time step later, and the contacts on the way there.
 
         `torques` (nu,) are those of the actuators.  `data` is scratch.
         """
         self.forward(x, torques, forces)
-        contacts = self._contacts()
+        contacts, after = self._contacts(), np.empty_like(x)
         mujoco.mj_Euler(self.model, self.data)
-        after = np.empty_like(x)
         after[self._q] = self.data.qpos
         after[self.model.nq :] = self.rates(self.data.qvel)
         return after, contacts
 
-    def forward(
-        self, x: np.ndarray, torques: np.ndarray, forces: Forces = ()
-    ) -> None:
+    def forward(self, x: Array, torques: Array, forces: Forces = ()) -> None:
         """Computes accelerations and contact forces in `data`.
 
         It does not call mj_step, which resets a state that diverges.
         """
-        model, data = self.model, self.data
-        self.set_state(x)
+        model, data, inverse = self.model, self.data, np.empty(4)
+        data.qpos[:], data.qvel[:] = x[self._q], x[model.nq + self._v]
+        for quaternion, turning in self._turning:  # MuJoCo has w in B
+            mujoco.mju_negQuat(inverse, data.qpos[quaternion])
+            w_W = data.qvel[turning].copy()
+            mujoco.mju_rotVecQuat(data.qvel[turning], w_W, inverse)
         torques = np.clip(torques, *self._efforts)  # as Drake's plant does
         data.qfrc_applied[:] = (self._actuation @ torques)[self._v]
         mujoco.mj_fwdPosition(model, data)
@@ -217,36 +200,26 @@ class MujocoModel:
             body = model.body(str(int(force.body_index))).id
             R_WB = data.xmat[body].reshape(3, 3)
             point, F = data.xpos[body] + R_WB @ force.p_BoBq_B, force.F_Bq_W
-            both = F.translational(), F.rotational()
-            sums = data.qfrc_applied
-            mujoco.mj_applyFT(model, data, *both, point, body, sums)
+            wrench = F.translational(), F.rotational(), point
+            mujoco.mj_applyFT(model, data, *wrench, body, data.qfrc_applied)
         mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_POS, 1)
 
     def _contacts(self) -> list[mbp.PointPairContactInfo]:
         """The present contacts as Drake's type, with zero speeds."""
-        found, wrench = [], np.zeros(6)
-        contacts = self.data.contact
+        found, wrench, contacts = [], np.zeros(6), self.data.contact
+        info, pair = mbp.PointPairContactInfo, geometry.PenetrationAsPointPair
         for i in range(self.data.ncon):
             mujoco.mj_contactForce(self.model, self.data, i, wrench)
-            first, second = contacts.geom[i]
-            found.append(
-                mbp.PointPairContactInfo(
-                    bodyA_index=self._body_of[first],
-                    bodyB_index=self._body_of[second],
-                    f_Bc_W=wrench[:3] @ contacts.frame[i].reshape(3, 3),
-                    p_WC=contacts.pos[i],
-                    separation_speed=0.0,
-                    slip_speed=0.0,
-                    point_pair=geometry.PenetrationAsPointPair(),
-                )
-            )
+            bodies = [self._body_of[geom] for geom in contacts.geom[i]]
+            force = wrench[:3] @ contacts.frame[i].reshape(3, 3)
+            point = contacts.pos[i]
+            found.append(info(*bodies, force, point, 0.0, 0.0, pair()))
         return found
 
 
 def _empty_spec(plant: mbp.MultibodyPlant) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.compiler.inertiafromgeom = False
+    spec.compiler.degree = spec.compiler.inertiafromgeom = False
     option = spec.option
     option.timestep = plant.time_step()
     option.gravity = plant.gravity_field().gravity_vector()

@@ -20,10 +20,7 @@ from nadia_balance.systems.signals import ComState
 
 @dataclass(frozen=True)
 class PointContacts:
-    """Point contacts with the interface of Drake's ContactResults.
-
-    ContactResults itself cannot be filled from Python.
-    """
+    """Like Drake's ContactResults, which cannot be filled from Python."""
 
     pairs: tuple[mbp.PointPairContactInfo, ...] = ()
 
@@ -75,12 +72,8 @@ class MujocoPlant(framework.LeafSystem):
         state = self.discrete_state_ticket(self._state)
         needs = [state, self._actuation, self._forces]
         self._step = ports.declare_cache(self, "step", self._calc_step, needs)
-        self.DeclareAbstractOutputPort(
-            "contact_results",
-            lambda: Value[object](),
-            self._calc_contacts,
-            {self._step.ticket()},
-        )
+        out = "contact_results", Value[object], self._calc_contacts
+        self.DeclareAbstractOutputPort(*out, {self._step.ticket()})
         step = plant.time_step()
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._update)
 
@@ -116,9 +109,8 @@ def add_mujoco_plant(
 ) -> tuple[MujocoPlant, mbp.MultibodyPlant, SceneGraph]:
     """Adds a MujocoPlant in which `robot` stands on the `ground`.
 
-    `time_step` [s]; without `ground` it is flat.  The MultibodyPlant that the
-    engine replaces is not part of the diagram; the SceneGraph is, with all
-    poses.
+    `time_step` [s]; without `ground` it is flat.  The replaced MultibodyPlant
+    is no part of the diagram; the SceneGraph is, with all poses.
 
     Raises ValueError: MuJoCo is not installed, or cannot express the robot.
     """
@@ -192,8 +184,7 @@ class PointMassPlant(framework.LeafSystem):
         return feet.with_foot(schedule.support_side.other, pose)
 
     def _calc_forces(self, context) -> tuple[float, float]:
-        schedule = self._schedule(context)
-        left = right = True
+        schedule, left, right = self._schedule(context), True, True
         if schedule.phase is walking.Phase.SWING:
             ground = schedule.footsteps[0].pose.p_WF[2]
             if self._swing_foot(context)[2] > ground + 1e-4:

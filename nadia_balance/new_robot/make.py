@@ -98,9 +98,9 @@ def _clean(robot: robots.Description, fix, named, notes: Notes) -> list[Leg]:
         where = f"fix = {expression!r}: must"
         try:
             found = [n for n in robot.joints if re.fullmatch(expression, n)]
-        except re.error as error:
-            what = f"a regular expression ({error})"
-            raise ValueError(f"{where} be {what}") from None
+        except re.error as why:
+            what = f"{where} be a regular expression ({why})"
+            raise ValueError(what) from None
         if not found:
             raise ValueError(f"{where} match a joint")
         notes.add("changed", "welded as asked", *found)
@@ -143,16 +143,14 @@ def _clean(robot: robots.Description, fix, named, notes: Notes) -> list[Leg]:
     length = np.linalg.norm(np.diff(at, axis=0), axis=1).sum()
     least, most = _DENSITY * length**3
     if not least < mass < most:
-        raise ValueError(
-            f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
-            f"({least:.3g}, {most:.3g}) kg; units are kg and m"
-        )
+        must = f"must be in ({least:.3g}, {most:.3g}) kg; units are kg and m"
+        has = f"mass = {mass:.4g} kg, with legs of {length:.4g} m"
+        raise ValueError(f"{has}: {must}")
     for link in robot.links.values():
         if (far := np.linalg.norm(link.M.get_com())) > 3.0 * length:
-            raise ValueError(
-                f"link {link.name}: centre of mass: must be within "
-                f"{3.0 * length:.3g} m of its origin; it is {far:.3g} m away"
-            )
+            must = f"must be within {3.0 * length:.3g} m of its origin"
+            what = f"link {link.name}: centre of mass"
+            raise ValueError(f"{what}: {must}; it is {far:.3g} m away")
     return legs
 
 
@@ -220,12 +218,12 @@ def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
         ]
         top.append(_tag("link", _inertial(link), *shapes, name=name))
     top.extend(_transmission(joint) for joint in robot.joints.values())
+    kind = f"{DRAKE}collision_filter_group"
     for i, pair in enumerate(sorted(map(sorted, ignored))):
         group = f"may_touch_{i}"
-        members = [_tag(f"{DRAKE}member", link=link) for link in pair]
-        other = _tag(f"{DRAKE}ignored_collision_filter_group", name=group)
-        kind = f"{DRAKE}collision_filter_group"
-        top.append(_tag(kind, *members, other, name=group))
+        parts = [_tag(f"{DRAKE}member", link=link) for link in pair]
+        parts.append(_tag(f"{DRAKE}ignored_collision_filter_group", name=group))
+        top.append(_tag(kind, *parts, name=group))
     ElementTree.indent(top)
     file = ElementTree.ElementTree(top)
     file.write(folder / "robot.urdf", encoding="utf-8", xml_declaration=True)
@@ -248,14 +246,12 @@ def _origin(X: RigidTransform) -> Element:
 
 
 def _inertial(link: robots.Link) -> Element:
-    central = link.central()
+    moments = [*link.central().get_moments(), *link.central().get_products()]
     # All digits, which Drake needs to find it possible.
-    moments = [*central.get_moments(), *central.get_products()]
     texts = [repr(float(moment)) for moment in moments]
-    origin = _tag("origin", xyz=link.M.get_com())
-    mass = _tag("mass", value=link.M.get_mass())
     inertia = _tag("inertia", **dict(zip(MOMENTS, texts, strict=True)))
-    return _tag("inertial", origin, mass, inertia)
+    mass = _tag("mass", value=link.M.get_mass())
+    return _tag("inertial", _tag("origin", xyz=link.M.get_com()), mass, inertia)
 
 
 def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
@@ -285,9 +281,9 @@ def _joint(joint: robots.Joint) -> Element:
     limits = {n: getattr(joint, n) for n in ("lower", "upper", "effort")}
     if joint.speed:
         limits["velocity"] = joint.speed
-    parts = [_origin(joint.X_PC), _tag("parent", link=joint.parent)]
-    parts += [_tag("child", link=joint.child), _tag("axis", xyz=joint.axis)]
-    parts.append(_tag("limit", **limits))
+    ends = [_tag(end, link=getattr(joint, end)) for end in ("parent", "child")]
+    axis, limit = _tag("axis", xyz=joint.axis), _tag("limit", **limits)
+    parts = [_origin(joint.X_PC), *ends, axis, limit]
     if joint.damping:
         parts.append(_tag("dynamics", damping=joint.damping))
     return _tag("joint", *parts, name=joint.name, type="revolute")

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -74,10 +74,9 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             pairs.append((mass * strength, one[0].parent, found))
     if not pairs:
         ends = [f"{len(robot.chain(leaf))} to {leaf}" for leaf in leaves]
-        raise ValueError(
-            "legs: must be two, of 6 or 7 joints each (without ankle roll a "
-            "sole does not stay level); numbers of joints: " + ", ".join(ends)
-        )
+        why = "without ankle roll a sole does not stay level"
+        must = f"legs: must be two, of 6 or 7 joints each ({why}); numbers of"
+        raise ValueError(f"{must} joints: {', '.join(ends)}")
     _, pelvis, found = max(pairs, key=lambda pair: pair[0])
     robot.reroot(pelvis)
     return found
@@ -113,7 +112,7 @@ def find_anatomy(
     they do not agree, from the ankles to the feet's centres of mass.
     """
     poses, ends = robot.poses(), [leg.foot for leg in legs]
-    feet = np.array([poses[foot].translation() for foot in ends])
+    feet = np.array([poses[end].translation() for end in ends])
     hips, _ = robot.hinges([leg.joints[0] for leg in legs], poses)
     up = _snapped(np.mean(hips - feet, axis=0), "the legs")
     across = feet[0] - feet[1]
@@ -201,7 +200,7 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
             line = f"is wider than long, {y:.3f} and {x:.3f} m: is it turned?"
             notes.add("warning", f"the sole of {foot} {line}")
     heel, toe, half_width = largest_rectangle(flat)
-    knees = {leg.knee: _knee(robot, leg) for leg in legs}
+    knees = {leg.knee: _Knee(robot, leg) for leg in legs}
     lengths = [knee.longest() for knee in knees.values()]
     length, depth = float(np.mean(lengths)), float(np.mean(depths))
     for what, (left, right), most, where in (
@@ -209,10 +208,9 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         ("legs to", lengths, _SAME_LENGTH * length, "long"),
     ):
         if abs(left - right) > most:
-            raise ValueError(
-                f"{what} {' and '.join(feet)}: must be alike; they are "
-                f"{left:.3f} and {right:.3f} m {where}"
-            )
+            are = f"they are {left:.3f} and {right:.3f} m {where}"
+            both = " and ".join(feet)
+            raise ValueError(f"{what} {both}: must be alike; {are}")
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
     posture = _posture(robot, legs, knees, p_FS)
     poses = robot.poses(posture)
@@ -299,36 +297,29 @@ def _lean(robot: Description, anatomy: Anatomy) -> float:
     return max(most, 0.0)
 
 
-@dataclass
 class _Knee:
-    """A knee in the x-z plane; its bend is > 0 if the foot moves back."""
+    """A knee in the x-z plane; its bend [rad] is > 0 if the foot moves back."""
 
-    thigh: float  # [m]
-    shin: float
-    at_zero: float  # bend at joint angle 0 [rad]
-    sense: float  # +-1, sign of d bend / d angle
-    least: float  # smallest bend [rad]
-    most: float  # largest bend [rad]
+    def __init__(self, robot: Description, leg: Leg):
+        poses = robot.poses(dict.fromkeys(leg.joints, 0.0))
+        points, axes = robot.hinges(leg.pitches, poses)
+        a, b = thigh, shin = np.diff(points[:, [0, 2]], axis=0)
+        self.bones = [float(np.linalg.norm(bone)) for bone in (thigh, shin)]
+        # The bend at joint angle 0, and the sign of d bend / d angle.
+        self.at_zero = float(np.arctan2(a[1] * b[0] - a[0] * b[1], a @ b))
+        self.sense, joint = float(np.sign(axes[1, 1])), robot.joints[leg.knee]
+        ends = joint.lower, joint.upper
+        bends = sorted(self.at_zero + self.sense * end for end in ends)
+        self.least, self.most = bends
 
     def angle(self, bend: float) -> float:
         return self.sense * (bend - self.at_zero)
 
     def longest(self) -> float:
         """Largest distance [m] from hip to ankle, by the law of cosines."""
-        bend = min(max(0.0, self.least), self.most)
-        product = self.thigh * self.shin * np.cos(bend)
-        return float(np.sqrt(self.thigh**2 + self.shin**2 + 2.0 * product))
-
-
-def _knee(robot: Description, leg: Leg) -> _Knee:
-    poses, joint = robot.poses(dict.fromkeys(leg.joints, 0.0)), leg.knee
-    points, axes = robot.hinges(leg.pitches, poses)
-    thigh, shin = np.diff(points[:, [0, 2]], axis=0)
-    at_zero = np.arctan2(thigh[1] * shin[0] - thigh[0] * shin[1], thigh @ shin)
-    sense, knee = np.sign(axes[1, 1]), robot.joints[joint]
-    bends = sorted(at_zero + sense * end for end in (knee.lower, knee.upper))
-    lengths = map(np.linalg.norm, (thigh, shin))
-    return _Knee(*map(float, (*lengths, at_zero, sense, *bends)))
+        cosine = np.cos(min(max(0.0, self.least), self.most))
+        a, b = self.bones
+        return float(np.sqrt(a**2 + b**2 + 2.0 * (a * b * cosine)))
 
 
 def _posture(robot: Description, legs, knees, p_FS: Array) -> dict[str, float]:
@@ -364,7 +355,6 @@ def _posture(robot: Description, legs, knees, p_FS: Array) -> dict[str, float]:
         found = least_squares(off, start, bounds=bounds)
         if np.abs(off(found.x)).max() < _LEVEL:
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}
-    raise ValueError(
-        f"joints {', '.join(searched)}: must have the range to put level "
-        f"soles under the CoM, the knees {least:.2f} rad from straight"
-    )
+    must = "must have the range to put level soles under the CoM, the knees"
+    what = f"joints {', '.join(searched)}"
+    raise ValueError(f"{what}: {must} {least:.2f} rad from straight")

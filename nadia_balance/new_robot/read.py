@@ -115,10 +115,11 @@ def _let_go(links: dict, joints: dict, notes: robots.Notes) -> None:
     if {joint.child for joint in joints.values()} >= {*links} - {"world"}:
         holders = {joint.parent for joint in joints.values()}
         for name, joint in list(joints.items()):
-            held = joint.type == "weld" and joint.parent == "world"
-            if held and joint.child in holders:
-                line = "no longer welded to the world"
-                notes.add("changed", line, joint.child)
+            ends = joint.type, joint.parent
+            if ends == ("weld", "world") and joint.child in holders:
+                notes.add(
+                    "changed", "no longer welded to the world", joint.child
+                )
                 del joints[name]
 
 
@@ -238,9 +239,8 @@ def _inertia(part: _Part, link: robots.Link, notes) -> SpatialInertia:
     if not mass:
         return SpatialInertia.Zero()
     com, R = X.translation(), X.rotation().matrix()
-    moments = (part.number("inertial/inertia", key) for key in MOMENTS)
-    xx, yy, zz, xy, xz, yz = moments
-    given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = [part.number("inertial/inertia", key) for key in MOMENTS]
+    given = np.take(moments, [[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     what = "moments of inertia"
     if link.shapes and not given.any():
         notes.add("changed", f"{what} of 0, now of a box", link.name)
@@ -260,8 +260,8 @@ def _possible(inertia: Array, mass: float) -> Array:
     largest = int(moments.argmax())
     rest = moments.sum() - moments[largest]
     moments[largest] = min(moments[largest], 0.999 * rest)
-    same = (moments == given).all()
-    return inertia if same else axes @ np.diag(moments) @ axes.T
+    changed = (moments != given).any()
+    return axes @ np.diag(moments) @ axes.T if changed else inertia
 
 
 def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:

@@ -1,9 +1,8 @@
 """Shapes of links: soles that are found, capsules that are fitted."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -52,13 +51,12 @@ def find_sole(foot: robots.Link, down: Array) -> SolePlane:
 
     Raises ValueError: no shape is flat below.
     """
-    roles = (robots.COLLIDING, robots.VISUAL)
-    found = [sole_plane(foot.of(role), down, role) for role in roles]
+    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
+    found = [sole_plane(foot.of(role), down, role) for role in weight]
     if not any(found):
         why = "must have a shape with a flat side below"
         also = f"; {foot.missing}" if foot.missing else ""
         raise ValueError(f"foot {foot.name}: {why}{also}")
-    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
     return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
 
 
@@ -121,16 +119,13 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
 
 
 def fit_capsules(
-    robot: robots.Description,
-    anatomy: robots.Anatomy,
-    fields: Mapping[str, Any],
-    notes: robots.Notes,
+    robot: robots.Description, anatomy: robots.Anatomy, fields, notes
 ) -> Pairs:
     """Replaces the collision shapes of `robot` by capsules.
 
     `fields` are those of robot.yaml.  In a leg only thigh, shin and foot have
-    some.  Returns pairs of links that
-    do not collide: neighbours, and those that overlap where the robot stands.
+    some.  Returns pairs of links that do not collide: neighbours, and those
+    that overlap where the robot stands.
     """
     feet, legs = anatomy.feet.values(), anatomy.legs.values()
     capsules: Shapes = {foot: _shoe(**fields["sole"]) for foot in feet}
@@ -142,17 +137,16 @@ def fit_capsules(
         for i, name in enumerate((knee.parent, knee.child)):
             capsules[name] = _fitted(robot.links[name], smallest)
             if not capsules[name]:
-                X_LR = robot.poses()[name].inverse()
-                capsules[name] = [_bone(X_LR @ at[i], X_LR @ at[i + 1])]
+                ends = robot.poses()[name].inverse() @ at[i : i + 2].T
+                capsules[name] = [_bone(*ends.T)]
                 notes.add("guessed", "the thickness of", name)
     for name, link in robot.links.items():
         if name not in of_legs and (fitted := _fitted(link, smallest)):
             capsules[name] = fitted
     ignored = set()
     for link in capsules:
-        above = [joint.parent for joint in robot.chain(link)]
-        holders = [holder for holder in above if holder in capsules]
-        ignored |= {frozenset((link, holder)) for holder in holders[-1:]}
+        above = [j.parent for j in robot.chain(link) if j.parent in capsules]
+        ignored |= {frozenset((link, holder)) for holder in above[-1:]}
     poses = robot.poses(fields["posture"])
     for pair in map(frozenset, itertools.combinations(capsules, 2)):
         if pair in ignored or pair == set(feet):

@@ -129,15 +129,11 @@ class CollisionAvoidance:
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
         rows = np.empty((urgent.size, plant.num_velocities()))
-        world = self._world
+        jacobian = plant.CalcJacobianSpatialVelocity
+        of_origin = _ORIGIN, self._world, self._world
         for row, k in zip(rows, urgent.tolist(), strict=True):
             frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
-            J_A, J_B = (
-                plant.CalcJacobianSpatialVelocity(
-                    context, _V, frame, _ORIGIN, world, world
-                )
-                for frame in frames
-            )
+            J_A, J_B = (jacobian(context, _V, f, *of_origin) for f in frames)
             row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
         return distance[urgent], rows
 
@@ -169,12 +165,9 @@ class CollisionAvoidance:
             if pair.distance < far:
                 shapes = self._shapes[a], self._shapes[b]
                 bodies = [self._number[s.body.index()] for s in shapes]
-                points = [
-                    X_WB[body] @ [*(shape.X_BG @ p_GC), 1.0]
-                    for body, shape, p_GC in zip(
-                        bodies, shapes, (pair.p_ACa, pair.p_BCb), strict=True
-                    )
-                ]
+                p_GC = pair.p_ACa, pair.p_BCb
+                ends = zip(bodies, shapes, p_GC, strict=True)
+                points = [X_WB[i] @ [*(s.X_BG @ p), 1.0] for i, s, p in ends]
                 row = pair.distance, *pair.nhat_BA_W, *np.ravel(points), *bodies
                 found.append(row)
         columns = np.array(found).reshape(-1, 12).T

@@ -107,18 +107,15 @@ class WholeBodyKinematics:
         """Writes [J, Jdot v] of soles and torso."""
         plant, world = self.plant, self._world
         for sole, frame, p_BP in self._points:
-            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
-                context, _V, frame, p_BP, world, world
-            )
-            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
-                context, _V, frame, p_BP, world, world
-            ).get_coeffs()
-        rows[command.TORSO, :-1] = plant.CalcJacobianAngularVelocity(
-            context, _V, self._torso, world, world
-        )
-        rows[command.TORSO, -1] = plant.CalcBiasSpatialAcceleration(
-            context, _V, self._torso, _ORIGIN, world, world
-        ).rotational()
+            of = context, _V, frame, p_BP, world, world
+            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(*of)
+            bias = plant.CalcBiasSpatialAcceleration(*of)
+            rows[sole, -1] = bias.get_coeffs()
+        turn, torso = plant.CalcJacobianAngularVelocity, self._torso
+        rows[command.TORSO, :-1] = turn(context, _V, torso, world, world)
+        of = context, _V, torso, _ORIGIN, world, world
+        bias = plant.CalcBiasSpatialAcceleration(*of)
+        rows[command.TORSO, -1] = bias.rotational()
 
 
 def _com_state(p_WB, rows, velocities) -> np.ndarray:

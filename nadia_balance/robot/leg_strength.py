@@ -1,17 +1,12 @@
 """What the joints of the legs can do: to stand, in the air, at the ankle."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.math import RigidTransform
 from pydrake.multibody import inverse_kinematics as ik
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, Joint
 from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
@@ -26,45 +21,29 @@ _PEAK, _SHARE = 1.875, 0.7
 _DIGITS = 4  # of lengths [m], more than any drive is known to
 
 
-@dataclass(frozen=True)
 class StandingLegs:
-    """The legs of the robot of `plant`, which stands at `q` (nq,).
+    """The legs of a RobotModel that stands at `q` (nq,), at rest."""
 
-    `feet` are the names of its feet, `X_FootSole` the poses of the soles.
-    """
-
-    plant: MultibodyPlant
-    q: Array
-    feet: Mapping[Side, str]
-    X_FootSole: Mapping[Side, RigidTransform]
-
-    @cached_property
-    def context(self) -> Context:
-        """A context of the plant in which the robot stands, at rest."""
-        context = self.plant.CreateDefaultContext()
-        self.plant.SetPositions(context, self.q)
-        return context
+    def __init__(self, robot, q: Array):
+        self.robot, self.plant = robot, robot.control_plant()
+        self.context = self.plant.CreateDefaultContext()
+        self.plant.SetPositions(self.context, q)
 
     def check_standing(self) -> None:
         """Raises ValueError if a joint is too weak for the robot to stand.
 
         Half of its weight is at the centre of either sole.
         """
-        torques = self.standing_torques(dict.fromkeys(self.feet, 0.5))
+        torques = self.standing_torques(dict.fromkeys(Side, 0.5))
         for drive in plants.actuators(self.plant):
             joint, limit = drive.joint(), drive.effort_limit()
             needed = abs(torques[joint.velocity_start()])
-            require(
-                needed <= limit,
-                f"effort limit of {joint.name()} = {limit:g}: must be >= "
-                f"{needed:.0f} N m, for the robot to stand",
-            )
+            what = f"effort limit of {joint.name()} = {limit:g}"
+            must = f"must be >= {needed:.0f} N m, for the robot to stand"
+            require(needed <= limit, f"{what}: {must}")
 
     def standing_torques(self, shares: Mapping[Side, float]) -> Array:
-        """Returns the torques (nv,) [N m] that hold the robot.
-
-        `shares` of its weight are at the centres of the soles.
-        """
+        """Torques (nv,) [N m] for `shares` of the weight at sole centres."""
         plant, context = self.plant, self.context
         gravity = plant.gravity_field().gravity_vector()
         weight = -plant.CalcTotalMass(context) * gravity
@@ -83,16 +62,15 @@ class StandingLegs:
         same way from the joints' limits `speeds` (nj,) [rad/s].
         """
         plant, context = self.plant, self.context
-        effort = plants.effort_limits(plant)
-        M = plant.CalcMassMatrix(context)
+        M, effort = plant.CalcMassMatrix(context), plants.effort_limits(plant)
         room = effort - np.abs(plant.CalcGravityGeneralizedForces(context))
         fastest = np.append(np.zeros(6), speeds)
         found = []
-        for side, foot in self.feet.items():
-            J = self._jacobian(side)
+        for side, foot in self.robot.foot_bodies.items():
             joints = plants.joints_above(plant, foot)
             leg = [joint.velocity_start() for joint in joints]
-            motion = np.linalg.lstsq(J[:, leg], _WAYS, rcond=None)[0]
+            J = self._jacobian(side)[:, leg]
+            motion = np.linalg.lstsq(J, _WAYS, rcond=None)[0]
             # The largest of x cos(s) + y sin(s) over all directions s.
             speed = np.hypot(*motion.T)
             torque = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
@@ -114,11 +92,10 @@ class StandingLegs:
 
         Raises ValueError: an ankle cannot carry the robot anywhere on the sole.
         """
-        plant, context = self.plant, self.context
-        effort = plants.effort_limits(plant)
-        weight = plant.CalcTotalMass(context) * GRAVITY
+        effort = plants.effort_limits(self.plant)
+        weight = self.plant.CalcTotalMass(self.context) * GRAVITY
         low, high = sole.min(axis=0), sole.max(axis=0)
-        for side, foot in self.feet.items():
+        for side, foot in self.robot.foot_bodies.items():
             at = self._jacobian(side)
             for joint in self._ankle(foot):
                 i = joint.velocity_start()
@@ -127,8 +104,8 @@ class StandingLegs:
                 change = np.array([-at[1, i], at[0, i]])
                 axis = int(np.abs(change).argmax())
                 slope, bias = change[axis], at[5, i]
-                most = np.array([-1.0, 1.0]) * effort[i] / weight
-                ends = (most - bias) / slope
+                most = effort[i] / weight
+                ends = (np.array([-most, most]) - bias) / slope
                 near, far = sorted(ends.round(_DIGITS).tolist())
                 low[axis] = max(low[axis], near)
                 high[axis] = min(high[axis], far)
@@ -142,48 +119,36 @@ class StandingLegs:
 
     def _jacobian(self, side: Side) -> Array:
         """Jacobian (6, nv) [w, v] of the centre of a sole, in W."""
-        plant, p_FS = self.plant, self.X_FootSole[side].translation()
-        foot, world = plant.GetFrameByName(self.feet[side]), plant.world_frame()
-        return plant.CalcJacobianSpatialVelocity(
-            self.context, JacobianWrtVariable.kV, foot, p_FS, world, world
+        foot = self.plant.GetFrameByName(self.robot.foot_bodies[side])
+        point = foot, self.robot.X_FootSole[side].translation()
+        frames = 2 * [self.plant.world_frame()]
+        return self.plant.CalcJacobianSpatialVelocity(
+            self.context, JacobianWrtVariable.kV, *point, *frames
         )
 
     def _ankle(self, foot: str) -> list[Joint]:
         """The joints between foot and knee; none if there is no such knee."""
-        ankle: list[Joint] = []
-        pitches = 0
-        for joint in plants.joints_above(self.plant, foot):
-            pitches += plants.is_pitch(joint, self.context)
-            if pitches == 2:
-                return ankle
-            ankle.append(joint)
-        return []
+        above = plants.joints_above(self.plant, foot)
+        is_pitch = [plants.is_pitch(joint, self.context) for joint in above]
+        pitches = np.flatnonzero(is_pitch)
+        return above[: pitches[1]] if len(pitches) > 1 else []
 
 
 class StandingKinematics(ik.InverseKinematics):
     """Inverse kinematics with level soles and a bounded centre of mass."""
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        feet: Mapping[Side, str],
-        X_FootSole: Mapping[Side, RigidTransform],
-        places: Mapping[Side, ArrayLike],
-        com_lower: ArrayLike,
-        com_upper: ArrayLike,
-    ):
-        """Constrains the `plant` of one robot, see StandingLegs.
+    def __init__(self, robot, places: Array, com: tuple[ArrayLike, ArrayLike]):
+        """Constrains a RobotModel, alone in the `plant`.
 
-        `places` are the positions (2,) [m] of the sole centres on the plane
-        z = 0 of W.  The CoM (3,) [m] in W is between `com_lower` and
-        `com_upper`.
+        `places` (2, 2) [m] are left and right sole centre on the plane z = 0 of
+        W, `com` the least and the largest position (3,) [m] of the CoM in W.
         """
-        self.plant = plant
+        self.plant = plant = robot.control_plant()
         super().__init__(plant)
         world, free = plant.world_frame(), np.inf
-        for side, (x, y) in places.items():
-            foot = plant.GetFrameByName(feet[side])
-            p_FS = X_FootSole[side].translation()
+        for side, (x, y) in zip(Side, places, strict=True):
+            foot = plant.GetFrameByName(robot.foot_bodies[side])
+            p_FS = robot.X_FootSole[side].translation()
             # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
             for p_S, low, high in (
                 ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
@@ -193,10 +158,10 @@ class StandingKinematics(ik.InverseKinematics):
                 self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
         prog = self.prog()
         self._com = prog.NewContinuousVariables(3, "com")
-        prog.AddBoundingBoxConstraint(com_lower, com_upper, self._com)
+        prog.AddBoundingBoxConstraint(*com, self._com)
         context = self.get_mutable_context()
-        com = ik.ComPositionConstraint(plant, None, world, context)
-        prog.AddConstraint(com, [*self.q(), *self._com])
+        at_com = ik.ComPositionConstraint(plant, None, world, context)
+        prog.AddConstraint(at_com, [*self.q(), *self._com])
 
     def nearest(self, q: Array, com: ArrayLike, weight=1.0) -> Array | None:
         """Returns the positions (nq,) nearest to `q`; None if there are none.

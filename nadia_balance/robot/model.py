@@ -23,15 +23,11 @@ from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.bounds import check, scaled
 from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.robot import params as robot_params
 from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
-from nadia_balance.robot.params import (
-    MODELS,
-    RobotParams,
-    idealised,
-    overridden,
-)
+from nadia_balance.robot.params import MODELS, RobotParams
 from nadia_balance.robot.urdf import add_urdf, naming
 from nadia_balance.typed_yaml import load_tree, load_typed
 
@@ -69,7 +65,7 @@ class RobotModel:
         _, plant, _ = self.control_diagram()
         self.remarks = robot_urdf.remarks_on(plant, set(feet))
         with naming(f"urdf = {urdf}"):
-            self.legs_at(self.standing_positions()).check_standing()
+            StandingLegs(self, self.standing_positions()).check_standing()
 
     @cached_property
     def mass(self) -> float:
@@ -92,7 +88,7 @@ class RobotModel:
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
-        legs = self.legs_at(self.standing_positions())
+        legs = StandingLegs(self, self.standing_positions())
         a, v = legs.foot_limits(self.max_joint_speeds)
         own = self.params.swing_detour
         most = {"max_acceleration": min(a, own.max_acceleration)}
@@ -119,20 +115,13 @@ class RobotModel:
             detour=detour,
         )
 
-    def legs_at(self, q: np.ndarray) -> StandingLegs:
-        """Returns the legs of the robot, standing at `q` (nq,)."""
-        feet = self.foot_bodies, self.X_FootSole
-        return StandingLegs(self.control_plant(), q, *feet)
-
     def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
-        """Returns `params` with the values that are this robot's own.
-
-        They are those of its robot.yaml that are not Nadia's, scaled.
+        """Returns `params` with those of robot.yaml not Nadia's, scaled.
 
         Raises ValueError: values contradict each other.
         """
         usual = scaled(WholeBodyQpParams(), self.params.size)
-        params = overridden(params, self.params.whole_body, usual)
+        params = robot_params.overridden(params, self.params.whole_body, usual)
         check(params, "whole_body")
         return params
 
@@ -184,10 +173,7 @@ class RobotModel:
         plant.SetDefaultPositions(self.standing_positions())
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-        """Excludes the robot's self-collisions except those between its legs.
-
-        The feet do not collide with each other either.
-        """
+        """Excludes self-collisions but between the legs, without the feet."""
         pelvis = plant.GetBodyByName(self.pelvis_body)
         own = set(plant.GetBodyIndices(pelvis.model_instance()))
         feet = self.foot_bodies.values()
@@ -196,9 +182,8 @@ class RobotModel:
         left, right = (set(moved([hip])) for hip in hips)
 
         def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
-            return plant.CollectRegisteredGeometries(
-                [plant.get_body(link) for link in links]
-            )
+            bodies = [plant.get_body(link) for link in links]
+            return plant.CollectRegisteredGeometries(bodies)
 
         others = shapes(own - left - right)
         soles = shapes(plant.GetBodyByName(foot).index() for foot in feet)
@@ -243,16 +228,15 @@ class RobotModel:
         if not 0.0 < width < np.inf:
             raise ValueError(f"step_width = {width}: must be > 0 m")
         com = [0.0, 0.0, self.com_height]
-        places = {side: (0.0, 0.5 * side.sign * width) for side in Side}
-        plant = self.control_plant()
-        legs = plant, self.foot_bodies, self.X_FootSole
-        found = StandingKinematics(*legs, places, com, com)
+        places = np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]])
+        found = StandingKinematics(self, places, (com, com))
         upright = [1.0, 0.0, 0.0, 0.0]
         found.prog().AddBoundingBoxConstraint(upright, upright, found.q()[:4])
-        nominal = np.zeros(plant.num_positions())
+        nominal = np.zeros(found.plant.num_positions())
         nominal[0], nominal[6] = 1.0, self.com_height
         for joint, angle in self.posture.items():
-            nominal[plant.GetJointByName(joint).position_start()] = angle
+            i = found.plant.GetJointByName(joint).position_start()
+            nominal[i] = angle
         if (q := found.nearest(nominal, com)) is not None:
             half = 0.5 * place.yaw
             turn = Quaternion(math.cos(half), 0, 0, math.sin(half))
@@ -261,11 +245,10 @@ class RobotModel:
             return q
         legs = self.params.legs
         highest = legs.length + legs.ankle_height + legs.com_above_hip
-        raise ValueError(
-            f"step_width = {width}, com_height = {self.com_height}: must be "
-            f"within reach of the legs of {self.name}, in m; with straight "
-            f"ones, the CoM is {highest:.3f} m high"
-        )
+        what = f"step_width = {width}, com_height = {self.com_height}"
+        must = f"must be within reach of the legs of {self.name}, in m"
+        why = f"with straight ones, the CoM is {highest:.3f} m high"
+        raise ValueError(f"{what}: {must}; {why}")
 
 
 def _shaped(urdf: Path) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
@@ -295,7 +278,7 @@ def load_robot(name: str, fidelity: str = "realistic") -> RobotModel:
         raise ValueError(f"fidelity = {fidelity!r}: {which}")
     params, urdf = load_robot_params(name)
     if fidelity == "ideal":
-        params = idealised(params)
+        params = robot_params.idealised(params)
     return RobotModel(params, urdf)
 
 

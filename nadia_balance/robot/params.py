@@ -33,9 +33,8 @@ class SoleParams:
     def validate_more(self) -> None:
         """Raises ValueError if the toe is not in front of the heel."""
         if not self.x_max > self.x_min:
-            raise ValueError(
-                f"x_max = {self.x_max}: must be > x_min = {self.x_min} m"
-            )
+            must = f"must be > x_min = {self.x_min} m"
+            raise ValueError(f"x_max = {self.x_max}: {must}")
 
 
 @dataclass(kw_only=True)

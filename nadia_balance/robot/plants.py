@@ -99,15 +99,12 @@ def scale_friction(plant: MultibodyPlant, scene_graph, ratio: float) -> None:
 
 
 def improper_contacts(
-    plant: MultibodyPlant,
-    results: mbp.ContactResults,
-    robot: tree.ModelInstanceIndex,
-    feet: set[str],
+    plant: MultibodyPlant, results, robot: tree.ModelInstanceIndex, feet
 ) -> set[str]:
     """Returns the pairs of bodies in contact that are not foot and ground.
 
     Pairs are named, such as "LEFT_SHIN_LINK - RIGHT_SHIN_LINK" or "PELVIS_LINK
-    - ground".  A foot may touch all bodies that are not of the `robot`.
+    - ground".  The `feet`, by name, may touch what is not of the `robot`.
     """
     improper = set()
     points = range(results.num_point_pair_contacts())

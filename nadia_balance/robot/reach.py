@@ -15,9 +15,9 @@ from nadia_balance.core.body.reachability import (
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.plan.gait import Gait
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.vocabulary import FootPose
 from nadia_balance.robot import plants
-from nadia_balance.robot.leg_strength import StandingKinematics
+from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.model import RobotModel
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
@@ -40,14 +40,9 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     model, other = robot.point_mass, FootPose(np.append(foothold, 0.0))
     height = ComHeight(ComHeightParams(), model).height_limit(FootPose(), other)
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
-    ik = StandingKinematics(
-        robot.control_plant(),
-        robot.foot_bodies,
-        robot.X_FootSole,
-        dict(zip(Side, feet, strict=True)),
-        [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
-        [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
-    )
+    low = [*(feet.min(axis=0) - _BESIDE), height - _LEVEL]
+    high = [*(feet.max(axis=0) + _BESIDE), height + _LEVEL]
+    ik = StandingKinematics(robot, feet, (low, high))
     pelvis = ik.plant.GetFrameByName(robot.pelvis_body)
     world, upright = ik.plant.world_frame(), RotationMatrix()
     ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
@@ -57,20 +52,13 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
     return ik.nearest(guess, [*middle, height], weight=0.01)
 
 
-def reaches(robot: RobotModel, foothold: Array) -> bool:
-    """True if a `stride` gets to the `foothold` (2,) [m]."""
-    return stride(robot, foothold) is not None
-
-
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
     """Returns a reach that inverse kinematics confirms, and failed regions.
 
-    The regions are reduced until all their corners and midpoints of edges are
-    reached, except points beside the stance leg, which are no steps.  If the
-    base region is too large, or no cross-over width can shrink, an iteration
-    reduces lengths and the largest width; otherwise it reduces the cross-over
-    widths.  The names are those of the regions with points out of reach after
-    the last iteration.
+    Regions shrink until their corners and midpoints of edges are reached, but
+    for those beside the stance leg, which are no steps: the cross-over widths,
+    or, if the base region is too large or no such width can shrink, lengths and
+    largest width.  Regions have failed if the last iteration left some out.
     """
     reach, leg = robot.point_mass.reach, robot.params.legs.length
     detour = robot.point_mass.detour
@@ -81,27 +69,21 @@ def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
             for name, polygon in step_regions(reach, True).items()
             for x, y in _around(polygon)
             if abs(x) >= detour.ahead or y >= detour.beside
-            if not reaches(robot, np.array([x, y]))
+            if stride(robot, np.array([x, y])) is None
         ]
         if not missed:
             break
-        less = {
-            f"width_{name}": max(
-                getattr(reach, f"width_{name}") - _NARROWER * leg,
-                -0.9 * reach.width_nominal,
-            )
-            for name, (_, y) in missed
-            if name != BASE and y < reach.width_nominal
-        }
+        less, nominal = {}, reach.width_nominal
+        for name, (_, y) in missed:
+            if name != BASE and y < nominal:
+                width = getattr(reach, f"width_{name}") - _NARROWER * leg
+                less[f"width_{name}"] = max(width, -0.9 * nominal)
         narrower = replace(reach, **less)
         if narrower == reach or any(name == BASE for name, _ in missed):
-            narrowest = 1.01 * reach.width_nominal
-            narrower = replace(
-                reach,
-                length_forward=_LESS * reach.length_forward,
-                length_backward=_LESS * reach.length_backward,
-                width_max=max(_LESS * reach.width_max, narrowest),
-            )
+            names = "length_forward", "length_backward", "width_max"
+            less = {name: _LESS * getattr(reach, name) for name in names}
+            less["width_max"] = max(less["width_max"], 1.01 * nominal)
+            narrower = replace(reach, **less)
         reach = narrower
     return reach, {name for name, _ in missed}
 
@@ -116,17 +98,16 @@ def too_weak(robot: RobotModel) -> list[str]:
 
     It stands in its posture, its whole weight at the centre of a sole.
     """
-    legs = robot.legs_at(robot.standing_positions())
+    legs = StandingLegs(robot, robot.standing_positions())
     limits, found = plants.effort_limits(legs.plant), []
     for side, foot in robot.foot_bodies.items():
         needed = np.abs(legs.standing_torques({side: 1.0}))
         for joint in plants.joints_above(legs.plant, foot):
             i = joint.velocity_start()
             if needed[i] > limits[i]:
-                found.append(
-                    f"warning: effort limit of {joint.name()}, {limits[i]:g} "
-                    f"N m: to carry it, one leg needs {needed[i]:.0f} N m"
-                )
+                what = f"effort limit of {joint.name()}, {limits[i]:g} N m"
+                why = f"to carry it, one leg needs {needed[i]:.0f} N m"
+                found.append(f"warning: {what}: {why}")
     return found
 
 
@@ -137,21 +118,20 @@ def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
     their limits.  The CoP that an ankle holds is that of `cop_area`; a knee at
     the reach carries the robot alone, the feet at the ends of a longest step.
     """
-    plant, lines, short = robot.control_plant(), [], []
+    plant, short = robot.control_plant(), []
     drives = [drive.joint().name() for drive in plants.actuators(plant)]
     left, right = (
         [joint.name() for joint in plants.joints_above(plant, foot)[::-1]]
         for foot in robot.foot_bodies.values()
     )
-    lines.append(f"{'margins, in place':40} torque  speed")
+    lines = [f"{'margins, in place':40} torque  speed"]
     for pair in zip(left, right, strict=True):
         i = max(map(drives.index, pair), key=torques.__getitem__)
         name, torque, speed = drives[i], torques[i], speeds[i]
         lines.append(f"  {name:38} {torque:5.0%}  {speed:5.0%}")
-        if torque > _NEAR:
-            short.append(f"torque of {name}, {torque:.0%} in place")
-        if speed > _NEAR:
-            short.append(f"speed of {name}, {speed:.0%} in place")
+        for what, share in (("torque", torque), ("speed", speed)):
+            if share > _NEAR:
+                short.append(f"{what} of {name}, {share:.0%} in place")
     model = robot.point_mass
     for what, i in (("ahead and behind", 0), ("aside", 1)):
         (ahead, behind), (toe, heel) = (
@@ -183,7 +163,8 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     q = stride(robot, foothold)
     if q is None:
         return "the knees", np.inf
-    found, limits, legs = [], plants.effort_limits(plant), robot.legs_at(q)
+    legs, found = StandingLegs(robot, q), []
+    limits = plants.effort_limits(plant)
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
         above = plants.joints_above(legs.plant, foot)

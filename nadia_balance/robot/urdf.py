@@ -57,32 +57,28 @@ def check_urdf(urdf: Path) -> None:
     Raises ValueError: a value is out of range; SyntaxError: `urdf` is no XML.
     """
     root = ElementTree.parse(urdf).getroot()
+    endings, kinds = ", ".join(_MESHES), ", ".join(_JOINTS)
     for link in root.iter("link"):
+        name = link.get("name")
         for mass in link.iter("mass"):
-            _positive(f"mass of {link.get('name')}", mass.get("value"), "kg")
+            _positive(f"mass of {name}", mass.get("value"), "kg")
         for mesh in link.iter("mesh"):
-            name = mesh.get("filename", "")
-            require(
-                name.lower().endswith(_MESHES),
-                f"mesh of {link.get('name')} = {name!r}: must end in "
-                f"{', '.join(_MESHES)}",
-            )
+            file = mesh.get("filename", "")
+            must = f"mesh of {name} = {file!r}: must end in {endings}"
+            require(file.lower().endswith(_MESHES), must)
     for joint in root.findall("joint"):
         name, kind = joint.get("name"), joint.get("type", "")
-        require(
-            kind in _JOINTS and joint.find("mimic") is None,
-            f"joint {name}: must be one of {', '.join(_JOINTS)}, and no mimic "
-            f"(nadia-new-robot welds others); it is {kind}",
-        )
+        must = f"must be one of {kinds}, and no mimic"
+        why = f"(nadia-new-robot welds others); it is {kind}"
+        known = kind in _JOINTS and joint.find("mimic") is None
+        require(known, f"joint {name}: {must} {why}")
         for limit in joint.iter("limit"):
             velocity = limit.get("velocity", "1")
             _positive(f"velocity limit of {name}", velocity, "rad/s")
             low, high = limit.get("lower", "0"), limit.get("upper", "0")
-            require(
-                not _number(low) > _number(high),
-                f"lower limit of {name} = {low}: must be <= its upper limit = "
-                f"{high}",
-            )
+            must = f"{low}: must be <= its upper limit = {high}"
+            fits = not _number(low) > _number(high)
+            require(fits, f"lower limit of {name} = {must}")
 
 
 def require(fulfilled: bool, message: str) -> None:
@@ -126,38 +122,30 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
     """Raises ValueError if `plant` lacks parts that `params` name."""
     for part in ("pelvis", "torso", "left_foot", "right_foot"):
         name = getattr(params, f"{part}_body")
-        require(
-            plant.HasBodyNamed(name),
-            f"{part}_body = {name!r}: must be a link of the URDF",
-        )
+        must = f"{part}_body = {name!r}: must be a link of the URDF"
+        require(plant.HasBodyNamed(name), must)
     bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
     floating = sorted(body.name() for body in bodies)
-    require(
-        floating == [params.pelvis_body],
-        f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
-        f"joint holds; these are: {', '.join(floating) or 'none'}",
-    )
+    these = f"these are: {', '.join(floating) or 'none'}"
+    must = f"must be the one link that no joint holds; {these}"
+    is_base = floating == [params.pelvis_body]
+    require(is_base, f"pelvis_body = {params.pelvis_body!r}: {must}")
     context = plant.CreateDefaultContext()
     left, right = (
         plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
         for foot in (params.left_foot_body, params.right_foot_body)
     )
-    require(
-        left > right,
-        f"left_foot_body = {params.left_foot_body!r}: must be left of "
-        f"right_foot_body = {params.right_foot_body!r}",
-    )
+    must = f"must be left of right_foot_body = {params.right_foot_body!r}"
+    require(left > right, f"left_foot_body = {params.left_foot_body!r}: {must}")
     # Joints of one degree of freedom by name, without the floating base.
     by_name = {j.name(): j for j in joints(plant) if j.num_positions() == 1}
     _check_drives(plant, params, by_name)
-    for field, angles in (
-        ("posture", params.posture),
-        ("whole_body.joint_lower_limits", params.whole_body.joint_lower_limits),
-        ("whole_body.joint_upper_limits", params.whole_body.joint_upper_limits),
-    ):
+    given, known = {"posture": params.posture}, ", ".join(sorted(by_name))
+    for field in ("joint_lower_limits", "joint_upper_limits"):
+        given[f"whole_body.{field}"] = getattr(params.whole_body, field)
+    for field, angles in given.items():
         for name, angle in angles.items():
             what = f"{field}.{name} = {angle}: must be"
-            known = ", ".join(sorted(by_name))
             require(name in by_name, f"{what} one of the joints {known}")
             low = by_name[name].position_lower_limits()[0]
             high = by_name[name].position_upper_limits()[0]
@@ -165,43 +153,32 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
 
 
 def _check_drives(plant: MultibodyPlant, params: RobotParams, by_name) -> None:
-    where = f"urdf = {params.urdf}"
+    where, must = f"urdf = {params.urdf}", "must have a velocity limit, or"
     drives = {drive.joint().name(): drive for drive in actuators(plant)}
     for name, joint in by_name.items():
         speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+        what = f"{where}: joint {name}"
         require(
-            speed < math.inf,
-            f"{where}: joint {name}: must have a velocity limit, or robot.yaml "
-            "a max_joint_speed",
+            speed < math.inf, f"{what}: {must} robot.yaml a max_joint_speed"
         )
         drive = drives.get(name)
-        require(
-            drive is not None and drive.effort_limit() < math.inf,
-            f"{where}: joint {name}: must have an effort limit",
-        )
+        limited = drive is not None and drive.effort_limit() < math.inf
+        require(limited, f"{what}: must have an effort limit")
         inertia = drive.default_reflected_inertia()
-        require(
-            inertia >= 0.0,
-            f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}: "
-            "must be >= 0 kg m^2",
-        )
+        what = f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}"
+        require(inertia >= 0.0, f"{what}: must be >= 0 kg m^2")
 
 
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
     """Warnings about legal but suspicious settings of a plant with shapes."""
-    remarks = []
     bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
     shaped = filter(plant.GetCollisionGeometriesForBody, bodies)
-    if {body.name() for body in shaped} == feet:
-        remarks.append(
-            "only the feet have collision shapes: a fall, or legs in each "
-            "other, are not noticed"
-        )
+    only = "only the feet have collision shapes: a fall, or legs in each other"
+    is_only = {body.name() for body in shaped} == feet
+    remarks = [f"{only}, are not noticed"] if is_only else []
     bare = [a for a in actuators(plant) if not a.default_reflected_inertia()]
-    if bare:
-        names = ", ".join(drive.joint().name() for drive in bare)
-        remarks.append(f"no rotor inertia: {names}")
-    return remarks
+    names = ", ".join(drive.joint().name() for drive in bare)
+    return remarks + ([f"no rotor inertia: {names}"] if bare else [])
 
 
 def with_lengths(
@@ -225,9 +202,9 @@ def with_lengths(
     legs = {"hip_width": left[1] - right[1]}
     axes = [_pitch_axes(plant, context, foot) for foot in feet]
     if all(axes):
-        hip, knee, ankle = axes[0]
-        legs["length"] = _apart(hip, knee) + _apart(knee, ankle)
-        legs["ankle_height"] = ankle[2] - left[2] - sole.z
+        bones = np.diff(axes[0], axis=0)[:, [0, 2]]  # in the sagittal plane
+        legs["length"] = np.linalg.norm(bones, axis=1).sum()
+        legs["ankle_height"] = axes[0][2][2] - left[2] - sole.z
     for joint, angle in params.posture.items():
         plant.GetJointByName(joint).set_angle(context, angle)
     com = plant.CalcCenterOfMassPositionInWorld(context)[2]
@@ -254,11 +231,6 @@ def _position(plant, context: Context, body: str, z: float = 0.0) -> Array:
     return X_WB @ np.array([0.0, 0.0, z])
 
 
-def _apart(a: Array, b: Array) -> float:
-    """Distance [m] of two pitch axes in the sagittal plane."""
-    return math.hypot(a[0] - b[0], a[2] - b[2])
-
-
 def _pitch_axes(plant, context: Context, foot: str) -> list[Array]:
     """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
 
@@ -276,18 +248,13 @@ def _sole(plant, inspector, feet: tuple[str, str]) -> dict[str, float]:
     """The largest rectangle, symmetric about y = 0, in the ground points."""
     ends = []
     for foot in feet:
-        body = plant.GetBodyByName(foot)
-        shapes = plant.GetCollisionGeometriesForBody(body)
-        points = [np.empty((0, 3))]
-        points += [_low_points(inspector, shape) for shape in shapes]
-        points = np.vstack(points)
-        if not len(points):
-            raise ValueError(f"foot {foot}: must have a collision shape")
+        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
+        found = [_low_points(inspector, shape) for shape in shapes]
+        points = np.vstack([np.empty((0, 3)), *found])
+        require(len(points) > 0, f"foot {foot}: must have a collision shape")
         lowest = points[:, 2].min()
-        low, high = (
-            extreme(points[points[:, 2] < lowest + _LEVEL], axis=0)
-            for extreme in (np.min, np.max)
-        )
+        on_ground = points[points[:, 2] < lowest + _LEVEL]
+        low, high = on_ground.min(axis=0), on_ground.max(axis=0)
         ends.append((low[0], -high[0], -min(-low[1], high[1]), lowest))
     x_min, x_max, half_width, z = np.max(ends, axis=0)
     return {"x_min": x_min, "x_max": -x_max, "half_width": -half_width, "z": z}
@@ -296,10 +263,7 @@ def _sole(plant, inspector, feet: tuple[str, str]) -> dict[str, float]:
 def foot_width(
     plant: MultibodyPlant, inspector: SceneGraphInspector, feet: Iterable[str]
 ) -> float:
-    """Returns the width [m] of the widest foot, by its collision shapes.
-
-    It is symmetric about the middle of the foot's frame.
-    """
+    """Twice the largest |y| [m] of a foot's collision shapes, in its frame."""
     sides = [0.0]
     for foot in feet:
         body = plant.GetBodyByName(foot)
@@ -319,10 +283,9 @@ def _low_points(inspector: SceneGraphInspector, shape: GeometryId) -> Array:
     """
     form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
     if isinstance(form, geometry.Sphere | geometry.Capsule):
-        ball = isinstance(form, geometry.Sphere)
-        half = 0.0 if ball else 0.5 * form.length()
-        ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
-        return (X_BG @ ends.T).T - [0.0, 0.0, form.radius()]
+        is_ball = isinstance(form, geometry.Sphere)
+        half = np.array([0.0, 0.0, 0.0 if is_ball else 0.5 * form.length()])
+        return (X_BG @ np.array([-half, half]).T).T - [0.0, 0.0, form.radius()]
     if isinstance(form, geometry.Convex | geometry.Mesh):
         return (X_BG @ hull_points(inspector, shape).T).T
     box = inspector.GetObbInGeometryFrame(shape)

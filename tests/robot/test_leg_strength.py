@@ -10,6 +10,7 @@ import yaml
 from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.robot.leg_strength import StandingLegs
 from nadia_balance.robot.model import MODELS, load_robot
 
 ROBOTS = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
@@ -31,7 +32,7 @@ def standing(robot):
 
 
 def limits(robot, speeds):
-    return robot.legs_at(robot.standing_positions()).foot_limits(speeds)
+    return StandingLegs(robot, robot.standing_positions()).foot_limits(speeds)
 
 
 def efforts(plant):
@@ -133,6 +134,6 @@ def test_refuses_an_ankle_that_cannot_carry_the_robot():
         r"^effort limit of left_ankle_pitch_joint = 35: must hold the weight "
         r"of \d+ N somewhere on the sole$"
     )
-    legs = robot.legs_at(robot.standing_positions())
+    legs = StandingLegs(robot, robot.standing_positions())
     with pytest.raises(ValueError, match=message):
         legs.cop_area(far)

@@ -8,7 +8,7 @@ import pytest
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.polygon import contains
 from nadia_balance.robot.model import load_robot
-from nadia_balance.robot.reach import reach_within, reaches
+from nadia_balance.robot.reach import reach_within, stride
 from tests import run_cache
 
 
@@ -27,7 +27,7 @@ def cut_down():
         for point in rng.uniform(polygon.min(0), polygon.max(0), (20, 2)):
             beside = abs(point[0]) < 0.28 and point[1] < 0.15
             if contains(point, polygon) and not beside:
-                missed += not reaches(robot, point)
+                missed += stride(robot, point) is None
                 count += 1
     return reach, missed_regions, count, missed
 
