@@ -197,8 +197,12 @@ def advance(
     estimator = LostWatch()
     outcome: dict = {}
 
-    def decided(now: float) -> bool:
-        nonlocal next_look, contacts
+    def look(_: Context) -> EventStatus:
+        nonlocal next_look, next_tick, contacts
+        now, ends = context.get_time(), False
+        if now < next_tick - _EARLY:
+            return EventStatus.DidNothing()
+        next_tick = (math.floor(now / period + _EARLY) + 1) * period
         if pressed():
             outcome["interrupted"] = True
         elif now >= next_look:
@@ -206,22 +210,11 @@ def advance(
             contacts |= diagram.improper_contacts(context)
             if reason := diagram.fall_reason(context):
                 outcome.update(fell_at=now, fall_reason=reason)
-            elif stop_at_failure and contacts:
-                return True
-            elif stop_at_failure and diagram.passed_limit(context):
-                return True
-        if not outcome and until(context):
+            elif stop_at_failure:
+                ends = bool(contacts) or diagram.passed_limit(context)
+        if not (outcome or ends) and until(context):
             outcome["until"] = True
-        lost = estimator.look(now, diagram.nees(context))
-        return lost or bool(outcome)
-
-    def look(_: Context) -> EventStatus:
-        nonlocal next_tick
-        now = context.get_time()
-        if now < next_tick - _EARLY:
-            return EventStatus.DidNothing()
-        next_tick = (math.floor(now / period + _EARLY) + 1) * period
-        if decided(now):
+        if estimator.look(now, diagram.nees(context)) or outcome or ends:
             return EventStatus.ReachedTermination(diagram, "decided")
         return EventStatus.DidNothing()
 
