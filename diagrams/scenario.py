@@ -120,8 +120,14 @@ class Scenario:
         walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
+        steps = self.gait.num_steps or self.gait.steps or self.gait.footholds
         for push in self.pushes:  # it must begin
-            self._check_moment(push)
+            moment, what = push.moment, f"at = {push.at!r}: must"
+            if moment.phase and not steps:
+                raise ValueError(f"{what} come with steps in the gait")
+            if moment.phase is None and not moment.time < self.duration:
+                end = f"duration = {self.duration} s"
+                raise ValueError(f"{what} be before {end}")
 
     def _contradictions(self) -> Iterator[tuple[str, str]]:
         """Fields that do not fit the others, and what they must do."""
@@ -144,14 +150,6 @@ class Scenario:
             yield "mechanisms", f"not let the legs cross with {qp}"
         elif self.terrain.name != FLAT:
             yield "terrain.name", f"be {FLAT} with {qp}: it knows no regions"
-
-    def _check_moment(self, push: Push) -> None:
-        gait, moment = self.gait, push.moment
-        what, steps = f"at = {push.at!r}: must", gait.num_steps or gait.steps
-        if moment.phase is None and not moment.time < self.duration:
-            raise ValueError(f"{what} be before duration = {self.duration} s")
-        if moment.phase and not (steps or gait.footholds):
-            raise ValueError(f"{what} come with steps in the gait")
 
 
 def scenario_names() -> dict[str, Path]:

@@ -136,7 +136,6 @@ class RecoveryWatch:
     """
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
-        """Watches `diagram`, from any time on."""
         self._diagram, self._calm = diagram, CalmSteps()
         has_icp = diagram.HasOutputPort("icp")
         calm = diagram.scenario.calm_steps if has_icp else 0
@@ -265,16 +264,12 @@ def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
     Only for those that have the `usual` handler, if there is one.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    before = {
-        number: signal.signal(number, handler)
-        for number in (signal.SIGINT, signal.SIGTERM)
-        if is_main and usual in (None, signal.getsignal(number))
-    }
-    try:
+    with contextlib.ExitStack() as restored:
+        for number in (signal.SIGINT, signal.SIGTERM) if is_main else ():
+            if usual in (None, signal.getsignal(number)):
+                old = signal.signal(number, handler)
+                restored.callback(signal.signal, number, old)
         yield
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:

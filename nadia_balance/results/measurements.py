@@ -30,7 +30,6 @@ class CalmSteps:
     """
 
     def __init__(self) -> None:
-        """Counts from the first call of `look`."""
         self.since, self.taken = 0.0, 0
 
     def look(self, time: float, steps_taken: int, error: float, pushed) -> int:
@@ -42,10 +41,8 @@ class CalmSteps:
 
 def calm_steps(log: Log) -> int:
     """Number of calm steps (see CalmSteps) at the end of the log."""
-    last = pushes(log)[-1:]
-    begin = recovered_at(log, last[0] if last else None)
-    landings = [step.swing.end for step in steps(log)]
-    return max(sum(time > begin for time in landings) - 1, 0)
+    begin = recovered_at(log, next(reversed(pushes(log)), None))
+    return max(sum(s.swing.end > begin for s in steps(log)) - 1, 0)
 
 
 def recovered_at(log: Log, push: logs.PushSpan | None) -> float:

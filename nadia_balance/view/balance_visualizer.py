@@ -40,13 +40,10 @@ _MARKERS = {
 _POLYGONS = {
     f"{ROOT}/support_polygon": (palette.rgba(palette.SUPPORT), False),
     f"{REGIONS}/reach": (palette.rgba(palette.REACH, 0.99), False),
-    **{
-        f"{REGIONS}/c_{i + 1}": (palette.rgba(*look), True)
-        for i, look in enumerate(
-            zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
-        )
-    },
 }
+_SHADES = zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
+for _i, _look in enumerate(_SHADES, start=1):
+    _POLYGONS[f"{REGIONS}/c_{_i}"] = (palette.rgba(*_look), True)
 # Heights above the ground [m], so that none hides another one.
 _ON_FLOOR, _PRINT, _REGION, _OUTLINE = 0.0005, 0.002, 0.004, 0.006
 

@@ -50,10 +50,8 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
 
     Raises ValueError: `port` is not in [1024, 65535].
     """
-    if port is None:
-        return Meshcat(MeshcatParams(host="localhost")), ""
     # Drake aborts for lower ports, and uses port - 65536 for higher ones.
-    if not 1024 <= port <= 65535:
+    if port is not None and not 1024 <= port <= 65535:
         raise ValueError(f"port = {port}: must be in [1024, 65535]")
     try:
         return Meshcat(MeshcatParams(host="localhost", port=port)), ""
@@ -329,11 +327,9 @@ def add_mouse(builder, plant, scene_graph, meshcat) -> OutputPort | None:
 def connect_forces(builder: DiagramBuilder, engine: System, *forces) -> None:
     """Applies the sum of the ports `forces`, if not None, to the `engine`."""
     ports = [port for port in forces if port is not None]
-    source = ports[0]
-    if len(ports) > 1:
-        both = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
-        builder.AddSystem(both)
-        for i, port in enumerate(ports):
-            builder.Connect(port, both.get_input_port(i))
-        source = both.get_output_port()
-    builder.Connect(source, engine.GetInputPort("applied_spatial_force"))
+    total = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
+    builder.AddSystem(total)
+    for i, port in enumerate(ports):
+        builder.Connect(port, total.get_input_port(i))
+    to = engine.GetInputPort("applied_spatial_force")
+    builder.Connect(total.get_output_port(), to)

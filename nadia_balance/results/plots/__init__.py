@@ -77,14 +77,21 @@ def time_axes(
     for ax in axes:
         for span in swings:
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
-        _mark_pushes(ax, log, label and ax is axes[0])
+        for push in pushes(log):
+            ax.axvspan(push.start, push.end, zorder=0, **_PUSH)
     axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
     swung = [s for s in Side if s in {span.swing_side for span in swings}]
     named = [{"label": f"{s.value} foot swings", **look[s]} for s in swung]
-    bands = [Patch(**one) for one in named]
     if pushes(log):
-        bands.append(Patch(label="push", **_PUSH))
-    key(fig, bands)
+        named.append({"label": "push", **_PUSH})
+    key(fig, [Patch(**one) for one in named])
+    for push in pushes(log) if label else ():
+        text = f"push {np.linalg.norm(push.force):.0f} N"
+        place = (0.5 * (push.start + push.end), 1.0), (0, 3)
+        units = ("data", "axes fraction"), "offset points"
+        look = {"color": palette.PUSH, "fontsize": 8.5, "ha": "center"}
+        # Clipped: only where the axes show that time.
+        axes[0].annotate(text, *place, *units, annotation_clip=True, **look)
     look = {"ha": "left", "fontsize": 10.5, "color": TEXT}
     fig.suptitle(title(summary, what), x=0.01, **look)
     return fig, list(axes)
@@ -107,19 +114,6 @@ def title(summary: dict, what: str) -> str:
     elif summary["pushes"]:
         run.append(summary["outcome"].replace("failed", "not recovered"))
     return f"{what}   ·   {', '.join(run)}"
-
-
-def _mark_pushes(ax: Axes, log: Log, label: bool) -> None:
-    """Marks the times of pushes; the `label` is above the axes."""
-    for push in pushes(log):
-        ax.axvspan(push.start, push.end, zorder=0, **_PUSH)
-        if label:
-            text = f"push {np.linalg.norm(push.force):.0f} N"
-            place = (0.5 * (push.start + push.end), 1.0), (0, 3)
-            units = ("data", "axes fraction"), "offset points"
-            look = {"color": palette.PUSH, "fontsize": 8.5, "ha": "center"}
-            # Clipped: only where the axes show that time.
-            ax.annotate(text, *place, *units, annotation_clip=True, **look)
 
 
 def fill(ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style):
@@ -294,20 +288,16 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
     bars.append(Patch(color=FAINT, label="as measured"))
     _legend(ax, 2, handles=bars)
     for span in spans if np.ptp(log["t"]) < _SHORT else ():
-        if span.complete and span.phase is not Phase.STANDING:
-            _write_duration(ax, span)
+        if not span.complete or span.phase is Phase.STANDING:
+            continue
+        text, y = f"{span.duration:.2f}", _FOOT_Y[span.swing_side]
+        if abs(span.duration - span.planned) > CHANGED:
+            text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
+        look = {"color": palette.foot_color(span.swing_side), "fontsize": 7.5}
+        if span.phase is Phase.TRANSFER:
+            # Those to the left and to the right foot have a line each, as those
+            # before and after a short step would overlap.
+            y, look["color"] = 1.0 + 0.3 * span.swing_side.sign, TEXT
+        where = 0.5 * (span.start + span.end), y
+        ax.text(*where, text, ha="center", va="center", **look)
     return fig
-
-
-def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
-    swings, text = span.phase is Phase.SWING, f"{span.duration:.2f}"
-    if abs(span.duration - span.planned) > CHANGED:
-        text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
-    side = span.swing_side
-    # Transfers to the left and to the right foot have a line each, as those
-    # before and after a short step would overlap.
-    y = _FOOT_Y[side] if swings else 1.0 + 0.3 * side.sign
-    color = palette.foot_color(side) if swings else TEXT
-    where = 0.5 * (span.start + span.end), y
-    look = {"color": color, "fontsize": 7.5, "ha": "center", "va": "center"}
-    ax.text(*where, text, **look)
