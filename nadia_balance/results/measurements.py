@@ -29,8 +29,7 @@ class CalmSteps:
     error or push, and the number of steps taken until then.
     """
 
-    def __init__(self) -> None:
-        self.since, self.taken = 0.0, 0
+    since, taken = 0.0, 0
 
     def look(self, time: float, steps_taken: int, error: float, pushed) -> int:
         """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
@@ -118,9 +117,7 @@ def com_height(log: Log) -> Array:
 
 def trunk_tilts(log: Log) -> Array:
     """Angles (2, n) [deg] of torso and pelvis to the vertical; n = 0: none."""
-    if "trunk_tilt" not in log:
-        return np.zeros((2, 0))
-    return np.degrees(log["trunk_tilt"].T)
+    return np.degrees(log.get("trunk_tilt", np.zeros((0, 2))).T)
 
 
 def _durations(log: Log, phase: Phase) -> list[float]:

@@ -152,10 +152,11 @@ class Drawing:
         """Shows or hides the objects from `time` [s] on."""
         self._meshcat.SetProperty(self._path, "visible", visible, time)
 
-    def place(self, X_W: RigidTransform, time: float) -> None:
-        """Shows the objects at the pose X_W."""
-        self._meshcat.SetTransform(self._path, X_W, time)
-        self.show(True, time)
+    def place(self, X_W: RigidTransform | None, time: float) -> None:
+        """Shows the objects at the pose X_W; None hides them."""
+        if X_W is not None:
+            self._meshcat.SetTransform(self._path, X_W, time)
+        self.show(X_W is not None, time)
 
 
 def add_marker(meshcat: Meshcat, path: str, shape, color: str) -> Drawing:
