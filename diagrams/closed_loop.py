@@ -133,7 +133,6 @@ class MeasuredPoses:
     """Forward kinematics of one robot, from its [q, v]."""
 
     def __init__(self, robot: RobotModel):
-        """Uses a plant of the `robot` alone."""
         self._plant = plant = robot.control_plant()
         self._context = plant.CreateDefaultContext()
         feet, body = robot.foot_bodies.items(), plant.GetBodyByName

@@ -69,13 +69,7 @@ class LipmDiagram(ClosedLoop):
         self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
         watched = "com_state", "foot_poses"
         self._watched = [self.plant.GetOutputPort(name) for name in watched]
-        self._close_loop(builder)
-        systems = self.plant, self.controller, self.swing, self.push
-        more = {"mechanisms": self._mechanisms}
-        self._finish(builder, meshcat, period, systems, **more)
-
-    def _close_loop(self, builder: DiagramBuilder) -> None:
-        controller, plant = self.controller, self.plant
+        plant = self.plant
         connect(builder, controller, self.swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
@@ -86,6 +80,9 @@ class LipmDiagram(ClosedLoop):
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
+        systems = self.plant, self.controller, self.swing, self.push
+        more = {"mechanisms": self._mechanisms}
+        self._finish(builder, meshcat, period, systems, **more)
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""

@@ -68,12 +68,13 @@ class LiveSession:
 
     def status(self) -> list[str]:
         """Time, phase, ICP error, last push, result and real-time factor."""
-        lines = [f"t = {self.context.get_time():.2f} s, {self._phase}"]
-        lines.append(f"ICP error {self._error:.3f} m")
-        if self._story.last_push:
-            lines.append(f"last {self._story.last_push}")
-        walks = self._phase != "standing"
-        lines.append(self._story.result or ("walks" if walks else "stands"))
+        walks, story = self._phase != "standing", self._story
+        lines = [
+            f"t = {self.context.get_time():.2f} s, {self._phase}",
+            f"ICP error {self._error:.3f} m",
+            *([f"last {story.last_push}"] if story.last_push else []),
+            story.result or ("walks" if walks else "stands"),
+        ]
         if self.paused:
             return [*lines, "PAUSED"]
         ticks, walls = max(len(self._walls) - 1, 0), self._walls
@@ -126,8 +127,8 @@ class LiveSession:
         latest = gait.standing_duration + gait.initial_transfer_duration + 1.0
         # An error comes again as the session begins, and is told there.
         with contextlib.suppress(RuntimeError, ValueError):
+            port = self._diagram.GetOutputPort("walking_state")
             while looks * LOOK < latest:
-                port = self._diagram.GetOutputPort("walking_state")
                 if port.Eval(context).schedule.phase is Phase.SWING:
                     return context
                 looks += 1

@@ -1,7 +1,9 @@
 """Scenarios: robot, walking command, pushes and all parameters of a run."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -111,56 +113,43 @@ class Scenario:
 
     def validate_more(self) -> None:
         """Raises ValueError if fields contradict each other."""
-        period = self.controller.control_period
-        ticks = period / self.time_step
-        if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
-            raise ValueError(
-                f"time_step = {self.time_step}: must divide "
-                f"controller.control_period = {period} s"
-            )
-        own = self.imperfections.delay
+        for name, why in self._contradictions():
+            value = attrgetter(name)(self)
+            raise ValueError(f"{name} = {value!r}: must {why}")
+        period, own = self.controller.control_period, self.imperfections.delay
         walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
-        if self.sensors != "perfect" and self.imperfections.has_noise:
-            why = "must be 'perfect' with noise in imperfections"
-            raise ValueError(f"sensors = {self.sensors!r}: {why}")
-        if self.engine == "mujoco":
-            for name in ("friction_ratio", "torso_mass_ratio"):
-                if (value := getattr(self.imperfections, name)) != 1.0:
-                    why = f"{value}: must be 1 with engine = mujoco"
-                    raise ValueError(f"imperfections.{name} = {why}")
-        if self.duration < period:
-            raise ValueError(
-                f"duration = {self.duration}: must be >= "
-                f"controller.control_period = {period} s"
-            )
-        atlas = self.controller.icp_step_qp is not None
-        if atlas and NAMED[self.mechanisms].cross_over:
-            raise ValueError(
-                "controller.icp_step_qp: must be null where the legs may "
-                f"cross, as with mechanisms = {self.mechanisms}"
-            )
-        if not atlas and self.mechanisms in ATLAS_MECHANISMS:
-            raise ValueError(
-                f"mechanisms = {self.mechanisms!r}: must go with "
-                "controller.icp_step_qp, whose they are"
-            )
-        if atlas and self.terrain.name != FLAT:
-            raise ValueError(
-                f"terrain.name = {self.terrain.name!r}: must be {FLAT} with "
-                "controller.icp_step_qp, which knows no regions"
-            )
+        steps = self.gait.num_steps or self.gait.steps or self.gait.footholds
         for push in self.pushes:  # it must begin
-            self._check_moment(push)
+            moment, what = push.moment, f"at = {push.at!r}: must"
+            if moment.phase and not steps:
+                raise ValueError(f"{what} come with steps in the gait")
+            if moment.phase is None and not moment.time < self.duration:
+                end = f"duration = {self.duration} s"
+                raise ValueError(f"{what} be before {end}")
 
-    def _check_moment(self, push: Push) -> None:
-        gait, moment = self.gait, push.moment
-        what, steps = f"at = {push.at!r}: must", gait.num_steps or gait.steps
-        if moment.phase is None and not moment.time < self.duration:
-            raise ValueError(f"{what} be before duration = {self.duration} s")
-        if moment.phase and not (steps or gait.footholds):
-            raise ValueError(f"{what} come with steps in the gait")
+    def _contradictions(self) -> Iterator[tuple[str, str]]:
+        """Fields that do not fit the others, and what they must do."""
+        period, errors = self.controller.control_period, self.imperfections
+        ticks, tick = period / self.time_step, f"control_period = {period} s"
+        if ticks < 1 or abs(ticks - round(ticks)) > 1e-9:
+            yield "time_step", f"divide controller.{tick}"
+        if self.duration < period:
+            yield "duration", f"be >= controller.{tick}"
+        if self.sensors != "perfect" and errors.has_noise:
+            yield "sensors", "be 'perfect' with noise in imperfections"
+        for name in ("friction_ratio", "torso_mass_ratio"):
+            if self.engine == "mujoco" and getattr(errors, name) != 1.0:
+                yield f"imperfections.{name}", "be 1 with engine = mujoco"
+        qp = "controller.icp_step_qp"
+        if self.controller.icp_step_qp is None:
+            if self.mechanisms in ATLAS_MECHANISMS:
+                yield "mechanisms", f"go with {qp}, whose they are"
+        elif NAMED[self.mechanisms].cross_over:
+            yield "mechanisms", f"not let the legs cross with {qp}"
+        elif self.terrain.name != FLAT:
+            yield "terrain.name", f"be {FLAT} with {qp}: it knows no regions"
 
 
 def scenario_names() -> dict[str, Path]:

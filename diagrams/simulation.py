@@ -136,7 +136,6 @@ class RecoveryWatch:
     """
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
-        """Watches `diagram`, from any time on."""
         self._diagram, self._calm = diagram, CalmSteps()
         has_icp = diagram.HasOutputPort("icp")
         calm = diagram.scenario.calm_steps if has_icp else 0
@@ -197,8 +196,12 @@ def advance(
     estimator = LostWatch()
     outcome: dict = {}
 
-    def decided(now: float) -> bool:
-        nonlocal next_look, contacts
+    def look(_: Context) -> EventStatus:
+        nonlocal next_look, next_tick, contacts
+        now, ends = context.get_time(), False
+        if now < next_tick - _EARLY:
+            return EventStatus.DidNothing()
+        next_tick = (math.floor(now / period + _EARLY) + 1) * period
         if pressed():
             outcome["interrupted"] = True
         elif now >= next_look:
@@ -206,22 +209,11 @@ def advance(
             contacts |= diagram.improper_contacts(context)
             if reason := diagram.fall_reason(context):
                 outcome.update(fell_at=now, fall_reason=reason)
-            elif stop_at_failure and contacts:
-                return True
-            elif stop_at_failure and diagram.passed_limit(context):
-                return True
-        if not outcome and until(context):
+            elif stop_at_failure:
+                ends = bool(contacts) or diagram.passed_limit(context)
+        if not (outcome or ends) and until(context):
             outcome["until"] = True
-        lost = estimator.look(now, diagram.nees(context))
-        return lost or bool(outcome)
-
-    def look(_: Context) -> EventStatus:
-        nonlocal next_tick
-        now = context.get_time()
-        if now < next_tick - _EARLY:
-            return EventStatus.DidNothing()
-        next_tick = (math.floor(now / period + _EARLY) + 1) * period
-        if decided(now):
+        if estimator.look(now, diagram.nees(context)) or outcome or ends:
             return EventStatus.ReachedTermination(diagram, "decided")
         return EventStatus.DidNothing()
 
@@ -272,16 +264,12 @@ def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
     Only for those that have the `usual` handler, if there is one.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    before = {
-        number: signal.signal(number, handler)
-        for number in (signal.SIGINT, signal.SIGTERM)
-        if is_main and usual in (None, signal.getsignal(number))
-    }
-    try:
+    with contextlib.ExitStack() as restored:
+        for number in (signal.SIGINT, signal.SIGTERM) if is_main else ():
+            if usual in (None, signal.getsignal(number)):
+                old = signal.signal(number, handler)
+                restored.callback(signal.signal, number, old)
         yield
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
 
 
 def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:

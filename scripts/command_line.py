@@ -293,7 +293,6 @@ def _shows_meshcat(args: argparse.Namespace) -> bool:
 
 
 def _meshcat(port: int | None) -> Meshcat:
-    """Starts Meshcat with its scene and prints its address."""
     meshcat, message = start_meshcat(port)
     say(*filter(None, [message]), f"Meshcat: {meshcat.web_url()}")
     set_scene(meshcat)
@@ -301,7 +300,6 @@ def _meshcat(port: int | None) -> Meshcat:
 
 
 def _live(diagram: closed_loop.ClosedLoop, meshcat: Meshcat, args) -> int:
-    """Lets the user push the robot until it is stopped."""
     session = live.LiveSession(diagram, meshcat, say)
     with pages.LivePage(meshcat) as page:
         say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")

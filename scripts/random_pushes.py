@@ -22,7 +22,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.sweep import Attempt, Cell, Results, Rows, limits
+from nadia_balance.scripts.sweep import Cell, Results, Rows, Trial, limits
 from nadia_balance.scripts.sweep.report import outcomes, table
 from nadia_balance.scripts.sweep.search import AT, Sweep
 
@@ -41,7 +41,7 @@ class RandomPushes(Sweep):
         """Returns the cell of each push."""
         return list(self.pushes)
 
-    def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
+    def attempts(self, cell: Cell, results: Results) -> list[Trial]:
         """Returns the only trial of a `cell`, unless it has results."""
         return [] if results else [(self.pushes[cell].delta_v or 0.0, 0)]
 

@@ -50,12 +50,11 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
     Raises ValueError: it cannot be created, or is not writable.
     """
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = Path(f"runs/{now}_{name}" if out is None else out)
+    folder = first = Path(f"runs/{now}_{name}" if out is None else out)
     try:
-        for number in itertools.count(2):
-            if out is not None or not folder.exists():
-                break
-            folder = Path(f"runs/{now}_{name}_{number}")  # in the same second
+        numbers = itertools.count(2)
+        while out is None and folder.exists():  # of the same second
+            folder = Path(f"{first}_{next(numbers)}")
         folder.mkdir(parents=True, exist_ok=out is not None)
         # A test write also detects a full disk, unlike permissions.
         with tempfile.TemporaryFile(dir=folder) as file:

@@ -8,8 +8,8 @@ import numpy as np
 
 import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import halfspaces, minkowski_sum, project
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.math.polygon import halfspaces
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results import Log, icp_error, pushes, signal, steps
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
@@ -29,9 +29,7 @@ class CalmSteps:
     error or push, and the number of steps taken until then.
     """
 
-    def __init__(self) -> None:
-        """Counts from the first call of `look`."""
-        self.since, self.taken = 0.0, 0
+    since, taken = 0.0, 0
 
     def look(self, time: float, steps_taken: int, error: float, pushed) -> int:
         """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
@@ -42,10 +40,8 @@ class CalmSteps:
 
 def calm_steps(log: Log) -> int:
     """Number of calm steps (see CalmSteps) at the end of the log."""
-    last = pushes(log)[-1:]
-    begin = recovered_at(log, last[0] if last else None)
-    landings = [step.swing.end for step in steps(log)]
-    return max(sum(time > begin for time in landings) - 1, 0)
+    begin = recovered_at(log, next(reversed(pushes(log)), None))
+    return max(sum(s.swing.end > begin for s in steps(log)) - 1, 0)
 
 
 def recovered_at(log: Log, push: logs.PushSpan | None) -> float:
@@ -121,9 +117,7 @@ def com_height(log: Log) -> Array:
 
 def trunk_tilts(log: Log) -> Array:
     """Angles (2, n) [deg] of torso and pelvis to the vertical; n = 0: none."""
-    if "trunk_tilt" not in log:
-        return np.zeros((2, 0))
-    return np.degrees(log["trunk_tilt"].T)
+    return np.degrees(log.get("trunk_tilt", np.zeros((0, 2))).T)
 
 
 def _durations(log: Log, phase: Phase) -> list[float]:
@@ -192,37 +186,28 @@ def _swing_speeds(log: Log) -> Array:
 
 
 def _sole_distance(log: Log) -> float:
-    """Least distance [m] in plan view of PASSING soles; 0: one is above."""
-    poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
-    heights, least = poses[:, :, 2], math.inf
-    poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
-    gaps = _gaps(poses, log["sole"])
-    for row in np.argsort(gaps):
-        if least == 0.0 or gaps[row] > least + 1e-9:
-            break
-        left, right = (
-            FootPose(foot[:3], foot[3]).to_world(log["sole"])
-            for foot in poses[row]
-        )
-        gap = project(np.zeros(2), minkowski_sum(left, -right))
-        least = min(least, float(np.hypot(*gap)))
-    return least
+    """Least distance [m] in plan view of PASSING soles; 0: one is above.
 
-
-def _gaps(poses: Array, sole: Array) -> Array:
-    """Gaps (n,) [m] between two soles, seen along or across one of them.
-
-    They are the largest of four, and no larger than the soles' distance.
-    `poses` (n, 2, 4) are p_WF and yaw of each foot, the `sole` is (k, 2).
+    Of convex polygons it is their largest gap, seen along edges and across,
+    or along lines between corners of both.
     """
-    x, y, _, yaw = np.moveaxis(poses, 2, 0)
-    turns = np.exp(1j * yaw)  # the plane as complex numbers
-    corners = (x + 1j * y)[..., None] + turns[..., None] * (sole @ [1.0, 1j])
-    gaps = []
-    for way in (*turns.T, *(1j * turns.T)):
-        a, b = np.moveaxis((corners * way.conj()[:, None, None]).real, 1, 0)
-        gaps += [a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1)]
-    return np.max(gaps, axis=0)
+    poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
+    heights = poses[:, :, 2]
+    poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
+    # The plane as complex numbers: corners (n, k) of each foot.
+    turns = np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
+    soles = turns + poses[:, :, :1] + 1j * poses[:, :, 1:2]
+    left, right = np.moveaxis(soles, 1, 0)
+    edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
+    between = left[:, :, None] - right[:, None]
+    gaps = np.zeros(len(soles))
+    for way in np.hstack(
+        (edges, -edges, between.reshape(edges.shape[0], -1))
+    ).T:
+        along = (way / np.maximum(np.abs(way), 1e-12)).conj()[:, None]
+        a, b = (left * along).real, (right * along).real
+        gaps = np.maximum(gaps, a.min(axis=1) - b.max(axis=1))
+    return float(np.min(gaps, initial=math.inf))
 
 
 def _edge_distances(log: Log) -> list[float]:

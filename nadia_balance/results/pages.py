@@ -151,9 +151,8 @@ def replay_status(log: Log, summary: dict) -> str:
         side = f"{span.swing_side.value} " * (span.phase is not Phase.STANDING)
         phases.append([span.start, f"{side}{span.phase.value}"])
     jumps = [[p.start, "push", palette.PUSH] for p in pushes(log)]
-    for step in steps(log):
-        label = f"step {step.number}"
-        jumps.append([step.swing.start, label, color(step.side)])
+    for s in steps(log):
+        jumps.append([s.swing.start, f"step {s.number}", color(s.side)])
     names = "scenario", "robot", "plant", "mechanisms"
     said = {
         "title": "  ·  ".join(str(summary[n]) for n in names if n in summary),
@@ -204,7 +203,6 @@ class LivePage(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, meshcat: Meshcat):
-        """Serves from a free port; see `url`."""
         self._lines: list[str] = []
         self._meshcat_url = meshcat.web_url()
         self._fetch = build_opener(ProxyHandler({})).open

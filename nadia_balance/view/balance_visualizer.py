@@ -40,13 +40,10 @@ _MARKERS = {
 _POLYGONS = {
     f"{ROOT}/support_polygon": (palette.rgba(palette.SUPPORT), False),
     f"{REGIONS}/reach": (palette.rgba(palette.REACH, 0.99), False),
-    **{
-        f"{REGIONS}/c_{i + 1}": (palette.rgba(*look), True)
-        for i, look in enumerate(
-            zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
-        )
-    },
 }
+_SHADES = zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
+for _i, _look in enumerate(_SHADES, start=1):
+    _POLYGONS[f"{REGIONS}/c_{_i}"] = (palette.rgba(*_look), True)
 # Heights above the ground [m], so that none hides another one.
 _ON_FLOOR, _PRINT, _REGION, _OUTLINE = 0.0005, 0.002, 0.004, 0.006
 
@@ -166,7 +163,7 @@ class BalanceVisualizer(LeafSystem):
                 self._draw_print(side, number, schedule.feet[side], time)
             poses = [s.pose for s in schedule.footsteps if s.side is side]
             for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
-                _draw_sole(outline, pose, time)
+                outline.place(pose and scene.sole_transform(pose), time)
 
     def _draw_print(self, side: walking.Side, number: int, pose, time) -> None:
         """Draws the print that step `number` left on `side`."""
@@ -216,14 +213,7 @@ class BalanceVisualizer(LeafSystem):
             self._polygons[f"{REGIONS}/{name}"].draw(polygon, z + above, time)
         feet = [f.p_WF for f in (found.nominal, found.adjusted) if f]
         is_moved = len(feet) == 2 and math.dist(*feet) > 1e-3
-        _draw_sole(self._nominal, found.nominal if is_moved else None, time)
+        X_WF = scene.sole_transform(found.nominal) if is_moved else None
+        self._nominal.place(X_WF, time)
         self._region_view.show(True, time)
         return EventStatus.Succeeded()
-
-
-def _draw_sole(outline: scene.Drawing, pose, time: float) -> None:
-    """Shows an outlined sole at `pose`; None hides it."""
-    if pose is None:
-        outline.show(False, time)
-    else:
-        outline.place(scene.sole_transform(pose), time)

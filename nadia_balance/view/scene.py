@@ -50,10 +50,8 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
 
     Raises ValueError: `port` is not in [1024, 65535].
     """
-    if port is None:
-        return Meshcat(MeshcatParams(host="localhost")), ""
     # Drake aborts for lower ports, and uses port - 65536 for higher ones.
-    if not 1024 <= port <= 65535:
+    if port is not None and not 1024 <= port <= 65535:
         raise ValueError(f"port = {port}: must be in [1024, 65535]")
     try:
         return Meshcat(MeshcatParams(host="localhost", port=port)), ""
@@ -154,10 +152,11 @@ class Drawing:
         """Shows or hides the objects from `time` [s] on."""
         self._meshcat.SetProperty(self._path, "visible", visible, time)
 
-    def place(self, X_W: RigidTransform, time: float) -> None:
-        """Shows the objects at the pose X_W."""
-        self._meshcat.SetTransform(self._path, X_W, time)
-        self.show(True, time)
+    def place(self, X_W: RigidTransform | None, time: float) -> None:
+        """Shows the objects at the pose X_W; None hides them."""
+        if X_W is not None:
+            self._meshcat.SetTransform(self._path, X_W, time)
+        self.show(X_W is not None, time)
 
 
 def add_marker(meshcat: Meshcat, path: str, shape, color: str) -> Drawing:
@@ -329,11 +328,9 @@ def add_mouse(builder, plant, scene_graph, meshcat) -> OutputPort | None:
 def connect_forces(builder: DiagramBuilder, engine: System, *forces) -> None:
     """Applies the sum of the ports `forces`, if not None, to the `engine`."""
     ports = [port for port in forces if port is not None]
-    source = ports[0]
-    if len(ports) > 1:
-        both = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
-        builder.AddSystem(both)
-        for i, port in enumerate(ports):
-            builder.Connect(port, both.get_input_port(i))
-        source = both.get_output_port()
-    builder.Connect(source, engine.GetInputPort("applied_spatial_force"))
+    total = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
+    builder.AddSystem(total)
+    for i, port in enumerate(ports):
+        builder.Connect(port, total.get_input_port(i))
+    to = engine.GetInputPort("applied_spatial_force")
+    builder.Connect(total.get_output_port(), to)

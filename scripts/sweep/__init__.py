@@ -60,9 +60,9 @@ class Cell(NamedTuple):
 # Name of the gait's scenario, and when the push begins, as Moment writes it.
 Situation = tuple[str, str]
 # delta_v [m/s], replica from 0 on.
-Attempt = tuple[float, int]
+Trial = tuple[float, int]
 # True if the robot recovered; None: undecided, as the run was too short.
-Results = dict[Attempt, bool | None]
+Results = dict[Trial, bool | None]
 
 # Columns that are fields of a run's summary.
 FROM_SUMMARY = (

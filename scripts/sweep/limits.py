@@ -91,10 +91,10 @@ PROTOCOLS = {
 
 def protocol_of(robot: str, situation: Situation) -> Protocol | None:
     """Returns the figure with this `robot` and `situation`, if any."""
-    scenario, at = situation
     for one in PROTOCOLS.values():
-        if (robot, at) == (one.robot, one.at):
-            return one if scenario in one.scenario_name.split(",") else None
+        gaits = one.scenario_name.split(",")
+        if one.robot == robot and situation in [(g, one.at) for g in gaits]:
+            return one
     return None
 
 
@@ -111,6 +111,10 @@ class LimitTable:
     def title(self, mechanisms: str) -> str:
         """The words for these mechanisms, or for the policy."""
         return self.identity.get("controller", mechanisms).split(" ")[0]
+
+    def protocol(self, situation: Situation) -> Protocol | None:
+        """The paper's figure of a situation, if any."""
+        return protocol_of(self.identity["robot"], situation)
 
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
         """The records of all directions."""

@@ -25,12 +25,7 @@ from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.sweep import OUTCOMES, Rows
-from nadia_balance.scripts.sweep.limits import (
-    LIMITS,
-    LimitTable,
-    Record,
-    protocol_of,
-)
+from nadia_balance.scripts.sweep.limits import LIMITS, LimitTable, Record
 
 PICTURE, TABLES = "envelope.png", "tables.md"
 
@@ -187,7 +182,6 @@ def draw_envelope(limits: LimitTable) -> Figure:
 
 
 def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
-    """Draws spokes and rings."""
     eighths = all(r["direction_deg"] % 45.0 == 0.0 for r in limits.records)
     angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
     ax.set_theta_zero_location("N")
@@ -219,7 +213,7 @@ def _draw_curves(ax: PolarAxes, limits: LimitTable, situation) -> None:
     for record in records if len(records) <= _MOST_NUMBERS else ():
         if record["recovered"] is not None:
             _write(ax, record)
-    if protocol := protocol_of(limits.identity["robot"], situation):
+    if protocol := limits.protocol(situation):
         curve = protocol.curves(situation[0]).get(most, {})
         ax.plot(*closed(curve), zorder=3.0, **PAPER_LINE)
     ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
@@ -247,13 +241,11 @@ def _write(ax: PolarAxes, record: Record) -> None:
 
 
 def _draw_key(fig: Figure, limits: LimitTable) -> None:
-    """One legend for the whole figure, to its right."""
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=COLORS[name], label=limits.title(name), **LINE)
         for name in limits.mechanisms
     ]
-    robot = limits.identity["robot"]
-    if protocol := protocol_of(robot, limits.situations[0]):
+    if protocol := limits.protocol(limits.situations[0]):
         handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
     handles += [
         Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),

@@ -20,13 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.scripts.sweep import (
-    Attempt,
-    Cell,
-    Results,
-    digest,
-    of_process,
-)
+from nadia_balance.scripts.sweep import Cell, Results, Trial, digest, of_process
 
 HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
@@ -93,7 +87,7 @@ class Sweep:
         several = self.scenarios, self.at, self.mechanisms, self.directions
         return [Cell(*one) for one in itertools.product(*several)]
 
-    def attempts(self, cell: Cell, results: Results) -> list[Attempt]:
+    def attempts(self, cell: Cell, results: Results) -> list[Trial]:
         """Returns the trials of a `cell` to make next; empty when done."""
         first = self.known_limits.get(cell, 0.0) - HEADROOM
         return next_batch(results, self.search, max(first, 0.0))
@@ -165,7 +159,7 @@ def _tried(results: Results, search: SearchParams) -> tuple:
 
 def next_batch(
     results: Results, search: SearchParams, first: float = 0.0
-) -> list[Attempt]:
+) -> list[Trial]:
     """Returns the attempts to make next; empty when done.
 
     The first push is near `first` [m/s], or one stride if that is larger.  Each

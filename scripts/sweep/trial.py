@@ -59,9 +59,9 @@ def open_workers(
             client.run(os.setsid)  # Ctrl-C interrupts only this process
             yield client.get_executor(pure=False)
         return
+    own = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
     try:
         get_address_host_port(scheduler)  # or else the Client may hang
-        own = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
         client = Client(scheduler, **own)
     except (OSError, OverflowError, ValueError) as error:
         why = f"must be a Dask scheduler ({error})"

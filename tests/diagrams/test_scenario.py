@@ -40,7 +40,7 @@ BAD_TEXTS = {
     "time_step: .nan": "time_step = nan: must be",
     "time_step: 0.0015": "time_step = 0.0015: must divide",
     "{mechanisms: all_with_cross_over, controller: {icp_step_qp: {}}}": (
-        "controller.icp_step_qp: must be null where the legs may cross"
+        "mechanisms = 'all_with_cross_over': must not let the legs cross"
     ),
     "mechanisms: feedback_step": (
         "mechanisms = 'feedback_step': must go with controller.icp_step_qp"

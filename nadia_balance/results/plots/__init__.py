@@ -21,19 +21,16 @@ _PUSH = {"color": palette.PUSH, "alpha": 0.3, "lw": 0}
 RC = {
     "font.size": 9.0,
     "axes.edgecolor": FAINT,
-    "axes.labelcolor": TEXT,
     "axes.titlelocation": "left",
     "axes.titlesize": 10.5,
-    "axes.titlecolor": TEXT,
     "axes.titlepad": 5.0,
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "grid.color": "#e7eaef",
-    "text.color": TEXT,
-    "xtick.color": TEXT,
-    "ytick.color": TEXT,
+    **dict.fromkeys(("axes.labelcolor", "axes.titlecolor", "text.color"), TEXT),
+    **dict.fromkeys(("xtick.color", "ytick.color"), TEXT),
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "savefig.bbox": "tight",
@@ -41,15 +38,15 @@ RC = {
     "savefig.pad_inches": 0.12,
 }
 
-# Patterns of joint names per group, for robots of several manufacturers.
+# Groups of joints: a pattern of their names, for robots of several
+# manufacturers, and a colour.  A joint is in the first one that fits.
 GROUPS = {
-    "hips": r"hip|leg_hp",
-    "knees": r"knee|leg_kn",
-    "ankles": r"ankle|leg_ak",
-    "spine": r"spine|back",
-    "arms": r"",
+    "hips": (r"hip|leg_hp", "#3b6fb6"),
+    "knees": (r"knee|leg_kn", "#c2571a"),
+    "ankles": (r"ankle|leg_ak", "#2b8a5f"),
+    "spine": (r"spine|back", "#7a5ba6"),
+    "arms": (r"", "#9aa3b2"),
 }
-_GROUP_COLORS = ("#3b6fb6", "#c2571a", "#2b8a5f", "#7a5ba6", "#9aa3b2")
 SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 _AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
@@ -80,14 +77,21 @@ def time_axes(
     for ax in axes:
         for span in swings:
             ax.axvspan(span.start, span.end, lw=0, **look[span.swing_side])
-        _mark_pushes(ax, log, label and ax is axes[0])
+        for push in pushes(log):
+            ax.axvspan(push.start, push.end, zorder=0, **_PUSH)
     axes[-1].set(xlabel="time [s]", xlim=(log["t"][0], log["t"][-1]))
     swung = [s for s in Side if s in {span.swing_side for span in swings}]
     named = [{"label": f"{s.value} foot swings", **look[s]} for s in swung]
-    bands = [Patch(**one) for one in named]
     if pushes(log):
-        bands.append(Patch(label="push", **_PUSH))
-    key(fig, bands)
+        named.append({"label": "push", **_PUSH})
+    key(fig, [Patch(**one) for one in named])
+    for push in pushes(log) if label else ():
+        text = f"push {np.linalg.norm(push.force):.0f} N"
+        place = (0.5 * (push.start + push.end), 1.0), (0, 3)
+        units = ("data", "axes fraction"), "offset points"
+        look = {"color": palette.PUSH, "fontsize": 8.5, "ha": "center"}
+        # Clipped: only where the axes show that time.
+        axes[0].annotate(text, *place, *units, annotation_clip=True, **look)
     look = {"ha": "left", "fontsize": 10.5, "color": TEXT}
     fig.suptitle(title(summary, what), x=0.01, **look)
     return fig, list(axes)
@@ -112,19 +116,6 @@ def title(summary: dict, what: str) -> str:
     return f"{what}   ·   {', '.join(run)}"
 
 
-def _mark_pushes(ax: Axes, log: Log, label: bool) -> None:
-    """Marks the times of pushes; the `label` is above the axes."""
-    for push in pushes(log):
-        ax.axvspan(push.start, push.end, zorder=0, **_PUSH)
-        if label:
-            text = f"push {np.linalg.norm(push.force):.0f} N"
-            place = (0.5 * (push.start + push.end), 1.0), (0, 3)
-            units = ("data", "axes fraction"), "offset points"
-            look = {"color": palette.PUSH, "fontsize": 8.5, "ha": "center"}
-            # Clipped: only where the axes show that time.
-            ax.annotate(text, *place, *units, annotation_clip=True, **look)
-
-
 def fill(ax: Axes, polygon: Array, color: str, label=None, alpha=0.22, **style):
     """Draws a polygon (n, 2) [m] with a transparent fill and an opaque edge."""
     style = {"edgecolor": color, "linewidth": 1.4, **style}
@@ -146,57 +137,48 @@ def arrow(ax: Axes, start, end, color: str, width=2.0, style=_HEAD) -> None:
 
 def draw_effort(log: Log, summary: dict) -> Figure | None:
     """Draws the available signals; None if the log has none."""
-    rows = {
-        _draw_torques: 2.2 * (measured.torque_ratio(log).size > 0),
-        _draw_speed: 1.3 * (measured.joint_speed(log).size > 0),
-        _draw_forces: 1.8 * ("foot_forces" in log),
-    }
-    rows = {draw_row: height for draw_row, height in rows.items() if height}
+    rows = []  # height [in], label, and lines: values (n,), their look
+    ratio, speed = 100.0 * measured.torque_ratio(log), measured.joint_speed(log)
+    if ratio.size:
+        lines = _largest_torques(ratio, log["actuator_names"])
+        if np.max(ratio) > 60.0:
+            look = {"color": palette.PUSH, "linestyle": "--"}
+            lines.append((0.0 * log["t"] + 100.0, {"label": "limit", **look}))
+        rows.append((2.2, "torque [% of limit]", lines))
+    if speed.size:
+        lines = [(np.max(speed, axis=1), {"color": TEXT})]
+        rows.append((1.3, "fastest joint\n[rad/s]", lines))
+    if "foot_forces" in log:
+        forces, lines = signal(log, "foot_forces"), []
+        for side in Side:
+            look = {"color": palette.foot_color(side)}
+            look["label"] = f"{side.value} foot"
+            lines.append((getattr(forces, side.value), look))
+        rows.append((1.8, "normal force [N]", lines))
     if not rows:
         return None
-    fig, axes = time_axes(log, summary, "Effort", list(rows.values()))
-    for ax, draw_row in zip(axes, rows, strict=True):
-        draw_row(ax, log)
+    heights = [height for height, *_ in rows]
+    fig, axes = time_axes(log, summary, "Effort", heights)
+    for ax, (_, label, lines) in zip(axes, rows, strict=True):
+        for values, look in lines:
+            ax.plot(log["t"], values, linewidth=1.1, **look)
+        ax.set(ylabel=label, ylim=(0.0, None))
+        if len(lines) > 1:
+            _legend(ax, len(lines))
     return fig
 
 
-def joint_groups(names: np.ndarray) -> dict[str, np.ndarray]:
-    """Returns group -> indices of its joints; each joint is in one group."""
-    groups: dict[str, list[int]] = {group: [] for group in GROUPS}
-    for i, name in enumerate(names):
-        found = (g for g in GROUPS if re.search(GROUPS[g], name, re.I))
-        groups[next(found)].append(i)
-    return {g: np.array(members) for g, members in groups.items() if members}
-
-
-def _draw_torques(ax: Axes, log: Log) -> None:
-    """Draws the largest torque ratio of each group of joints."""
-    ratio = 100.0 * measured.torque_ratio(log)
-    groups = joint_groups(log["actuator_names"])
-    for (name, own), color in zip(groups.items(), _GROUP_COLORS, strict=False):
-        largest = np.max(ratio[:, own], axis=1)
-        ax.plot(log["t"], largest, color=color, linewidth=1.1, label=name)
-    if np.max(ratio) > 60.0:
-        look = {"color": palette.PUSH, "linewidth": 1.0, "linestyle": "--"}
-        ax.axhline(100.0, label="limit", **look)
-    ax.set(ylabel="torque [% of limit]", ylim=(0.0, None))
-    _legend(ax, len(groups) + 1)
-
-
-def _draw_speed(ax: Axes, log: Log) -> None:
-    speed = np.max(measured.joint_speed(log), axis=1)
-    ax.plot(log["t"], speed, color=TEXT, linewidth=1.1)
-    ax.set(ylabel="fastest joint\n[rad/s]", ylim=(0.0, None))
-
-
-def _draw_forces(ax: Axes, log: Log) -> None:
-    forces = signal(log, "foot_forces")
-    for side in Side:
-        look = {"color": palette.foot_color(side), "linewidth": 1.1}
-        look["label"] = f"{side.value} foot"
-        ax.plot(log["t"], getattr(forces, side.value), **look)
-    ax.set(ylabel="normal force [N]", ylim=(0.0, None))
-    _legend(ax, 2)
+def _largest_torques(ratio: Array, names: Array) -> list[tuple[Array, dict]]:
+    """The largest ratio (n,) of each group of the joints, and its look."""
+    groups = [
+        next(g for g in GROUPS if re.search(GROUPS[g][0], name, re.I))
+        for name in names
+    ]
+    return [
+        (np.max(ratio[:, own], axis=1), {"color": color, "label": group})
+        for group, (_, color) in GROUPS.items()
+        if any(own := np.array(groups) == group)
+    ]
 
 
 def _legend(ax: Axes, columns: int, **what) -> None:
@@ -208,46 +190,38 @@ def draw_icp(log: Log, summary: dict) -> Figure | None:
     """Draws both coordinates with the CoP and CoM, and the error, if any."""
     if "icp" not in log:
         return None
-    fig, axes = time_axes(log, summary, "ICP", [2.4, 2.4, 1.5], label=True)
-    for axis, name in enumerate(("x, forward [m]", "y, left [m]")):
-        _draw_icp(axes[axis], log, axis)
-        axes[axis].set_ylabel(name)
-    where = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.14)}
-    axes[1].legend(ncols=4, borderpad=0, **where)
-    _draw_icp_error(axes[2], log)
-    return fig
-
-
-def _draw_icp(ax: Axes, log: Log, axis: int) -> None:
-    """Draws x (`axis` 0) or y (1)."""
-    cop = signal(log, "ecmp_command").cop
-    com = signal(log, "com_state").position
+    heights = [2.4, 2.4, 1.5]
+    fig, (*axes, last) = time_axes(log, summary, "ICP", heights, label=True)
+    cop, com = signal(log, "ecmp_command").cop, signal(log, "com_state")
     reference = signal(log, "icp_reference").icp
-    for point, color, label, look in (
+    for points, color, label, look in (
         (cop, palette.COP, "CoP", {"lw": 0.9, "alpha": 0.75}),
-        (com, palette.COM, "CoM", {"lw": 1.1}),
+        (com.position[:2], palette.COM, "CoM", {"lw": 1.1}),
         (reference, palette.ICP_REFERENCE, "ICP reference", {"lw": 3.0}),
         (log["icp"].T, palette.ICP, "ICP", {}),
     ):
-        ax.plot(log["t"], point[axis], color=color, label=label, **look)
-    # A smallest range, so that noise of millimetres does not fill the axis.
-    low, high = ax.get_ylim()
-    missing = max(0.0, SMALLEST_RANGE - (high - low))
-    ax.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
-
-
-def _draw_icp_error(ax: Axes, log: Log) -> None:
-    error = 1000.0 * icp_error(log)
-    limit = 1000.0 * measured.ICP_BACK
-    ax.fill_between(log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0)
-    ax.plot(log["t"], error, color=palette.ICP)
-    ax.set(ylabel="ICP error [mm]", ylim=(0.0, None))
+        for ax, part in zip(axes, points, strict=True):
+            ax.plot(log["t"], part, color=color, label=label, **look)
+    for ax, name in zip(axes, ("x, forward [m]", "y, left [m]"), strict=True):
+        # A smallest range, so that noise of millimetres does not fill the axis.
+        low, high = ax.get_ylim()
+        more = 0.5 * max(0.0, SMALLEST_RANGE - (high - low))
+        ax.set(ylabel=name, ylim=(low - more, high + more))
+    where = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.14)}
+    axes[1].legend(ncols=4, borderpad=0, **where)
+    error, limit = 1000.0 * icp_error(log), 1000.0 * measured.ICP_BACK
+    last.fill_between(
+        log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0
+    )
+    last.plot(log["t"], error, color=palette.ICP)
+    last.set(ylabel="ICP error [mm]", ylim=(0.0, None))
     if max(error) > 0.5 * limit:
-        ax.axhline(limit, color=FAINT, linewidth=1.0, linestyle="--")
+        last.axhline(limit, color=FAINT, linewidth=1.0, linestyle="--")
         text = f"{limit:.0f} mm: recovered below"
         units = ("axes fraction", "data"), "offset points"
         look = {"fontsize": 8, "color": FAINT, "ha": "right"}
-        ax.annotate(text, (1.0, limit), (-4, 3), *units, **look)
+        last.annotate(text, (1.0, limit), (-4, 3), *units, **look)
+    return fig
 
 
 def draw_estimate(log: Log, summary: dict) -> Figure | None:
@@ -314,20 +288,16 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
     bars.append(Patch(color=FAINT, label="as measured"))
     _legend(ax, 2, handles=bars)
     for span in spans if np.ptp(log["t"]) < _SHORT else ():
-        if span.complete and span.phase is not Phase.STANDING:
-            _write_duration(ax, span)
+        if not span.complete or span.phase is Phase.STANDING:
+            continue
+        text, y = f"{span.duration:.2f}", _FOOT_Y[span.swing_side]
+        if abs(span.duration - span.planned) > CHANGED:
+            text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
+        look = {"color": palette.foot_color(span.swing_side), "fontsize": 7.5}
+        if span.phase is Phase.TRANSFER:
+            # Those to the left and to the right foot have a line each, as those
+            # before and after a short step would overlap.
+            y, look["color"] = 1.0 + 0.3 * span.swing_side.sign, TEXT
+        where = 0.5 * (span.start + span.end), y
+        ax.text(*where, text, ha="center", va="center", **look)
     return fig
-
-
-def _write_duration(ax: Axes, span: logs.PhaseSpan) -> None:
-    swings, text = span.phase is Phase.SWING, f"{span.duration:.2f}"
-    if abs(span.duration - span.planned) > CHANGED:
-        text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
-    side = span.swing_side
-    # Transfers to the left and to the right foot have a line each, as those
-    # before and after a short step would overlap.
-    y = _FOOT_Y[side] if swings else 1.0 + 0.3 * side.sign
-    color = palette.foot_color(side) if swings else TEXT
-    where = 0.5 * (span.start + span.end), y
-    look = {"color": color, "fontsize": 7.5, "ha": "center", "va": "center"}
-    ax.text(*where, text, **look)

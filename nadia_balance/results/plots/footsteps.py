@@ -82,15 +82,11 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
 
 def _limits(log: Log, first: int, rows: slice, shown: list[Step]) -> tuple:
     """Least and largest x and y (2,) [m] of paths and footholds."""
-    points = np.concatenate(
-        [
-            log["icp"][rows],
-            signal(log, "ecmp_command", rows).cop.T,
-            *(s.achieved.to_world(log["sole"]) for s in shown),
-            *(s.commanded.to_world(log["sole"]) for s in shown),
-            *(sole_pose(log, first, s).to_world(log["sole"]) for s in Side),
-        ]
-    )
+    poses = [pose for s in shown for pose in (s.achieved, s.commanded)]
+    poses += [sole_pose(log, first, side) for side in Side]
+    soles = [pose.to_world(log["sole"]) for pose in poses]
+    cop = signal(log, "ecmp_command", rows).cop.T
+    points = np.concatenate([log["icp"][rows], cop, *soles])
     points = points[np.all(np.isfinite(points), axis=1)]
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
 
