@@ -74,10 +74,7 @@ class QpStatus(namedview("QpStatus", _STATUS.split())):
 
 
 class SwingFootReference(namedview("SwingFootReference", _MOTION.split())):
-    """The motion of a sole in W: [m], [rad] and their time derivatives [s].
-
-    Its twelve entries are those of core's `as_reference`.
-    """
+    """The motion of a sole in W (see `as_reference`): [m], [rad], [s]."""
 
     position, velocity = entries(0, 3), entries(3, 6)
     acceleration = entries(6, 9)
@@ -159,9 +156,9 @@ SIGNALS: dict[str, int | type] = {
 }
 
 
-def sizes(*names: str) -> dict[str, int]:
-    """The sizes of these vector signals, by name."""
-    return {name: size(SIGNALS[name]) for name in names}
+def sizes(names: str) -> dict[str, int]:
+    """The sizes of the vector signals `names`, by name."""
+    return {name: size(SIGNALS[name]) for name in names.split()}
 
 
 def fill(
@@ -224,8 +221,8 @@ def wire(
     """Adds `blocks`, connects ports of equal names and exports the others.
 
     A signal has the same name everywhere: each input port is connected to the
-    output port of its name, or to the diagram's input of that name, which must
-    be one of `inputs`.  All outputs become outputs of the diagram.
+    output port of its name, or to the diagram's, which must be one of `inputs`.
+    All outputs become outputs of the diagram.
 
     Raises ValueError: an input without a source, an output of two blocks, or
     ports of one name and different types; names block and port.
