@@ -51,8 +51,7 @@ class PushSource(framework.LeafSystem):
     pushes, and the duration of the last one in ticks.  The outputs depend on
     the state only.
     The update of a tick starts a push; a discrete plant applies its force from
-    the next step on.  Without a plant (a point mass) the port `spatial_forces`
-    does not exist.
+    the next step on.  `spatial_forces` exists only with a plant.
 
     .. pydrake_system::
 
@@ -84,13 +83,10 @@ class PushSource(framework.LeafSystem):
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
-        # Before these times a push is not looked at [s].
-        self._not_before = np.array(
-            [
-                -math.inf if p.moment.phase else p.moment.time
-                for p in [*pushes, Push(delta_v=0.0, at="0 s")]
-            ]
-        )
+        # Before these times a push is not looked at [s]; the last one is live.
+        moments = [push.moment for push in pushes]
+        times = [-math.inf if m.phase else m.time for m in moments]
+        self._not_before = np.array([*times, 0.0])
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
@@ -105,13 +101,11 @@ class PushSource(framework.LeafSystem):
         declare_output(self, "push_force", self._calc_force, needs)
         declare_output(self, "push_signal", self._calc_signal, needs)
         if plant is not None:
-            names = [p.body or base_body for p in pushes] + [base_body]
-            bodies = [find_body(plant, name) for name in names]
-            points = [*(push.point for push in pushes), None]
-            self._bodies = [
-                (body.index(), point or body.default_com())
-                for body, point in zip(bodies, points, strict=True)
-            ]
+            self._bodies, live = [], Push(at="0 s")
+            for push in [*pushes, live]:
+                body = find_body(plant, push.body or base_body)
+                at = push.point or body.default_com()
+                self._bodies.append((body.index(), at))
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),

@@ -24,6 +24,7 @@ _STATUS = "solved fallback solves violation failures"
 _WALKING = """phase support_side time_in_phase duration waiting steps_taken
     left_x left_y left_yaw right_x right_y right_yaw
     target_x target_y target_yaw target_side"""
+_PUSH = "number delta_v force_x force_y force_z waiting"
 _PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
 
 
@@ -92,20 +93,12 @@ class WalkingSignal(namedview("WalkingSignal", _WALKING.split())):
     left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
 
 
-class PushSignal(
-    namedview(
-        "PushSignal",
-        [
-            # Number of the active push, from 1 on, live pushes after scripted
-            # ones; of several, the one that began last; 0: no push.
-            "number",
-            "delta_v",  # of that push [m/s]
-            *("force_x", "force_y", "force_z"),  # of that push, in W [N]
-            "waiting",  # number of scripted pushes that have not ended
-        ],
-    )
-):
-    """The push that acts now, and the number of scripted ones to come."""
+class PushSignal(namedview("PushSignal", _PUSH.split())):
+    """The push that acts now: `delta_v` [m/s] and force in W [N].
+
+    `number` counts from 1 on, live pushes after scripted ones; of several, the
+    one that began last; 0: no push.  `waiting` scripted ones have not ended.
+    """
 
     force = entries(2, 5)
 

@@ -84,13 +84,10 @@ class WholeBodyInverseDynamics(LeafSystem):
 
     def _calc_outcome(self, context, last) -> tuple:
         terms = self._terms(context)
+        rate, swing = self._momentum_rate(context), self._swing(context)[:]
+        wishes = rate, swing, float(self._friction(context)[0])
         command = whole_body_command(
-            self._walking_state(context),
-            self._momentum_rate(context),
-            self._swing(context)[:],
-            float(self._friction(context)[0]),
-            self._params,
-            self._model,
+            self._walking_state(context), *wishes, self._params, self._model
         )
         (unsolved,) = last["unsolved"]
         status, torques = QpStatus(last["whole_body_qp_status"]), None

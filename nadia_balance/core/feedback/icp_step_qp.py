@@ -131,16 +131,12 @@ class StepPhase(walking.Immutable):
 
 
 class StepFeedback(NamedTuple):
-    """The feedback of one tick.
+    """The feedback of one tick."""
 
-    `adjustment` is None if step adjustment is off; `reference` is that of the
-    plan with the executed footholds, those of the QP or those kept by a dead
-    band; `ecmp` (2,) [m] in W is r_cmp,d.
-    """
-
-    adjustment: Adjustment | None
+    adjustment: Adjustment | None  # None if step adjustment is off
+    # With the executed footholds: of the QP, or those kept by a dead band.
     reference: IcpReference
-    ecmp: Array
+    ecmp: Array  # r_cmp,d (2,) [m] in W
     result: QpResult
 
 
@@ -219,10 +215,9 @@ class IcpStepControl:
         schedule, params = state.schedule, self._params
         if not schedule.footsteps or state.elapsed < params.settling_time:
             return False
-        return schedule.phase is walking.Phase.TRANSFER or (
-            schedule.phase is walking.Phase.SWING
-            and state.remaining_time >= params.freeze_time
-        )
+        if schedule.phase is walking.Phase.SWING:
+            return state.remaining_time >= params.freeze_time
+        return schedule.phase is walking.Phase.TRANSFER
 
     def feedback(
         self,

@@ -73,17 +73,13 @@ class IcpPlanParams:
 
 @dataclass(frozen=True, eq=False)
 class CopWaypoints:
-    """N linear CoP segments.
+    """N linear CoP segments in W [m]."""
 
-    They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
-    `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
-    in W, within the margin, that bound points[1], points[2], ... up to the end
-    of the next phase, without the points at rest.
-    """
-
-    points: Array
-    durations: Array
-    start_time: float
+    points: Array  # (N + 1, 2), at which they meet
+    durations: Array  # (N,) [s]
+    start_time: float  # of the schedule [s]
+    # Polygons (n, 2), within the margin, that bound points[1], points[2], ...
+    # up to the end of the next phase, without the points at rest.
     supports: list[Array]
 
     @property
