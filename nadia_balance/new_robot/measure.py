@@ -223,7 +223,7 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     com = float(robot.com(poses)[2])
     heights = {"ankle_height": ankles - ground, "com_above_hip": com - hips}
     geometry = LegGeometry(length=length, hip_width=across, **heights)
-    able = leg_reach(geometry, com - ground, _lean(robot, anatomy))
+    able, aside = leg_reach(geometry, com - ground, _lean(robot, anatomy))
     step_width = max(across, 2.0 * half_width + _GAP * length)
     sole = {"x_min": heel, "x_max": toe, "half_width": half_width, "z": -depth}
     fields: Fields = {
@@ -247,12 +247,12 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
             limits[name] = knee.angle(_NEVER_STRAIGHT)
     # Nadia's lengths and widths, scaled, at most the legs' reach.
     nadias = scaled(ReachabilityParams(), size_of(fields))
-    forward = min(nadias.length_forward, able.length)
+    forward = min(nadias.length_forward, able)
     fields["reachability"] = widths(nadias) | {
         "length_forward": forward,
         "length_backward": forward,
         "width_nominal": step_width,
-        "width_max": min(nadias.width_max, able.width_max),
+        "width_max": min(nadias.width_max, aside),
     }
     x, y = extents[0]
     for line in (
@@ -262,8 +262,8 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         f"{ankles - ground:.3f} m high",
         f"CoM {com - ground:.3f} m high, soles {step_width:.3f} m apart; arms "
         "and spine at 0, or near it",
-        f"legs reach {able.length:.3f} m forward and back, "
-        f"{able.width_max:.3f} m to the side; used up to Nadia's, by size",
+        f"legs reach {able:.3f} m forward and back, "
+        f"{aside:.3f} m to the side; used up to Nadia's, by size",
     ):
         notes.add("guessed", line)
     return fields

@@ -44,9 +44,8 @@ class MomentumQp(LeafSystem):
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._qp = momentum_qp.IcpFeedbackQp(params)
-        self._icp, self._reference, self._walking = ports.inputs(
-            self, "icp", "icp_reference", "walking_state"
-        )
+        names = "icp icp_reference walking_state"
+        self._icp, self._reference, self._walking = ports.inputs(self, names)
         self._limits = ports.declare_plan(
             self,
             self._walking,
@@ -56,23 +55,14 @@ class MomentumQp(LeafSystem):
                 params,
             ),
         )
-        ports.Outcome(
-            self,
-            sizes("ecmp_command", "momentum_qp_status"),
-            {"increments": 4},
-            self._calc_outcome,
-            period,
-        )
+        told = sizes("ecmp_command momentum_qp_status")
+        ports.Outcome(self, told, {"increments": 4}, self._calc_outcome, period)
 
     def _calc_outcome(self, context, last) -> tuple:
-        reference = self._reference(context)
-        cop_r = reference.cop
+        reference, limits = self._reference(context), self._limits.Eval(context)
+        error, cop_r = self._icp(context) - reference.icp, reference.cop
         found = self._qp.solve(
-            self._icp(context) - reference.icp,
-            cop_r,
-            reference.ecmp - cop_r,
-            last["increments"],
-            self._limits.Eval(context)[1],
+            error, cop_r, reference.ecmp - cop_r, last["increments"], limits[1]
         )
         status = QpStatus(last["momentum_qp_status"]).after(found.result)
         return found.cop, found.ecmp, status, found.increments
@@ -106,32 +96,20 @@ class IcpStepController(LeafSystem):
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
-        self._control = icp_step_qp.IcpStepControl(params, model)
-        self._icp, self._walking_state = ports.inputs(self, "icp walking_state")
+        self._control = control = icp_step_qp.IcpStepControl(params, model)
+        self._icp, self._walking = ports.inputs(self, "icp walking_state")
         self._icp_plan = ports.Input(self, "icp_plan", AtlasIcpPlan)
-        self._time, self._mechanisms = ports.inputs(
-            self, "time_adjustment", "mechanisms"
-        )
-        self._phase = ports.declare_plan(
-            self, self._walking_state, self._control.phase
-        )
+        self._time, self._on = ports.inputs(self, "time_adjustment mechanisms")
+        self._phase = ports.declare_plan(self, self._walking, control.phase)
         self._feedback = ports.declare_cache(self, "feedback", self._calc)
         needs = [self._feedback]
         ports.declare_output(self, "adjustment", self._adjustment, needs)
-        ports.declare_output(
-            self, "capture_regions", self._calc_capture_regions, needs
-        )
-        ports.Outcome(
-            self,
-            sizes("ecmp_command", "momentum_qp_status", "icp_reference"),
-            {},
-            self._calc_outcome,
-            period,
-            needs,
-        )
+        ports.declare_output(self, "capture_regions", self._regions, needs)
+        told = sizes("ecmp_command momentum_qp_status icp_reference")
+        ports.Outcome(self, told, {}, self._calc_outcome, period, needs)
 
     def _calc(self, context, _) -> icp_step_qp.StepFeedback:
-        state = self._walking_state(context)
+        state = self._walking(context)
         if (gain := float(self._time(context)[0])) > 0.0:  # t+
             time = min(state.time_in_phase + gain, state.schedule.duration)
             state = replace(state, time_in_phase=time)
@@ -140,14 +118,14 @@ class IcpStepController(LeafSystem):
             self._phase.Eval(context)[1],
             self._icp_plan(context),
             self._icp(context),
-            self._mechanisms(context).step,
+            self._on(context).step,
         )
 
     def _adjustment(self, context) -> walking.Adjustment | None:
         return self._feedback.Eval(context).adjustment
 
-    def _calc_capture_regions(self, context) -> CaptureRegions:
-        if self._walking_state(context).schedule.phase is not Phase.SWING:
+    def _regions(self, context) -> CaptureRegions:
+        if self._walking(context).schedule.phase is not Phase.SWING:
             return CaptureRegions()
         phase = self._phase.Eval(context)[1]
         # While `step` is off, the previous adjustment holds.
@@ -181,27 +159,24 @@ class ComHeightController(LeafSystem):
         super().__init__()
         check(params)
         self._model, self._control = model, ComHeight(params, model)
-        self._com_state, self._ecmp_command, self._walking_state = ports.inputs(
-            self, "com_state", "ecmp_command", "walking_state"
-        )
+        names = "com_state ecmp_command walking_state"
+        self._com, self._ecmp, self._walking = ports.inputs(self, names)
         self._height = ports.declare_plan(
             self,
-            self._walking_state,
+            self._walking,
             lambda state: self._control.plan(state.schedule),
         )
         ports.declare_output(self, "momentum_rate", self._calc_rate)
 
     def _calc_rate(self, context) -> Array:
-        com = self._com_state(context)
-        state, plan = self._walking_state(context), self._height.Eval(context)
+        com = self._com(context)
+        state, plan = self._walking(context), self._height.Eval(context)
         wanted = plan[1].at(state.time_in_phase)
         if state.schedule.phase is Phase.SWING:
             most = self._control.stance_limit(
                 com.position[:2], com.velocity[:2], state.schedule
             )
             wanted = min(wanted, most)
-        acceleration = self._control.acceleration(
-            float(com.z), float(com.vz), *wanted
-        )
-        ecmp = self._ecmp_command(context).ecmp
-        return momentum_rate(com.position[:2], ecmp, acceleration, self._model)
+        z, vz, ecmp = float(com.z), float(com.vz), self._ecmp(context).ecmp
+        az = self._control.acceleration(z, vz, *wanted)
+        return momentum_rate(com.position[:2], ecmp, az, self._model)

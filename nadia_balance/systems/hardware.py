@@ -40,10 +40,12 @@ class JointDrives(LeafSystem):
         if robot.drives is None:
             raise ValueError("fidelity = 'ideal': must be realistic")
         velocities = actuated_velocities(plant)
-        self._max_speed = robot.max_joint_speeds[velocities - 6]
         self._speeds = plant.num_positions() + velocities
-        self._max_torque = plant.GetEffortUpperLimits()
-        self._corner_speed = robot.drives.corner_speed
+        most = (
+            plant.GetEffortUpperLimits(),
+            robot.max_joint_speeds[velocities - 6],
+        )
+        self._limits = *most, robot.drives.corner_speed
         step = plant.time_step()
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = Input(self, "actuation", velocities.size)
@@ -55,12 +57,8 @@ class JointDrives(LeafSystem):
     def _follow(self, context, new):
         torques = context.get_discrete_state_vector().value()
         missing = self._actuation(context) - torques
-        least, most = torque_limits(
-            self._plant_state(context)[self._speeds],
-            self._max_torque,
-            self._max_speed,
-            self._corner_speed,
-        )
+        speeds = self._plant_state(context)[self._speeds]
+        least, most = torque_limits(speeds, *self._limits)
         torques = torques + self._share * missing
         new.set_value(np.minimum(np.maximum(torques, least), most))
         return EventStatus.Succeeded()
@@ -119,10 +117,8 @@ class FootForceSensor(LeafSystem):
             for other in set(range(plant.num_bodies())) - own:
                 self._foot_of[other, int(foot.index())] = i, 1.0
                 self._foot_of[int(foot.index()), other] = i, -1.0
-        self._contact_results = self.DeclareAbstractInputPort(
-            "contact_results",
-            engine.GetOutputPort("contact_results").Allocate(),
-        )
+        found = engine.GetOutputPort("contact_results").Allocate()
+        self._found = self.DeclareAbstractInputPort("contact_results", found)
         self._mean = self.DeclareDiscreteState(2)
         self._samples = self.DeclareDiscreteState(2 * self._steps)
         self._step, self._seed, self._noise = step, seed, None
@@ -136,7 +132,7 @@ class FootForceSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context, state):
-        left, right = self._forces(self._contact_results.Eval(context))
+        left, right = self._forces(self._found.Eval(context))
         last = context.get_discrete_state(self._samples).value()[:-2]
         samples = np.array((max(left, 0.0), max(right, 0.0), *last.tolist()))
         state.set_value(self._samples, samples)
@@ -241,9 +237,7 @@ class StateSensor(LeafSystem):
         ):
             depends = delayed if self._ticks else {port.ticket()}
             depends = depends | {self.time_ticket()}
-            self.DeclareVectorOutputPort(
-                name, length, calc, prerequisites_of_calc=depends
-            )
+            self.DeclareVectorOutputPort(name, length, calc, depends)
         self.DeclareInitializationDiscreteUpdateEvent(self._fill)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._shift)
 
@@ -269,8 +263,8 @@ class StateSensor(LeafSystem):
         output.SetFromVector(state + noise)
 
     def _calc_forces(self, context, output):
-        forces = self._oldest(context, self._forces, slice(-_FEET, None))
-        output.SetFromVector(forces)
+        oldest = self._oldest(context, self._forces, slice(-_FEET, None))
+        output.SetFromVector(oldest)
 
     def _oldest(self, context, port: Input, part: slice) -> np.ndarray:
         """The `part` of the buffer; without a delay the value of the `port`."""

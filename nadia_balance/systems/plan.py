@@ -47,12 +47,8 @@ class WalkingStateMachine(LeafSystem):
         start = start or walking_start(Gait(), model)
         self._machine = clock.StateMachine(params, model, period)
         self._weight = model.mass * GRAVITY
-        self._foot_poses, self._foot_forces, self._icp = inputs(
-            self, "foot_poses foot_forces icp"
-        )
-        self._icp_plan, self._time, self._adjustment = inputs(
-            self, "icp_plan time_adjustment adjustment?"
-        )
+        names = "foot_poses foot_forces icp icp_plan"
+        self._inputs = inputs(self, names, "time_adjustment adjustment?")
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
         state_only = [self.abstract_state_ticket(self._state)]
@@ -67,14 +63,13 @@ class WalkingStateMachine(LeafSystem):
         return walking_signal(self._walking_state(context))
 
     def _advance(self, context, state):
+        feet, forces, icp, plan, time, adjustment = (
+            get(context) for get in self._inputs
+        )
+        measured = feet, forces / self._weight, icp
         now = self._machine.advance(
             self._walking_state(context),
-            self._icp_plan(context),
-            self._foot_poses(context),
-            self._foot_forces(context) / self._weight,
-            self._icp(context),
-            float(self._time(context)[0]),
-            self._adjustment(context),
+            *(plan, *measured, float(time[0]), adjustment),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
@@ -129,14 +124,10 @@ class IcpPlanner(LeafSystem):
         super().__init__()
         check(params)
         (self._walking,) = inputs(self, "walking_state")
+        atlas = isinstance(params, atlas_icp_plan.AtlasIcpPlanParams)
+        plan = atlas_icp_plan.plan_atlas_icp if atlas else icp_plan.plan_icp
         self._planned = declare_plan(
-            self,
-            self._walking,
-            lambda state: (
-                atlas_icp_plan.plan_atlas_icp(state.schedule, params, model)
-                if isinstance(params, atlas_icp_plan.AtlasIcpPlanParams)
-                else icp_plan.plan_icp(state.schedule, params, model)
-            ),
+            self, self._walking, lambda now: plan(now.schedule, params, model)
         )
         declare_output(self, "icp_plan", self._plan, [self._planned])
         if has_reference:

@@ -15,16 +15,13 @@ from pydrake.systems import framework
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.bounds import check
+from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
 from nadia_balance.core.walking.vocabulary import (
     ORIGIN,
-    ContactSchedule,
-    FootPoses,
     Phase,
-    ReferencePoint,
     Side,
     WalkingState,
-    number_of_ticks,
     whole_ticks,
 )
 from nadia_balance.systems.ports import declare_cache, declare_output, inputs
@@ -54,8 +51,7 @@ class PushSource(framework.LeafSystem):
     pushes, and the duration of the last one in ticks.  The outputs depend on
     the state only.
     The update of a tick starts a push; a discrete plant applies its force from
-    the next step on.  Without a plant (a point mass) the port `spatial_forces`
-    does not exist.
+    the next step on.  `spatial_forces` exists only with a plant.
 
     .. pydrake_system::
 
@@ -87,13 +83,10 @@ class PushSource(framework.LeafSystem):
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
-        # Before these times a push is not looked at [s].
-        self._not_before = np.array(
-            [
-                -math.inf if p.moment.phase else p.moment.time
-                for p in [*pushes, Push(delta_v=0.0, at="0 s")]
-            ]
-        )
+        # Before these times a push is not looked at [s]; the last one is live.
+        moments = [push.moment for push in pushes]
+        times = [-math.inf if m.phase else m.time for m in moments]
+        self._not_before = np.array([*times, 0.0])
         (self._walking_state,) = inputs(self, "walking_state?")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
@@ -108,13 +101,11 @@ class PushSource(framework.LeafSystem):
         declare_output(self, "push_force", self._calc_force, needs)
         declare_output(self, "push_signal", self._calc_signal, needs)
         if plant is not None:
-            names = [p.body or base_body for p in pushes] + [base_body]
-            bodies = [find_body(plant, name) for name in names]
-            points = [*(push.point for push in pushes), None]
-            self._bodies = [
-                (body.index(), point or body.default_com())
-                for body, point in zip(bodies, points, strict=True)
-            ]
+            self._bodies, live = [], Push(at="0 s")
+            for push in [*pushes, live]:
+                body = find_body(plant, push.body or base_body)
+                at = push.point or body.default_com()
+                self._bodies.append((body.index(), at))
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -155,14 +146,14 @@ class PushSource(framework.LeafSystem):
         rows = self._rows(context).copy()
         count, number, ticks = self._live(context)
         waits = (rows[:, 0] < 0.0).any()
-        walking = self._walking_state(context) if waits else None
+        walks = self._walking_state(context) if waits else None
         soon = context.get_time() + 2.0 * TIME_TOLERANCE
         near = (rows[:, 0] > 0.0) | (self._not_before <= soon)
         for i in np.flatnonzero(near & (rows[:, 0] != 0.0)):
             if rows[i, 0] > 0.0:
                 rows[i, 0] -= 1.0
             else:
-                self._await(context, walking, i, rows[i])
+                self._await(context, walks, i, rows[i])
         if self._live_push.HasValue(context):
             clicks, *wish = told = self._live_push.Eval(context).tolist()
             if not np.isfinite(told).all():
@@ -181,27 +172,25 @@ class PushSource(framework.LeafSystem):
         return framework.EventStatus.Succeeded()
 
     def _live_one(self, delta_v, direction_deg, duration) -> Push:
-        push = Push(
-            delta_v=delta_v,
-            direction_deg=direction_deg,
-            duration=duration,
-            at="0 s",
-        )
+        push = Push(delta_v=delta_v, direction_deg=direction_deg, at="0 s")
+        push.duration = duration
         check(push)
-        push.duration = number_of_ticks(duration, self.period) * self.period
+        push.duration = (
+            walking.number_of_ticks(duration, self.period) * self.period
+        )
         return push
 
-    def _await(self, context, walking, i: int, row) -> None:
+    def _await(self, context, walks, i: int, row) -> None:
         """Updates the state `row` of push `i`, which has not begun."""
         push = self._pushes[i]
-        if walking is None and push.moment.phase is not None:
+        if walks is None and push.moment.phase is not None:
             raise RuntimeError(
                 f"at = {push.at!r}: must be a time without a walking_state"
             )
-        due = push.is_due(context.get_time(), walking, self.period)
-        in_phase = push.is_in_phase(walking)
+        due = push.is_due(context.get_time(), walks, self.period)
+        in_phase = push.is_in_phase(walks)
         if due or in_phase:
-            row[:2] = _EXPECTED, _yaw(walking)
+            row[:2] = _EXPECTED, _yaw(walks)
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
             ticks = len(self._shares[i]) + self._delays[i]
@@ -278,9 +267,10 @@ class ContactClock(framework.LeafSystem):
         needs = [self.discrete_state_ticket(self._state)]
         declare_output(self, "walking_state", self._calc_walking, needs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-        self._schedule = ContactSchedule(
-            *(Phase.STANDING, Side.LEFT, math.inf, FootPoses(ORIGIN, ORIGIN)),
-            *((), ReferencePoint(*np.zeros((3, 2)))),
+        feet, start = walking.FootPoses(ORIGIN, ORIGIN), np.zeros((3, 2))
+        self._schedule = walking.ContactSchedule(
+            *(Phase.STANDING, Side.LEFT, math.inf, feet, ()),
+            walking.ReferencePoint(*start),
         )
 
     def _update(self, context, state):

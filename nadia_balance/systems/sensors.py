@@ -84,15 +84,8 @@ class Imu(LeafSystem):
         self._range = s.imu_range
         self._state = Input(self, "state", plant.num_multibody_states())
         self._scratch = declare_scratch(self, plant)
-        Outcome(
-            self,
-            {"imu": 9},
-            {"motion": 12, "bias": 6, "ticks": 1},
-            self._calc,
-            period,
-            [self._state],
-            holds=True,
-        )
+        memory, needs = {"motion": 12, "bias": 6, "ticks": 1}, [self._state]
+        Outcome(self, {"imu": 9}, memory, self._calc, period, needs, holds=True)
 
     def _calc(self, context, last) -> tuple:
         own = self._scratch.Eval(context)
@@ -144,16 +137,11 @@ class JointEncoders(LeafSystem):
         plant = robot.control_plant()
         self._period, self._seed = period, seed
         joints = plant.num_velocities() - 6
-        self._deviations = np.repeat(
-            (sensors.joint_noise, sensors.joint_speed_noise), joints
-        )
+        noise = sensors.joint_noise, sensors.joint_speed_noise
+        self._deviations = np.repeat(noise, joints)
         self._state = Input(self, "state", plant.num_multibody_states())
-        self.DeclareVectorOutputPort(
-            "joints",
-            2 * joints,
-            self._calc,
-            {self._state.ticket(), self.time_ticket()},
-        )
+        needs = {self._state.ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort("joints", 2 * joints, self._calc, needs)
 
     def _calc(self, context, output):
         state, n = self._state(context), self._deviations.size // 2

@@ -24,6 +24,7 @@ _STATUS = "solved fallback solves violation failures"
 _WALKING = """phase support_side time_in_phase duration waiting steps_taken
     left_x left_y left_yaw right_x right_y right_yaw
     target_x target_y target_yaw target_side"""
+_PUSH = "number delta_v force_x force_y force_z waiting"
 _PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
 
 
@@ -74,10 +75,7 @@ class QpStatus(namedview("QpStatus", _STATUS.split())):
 
 
 class SwingFootReference(namedview("SwingFootReference", _MOTION.split())):
-    """The motion of a sole in W: [m], [rad] and their time derivatives [s].
-
-    Its twelve entries are those of core's `as_reference`.
-    """
+    """The motion of a sole in W (see `as_reference`): [m], [rad], [s]."""
 
     position, velocity = entries(0, 3), entries(3, 6)
     acceleration = entries(6, 9)
@@ -95,20 +93,12 @@ class WalkingSignal(namedview("WalkingSignal", _WALKING.split())):
     left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)
 
 
-class PushSignal(
-    namedview(
-        "PushSignal",
-        [
-            # Number of the active push, from 1 on, live pushes after scripted
-            # ones; of several, the one that began last; 0: no push.
-            "number",
-            "delta_v",  # of that push [m/s]
-            *("force_x", "force_y", "force_z"),  # of that push, in W [N]
-            "waiting",  # number of scripted pushes that have not ended
-        ],
-    )
-):
-    """The push that acts now, and the number of scripted ones to come."""
+class PushSignal(namedview("PushSignal", _PUSH.split())):
+    """The push that acts now: `delta_v` [m/s] and force in W [N].
+
+    `number` counts from 1 on, live pushes after scripted ones; of several, the
+    one that began last; 0: no push.  `waiting` scripted ones have not ended.
+    """
 
     force = entries(2, 5)
 
@@ -159,9 +149,9 @@ SIGNALS: dict[str, int | type] = {
 }
 
 
-def sizes(*names: str) -> dict[str, int]:
-    """The sizes of these vector signals, by name."""
-    return {name: size(SIGNALS[name]) for name in names}
+def sizes(names: str) -> dict[str, int]:
+    """The sizes of the vector signals `names`, by name."""
+    return {name: size(SIGNALS[name]) for name in names.split()}
 
 
 def fill(
@@ -224,8 +214,8 @@ def wire(
     """Adds `blocks`, connects ports of equal names and exports the others.
 
     A signal has the same name everywhere: each input port is connected to the
-    output port of its name, or to the diagram's input of that name, which must
-    be one of `inputs`.  All outputs become outputs of the diagram.
+    output port of its name, or to the diagram's, which must be one of `inputs`.
+    All outputs become outputs of the diagram.
 
     Raises ValueError: an input without a source, an output of two blocks, or
     ports of one name and different types; names block and port.

@@ -166,16 +166,13 @@ class CentroidalEstimator(LeafSystem):
             )
 
     def _calc_terms(self, context) -> WholeBodyTerms:
-        plant_context = self._plant.GetMyMutableContextFromRoot(
-            self._scratch.Eval(context)
-        )
-        self._plant.SetPositionsAndVelocities(
-            plant_context, self._state(context)
-        )
-        terms = self._kinematics.calc(plant_context)
+        root = self._scratch.Eval(context)
+        own = self._plant.GetMyMutableContextFromRoot(root)
+        self._plant.SetPositionsAndVelocities(own, self._state(context))
+        terms = self._kinematics.calc(own)
         if self._avoidance is None:
             return terms
-        return terms._replace(avoidance=self._avoidance.calc(plant_context))
+        return terms._replace(avoidance=self._avoidance.calc(own))
 
     def _calc_icp(self, terms: WholeBodyTerms) -> Array:
         com = ComState(terms.com_state)

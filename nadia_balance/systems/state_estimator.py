@@ -90,15 +90,11 @@ class StateEstimator(LeafSystem):
         self._forces = Input(self, "foot_forces", len(Side))
         self._scratch = declare_scratch(self, plant)
         size = plant.num_multibody_states()
-        Outcome(
-            self,
-            {"estimated_state": size, "estimate_covariance": 81},
-            {name: math.prod(n) for name, n in _SHAPES.items()} | {"loaded": 2},
-            self._calc,
-            period,
-            [self._imu, self._joints, self._forces],
-            holds=True,
-        )
+        told = {"estimated_state": size, "estimate_covariance": 81}
+        memory = {name: math.prod(n) for name, n in _SHAPES.items()}
+        memory["loaded"] = 2
+        needs = [self._imu, self._joints, self._forces]
+        Outcome(self, told, memory, self._calc, period, needs, holds=True)
 
     @staticmethod
     def told(q: np.ndarray, seed: int) -> np.ndarray:
@@ -118,7 +114,8 @@ class StateEstimator(LeafSystem):
         if last["cov"].any():
             least = np.where(last["loaded"] > 0.0, RELEASED, LANDED)
             loaded = (last["loaded"] + 1.0) * (loads > least)
-            estimate = self._moved(last, imu)
+            was = {name: last[name].reshape(n) for name, n in _SHAPES.items()}
+            estimate = self._filter.predict(ekf.Estimate(**was), imu[:6])
         else:
             loaded = np.full(2, self._settling + 1.0)
             estimate = self._begin(legs)
@@ -131,11 +128,6 @@ class StateEstimator(LeafSystem):
             *(part.ravel() for part in estimate),
             loaded,
         )
-
-    def _moved(self, last, imu) -> ekf.Estimate:
-        """The estimate of this tick by the IMU alone."""
-        parts = {name: last[name].reshape(n) for name, n in _SHAPES.items()}
-        return self._filter.predict(ekf.Estimate(**parts), imu[:6])
 
     def _standing(self, estimate, legs, was, stands) -> ekf.Estimate:
         """The estimate with the feet that stand; some `was` before."""

@@ -40,9 +40,8 @@ class CaptureRegionStepAdjuster(LeafSystem):
         params.usable_foot(model.cop_area)  # raises if it is empty
         self._params, self._model, self._period = params, model, period
         names = "alip_icp walking_state time_adjustment foot_poses? mechanisms"
-        self._icp, self._walking_state, self._time, self._feet, self._on = (
-            ports.inputs(self, names)
-        )
+        ins = ports.inputs(self, names)
+        self._icp, self._walking_state, self._time, self._feet, self._on = ins
         self._landing = ports.declare_cache(self, "landing", self._calc_landing)
         self._adjustment = ports.declare_output(
             self, "adjustment", self._calc_adjustment, [self._landing]
@@ -56,11 +55,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
         state, on = self._walking_state(context), self._on(context)
         if state.schedule.phase is not walking.Phase.SWING:
             return ()
-        if last and last.geometry.key == capture_region.geometry_key(
-            state.schedule, on
-        ):
-            geometry = last.geometry
-        else:
+        key = capture_region.geometry_key(state.schedule, on)
+        geometry = last.geometry if last else None
+        if geometry is None or geometry.key != key:
             of = state.schedule, self._params, self._model, on
             geometry = capture_region.SwingGeometry(*of)
         foot = None
@@ -76,9 +73,8 @@ class CaptureRegionStepAdjuster(LeafSystem):
         state = self._walking_state(context)
         if not (landing := self._landing.Eval(context)):
             return rules.unadjusted(state.schedule)
-        return rules.propose_adjustment(
-            state, landing, self._params, self._period
-        )
+        tick = landing, self._params, self._period
+        return rules.propose_adjustment(state, *tick)
 
     def _calc_regions(self, context) -> CaptureRegions:
         if not (landing := self._landing.Eval(context)):
@@ -116,27 +112,17 @@ class SwingFootPlanner(LeafSystem):
         check(params)
         self._foot = swing_foot.SwingFoot(params, model, period, lead)
         (self._walking,) = ports.inputs(self, "walking_state")
+        over = model.ground, params.clearance
         self._edges = ports.declare_plan(
-            self,
-            self._walking,
-            lambda state: edges_on_way(
-                state.schedule, model.ground, params.clearance
-            ),
+            self, self._walking, lambda now: edges_on_way(now.schedule, *over)
         )
         # The initial state is not used: the first swing begins at the pose of
         # the standing foot.
-        ports.Outcome(
-            self,
-            sizes("swing_foot_reference"),
-            {"motion": 12},
-            self._calc,
-            period,
-        )
+        told = sizes("swing_foot_reference")
+        ports.Outcome(self, told, {"motion": 12}, self._calc, period)
 
     def _calc(self, context, last) -> tuple:
-        motion, ahead = self._foot.motion(
-            last["motion"].reshape(3, 4),
-            self._walking(context),
-            self._edges.Eval(context)[1],
-        )
+        walks, (_, edges) = self._walking(context), self._edges.Eval(context)
+        previous = last["motion"].reshape(3, 4)
+        motion, ahead = self._foot.motion(previous, walks, edges)
         return swing_foot.as_reference(ahead, self._foot.lead), motion.ravel()

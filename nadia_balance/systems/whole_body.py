@@ -73,7 +73,7 @@ class WholeBodyInverseDynamics(LeafSystem):
             self,
             {
                 "actuation": len(self._joint_of_actuator),
-                **sizes("foot_wrenches", "whole_body_qp_status"),
+                **sizes("foot_wrenches whole_body_qp_status"),
                 "generalized_acceleration": plant.num_velocities(),
             },
             {"torques": model.num_joints, "unsolved": 1},
@@ -84,13 +84,10 @@ class WholeBodyInverseDynamics(LeafSystem):
 
     def _calc_outcome(self, context, last) -> tuple:
         terms = self._terms(context)
+        rate, swing = self._momentum_rate(context), self._swing(context)[:]
+        wishes = rate, swing, float(self._friction(context)[0])
         command = whole_body_command(
-            self._walking_state(context),
-            self._momentum_rate(context),
-            self._swing(context)[:],
-            float(self._friction(context)[0]),
-            self._params,
-            self._model,
+            self._walking_state(context), *wishes, self._params, self._model
         )
         (unsolved,) = last["unsolved"]
         status, torques = QpStatus(last["whole_body_qp_status"]), None
@@ -116,7 +113,7 @@ class FrictionEstimator(LeafSystem):
     """Lowers the friction coefficient when a loaded sole slips.
 
     `foot_wrenches` are the commanded ones of this tick; `friction` is one tick
-    late.  The discrete state is a FrictionEstimate.
+    late.  The discrete state is [friction; time [s] under load of each sole].
 
     .. pydrake_system::
 
@@ -135,12 +132,9 @@ class FrictionEstimator(LeafSystem):
         super().__init__()
         self._params, self._period = params, period
         self._weight = model.mass * GRAVITY
-        self._terms, self._wrenches = inputs(
-            self, "whole_body_terms", "foot_wrenches"
-        )
-        self.DeclareDiscreteState(
-            limits.FrictionEstimate(params.friction, 0.0, 0.0)
-        )
+        names = "whole_body_terms foot_wrenches"
+        self._terms, self._wrenches = inputs(self, names)
+        self.DeclareDiscreteState([params.friction, 0.0, 0.0])
         declare_output(
             self,
             "friction",
@@ -154,16 +148,11 @@ class FrictionEstimator(LeafSystem):
         terms, wrenches = self._terms(context), self._wrenches(context)
         # Force per weight and velocity of each sole, from W to its own frame.
         motion = np.empty((2, 2, 3))
-        motion[:, 0] = wrenches.reshape(2, 6)[:, 3:]
-        motion[:, 0] /= self._weight
+        motion[:, 0] = wrenches.reshape(2, 6)[:, 3:] / self._weight
         motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
         motion = motion @ terms.rotations[:2]
         estimate = limits.friction_after(
-            limits.FrictionEstimate(*last.tolist()),
-            motion[:, 0],
-            motion[:, 1],
-            self._params,
-            self._period,
+            last.tolist(), *motion.swapaxes(0, 1), self._params, self._period
         )
-        new.get_mutable_discrete_state(0).set_value(np.array(estimate))
+        new.get_mutable_discrete_state(0).set_value(estimate)
         return EventStatus.Succeeded()

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -30,20 +29,13 @@ class ComHeightParams:
     min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
 
 
-class LegReach(NamedTuple):
-    """Extents [m] of a base region (ReachabilityParams)."""
-
-    length: float  # forward, and backward
-    width_max: float
-
-
 def leg_reach(
     legs: LegGeometry,
     com_height: float,
     lean: float,
     params: ComHeightParams | None = None,
-) -> LegReach:
-    """Returns the base region that the legs allow.
+) -> tuple[float, float]:
+    """Returns length and width_max [m] of the base region of these legs.
 
     It is ComHeight.height_limit solved for the step, with flat soles and the
     hips half-way, at the lowest CoM of the height plan, with legs of the
@@ -69,7 +61,7 @@ def leg_reach(
         )
     length = 2.0 * math.sqrt(longest**2 - hip**2)
     aside = min(2.0 * hip * math.tan(lean), length)
-    return LegReach(length, legs.hip_width + aside)
+    return length, legs.hip_width + aside
 
 
 @dataclass(frozen=True)

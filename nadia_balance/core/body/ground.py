@@ -108,11 +108,8 @@ class Ground(walking.Immutable):
     @cached_property
     def is_level(self) -> bool:
         """True if all regions but obstacles are level, at z = 0."""
-        return all(
-            region.height == 0.0 and region.is_level
-            for region in self.regions
-            if not region.obstacle
-        )
+        held = (region for region in self.regions if not region.obstacle)
+        return all(r.height == 0.0 and r.is_level for r in held)
 
     @cached_property
     def _known(self) -> dict[float, tuple[Array, ...]]:
@@ -134,11 +131,8 @@ class Ground(walking.Immutable):
 
     def allows(self, foot: walking.FootPose) -> bool:
         """True if the sole is on a single region, with the margin."""
-        return any(
-            convex.contains(foot.p_WF[:2], part, _ROUNDING)
-            for part in self.footholds(foot.yaw)
-            if len(part)
-        )
+        parts = (part for part in self.footholds(foot.yaw) if len(part))
+        return any(convex.contains(foot.p_WF[:2], p, _ROUNDING) for p in parts)
 
     def nearest(
         self, point: Array, yaw: float, within: Array | None = None

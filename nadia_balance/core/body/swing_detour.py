@@ -227,13 +227,8 @@ def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
     """
     sole = ground.sole * (1.0 + _BESIDE / np.abs(ground.sole))
     turn = math.remainder(goal.yaw - start.yaw, math.tau)
-    ends = [start.outline(sole), goal.outline(sole)]
-    below = convex_hull(np.vstack(ends))
-    regions = [
-        region
-        for region in ground.regions
-        if len(intersection(region.polygon, below))
-    ]
+    below = convex_hull(np.vstack([start.outline(sole), goal.outline(sole)]))
+    regions = [r for r in ground.regions if len(intersection(r.polygon, below))]
     heights = []
     for s in np.linspace(0.0, 1.0, _PARTS + 1).tolist():
         n = start.normal + s * (goal.normal - start.normal)

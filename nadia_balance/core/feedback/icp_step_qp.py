@@ -97,15 +97,9 @@ class IcpStepQp:
         C = np.zeros((k + len(b), self._size))
         C[:k], C[k:, :used] = A_cmp @ cmp_D, A
         upper = np.concatenate((b_cmp - A_cmp @ (cmp + delta_0), b))
-        result = self._qp.solve(
-            QpProblem(
-                self._H + DR @ D,
-                DR @ delta_0,
-                C,
-                np.full(len(upper), -np.inf),
-                upper,
-            )
-        )
+        lower = np.full(len(upper), -np.inf)
+        problem = QpProblem(self._H + DR @ D, DR @ delta_0, C, lower, upper)
+        result = self._qp.solve(problem)
         return result.x[:used].reshape(-1, 2), result
 
 
@@ -125,34 +119,24 @@ def ankle_feedback(
 
 @dataclass(frozen=True, eq=False)
 class StepPhase(walking.Immutable):
-    """The data that depend only on the contact schedule.
+    """The data that depend only on the contact schedule, in W [m]."""
 
-    `steps` are the adjustments in force, `offsets` (n, 2) [m] in W their shifts
-    from the nominal footholds; `adjustment` holds all of them; `reach` (n, 2)
-    [m] in W is the region of the next foothold, `room` (k, 2) [m] that of the
-    CMP, `cmp_room` its half-spaces, and `step_room` those of `reach_room`.
-    """
-
-    steps: tuple[Adjustment, ...]
-    offsets: Array
-    adjustment: Adjustment
-    reach: Array
-    room: Array
-    cmp_room: Halfspaces
-    step_room: Halfspaces
+    steps: tuple[Adjustment, ...]  # in force
+    offsets: Array  # (n, 2), from the nominal footholds
+    adjustment: Adjustment  # with all of `steps`
+    reach: Array  # (n, 2), of the next foothold
+    room: Array  # (k, 2), of the CMP
+    cmp_room: Halfspaces  # of `room`
+    step_room: Halfspaces  # see `reach_room`
 
 
 class StepFeedback(NamedTuple):
-    """The feedback of one tick.
+    """The feedback of one tick."""
 
-    `adjustment` is None if step adjustment is off; `reference` is that of the
-    plan with the executed footholds, those of the QP or those kept by a dead
-    band; `ecmp` (2,) [m] in W is r_cmp,d.
-    """
-
-    adjustment: Adjustment | None
+    adjustment: Adjustment | None  # None if step adjustment is off
+    # With the executed footholds: of the QP, or those kept by a dead band.
     reference: IcpReference
-    ecmp: Array
+    ecmp: Array  # r_cmp,d (2,) [m] in W
     result: QpResult
 
 
@@ -179,7 +163,7 @@ def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
 
 def reach_room(
     stance: walking.FootPose, steps: tuple[walking.Footstep, ...], reach: Array
-) -> tuple[Array, Array]:
+) -> Halfspaces:
     """Returns half-spaces A s <= b of the shifts s (2 n,) of `steps` (Eq. 22).
 
     Each foothold is in the convex `reach` (k, 2) [m] of the previous foothold,
@@ -219,7 +203,7 @@ class IcpStepControl:
         return StepPhase(
             steps,
             _shifts(steps),
-            _chain(*steps) if steps else unadjusted(schedule),
+            _joined(steps) if steps else unadjusted(schedule),
             in_world(self._reach, stance, schedule.support_side.other),
             room,
             polygon.halfspaces(room),
@@ -231,10 +215,9 @@ class IcpStepControl:
         schedule, params = state.schedule, self._params
         if not schedule.footsteps or state.elapsed < params.settling_time:
             return False
-        return schedule.phase is walking.Phase.TRANSFER or (
-            schedule.phase is walking.Phase.SWING
-            and state.remaining_time >= params.freeze_time
-        )
+        if schedule.phase is walking.Phase.SWING:
+            return state.remaining_time >= params.freeze_time
+        return schedule.phase is walking.Phase.TRANSFER
 
     def feedback(
         self,
@@ -266,10 +249,16 @@ class IcpStepControl:
             if result.solved:
                 steps = _moved(phase, shifts, self._params.dead_band)
             if steps is not phase.steps:
-                adjustment = _chain(*steps)
+                adjustment = _joined(steps)
                 dcm, cmp = moves @ (_shifts(steps) - phase.offsets)
-                omega = plan.omega
-                reference = _shifted(reference, dcm, cmp, omega, state.waiting)
+                faster = 0.0 if state.waiting else plan.omega * (dcm - cmp)
+                reference = replace(
+                    reference,
+                    icp=reference.icp + dcm,
+                    icp_velocity=reference.icp_velocity + faster,
+                    ecmp=reference.ecmp + cmp,
+                    cop=reference.ecmp + cmp,
+                )
         # Equal to the QP's delta if the footholds are the QP's.
         error = icp - reference.icp
         delta = ankle_feedback(error, reference.ecmp, phase.room, self._params)
@@ -307,6 +296,10 @@ def _moved(
     )
 
 
+def _joined(steps: tuple[Adjustment, ...]) -> Adjustment:
+    return replace(steps[0], later=steps[1:])
+
+
 def _longest(vectors: Array) -> float:
     return max(math.hypot(x, y) for x, y in vectors.tolist())
 
@@ -315,23 +308,3 @@ def _shifts(steps: tuple[Adjustment, ...]) -> Array:
     """Returns the shifts (n, 2) [m] from the nominal footholds, in W."""
     shifts = [(a.pose.p_WF - a.nominal.pose.p_WF)[:2] for a in steps]
     return np.reshape(shifts, (-1, 2))
-
-
-def _chain(first: Adjustment, *later: Adjustment) -> Adjustment:
-    """Returns the adjustment of the next step with the `later` ones."""
-    return replace(first, later=later)
-
-
-def _shifted(
-    reference: IcpReference, icp: Array, cmp: Array, omega: float, held: bool
-) -> IcpReference:
-    """Returns the `reference`, its ICP and CMP shifted by (2,) [m] in W."""
-    ecmp = reference.ecmp + cmp
-    velocity = 0.0 if held else omega * (icp - cmp)
-    return replace(
-        reference,
-        icp=reference.icp + icp,
-        icp_velocity=reference.icp_velocity + velocity,
-        cop=ecmp,
-        ecmp=ecmp,
-    )

@@ -86,15 +86,11 @@ def feedback_limits(
 
 
 class IcpFeedback(NamedTuple):
-    """The feedback increments, and the resulting CoP and eCMP in W [m].
+    """The feedback increments, and the resulting CoP and eCMP in W [m]."""
 
-    `increments` (4,) are delta, of the CoP, and kappa, of the eCMP with respect
-    to the CoP; `cop` (2,) is r_cop,d, `ecmp` (2,) is r_ecmp,d.
-    """
-
-    increments: Array
-    cop: Array
-    ecmp: Array
+    increments: Array  # (4,): delta, of the CoP, and kappa, of eCMP - CoP
+    cop: Array  # (2,): r_cop,d
+    ecmp: Array  # (2,): r_ecmp,d
     result: QpResult
 
 
@@ -134,8 +130,7 @@ class IcpFeedbackQp:
         Raises ValueError: an argument is not finite.
         """
         H, g = self._cost(error, previous)
-        reference = np.concatenate((cop_r, kappa_r))
-        shift = limits.C @ reference
+        shift = limits.C @ np.concatenate((cop_r, kappa_r))
         lower, upper = limits.lower - shift, limits.upper - shift
         result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
         x = result.x if result.solved else previous

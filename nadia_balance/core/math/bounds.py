@@ -181,18 +181,12 @@ def scaled(params: T, size: Size, given: object = None) -> T:
     scaled.
     """
     tree = given if isinstance(given, dict) else {}
-    return dataclasses.replace(  # type: ignore[type-var]
-        params,
-        **{
-            field.name: _scaled(
-                getattr(params, field.name),
-                size,
-                tree.get(field.name),
-                field.metadata.get("bounds", UNBOUNDED),
-            )
-            for field in dataclasses.fields(params)  # type: ignore[arg-type]
-        },
-    )
+    found = {}
+    for field in dataclasses.fields(params):  # type: ignore[arg-type]
+        name, bounds = field.name, field.metadata.get("bounds", UNBOUNDED)
+        value = getattr(params, name)
+        found[name] = _scaled(value, size, tree.get(name), bounds)
+    return dataclasses.replace(params, **found)  # type: ignore[type-var]
 
 
 def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:

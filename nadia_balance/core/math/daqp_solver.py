@@ -45,6 +45,7 @@ _ATTRIBUTES = {
 }
 
 
+Program = solvers.MathematicalProgram
 # Selection matrices E (k, n) of each binding, see _pick().
 _Picks = dict[Any, Array | None]
 _UNKNOWN = np.empty(0)
@@ -69,9 +70,7 @@ class DaqpSolver(solvers.SolverInterface):
         super().__init__()
         # Cache of the variables of each program and the selection matrices of
         # its bindings: Drake's lookup takes as long as DAQP's solve.
-        self._picks: WeakKeyDictionary[Any, tuple[Any, _Picks]] = (
-            WeakKeyDictionary()
-        )
+        self._picks: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
     def available(self) -> bool:
         """True: DAQP is a dependency of this package."""
@@ -85,15 +84,11 @@ class DaqpSolver(solvers.SolverInterface):
         """Returns the id "DAQP"."""
         return solvers.SolverId("DAQP")
 
-    def AreProgramAttributesSatisfied(
-        self, prog: solvers.MathematicalProgram
-    ) -> bool:
+    def AreProgramAttributesSatisfied(self, prog: Program) -> bool:
         """True for linear and convex quadratic costs, linear constraints."""
         return not self.ExplainUnsatisfiedProgramAttributes(prog)
 
-    def ExplainUnsatisfiedProgramAttributes(
-        self, prog: solvers.MathematicalProgram
-    ) -> str:
+    def ExplainUnsatisfiedProgramAttributes(self, prog: Program) -> str:
         """Returns the unsupported attributes of `prog`; empty if none."""
         more = set(prog.required_capabilities()) - _ATTRIBUTES
         names = sorted(attribute.name for attribute in more)
@@ -106,7 +101,7 @@ class DaqpSolver(solvers.SolverInterface):
 
     def Solve(  # type: ignore[override]
         self,
-        prog: solvers.MathematicalProgram,
+        prog: Program,
         initial_guess: Array | None = None,
         solver_options: Any = None,
         result: solvers.MathematicalProgramResult | None = None,
@@ -124,9 +119,7 @@ class DaqpSolver(solvers.SolverInterface):
         _fill(filled, prog, x, outcome)
         return filled if result is None else None
 
-    def solve(
-        self, prog: solvers.MathematicalProgram
-    ) -> tuple[Array, solvers.SolutionResult]:
+    def solve(self, prog: Program) -> tuple[Array, solvers.SolutionResult]:
         """Returns the solution x (n,) of the convex QP `prog`, and its result.
 
         Unless that is kSolutionFound, x is NaN.
@@ -149,9 +142,7 @@ class DaqpSolver(solvers.SolverInterface):
         return x, result
 
 
-def _pick(
-    binding: Any, prog: solvers.MathematicalProgram, picks: _Picks
-) -> Array | None:
+def _pick(binding: Any, prog: Program, picks: _Picks) -> Array | None:
     """Returns E (k, n) of a binding with the variables E x; None for E = I."""
     E = picks.get(binding, _UNKNOWN)
     if E is _UNKNOWN:

@@ -47,13 +47,10 @@ class AtlasIcpPlanParams:
 
 
 class Switch(NamedTuple):
-    """The times at which the CMP changes to its next point.
+    """The times [s] at which the CMP changes to its next point."""
 
-    It jumps at `corner` [s], or moves smoothly from `begin` to `end` [s].
-    """
-
-    begin: float
-    corner: float
+    begin: float  # of a smooth change
+    corner: float  # at which it jumps otherwise
     end: float
 
 

@@ -73,17 +73,13 @@ class IcpPlanParams:
 
 @dataclass(frozen=True, eq=False)
 class CopWaypoints:
-    """N linear CoP segments.
+    """N linear CoP segments in W [m]."""
 
-    They meet at `points` (N + 1, 2) [m] in W and last `durations` (N,) [s].
-    `start_time` [s] is the schedule's, and `supports` are polygons (n, 2) [m]
-    in W, within the margin, that bound points[1], points[2], ... up to the end
-    of the next phase, without the points at rest.
-    """
-
-    points: Array
-    durations: Array
-    start_time: float
+    points: Array  # (N + 1, 2), at which they meet
+    durations: Array  # (N,) [s]
+    start_time: float  # of the schedule [s]
+    # Polygons (n, 2), within the margin, that bound points[1], points[2], ...
+    # up to the end of the next phase, without the points at rest.
     supports: list[Array]
 
     @property
@@ -139,15 +135,10 @@ def cop_waypoints(
 
 
 class _Phase(NamedTuple):
-    """CoP points at the ends of segments, their shares of the duration [s].
-
-    `supports` are the CoP polygons (n, 2) [m] in W of the points.
-    """
-
-    points: list[Array]
-    shares: list[float]
-    duration: float
-    supports: list[Array]
+    points: list[Array]  # CoPs (2,) [m] in W at the ends of the segments
+    shares: list[float]  # of the duration
+    duration: float  # [s]
+    supports: list[Array]  # CoP polygons (n, 2) [m] in W of the points
 
 
 class Stance:
@@ -164,8 +155,7 @@ class Stance:
 
     def transfer(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
         """Returns the shift of the weight to the other foot of `step`."""
-        leading, side = step.side.other, step.side
-        p = self.params
+        leading, side, p = step.side.other, step.side, self.params
         exit_ = self._cop(p.exit, side, feet[side], feet[leading])
         entry = self._cop(p.entry, leading, feet[leading], feet[side])
         mid = exit_ + p.mid_weight * (entry - exit_)
@@ -182,11 +172,8 @@ class Stance:
         )
         shift, split = p.swing_shift_fraction, p.swing_split
         shares = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        points, supports = (
-            [ball, exit_, exit_],
-            3 * [self._support(feet, support)],
-        )
-        return _Phase(points, shares, step.swing_duration, supports)
+        points, supports = [ball, exit_, exit_], [self._support(feet, support)]
+        return _Phase(points, shares, step.swing_duration, 3 * supports)
 
     def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
         """Returns the shift to midway between the soles."""
@@ -203,7 +190,6 @@ class Stance:
     def _cop(
         self, point: CopPointParams, side: Side, foot: FootPose, other: FootPose
     ) -> Array:
-        """Returns the `point` (2,) [m] in W of the `foot` of `side`."""
         length = self.step_length(foot, other)
         return foot.to_world(self.cop_point(point, side, length))
 

@@ -251,13 +251,12 @@ class IcpPlan(walking.Immutable):
         sole, w = model.cop_area, model.omega
         paths = [cop_waypoints(s, self.cop, sole) for s in (schedule, new)]
         before, after = (
-            recursive_multipliers(path.knots, t, w) @ path.points
-            for path in paths
+            recursive_multipliers(p.knots, t, w) @ p.points for p in paths
         )
         way, error = after - before, icp - now.icp
         length2 = float(way @ way)
         part = min(max(float(error @ way), 0.0), length2) / max(length2, _TINY)
-        velocity = now.com_velocity + model.omega * part * way
+        velocity = now.com_velocity + w * part * way
         start = walking.ReferencePoint(now.com, velocity, now.cop)
         return replace(new, start=start, start_time=t)
 
@@ -281,22 +280,10 @@ def plan_icp(
     path = cop_waypoints(schedule, params, model.cop_area)
     icp_start = icp(start.com, start.com_velocity, omega)
     ecmp, offset = _bent(path, icp_start, omega)
-    coefficients = solve_segments(
-        path.durations,
-        np.stack([ecmp[:-1], ecmp[1:]]),
-        start.com,
-        ecmp[-1],
-        omega,
-    )
-    return IcpPlan(
-        omega=omega,
-        duration=schedule.duration,
-        knots=path.knots,
-        cop_waypoints=path.points,
-        coefficients=coefficients,
-        cop=params,
-        offset=offset,
-    )
+    ends = np.stack([ecmp[:-1], ecmp[1:]])
+    pieces = solve_segments(path.durations, ends, start.com, ecmp[-1], omega)
+    waypoints = path.knots, path.points
+    return IcpPlan(omega, schedule.duration, *waypoints, pieces, offset, params)
 
 
 def _bent(

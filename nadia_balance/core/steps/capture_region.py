@@ -156,15 +156,11 @@ def capture_region(one_step: Array, offsets: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Place(walking.Immutable):
-    """A convex region of footholds: one ground region within one reach.
+    """A convex region of footholds: one ground region within one reach."""
 
-    `reach` names the reachability region, `ground` is the index of the ground
-    region, 0 on flat ground; `polygon` (n, 2) [m] in W.
-    """
-
-    reach: str
-    ground: int
-    polygon: Array
+    reach: str  # name of the reachability region
+    ground: int  # index of the ground region, 0 on flat ground
+    polygon: Array  # (n, 2) [m] in W
 
 
 class SwingGeometry(walking.Immutable):
@@ -330,12 +326,11 @@ def _stance_foot(
     reflected swing sole, without the outer one: the swing foot cannot reach it.
     """
     swing = walking.FootPose(yaw=step.pose.yaw)
-    A, b = polygon.halfspaces(
-        minkowski_sum(
-            convex_hull(stance.to_world(sole)),
-            convex_hull(-swing.to_world(sole)),
-        )
+    soles = (
+        convex_hull(stance.to_world(sole)),
+        convex_hull(-swing.to_world(sole)),
     )
+    A, b = polygon.halfspaces(minkowski_sum(*soles))
     y_axis = stance.rotation[:, 1] * step.side.sign
     inner = A @ y_axis > _INWARD
     return A[inner], b[inner]

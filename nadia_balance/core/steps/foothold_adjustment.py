@@ -158,11 +158,8 @@ def adjust_foothold(
     if covered and landing.geometry.allows(nominal):
         ticks = current.covered_ticks + 1
         enough = walking.number_of_ticks(params.return_time, period)
-        if (
-            current.moved
-            and ticks < enough
-            and convex.contains(current.pose.p_WF[:2], region)
-        ):
+        waits = current.moved and ticks < enough
+        if waits and convex.contains(current.pose.p_WF[:2], region):
             return replace(current, covered_ticks=ticks)
         return Adjustment(current.nominal, nominal)
     options = goals(landing, current, params)
@@ -284,12 +281,11 @@ def _closest(landing: Landing, current: Adjustment, params: Params) -> Goal:
     found = _preferred(_clipped(places, A, b), current, params.rules)
     options = {goal.place.reach for goal in found or places}
 
+    least = params.least_time_to_land
+
     def gap(place: capture.Place) -> float:
         is_last = _is_last(place, current)
-        captures = landing.on_arrival(
-            place.polygon, params.least_time_to_land, is_last
-        )
-        gap = 0.0
+        captures, gap = landing.on_arrival(place.polygon, least, is_last), 0.0
         if not len(convex.intersection(place.polygon, captures)):
             _, gap = closest_point(place.polygon, captures)
         return gap - is_last * params.rules.distance_hysteresis

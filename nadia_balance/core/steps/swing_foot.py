@@ -101,11 +101,9 @@ class SwingFoot:
         if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
             return (at_rest(schedule.feet[side]),) * 2
         end, horizon = self._course(previous, state, edges)
-        now, ahead = (
-            quintic_at(previous, end, horizon, t)
-            for t in (self.period, self.period + self.lead)
-        )
-        return now, ahead
+        now, ahead = self.period, self.period + self.lead
+        way = previous, end, horizon
+        return quintic_at(*way, now), quintic_at(*way, ahead)
 
     def _course(
         self, start: Array, state: WalkingState, edges: SwingEdges | None

@@ -54,8 +54,11 @@ class Moment:
 
 # Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
 # (quasi-static, if it is slow); sin(2 pi f t).
-SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = tuple(
-    "rectangle half_sine ramp sine".split()
+SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
+    "rectangle",
+    "half_sine",
+    "ramp",
+    "sine",
 )
 
 
@@ -152,10 +155,8 @@ class Push:
             return time >= moment.time - TIME_TOLERANCE
         duration = state.schedule.duration
         start = min(moment.fraction * duration, duration - 1.5 * period)
-        return (
-            self.is_in_phase(state)
-            and state.time_in_phase >= start - TIME_TOLERANCE
-        )
+        passed = state.time_in_phase >= start - TIME_TOLERANCE
+        return passed and self.is_in_phase(state)
 
     def is_in_phase(self, state: WalkingState) -> bool:
         """True in the phase in which the push begins."""
@@ -182,13 +183,8 @@ def random_pushes(
     for _ in range(number):
         time += rng.uniform(*pause)
         size, angle = rng.uniform(0.0, [largest, 360.0])
-        pushes.append(
-            Push(
-                delta_v=round(size, 3),
-                direction_deg=round(angle, 1),
-                at=f"{time:.2f} s",
-            )
-        )
+        size, angle, at = round(size, 3), round(angle, 1), f"{time:.2f} s"
+        pushes.append(Push(delta_v=size, direction_deg=angle, at=at))
     return pushes
 
 

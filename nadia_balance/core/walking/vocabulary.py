@@ -139,16 +139,12 @@ class FootPoses(Immutable):
 
 @dataclass(frozen=True)
 class Footstep(Immutable):
-    """One foothold, and the durations of the step to it.
+    """One foothold, and the durations of the step to it."""
 
-    `side` is the swing foot; `transfer_duration` [s] is the weight shift
-    before the swing, `swing_duration` [s] the swing itself.
-    """
-
-    side: Side
+    side: Side  # of the swing foot
     pose: FootPose
-    transfer_duration: float
-    swing_duration: float
+    transfer_duration: float  # of the weight shift before the swing [s]
+    swing_duration: float  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,20 +194,15 @@ class ContactSchedule(Immutable):
 
 @dataclass(frozen=True)
 class Adjustment(Immutable):
-    """The adjusted pose of the next foothold, with its nominal step.
-
-    `region` names the reachability region that was chosen: base, forward or
-    backward; `ground` is the index of the ground region, 0 if it is flat;
-    `covered_ticks` counts the ticks for which the capture region has
-    covered the nominal foothold again; `later` adjusts the steps after it.
-    """
+    """The adjusted pose of the next foothold, with its nominal step."""
 
     nominal: Footstep
     pose: FootPose
-    region: str = "base"
+    region: str = "base"  # chosen reachability region; or forward, backward
+    # Ticks since the capture region has covered the nominal foothold again.
     covered_ticks: int = 0
-    later: tuple[Adjustment, ...] = ()
-    ground: int = 0
+    later: tuple[Adjustment, ...] = ()  # of the steps after it
+    ground: int = 0  # index of the ground region, 0 if it is flat
 
     @property
     def moved(self) -> bool:

@@ -5,8 +5,7 @@ The friction of the soles is lowered after a slip.
 
 import itertools
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -250,32 +249,24 @@ class WholeBodyLimits:
         return np.asarray(np.minimum(np.maximum(bounds, room[0]), room[1]))
 
 
-class FrictionEstimate(NamedTuple):
-    """The assumed `friction`, and the time [s] under load of each sole."""
-
-    friction: float
-    left_loaded: float
-    right_loaded: float
-
-
 def friction_after(
-    last: FrictionEstimate,
+    last: Sequence[float],
     forces: Array,
     velocities: Array,
     params: Params,
     period: float,
-) -> FrictionEstimate:
-    """Returns the estimate a tick later.
+) -> list[float]:
+    """Returns the friction and the time [s] under load of each sole, (3,).
 
-    `forces` (2, 3), as shares of the weight, are the desired forces on the
-    (left, right) sole in the tick of `period` [s], `velocities` (2, 3) [m/s]
-    its velocities, both in the sole frame.  A slip lowers the estimate to _LESS
-    times the friction that the desired force needed; then it returns to that of
-    `params`.
+    `last` are those a tick ago.  `forces` (2, 3), as shares of the weight, are
+    the desired forces on the (left, right) sole in the tick of `period` [s],
+    `velocities` (2, 3) [m/s] its velocities, both in the sole frame.  A slip
+    lowers the friction to _LESS times what the desired force needed; then it
+    returns to that of `params`.
     """
     slip, usual = params.slip, params.friction
     least = min(slip.least_friction, usual)
-    friction = min(last.friction + slip.recovery * period, usual)
+    friction = min(last[0] + slip.recovery * period, usual)
     loaded = []
     for (x, y, z), velocity, time in zip(
         forces.tolist(), velocities, last[1:], strict=True
@@ -288,4 +279,4 @@ def friction_after(
             and np.hypot(*velocity[:2]) > slip.speed
         ):
             friction = max(min(friction, _LESS * used), least)
-    return FrictionEstimate(friction, *loaded)
+    return [friction, *loaded]

@@ -25,16 +25,12 @@ _CARRYING: dict[tuple[bool, ...], slice] = {
 
 
 class WholeBodySolution(NamedTuple):
-    """Consistent accelerations, contact wrenches and torques.
+    """Consistent accelerations, wrenches, torques; NaN unless `qp.solved`."""
 
-    `vdot` (nv,); `wrenches` (12,) = [tau, f] of the left and the right sole
-    at its centre, in W [N m], [N], zero without contact; `torques` (nj,)
-    [N m].  All other entries are NaN unless `qp.solved`.
-    """
-
-    vdot: Array
+    vdot: Array  # (nv,)
+    # (12,): [tau, f] of each sole at its centre in W [N m], [N]; 0 in the air.
     wrenches: Array
-    torques: Array
+    torques: Array  # (nj,) [N m]
     qp: QpResult
 
 
