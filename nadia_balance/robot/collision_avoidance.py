@@ -130,10 +130,13 @@ class CollisionAvoidance:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
         rows = np.empty((urgent.size, plant.num_velocities()))
         jacobian = plant.CalcJacobianSpatialVelocity
-        of_origin = _ORIGIN, self._world, self._world
+        world = self._world
         for row, k in zip(rows, urgent.tolist(), strict=True):
             frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
-            J_A, J_B = (jacobian(context, _V, f, *of_origin) for f in frames)
+            J_A, J_B = (
+                jacobian(context, _V, frame, _ORIGIN, world, world)
+                for frame in frames
+            )
             row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
         return distance[urgent], rows
 

@@ -106,16 +106,17 @@ class WholeBodyKinematics:
     def _fill_motions(self, context, rows):
         """Writes [J, Jdot v] of soles and torso."""
         plant, world = self.plant, self._world
+        move = plant.CalcJacobianSpatialVelocity
+        turn = plant.CalcJacobianAngularVelocity
+        bias = plant.CalcBiasSpatialAcceleration
         for sole, frame, p_BP in self._points:
+            rows[sole, :-1] = move(context, _V, frame, p_BP, world, world)
             of = context, _V, frame, p_BP, world, world
-            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(*of)
-            bias = plant.CalcBiasSpatialAcceleration(*of)
-            rows[sole, -1] = bias.get_coeffs()
-        turn, torso = plant.CalcJacobianAngularVelocity, self._torso
+            rows[sole, -1] = bias(*of).get_coeffs()
+        torso = self._torso
         rows[command.TORSO, :-1] = turn(context, _V, torso, world, world)
         of = context, _V, torso, _ORIGIN, world, world
-        bias = plant.CalcBiasSpatialAcceleration(*of)
-        rows[command.TORSO, -1] = bias.rotational()
+        rows[command.TORSO, -1] = bias(*of).rotational()
 
 
 def _com_state(p_WB, rows, velocities) -> np.ndarray:
