@@ -10,7 +10,6 @@ import pytest
 import shapely
 from shapely.ops import nearest_points
 
-from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import (
     BACKWARD,
     BASE,
@@ -20,10 +19,8 @@ from nadia_balance.core.body.reachability import (
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.polygon import contains, convex_hull
 from nadia_balance.core.steps.capture_region import (
-    CaptureRegionStepAdjusterParams,
     Place,
     ReachRulesParams,
-    SwingGeometry,
     capture_region,
 )
 from nadia_balance.core.steps.foothold_adjustment import (
@@ -38,24 +35,10 @@ from nadia_balance.core.steps.foothold_adjustment import (
 )
 from nadia_balance.core.walking import vocabulary as walking
 from tests.core.body.test_ground import square
-from tests.example_walks import (
-    ALL,
-    MODEL,
-    SOLE,
-    UNCROSSED,
-    mirrored,
-    moved,
-    swing,
-)
+from tests.core.steps.test_capture_region import PARAMS, geometry, on_ground
+from tests.example_walks import ALL, UNCROSSED, mirrored, moved, swing
 
 TICK = 0.002
-PARAMS = CaptureRegionStepAdjusterParams()
-
-
-def geometry(schedule, params=PARAMS, on=ALL):
-    return SwingGeometry(schedule, params, MODEL, on)
-
-
 IN_PLACE = swing(length=0.0)
 NOMINAL = IN_PLACE.footsteps[0].pose
 GEOMETRY = geometry(IN_PLACE)
@@ -116,10 +99,24 @@ class Given(Landing):
     capture_region: np.ndarray = None
 
 
-def adjust(current, region, period=TICK):
-    """The adjustment for a capture region (n, 2)."""
-    case = Given(GEOMETRY, np.zeros(2), (0.3, 0.8), capture_region=region)
-    return adjust_foothold(current, case, PARAMS, period)
+def given(region, kind=Given, **parts):
+    """GEOMETRY, but for these parts, and a capture region (n, 2)."""
+    found = geometry_with(**parts)
+    return kind(found, np.zeros(2), (0.3, 0.8), capture_region=region)
+
+
+def adjust(current, region, period=TICK, **parts):
+    """The adjustment for that."""
+    return adjust_foothold(current, given(region, **parts), PARAMS, period)
+
+
+STEP = IN_PLACE.footsteps[0]
+
+
+def at(x, y, region=BASE, **more):
+    """An adjustment of IN_PLACE's step."""
+    pose = walking.FootPose([x, y, 0.0])
+    return walking.Adjustment(STEP, pose, region, **more)
 
 
 # Which region: the rules.
@@ -135,7 +132,6 @@ RULES = replace(
 # shares with each tower as much as the tower reaches down.
 ABOVE = convex_hull(rectangle(20.0, 10.0) - [0.0, 5.0])
 NAMES = (BASE, FORWARD, BACKWARD)
-STEP = IN_PLACE.footsteps[0]
 
 
 def tower(x, depth):
@@ -145,7 +141,7 @@ def tower(x, depth):
     )
 
 
-def chosen(places, before=None, margin=0.0, late=None, on_ground=0, **regions):
+def chosen(places, before=None, margin=0.0, late=None, ground=0, **regions):
     """The goals in these places (name, ground, polygon).
 
     On arrival the capture region is `arrival`, or 0.7 m off where it is `late`;
@@ -162,16 +158,10 @@ def chosen(places, before=None, margin=0.0, late=None, on_ground=0, **regions):
             return self.capture_region - [0.0, 0.7 * (region is late)]
 
     places = tuple(Place(*place) for place in places)
-    case = Case(
-        geometry_with(places=places, hurried_region=lambda _: hurried),
-        np.zeros(2),
-        (0.3, 0.8),
-        capture_region=ABOVE,
-    )
+    case = given(ABOVE, Case, places=places, hurried_region=lambda _: hurried)
     current = unadjusted(IN_PLACE)
     if before is not None:
-        far = walking.FootPose([9.0, 9.0, 0.0])
-        current = walking.Adjustment(STEP, far, before, ground=on_ground)
+        current = at(9.0, 9.0, before, ground=ground)
     return goals(case, current, replace(RULES, margin=margin))
 
 
@@ -293,7 +283,7 @@ def test_half_the_margin_suffices_on_the_ground_of_before():
         stones = [(BASE, 0, tower(0.0, depth)), (BASE, 1, tower(2.0, 0.4))]
         found = chosen(stones, margin=0.3)
         assert [goal.place.ground for goal in found] == [1]
-        found = chosen(stones, BASE, margin=0.3, on_ground=0)
+        found = chosen(stones, BASE, margin=0.3)
         assert [goal.place.ground for goal in found] == kept
 
 
@@ -303,7 +293,7 @@ def test_half_the_margin_suffices_on_the_ground_of_before():
 @pytest.mark.parametrize("push", PUSHES[1::2])
 def test_the_foot_goes_to_the_closest_good_foothold(push):
     """Oracle: shapely: the region, cut with the reach; else the least gap."""
-    params = CaptureRegionStepAdjusterParams(margin=0.0, dead_band=0.0)
+    params = replace(PARAMS, margin=0.0, dead_band=0.0)
     icp = np.array([0.0, 0.07]) + push
     proposal = propose(state_at(0.35), icp, params, on=UNCROSSED)
     found = shapely.Point(proposal.pose.p_WF[:2])
@@ -328,19 +318,16 @@ def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
     Nearest to the nominal foothold, or to the point that is next to the spot.
     """
     reach = GEOMETRY.regions[FORWARD]
-    found = geometry_with(places=(Place(FORWARD, 0, reach),))
     free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
     pose = walking.FootPose([0.15, 0.02, 0.0])
-    nominal = replace(STEP, pose=pose)
+    current = walking.Adjustment(replace(STEP, pose=pose), pose, FORWARD)
     region, wanted = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
     if captured != "everything":
         region = rectangle(0.02, 0.02) + [0.12, 0.12]
         wanted, _ = nearest_points(
             shapely.Polygon(reach), shapely.Polygon(region)
         )
-    case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=region)
-    current = walking.Adjustment(nominal, pose, FORWARD)
-    found = adjust_foothold(current, case, PARAMS, TICK)
+    found = adjust(current, region, places=(Place(FORWARD, 0, reach),))
     p = shapely.Point(found.pose.p_WF[:2])
     assert free.distance(p) < 1e-9
     assert p.distance(wanted) == pytest.approx(free.distance(wanted))
@@ -410,8 +397,7 @@ def test_nothing_moves_early_and_late_in_a_swing(elapsed, t, gain, moves):
     """Oracle: by hand, 0.7 s of swing; with and without an adjustment."""
     state = replace(state_at(t), elapsed=elapsed)
     assert propose(state, OUT, PARAMS, gain).moved == moves
-    pose = walking.FootPose([0.03, -0.125, 0.0])
-    before = walking.Adjustment(STEP, pose, FORWARD, 3)
+    before = at(0.03, -0.125, FORWARD, covered_ticks=3)
     after = propose(replace(state, adjustment=before), OUT, PARAMS, gain)
     assert (after is before) == (not moves)
 
@@ -453,11 +439,8 @@ def test_the_foot_returns_when_it_could_for_50_ms(period, count):
 
 def test_the_foot_returns_at_once_from_a_foothold_that_is_lost():
     """Oracle: a region that covers the nominal foothold, not the present."""
-    pose = walking.FootPose([0.5, -0.125, 0.0])
-    current = walking.Adjustment(STEP, pose, FORWARD)
     region = convex_hull(rectangle(0.4, 0.4) + [0.0, -0.125])
-    found = adjust(current, region)
-    assert found.pose == NOMINAL
+    assert adjust(at(0.5, -0.125, FORWARD), region).pose == NOMINAL
 
 
 def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
@@ -489,8 +472,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
 # In time.
 
 FOOT = np.array([0.0, -0.2])
-LAST = walking.Adjustment(STEP, walking.FootPose([0.1, -0.25, 0.0]), BASE)
-WANTED = walking.Adjustment(STEP, walking.FootPose([0.6, -0.4, 0.0]), BASE)
+LAST, WANTED = at(0.1, -0.25), at(0.6, -0.4)
 
 
 def late_landing(foot=FOOT):
@@ -553,9 +535,8 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
         def time_to(self, goal):
             return 0.0 if goal[0] <= seen else math.inf
 
-    current = walking.Adjustment(STEP, LAST.pose, "own", ground=7)
-    goal = walking.FootPose([0.6, -0.25, 0.0])
-    wanted = walking.Adjustment(STEP, goal, FORWARD, ground=3)
+    current = replace(LAST, region="own", ground=7)
+    wanted = at(0.6, -0.25, FORWARD, ground=3)
     case = Case(found, np.array(OUT), (0.1, 0.6), FOOT)
     moved_on = in_time(current, wanted, case, 0.1)
     assert (moved_on.region, moved_on.ground) == place
@@ -568,10 +549,9 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
 def test_if_all_goals_are_on_the_stance_foot_nothing_changes():
     """Oracle: the very same adjustment, although the goal is elsewhere."""
     small = rectangle(0.1, 0.05) + IN_PLACE.feet.left.p_WF[:2]
-    found = geometry_with(places=(Place(BASE, 0, small),))
     everywhere = convex_hull(rectangle(0.3, 0.3) + [0.0, 0.2])
-    case = Given(found, np.zeros(2), (0.3, 0.8), capture_region=everywhere)
-    current = walking.Adjustment(STEP, LAST.pose, FORWARD, ground=4)
+    case = given(everywhere, places=(Place(BASE, 0, small),))
+    current = replace(LAST, region=FORWARD, ground=4)
     assert goals(case, current, PARAMS)
     assert adjust_foothold(current, case, PARAMS, TICK) is current
 
@@ -613,20 +593,14 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
         square("left", -0.25 - shift, -0.2),
         square("right", 0.25 - shift, -0.2),
     )
-    ground = Ground(stones, SOLE)
-    params = replace(PARAMS, num_steps=1, dead_band=0.0)
-    found = SwingGeometry(
-        IN_PLACE, params, replace(MODEL, ground=ground), UNCROSSED
-    )
+    found = on_ground(stones, IN_PLACE, UNCROSSED)
     everywhere = convex_hull(rectangle(2.0, 2.0))
-    case = Given(found, np.zeros(2), (0.2, 0.3), capture_region=everywhere)
     for last, expected in (None, "right"), (0, kept), (1, "right"):
         current = unadjusted(IN_PLACE)
         if last is not None:
-            pose = walking.FootPose([-0.3 + 0.6 * last, -0.2, 0.0])
-            current = walking.Adjustment(STEP, pose, BASE, ground=last)
-        found = adjust_foothold(current, case, params, TICK)
-        assert ground.region_under(found.pose).name == expected
+            current = at(-0.3 + 0.6 * last, -0.2, ground=last)
+        pose = adjust(current, everywhere, **vars(found)).pose
+        assert found.model.ground.region_under(pose).name == expected
 
 
 # To draw.
