@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.feedback.icp_step_qp import (
-    IcpStepControl,
-    IcpStepQp,
-    IcpStepQpParams,
-    reach_room,
-    uncrossed_reach,
-)
+from nadia_balance.core.feedback import icp_step_qp
 from nadia_balance.core.math.polygon import contains, shrink
 from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import (
@@ -30,7 +24,7 @@ from nadia_balance.core.walking.vocabulary import (
 )
 from tests.example_walks import MODEL, random_walks, swing, walk
 
-PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
+PARAMS, PLAN = icp_step_qp.IcpStepQpParams(), AtlasIcpPlanParams()
 GAIN, MIDDLE = PARAMS.feedback_gain, 0.35  # [-], of the swing [s]
 
 
@@ -39,7 +33,7 @@ def plan_of(state):
 
 
 def feedback(state, icp, params=PARAMS, on=True, qp=None):
-    control = IcpStepControl(params, MODEL)
+    control = icp_step_qp.IcpStepControl(params, MODEL)
     control.qp = qp or control.qp
     phase = control.phase(state)
     return control.feedback(state, phase, plan_of(state), icp, on)
@@ -142,7 +136,7 @@ def test_without_a_solution_no_foothold_moves():
     state = in_swing(length=0.0)
     icp = reference_icp(state) + [0.1, 0.05]
 
-    class Unsolved(IcpStepQp):
+    class Unsolved(icp_step_qp.IcpStepQp):
         def solve(self, *arguments):
             shifts, result = super().solve(*arguments)
             return shifts, result._replace(solved=False)
@@ -160,12 +154,12 @@ def test_without_a_solution_no_foothold_moves():
 def test_each_foothold_is_within_reach_of_the_one_before(side):
     """Oracle: the reach and the width of the soles, point by point."""
     params = replace(PARAMS, sole_clearance=0.01)
-    reach = uncrossed_reach(params, MODEL)
+    reach = icp_step_qp.uncrossed_reach(params, MODEL)
     first, second, _ = walk(length=0.2, turn=0.3).footsteps
     first = replace(first, side=side)
     second = replace(second, side=side.other)
     stance = FootPose([0.3, -0.2, 0.0], 0.4)
-    A, b = reach_room(stance, (first, second), reach)
+    A, b = icp_step_qp.reach_room(stance, (first, second), reach)
     shifts = np.random.default_rng(3).uniform(-1.2, 1.2, (20000, 4))
     inside = (shifts @ A.T <= b).all(axis=1)
     assert np.sum(inside) > 100
@@ -200,7 +194,7 @@ def test_a_foothold_moves_only_while_the_foot_can_follow(
 ):
     """Oracle: settling and freeze time, by hand."""
     schedule = swing() if phase is Phase.SWING else replace(walk(), phase=phase)
-    control = IcpStepControl(PARAMS, MODEL)
+    control = icp_step_qp.IcpStepControl(PARAMS, MODEL)
     assert control.may_move(WalkingState(schedule, t, elapsed)) is may
     last = replace(schedule, footsteps=())
     assert not control.may_move(WalkingState(last, t, elapsed))
