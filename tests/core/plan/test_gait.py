@@ -4,7 +4,6 @@ import math
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import shapely
 import shapely.affinity
@@ -33,10 +32,8 @@ def steps_of(**gait):
 
 def test_footholds_are_taken_as_given():
     """Oracle: by hand, in the frame between the feet."""
-    a, b = (
-        Foothold(side="left", x=0.2, y=0.2),
-        Foothold(side="right", x=0.3, y=-0.1, yaw_deg=-20),
-    )
+    a = Foothold(side="left", x=0.2, y=0.2)
+    b = Foothold(side="right", x=0.3, y=-0.1, yaw_deg=-20)
     steps = steps_of(footholds=[a, b])
     assert steps[0].pose.p_WF == pytest.approx([0.2, 0.2, 0.0])
     assert steps[1].pose.yaw == pytest.approx(math.radians(-20))
@@ -44,22 +41,18 @@ def test_footholds_are_taken_as_given():
 
 def test_the_start_may_be_anywhere():
     """Oracle: a rotated and shifted start gives rotated, shifted steps."""
-    turn, shift = 0.7, np.array([2.0, -1.0, 0.0])
-    frame = walking.FootPose(shift, turn)
+    frame = walking.FootPose([2.0, -1.0, 0.0], 0.7)
 
     def moved(pose):
-        xy = frame.to_world(pose.p_WF[None, :2])[0]
-        return walking.FootPose([*xy, 0.0], pose.yaw + turn)
+        xy = frame.to_world(pose.p_WF[:2])
+        return walking.FootPose([*xy, 0.0], pose.yaw + frame.yaw)
 
     gait = Gait(num_steps=5, step=StepVector(length=0.2, yaw_deg=10))
     there = walking.FootPoses(moved(FEET.left), moved(FEET.right))
-    for a, b in zip(
-        make_footsteps(gait, FEET, REACH),
-        make_footsteps(gait, there, REACH),
-        strict=True,
-    ):
+    here, there = (make_footsteps(gait, at, REACH) for at in (FEET, there))
+    for a, b in zip(here, there, strict=True):
         assert b.pose.p_WF == pytest.approx(moved(a.pose).p_WF)
-        assert b.pose.yaw == pytest.approx(a.pose.yaw + turn)
+        assert b.pose.yaw == pytest.approx(a.pose.yaw + frame.yaw)
 
 
 @pytest.mark.parametrize(
@@ -105,14 +98,8 @@ def test_waits_and_then_shifts_to_the_foot_that_does_not_swing_first():
         assert state.schedule.footsteps[0].side is walking.Side.LEFT
         assert state.schedule.support_side is walking.Side.RIGHT
         assert state.commanded == state.schedule.footsteps
-    final = walking_start(left, MODEL).schedule.final_transfer_duration
-    assert final == 0.9
-    assert (
-        walking_start(
-            replace(left, standing_duration=0.0), MODEL
-        ).schedule.duration
-        > 0.0
-    )
+    now = walking_start(replace(left, standing_duration=0.0), MODEL).schedule
+    assert now.final_transfer_duration == 0.9 and now.duration > 0.0
 
 
 def step(side, x, y, yaw=0.0):
@@ -141,12 +128,11 @@ def test_the_way_back_takes_a_share_of_the_reach(x, y):
         shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
         for p in ([0.0, -0.125], taken.pose.p_WF)
     )
+    away = region.distance(wanted)
     if found != wanted:
-        assert wanted.distance(found) == pytest.approx(
-            region.distance(wanted), abs=1e-9
-        )
+        assert wanted.distance(found) == pytest.approx(away, abs=1e-9)
     else:  # the ellipse reaches beyond the polygon inside of it
-        assert region.distance(wanted) < 0.08
+        assert away < 0.08
 
 
 def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
