@@ -51,23 +51,14 @@ def test_the_first_step_of_a_walk_of_30_cm():
     the end of its range.  In mid-transfer: half-way from exit to entry.
     """
     path = cop.cop_waypoints(walk(0.3, num_steps=1), PARAMS, SOLE)
-    left_exit = [0.08, 0.1]
-    expected = [
-        [0.0, 0.0],
-        [0.0, 0.015],
-        [0.0, 0.13],
-        [0.0375, 0.115],
-        left_exit,
-        left_exit,
-        [0.15, 0.0],
-        [0.15, 0.0],
-        [0.15, 0.0],
-    ]
+    entry_and_ball = [0.0, 0.13], [0.0375, 0.115]
+    left_exit, middle = [0.08, 0.1], [0.15, 0.0]
+    expected = [[0.0, 0.0], [0.0, 0.015], *entry_and_ball]
+    expected += [left_exit] * 2 + [middle] * 3
     np.testing.assert_allclose(path.points, expected, atol=1e-15)
     swing = [0.5 * 0.85 * 0.7, 0.5 * 0.85 * 0.7, 0.15 * 0.7]
-    np.testing.assert_allclose(
-        path.durations, [0.15, 0.15, *swing, 0.4, 0.4, 10.0], atol=1e-15
-    )
+    expected = [0.15, 0.15, *swing, 0.4, 0.4, 10.0]
+    np.testing.assert_allclose(path.durations, expected, atol=1e-15)
 
 
 def test_a_foot_that_lands_in_front_is_entered_at_its_front():
