@@ -41,15 +41,10 @@ def feedback(state, icp, params=PARAMS, on=True, qp=None):
 
 def next_tick(state, adjustment):
     """The walking state that the state machine makes of it."""
-    return machine.StateMachine(
-        machine.WalkingStateMachineParams(), MODEL, 1e-9
-    ).advance(
-        state,
-        plan_of(state),
-        state.schedule.feet,
-        np.ones(2),
-        np.zeros(2),
-        adjustment=adjustment,
+    params, plan = machine.WalkingStateMachineParams(), plan_of(state)
+    measured = state.schedule.feet, np.ones(2), np.zeros(2)
+    return machine.StateMachine(params, MODEL, 1e-9).advance(
+        state, plan, *measured, adjustment=adjustment
     )
 
 
@@ -77,14 +72,11 @@ def test_the_plan_that_is_optimised_is_executed(num_steps, walk, share, seed):
         found = feedback(state, icp, params)
         assert found.result.solved
         taken = next_tick(state, found.adjustment)
-        now = reference_of(
-            plan_of(taken), replace(state, schedule=taken.schedule)
-        )
+        then = replace(state, schedule=taken.schedule)
+        now = reference_of(plan_of(taken), then)
         for name in "icp", "icp_velocity", "cop", "ecmp":
-            expected = getattr(now, name)
-            assert getattr(found.reference, name) == pytest.approx(
-                expected, abs=1e-9
-            )
+            expected = pytest.approx(getattr(now, name), abs=1e-9)
+            assert getattr(found.reference, name) == expected
         state = replace(taken, time_in_phase=time)
 
 
@@ -156,8 +148,7 @@ def test_each_foothold_is_within_reach_of_the_one_before(side):
     params = replace(PARAMS, sole_clearance=0.01)
     reach = icp_step_qp.uncrossed_reach(params, MODEL)
     first, second, _ = walk(length=0.2, turn=0.3).footsteps
-    first = replace(first, side=side)
-    second = replace(second, side=side.other)
+    first, second = replace(first, side=side), replace(second, side=side.other)
     stance = FootPose([0.3, -0.2, 0.0], 0.4)
     A, b = icp_step_qp.reach_room(stance, (first, second), reach)
     shifts = np.random.default_rng(3).uniform(-1.2, 1.2, (20000, 4))

@@ -51,20 +51,11 @@ def standing(num_steps):
     return walking_start(Gait(num_steps=num_steps), MODEL)
 
 
-def step(
-    state,
-    forces=(400.0, 400.0),
-    icp=(0.0, 0.0),
-    feet=FEET,
-    period=PERIOD,
-    **proposal,
-):
+def step(state, forces=(4e2, 4e2), icp=(0, 0), feet=FEET, period=PERIOD, **new):
     """One period later."""
-    shares = np.array(forces) / WEIGHT
-    machine, measured = StateMachine(PARAMS, MODEL, period), (feet, shares)
-    return machine.advance(
-        state, FakePlan(), *measured, np.array(icp), **proposal
-    )
+    measured = feet, np.array(forces) / WEIGHT, np.array(icp)
+    machine = StateMachine(PARAMS, MODEL, period)
+    return machine.advance(state, FakePlan(), *measured, **new)
 
 
 def until(state, phase, **measured):
