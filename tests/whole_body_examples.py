@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.whole_body import command as whole_body_command
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
@@ -49,11 +50,15 @@ def random_state(seed: int, size: float = 1.0) -> np.ndarray:
     return np.concatenate([q, 0.2 * size * rng.normal(size=nv)])
 
 
-def terms_at(state: np.ndarray) -> whole_body_command.WholeBodyTerms:
+def context_at(state: np.ndarray) -> Context:
     plant = kinematics().plant
     context = plant.CreateDefaultContext()
     plant.SetPositionsAndVelocities(context, state)
-    return kinematics().calc(context)
+    return context
+
+
+def terms_at(state: np.ndarray) -> whole_body_command.WholeBodyTerms:
+    return kinematics().calc(context_at(state))
 
 
 def standing_state() -> np.ndarray:

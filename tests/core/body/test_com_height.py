@@ -32,18 +32,17 @@ CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
-def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
+def schedule(phase, apart=0.0, step=0.0) -> ContactSchedule:
     """Left stance; right foot `apart` behind, to step `step` ahead."""
-    turned = FootPose(np.zeros(3), yaw)
-
-    def at(x, y):
-        return FootPose([*turned.to_world(np.array([x, y])), GROUND], yaw)
-
+    left, right, ahead = (
+        FootPose([x, y, GROUND])
+        for x, y in ((0.0, 0.125), (-apart, -0.125), (step, -0.125))
+    )
     return replace(
-        example_walks.standing(FootPoses(at(0.0, 0.125), at(-apart, -0.125))),
+        example_walks.standing(FootPoses(left, right)),
         phase=phase,
         duration=0.7,
-        footsteps=(Footstep(Side.RIGHT, at(step, -0.125), 0.3, 0.7),),
+        footsteps=(Footstep(Side.RIGHT, ahead, 0.3, 0.7),),
     )
 
 
@@ -63,11 +62,9 @@ def test_the_height_is_continuous_over_a_walk():
     # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
     landed = schedule(Phase.SWING, step=0.5)
     feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
-    transfer = replace(
-        landed, phase=Phase.TRANSFER, support_side=Side.RIGHT, feet=feet
-    )
-    second = CONTROL.plan(transfer)
-    third = CONTROL.plan(replace(transfer, phase=Phase.SWING))
+    swings = replace(landed, support_side=Side.RIGHT, feet=feet)
+    second = CONTROL.plan(replace(swings, phase=Phase.TRANSFER))
+    third = CONTROL.plan(swings)
     assert first.at(0.7) == pytest.approx(second.at(0.0), abs=1e-12)
     assert second.at(0.3) == pytest.approx(third.at(0.0), abs=1e-12)
     assert second.start < GROUND + NOMINAL
@@ -90,12 +87,10 @@ def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
     found = ComHeight(PARAMS, model).plan(going)
     for height, other in (found.start, -rise), (found.end, rise):
         hip = height - GROUND - LEGS.com_above_hip - LEGS.ankle_height
-        legs = [
-            math.hypot(hip - foot, PARAMS.reach_ratio * 0.4)
-            for foot in (0.0, other)
-        ]
+        lower = hip - min(0.0, other)
+        leg = math.hypot(lower, PARAMS.reach_ratio * 0.4)
         longest = PARAMS.max_stretch * LEGS.length
-        assert max(legs) == pytest.approx(longest, abs=1e-12)
+        assert leg == pytest.approx(longest, abs=1e-12)
 
 
 def test_the_rate_is_the_derivative_of_the_height():
@@ -152,9 +147,8 @@ def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
     ankle = stance.p_WF + [0.0, 0.0, LEGS.ankle_height]
     leg = math.dist(hip, ankle)
     assert leg == pytest.approx(PARAMS.max_stretch * LEGS.length, abs=1e-12)
-    slope = (limit(com + h * velocity)[0] - limit(com - h * velocity)[0]) / (
-        2.0 * h
-    )
+    after, before = (limit(com + s * h * velocity)[0] for s in (1.0, -1.0))
+    slope = (after - before) / (2.0 * h)
     assert abs(slope) > 0.05
     assert rate == pytest.approx(slope, abs=1e-8)
 

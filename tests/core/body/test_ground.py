@@ -50,17 +50,14 @@ def test_the_nearest_foothold_is_on_the_nearest_region():
     ground = Ground(stones, SOLE, margin=0.05)
     grid = np.stack(np.meshgrid(*[np.arange(-0.5, 2.0, 0.01)] * 2), -1)
     grid = grid.reshape(-1, 2)
-    good = [
-        any(len(h) and contains(p, h) for h in ground.footholds(0.3))
-        for p in grid
-    ]
+    holds = [h for h in ground.footholds(0.3) if len(h)]
+    good = [any(contains(p, hold) for hold in holds) for p in grid]
     for point in np.random.default_rng(4).uniform(-0.5, 2.0, (20, 2)):
         found = ground.nearest(point, 0.3)
         best = np.linalg.norm(grid[good] - point, axis=1).min()
         assert math.dist(found, point) == pytest.approx(best, abs=0.015)
         pose = ground.pose(found, 0.3, 0.0)
-        region = ground.region_under(pose)
-        assert pose.p_WF[2] == region.height
+        assert pose.p_WF[2] == ground.region_under(pose).height
     assert ground.nearest(point, 0.3, rectangle(0.1, 0.1)) is None
 
 
@@ -72,13 +69,10 @@ def test_a_sole_across_an_edge_is_on_no_region():
     assert ground.region_under(FootPose()).name == "a"
 
 
-L_SHAPE = [[0, 0], [2, 0], [1, 0.5], [0, 2]]
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("vertices", L_SHAPE),
+        ("vertices", [[0, 0], [2, 0], [1, 0.5], [0, 2]]),
         ("vertices", [[0, 0], [1, 1]]),
         ("vertices", [[0], [1, 1], [2, 0]]),
         ("normal", [0.0, 0.1, -1.0]),
@@ -112,9 +106,8 @@ def test_no_region_is_steeper_than_friction_allows():
     def tilted(degrees, **more):
         turn = AngleAxis(math.radians(degrees), np.array([0.6, -0.8, 0.0]))
         normal = RotationMatrix(turn).col(2).tolist()
-        return Ground(
-            (square("a"), square("b", 2.0, normal=normal, **more)), SOLE
-        )
+        slope = square("b", 2.0, normal=normal, **more)
+        return Ground((square("a"), slope), SOLE)
 
     check_friction(tilted(30.9), 0.6)
     check_friction(tilted(40.0, obstacle=True), 0.6)

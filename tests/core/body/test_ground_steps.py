@@ -47,21 +47,17 @@ def test_step_vectors_go_to_the_nearest_foothold():
 
 def test_no_step_is_planned_that_fits_nowhere():
     """Oracle: by hand; the message has the step, and what is nearest."""
+    last, far = Ground(STONES[2:], SOLE), StepVector(length=3.0, sideways=-2.0)
     with pytest.raises(ValueError, match=r"step 1 .right.: must fit on a reg"):
-        steps_of(
-            num_steps=1,
-            step=StepVector(length=3.0, sideways=-2.0),
-            ground=Ground(STONES[2:], SOLE),
-        )
+        steps_of(num_steps=1, step=far, ground=last)
+    on, beside = (
+        Foothold(side=side, x=x, y=y)
+        for side, x, y in (("right", 0.7, -0.15), ("left", 1.0, 0.15))
+    )
     with pytest.raises(ValueError, match=r"step 2 .left.: the sole at x = 1.0"):
-        steps_of(
-            footholds=[
-                Foothold(side="right", x=0.7, y=-0.15),
-                Foothold(side="left", x=1.0, y=0.15),
-            ]
-        )
+        steps_of(footholds=[on, beside])
     with pytest.raises(ValueError, match=r"left foot at the start.*on 'left'"):
-        walking_start(Gait(), replace(MODEL, ground=Ground(STONES[2:], SOLE)))
+        walking_start(Gait(), replace(MODEL, ground=last))
 
 
 @pytest.mark.parametrize("height", [0.35, -0.35])

@@ -57,9 +57,7 @@ def left_swing(start, goal):
 def test_goes_round_the_right_corners(start, goal, corners):
     """Oracle: by hand."""
     expected = np.array([start, *corners, goal])
-    np.testing.assert_allclose(
-        left_swing(start, goal), expected, rtol=0.0, atol=1e-12
-    )
+    assert left_swing(start, goal) == pytest.approx(expected, abs=1e-12)
 
 
 def shortest_way(start, goal):
@@ -142,17 +140,12 @@ GRID = np.stack(
 ).reshape(-1, 2)
 
 
-def ground_of(course):
-    return Terrain(name=course).ground(SOLE)
-
-
 def ground_height(ground, points):
     """The highest region at each of `points` (n, 2)."""
     heights = np.full(len(points), -np.inf)
     for region in ground.regions:
-        inside = shapely.intersects_xy(
-            shapely.Polygon(region.polygon), *points.T
-        )
+        outline = shapely.Polygon(region.polygon)
+        inside = shapely.intersects_xy(outline, *points.T)
         heights[inside] = region.heights(points)[inside]
     return heights
 
@@ -169,6 +162,16 @@ def swing(ground, start, goal, duration=1.2):
     )
 
 
+def swing_on(course, *way_and_duration):
+    """That swing on this ground, what moves its foot, and the edges there."""
+    ground = Terrain(name=course).ground(SOLE)
+    schedule = swing(ground, *way_and_duration)
+    model = replace(MODEL, ground=ground, detour=SwingDetourParams())
+    foot = swing_foot.SwingFoot(FOOT_PARAMS, model, PERIOD)
+    edges = edges_on_way(schedule, ground, FOOT_PARAMS.clearance)
+    return ground, schedule, foot, edges
+
+
 @pytest.mark.parametrize(
     ("course", "start", "goal"),
     [
@@ -180,12 +183,8 @@ def swing(ground, start, goal, duration=1.2):
 )
 def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     """Oracle: points all over the sole, every 20 ms; speed and time."""
-    ground = ground_of(course)
-    model = replace(MODEL, ground=ground, detour=SwingDetourParams())
-    schedule = swing(ground, start, goal)
+    ground, schedule, foot, edges = swing_on(course, start, goal, 1.2)
     lifted, landed = schedule.feet.right, schedule.footsteps[0].pose
-    edges = edges_on_way(schedule, ground, FOOT_PARAMS.clearance)
-    foot = swing_foot.SwingFoot(FOOT_PARAMS, model, PERIOD)
     motion, least = swing_foot.at_rest(lifted), math.inf
     for tick in range(1, 601):
         t = tick * PERIOD
@@ -196,10 +195,8 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
             s = s * s * (3.0 - 2.0 * s)
             n = (1.0 - s) * lifted.normal + s * landed.normal
             pose = FootPose(motion[0, :3], 0.0, n / np.linalg.norm(n))
-            points = pose.outline(GRID)
-            sole = pose.p_WF[2] - (points - pose.p_WF[:2]) @ (
-                pose.normal[:2] / pose.normal[2]
-            )
+            points, slope = pose.outline(GRID), n[:2] / n[2]
+            sole = pose.p_WF[2] - (points - pose.p_WF[:2]) @ slope
             least = min(least, np.min(sole - ground_height(ground, points)))
     assert least > 0.0
     assert motion[0, :3] == pytest.approx(landed.p_WF, abs=0.002)
@@ -208,11 +205,8 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
 
 def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
     """Oracle: by hand: at 0.6 m/s, the last 1 cm at 0.2 m/s."""
-    ground = ground_of("cinder_blocks")
-    model = replace(MODEL, ground=ground, detour=SwingDetourParams())
-    schedule = swing(ground, (1.74, -0.125), (2.15, -0.125), 0.9)
-    edges = edges_on_way(schedule, ground, FOOT_PARAMS.clearance)
-    foot = swing_foot.SwingFoot(FOOT_PARAMS, model, PERIOD)
+    way = (1.74, -0.125), (2.15, -0.125)
+    _, schedule, foot, edges = swing_on("cinder_blocks", *way, 0.9)
     motion, late = swing_foot.at_rest(schedule.feet.right), None
     for tick in range(1, 500):
         elapsed = tick * PERIOD

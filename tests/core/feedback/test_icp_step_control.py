@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.core.feedback.icp_step_qp import (
-    IcpStepControl,
-    IcpStepQp,
-    IcpStepQpParams,
-    reach_room,
-    uncrossed_reach,
-)
+from nadia_balance.core.feedback import icp_step_qp
 from nadia_balance.core.math.polygon import contains, shrink
 from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import (
@@ -30,7 +24,7 @@ from nadia_balance.core.walking.vocabulary import (
 )
 from tests.example_walks import MODEL, random_walks, swing, walk
 
-PARAMS, PLAN = IcpStepQpParams(), AtlasIcpPlanParams()
+PARAMS, PLAN = icp_step_qp.IcpStepQpParams(), AtlasIcpPlanParams()
 GAIN, MIDDLE = PARAMS.feedback_gain, 0.35  # [-], of the swing [s]
 
 
@@ -39,7 +33,7 @@ def plan_of(state):
 
 
 def feedback(state, icp, params=PARAMS, on=True, qp=None):
-    control = IcpStepControl(params, MODEL)
+    control = icp_step_qp.IcpStepControl(params, MODEL)
     control.qp = qp or control.qp
     phase = control.phase(state)
     return control.feedback(state, phase, plan_of(state), icp, on)
@@ -47,15 +41,10 @@ def feedback(state, icp, params=PARAMS, on=True, qp=None):
 
 def next_tick(state, adjustment):
     """The walking state that the state machine makes of it."""
-    return machine.StateMachine(
-        machine.WalkingStateMachineParams(), MODEL, 1e-9
-    ).advance(
-        state,
-        plan_of(state),
-        state.schedule.feet,
-        np.ones(2),
-        np.zeros(2),
-        adjustment=adjustment,
+    params, plan = machine.WalkingStateMachineParams(), plan_of(state)
+    measured = state.schedule.feet, np.ones(2), np.zeros(2)
+    return machine.StateMachine(params, MODEL, 1e-9).advance(
+        state, plan, *measured, adjustment=adjustment
     )
 
 
@@ -83,14 +72,11 @@ def test_the_plan_that_is_optimised_is_executed(num_steps, walk, share, seed):
         found = feedback(state, icp, params)
         assert found.result.solved
         taken = next_tick(state, found.adjustment)
-        now = reference_of(
-            plan_of(taken), replace(state, schedule=taken.schedule)
-        )
+        then = replace(state, schedule=taken.schedule)
+        now = reference_of(plan_of(taken), then)
         for name in "icp", "icp_velocity", "cop", "ecmp":
-            expected = getattr(now, name)
-            assert getattr(found.reference, name) == pytest.approx(
-                expected, abs=1e-9
-            )
+            expected = pytest.approx(getattr(now, name), abs=1e-9)
+            assert getattr(found.reference, name) == expected
         state = replace(taken, time_in_phase=time)
 
 
@@ -142,7 +128,7 @@ def test_without_a_solution_no_foothold_moves():
     state = in_swing(length=0.0)
     icp = reference_icp(state) + [0.1, 0.05]
 
-    class Unsolved(IcpStepQp):
+    class Unsolved(icp_step_qp.IcpStepQp):
         def solve(self, *arguments):
             shifts, result = super().solve(*arguments)
             return shifts, result._replace(solved=False)
@@ -160,12 +146,11 @@ def test_without_a_solution_no_foothold_moves():
 def test_each_foothold_is_within_reach_of_the_one_before(side):
     """Oracle: the reach and the width of the soles, point by point."""
     params = replace(PARAMS, sole_clearance=0.01)
-    reach = uncrossed_reach(params, MODEL)
+    reach = icp_step_qp.uncrossed_reach(params, MODEL)
     first, second, _ = walk(length=0.2, turn=0.3).footsteps
-    first = replace(first, side=side)
-    second = replace(second, side=side.other)
+    first, second = replace(first, side=side), replace(second, side=side.other)
     stance = FootPose([0.3, -0.2, 0.0], 0.4)
-    A, b = reach_room(stance, (first, second), reach)
+    A, b = icp_step_qp.reach_room(stance, (first, second), reach)
     shifts = np.random.default_rng(3).uniform(-1.2, 1.2, (20000, 4))
     inside = (shifts @ A.T <= b).all(axis=1)
     assert np.sum(inside) > 100
@@ -200,7 +185,7 @@ def test_a_foothold_moves_only_while_the_foot_can_follow(
 ):
     """Oracle: settling and freeze time, by hand."""
     schedule = swing() if phase is Phase.SWING else replace(walk(), phase=phase)
-    control = IcpStepControl(PARAMS, MODEL)
+    control = icp_step_qp.IcpStepControl(PARAMS, MODEL)
     assert control.may_move(WalkingState(schedule, t, elapsed)) is may
     last = replace(schedule, footsteps=())
     assert not control.may_move(WalkingState(last, t, elapsed))

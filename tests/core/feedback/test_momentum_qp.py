@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import quadprog
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,30 +15,23 @@ from nadia_balance.core.feedback.momentum_qp import (
 )
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import com_after, icp_after
+from nadia_balance.core.math.qp import QpProblem
 from nadia_balance.core.walking.vocabulary import FootPose
 from tests.example_walks import MODEL, OMEGA, SOLE
+from tests.qp_examples import by_quadprog
 
 ZERO, NOTHING = np.zeros(2), np.zeros(4)
 PERIOD = 0.002
 DEFAULTS = MomentumQpParams()
 
 
-def feedback(
-    error,
-    params=DEFAULTS,
-    *,
-    cop_r=ZERO,
-    kappa_r=ZERO,
-    previous=NOTHING,
-    limits=None,
-):
-    return IcpFeedbackQp(params).solve(
-        np.array(error, dtype=float),
-        np.array(cop_r, dtype=float),
-        np.array(kappa_r, dtype=float),
-        np.array(previous, dtype=float),
-        limits or feedback_limits(SOLE, 0.0, params),
+def feedback(error, cop_r=ZERO, kappa_r=ZERO, previous=NOTHING, limits=None):
+    vectors = (
+        np.array(vector, dtype=float)
+        for vector in (error, cop_r, kappa_r, previous)
     )
+    limits = limits or feedback_limits(SOLE, 0.0, DEFAULTS)
+    return IcpFeedbackQp(DEFAULTS).solve(*vectors, limits)
 
 
 def cost_rows(error, previous, params):
@@ -59,10 +51,7 @@ def cost_rows(error, previous, params):
     return A, b
 
 
-vectors = st.tuples(
-    st.floats(-0.3, 0.3, allow_subnormal=False),
-    st.floats(-0.3, 0.3, allow_subnormal=False),
-)
+vectors = st.tuples(*[st.floats(-0.3, 0.3, allow_subnormal=False)] * 2)
 
 
 @given(error=vectors, previous=vectors, cop_r=vectors, kappa_r=vectors)
@@ -72,15 +61,11 @@ def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
         error = (0.02, 0.1)
     previous = np.array([*previous, 0.0, 0.0])
     limits = feedback_limits(SOLE, 0.0, DEFAULTS)
-    found = feedback(
-        error, cop_r=cop_r, kappa_r=kappa_r, previous=previous, limits=limits
-    )
+    found = feedback(error, cop_r, kappa_r, previous, limits)
     A, b = cost_rows(error, previous, DEFAULTS)
     shift = limits.C @ np.concatenate((cop_r, kappa_r))
-    C = np.vstack((-limits.C, limits.C))
-    d = np.concatenate((shift - limits.upper, limits.lower - shift))
-    real = np.isfinite(d)
-    expected, *_ = quadprog.solve_qp(A.T @ A, A.T @ b, C[real].T, d[real])
+    bounds = limits.lower - shift, limits.upper - shift
+    expected = by_quadprog(QpProblem(A.T @ A, -A.T @ b, limits.C, *bounds))
     assert found.result.solved
     assert found.increments == pytest.approx(expected, abs=1e-9)
 
@@ -101,9 +86,7 @@ def test_if_there_is_no_solution_repeats_the_last_feedback():
     upper[:4] = -1.0  # one metre inside of every edge
     none = good._replace(upper=upper)
     previous = np.array([0.03, 0.0, 0.01, 0.0])
-    found = feedback(
-        (0.01, 0.0), cop_r=(0.1, 0), previous=previous, limits=none
-    )
+    found = feedback((0.01, 0.0), (0.1, 0.0), previous=previous, limits=none)
     assert not found.result.solved
     assert found.cop == pytest.approx([0.13, 0.0])
     assert found.ecmp == pytest.approx([0.14, 0.0])

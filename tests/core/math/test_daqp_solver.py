@@ -55,11 +55,10 @@ def program_in_pieces(seed: int, definite: bool):
         if kind == 0 or not gaps.any():
             program.AddLinearEqualityConstraint(A, value, x[which])
             continue
-        above = np.inf if kind == 1 else gaps[1]
+        lower, upper = value - gaps[0], value + gaps[1]
+        upper = upper + np.inf if kind == 1 else upper
         for _ in range(kind):
-            program.AddLinearConstraint(
-                A, value - gaps[0], value + above, x[which]
-            )
+            program.AddLinearConstraint(A, lower, upper, x[which])
     if definite:
         add_cost(everything, n)
     else:
@@ -90,10 +89,8 @@ def test_finds_the_optimum_of_any_convex_qp(definite):
         assert result.is_success()
         assert not result.GetInfeasibleConstraints(program, 1e-8)
         best = ClarabelSolver().Solve(program, None, tight())
-        cost = best.get_optimal_cost()
-        assert result.get_optimal_cost() == pytest.approx(
-            cost, rel=1e-6, abs=1e-6
-        )
+        cost = pytest.approx(best.get_optimal_cost(), rel=1e-6, abs=1e-6)
+        assert result.get_optimal_cost() == cost
         if definite:
             found, expected = (each.GetSolution(x) for each in (result, best))
             assert found == pytest.approx(expected, abs=1e-6)

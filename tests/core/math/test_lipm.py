@@ -24,11 +24,6 @@ def integrate(t):
     return found.y[:, -1].reshape(2, 2)
 
 
-def test_the_natural_frequency_of_one_metre():
-    """Oracle: the square root of 9.81, by hand."""
-    assert lipm.natural_frequency(1.0) == pytest.approx(3.1320919526731650)
-
-
 @pytest.mark.parametrize("height", [0.0, -1.0, math.nan])
 def test_refuses_a_height_that_is_none(height):
     """Oracle: the message names the field and the value."""
@@ -41,9 +36,5 @@ def test_com_and_icp_move_as_integrated(t):
     """Oracle: RK45, to 1e-12; also backward in time."""
     com, velocity = lipm.com_after(COM, VELOCITY, ECMP, OMEGA, t)
     np.testing.assert_allclose([com, velocity], integrate(t), atol=1e-11)
-    np.testing.assert_allclose(
-        lipm.icp_after(lipm.icp(COM, VELOCITY, OMEGA), ECMP, OMEGA, t),
-        lipm.icp(com, velocity, OMEGA),
-        rtol=0.0,
-        atol=1e-14,
-    )
+    icp = lipm.icp_after(lipm.icp(COM, VELOCITY, OMEGA), ECMP, OMEGA, t)
+    assert icp == pytest.approx(lipm.icp(com, velocity, OMEGA), abs=1e-14)

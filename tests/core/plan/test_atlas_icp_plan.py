@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.plan.icp_plan import reference_of
-from nadia_balance.core.walking.vocabulary import FootPose, WalkingState
+from nadia_balance.core.walking.vocabulary import WalkingState
 from tests.example_walks import (
     MODEL,
     OMEGA,
@@ -52,20 +52,16 @@ def algorithm_1(toe, heel, num_steps, omega, swinging):
 def with_footholds(schedule, shifts):
     """The same, the first footholds moved by `shifts` (n, 2) in W."""
     steps = list(schedule.footsteps)
-    for i, shift in enumerate(shifts):
-        pose = steps[i].pose
-        pose = FootPose(pose.p_WF + [*shift, 0.0], pose.yaw)
-        steps[i] = replace(steps[i], pose=pose)
+    for i, (shift, step) in enumerate(zip(shifts, steps, strict=False)):
+        pose = replace(step.pose, p_WF=step.pose.p_WF + [*shift, 0.0])
+        steps[i] = replace(step, pose=pose)
     return replace(schedule, footsteps=tuple(steps))
 
 
-@given(
-    st.floats(0.05, 1.0),
-    st.floats(0.05, 1.0),
-    st.integers(0, 4),
-    st.floats(2.0, 4.0),
-    st.booleans(),
-)
+STAYS = st.floats(0.05, 1.0)
+
+
+@given(STAYS, STAYS, st.integers(0, 4), st.floats(2.0, 4.0), st.booleans())
 def test_the_multipliers_are_those_of_algorithm_1(toe, heel, n, omega, swing):
     """Oracle: Algorithm 1 as printed, of any N in either branch."""
     stays = [heel, toe] * (n + 1)

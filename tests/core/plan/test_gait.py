@@ -4,7 +4,6 @@ import math
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import shapely
 import shapely.affinity
@@ -20,13 +19,7 @@ from nadia_balance.core.plan.gait import (
     walking_start,
     within_reach,
 )
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    Side,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from tests.example_walks import FEET, MODEL
 
 REACH = MODEL.reach
@@ -39,10 +32,8 @@ def steps_of(**gait):
 
 def test_footholds_are_taken_as_given():
     """Oracle: by hand, in the frame between the feet."""
-    a, b = (
-        Foothold(side="left", x=0.2, y=0.2),
-        Foothold(side="right", x=0.3, y=-0.1, yaw_deg=-20),
-    )
+    a = Foothold(side="left", x=0.2, y=0.2)
+    b = Foothold(side="right", x=0.3, y=-0.1, yaw_deg=-20)
     steps = steps_of(footholds=[a, b])
     assert steps[0].pose.p_WF == pytest.approx([0.2, 0.2, 0.0])
     assert steps[1].pose.yaw == pytest.approx(math.radians(-20))
@@ -50,22 +41,18 @@ def test_footholds_are_taken_as_given():
 
 def test_the_start_may_be_anywhere():
     """Oracle: a rotated and shifted start gives rotated, shifted steps."""
-    turn, shift = 0.7, np.array([2.0, -1.0, 0.0])
-    frame = FootPose(shift, turn)
+    frame = walking.FootPose([2.0, -1.0, 0.0], 0.7)
 
     def moved(pose):
-        xy = frame.to_world(pose.p_WF[None, :2])[0]
-        return FootPose([*xy, 0.0], pose.yaw + turn)
+        xy = frame.to_world(pose.p_WF[:2])
+        return walking.FootPose([*xy, 0.0], pose.yaw + frame.yaw)
 
     gait = Gait(num_steps=5, step=StepVector(length=0.2, yaw_deg=10))
-    there = FootPoses(moved(FEET.left), moved(FEET.right))
-    for a, b in zip(
-        make_footsteps(gait, FEET, REACH),
-        make_footsteps(gait, there, REACH),
-        strict=True,
-    ):
+    there = walking.FootPoses(moved(FEET.left), moved(FEET.right))
+    here, there = (make_footsteps(gait, at, REACH) for at in (FEET, there))
+    for a, b in zip(here, there, strict=True):
         assert b.pose.p_WF == pytest.approx(moved(a.pose).p_WF)
-        assert b.pose.yaw == pytest.approx(a.pose.yaw + turn)
+        assert b.pose.yaw == pytest.approx(a.pose.yaw + frame.yaw)
 
 
 @pytest.mark.parametrize(
@@ -92,9 +79,9 @@ def test_bad_commands_are_refused(gait, message):
 def test_stands_with_the_feet_side_by_side_about_the_origin(told, width):
     """Oracle: the gait's step width, or the robot's; at rest in between."""
     schedule = walking_start(Gait(step_width=told), MODEL).schedule
-    assert schedule.phase is Phase.STANDING
+    assert schedule.phase is walking.Phase.STANDING
     assert schedule.duration == math.inf and schedule.footsteps == ()
-    for side in Side:
+    for side in walking.Side:
         y = 0.5 * side.sign * width
         assert schedule.feet[side].p_WF == pytest.approx([0.0, y, 0.0])
     for point in schedule.start.com, schedule.start.cop:
@@ -108,24 +95,18 @@ def test_waits_and_then_shifts_to_the_foot_that_does_not_swing_first():
     for gait in left, hold:
         state = walking_start(replace(gait, standing_duration=0.7), MODEL)
         assert state.schedule.duration == 0.7
-        assert state.schedule.footsteps[0].side is Side.LEFT
-        assert state.schedule.support_side is Side.RIGHT
+        assert state.schedule.footsteps[0].side is walking.Side.LEFT
+        assert state.schedule.support_side is walking.Side.RIGHT
         assert state.commanded == state.schedule.footsteps
-    final = walking_start(left, MODEL).schedule.final_transfer_duration
-    assert final == 0.9
-    assert (
-        walking_start(
-            replace(left, standing_duration=0.0), MODEL
-        ).schedule.duration
-        > 0.0
-    )
+    now = walking_start(replace(left, standing_duration=0.0), MODEL).schedule
+    assert now.final_transfer_duration == 0.9 and now.duration > 0.0
 
 
 def step(side, x, y, yaw=0.0):
-    return Footstep(side, FootPose([x, y, 0.0], yaw), 0.3, 0.7)
+    return walking.Footstep(side, walking.FootPose([x, y, 0.0], yaw), 0.3, 0.7)
 
 
-def in_place(count, first=Side.RIGHT):
+def in_place(count, first=walking.Side.RIGHT):
     """Steps onto the spots where the feet stand."""
     sides = [first, first.other] * count
     return tuple(step(s, 0.0, 0.125 * s.sign) for s in sides[:count])
@@ -134,8 +115,8 @@ def in_place(count, first=Side.RIGHT):
 @given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
 def test_the_way_back_takes_a_share_of_the_reach(x, y):
     """Oracle: shapely's distance to the base region, shrunk by shapely."""
-    landed = step(Side.LEFT, 0.0, 0.125)
-    feet = FEET.with_foot(Side.LEFT, FootPose([x, y, 0.0]))
+    landed = step(walking.Side.LEFT, 0.0, 0.125)
+    feet = FEET.with_foot(walking.Side.LEFT, walking.FootPose([x, y, 0.0]))
     taken, *_ = within_reach(in_place(1), feet, REACH, landed)
     share = REACH.return_share if math.hypot(x, y - 0.125) > 0.05 else 1.0
     far = shapely.box(-9.0, 0.25, 9.0, 9.0)  # beyond w_nom
@@ -147,20 +128,21 @@ def test_the_way_back_takes_a_share_of_the_reach(x, y):
         shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
         for p in ([0.0, -0.125], taken.pose.p_WF)
     )
+    away = region.distance(wanted)
     if found != wanted:
-        assert wanted.distance(found) == pytest.approx(
-            region.distance(wanted), abs=1e-9
-        )
+        assert wanted.distance(found) == pytest.approx(away, abs=1e-9)
     else:  # the ellipse reaches beyond the polygon inside of it
-        assert region.distance(wanted) < 0.08
+        assert away < 0.08
 
 
 def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
     """Oracle: identity, though it is longer than a way back would be."""
-    landed = step(Side.LEFT, 0.0, 0.125)
-    wanted = step(Side.RIGHT, 0.9, -0.125)
+    landed = step(walking.Side.LEFT, 0.0, 0.125)
+    wanted = step(walking.Side.RIGHT, 0.9, -0.125)
     (taken,) = within_reach((wanted,), FEET, REACH, landed)
     assert taken is wanted
-    displaced = FEET.with_foot(Side.LEFT, FootPose([-0.06, 0.125, 0.0]))
+    displaced = FEET.with_foot(
+        walking.Side.LEFT, walking.FootPose([-0.06, 0.125, 0.0])
+    )
     (taken,) = within_reach((wanted,), displaced, REACH, landed)
     assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)

@@ -124,17 +124,10 @@ def as_printed(schedule):
     """The plan whose ICP starts where the waypoints lead it."""
     path = cop_waypoints(schedule, PARAMS, SOLE)
     points = path.points
-    return replace(
-        plan_of(schedule),
-        coefficients=icp_plan.solve_segments(
-            path.durations,
-            linear(points),
-            schedule.start.com,
-            points[-1],
-            OMEGA,
-        ),
-        offset=np.zeros(2),
+    found = icp_plan.solve_segments(
+        path.durations, linear(points), schedule.start.com, points[-1], OMEGA
     )
+    return replace(plan_of(schedule), coefficients=found, offset=np.zeros(2))
 
 
 def test_a_small_bend_is_shared():
@@ -187,13 +180,8 @@ def test_what_the_feet_cannot_do_fades():
 
 def in_support(points, schedule):
     """Whether the `points` are in the hull of the soles that stand."""
-    soles = [
-        foot.to_world(SOLE)
-        for side, foot in zip(
-            walking.Side, (schedule.feet.left, schedule.feet.right), strict=True
-        )
-        if schedule.in_contact(side)
-    ]
+    standing = filter(schedule.in_contact, walking.Side)
+    soles = [schedule.feet[side].to_world(SOLE) for side in standing]
     hull = shapely.MultiPoint(np.concatenate(soles)).convex_hull
     return all(hull.distance(shapely.Point(p)) < 1e-9 for p in points)
 
@@ -216,17 +204,13 @@ def random_re_plans(seed):
             for now in random.uniform(0.0, t, 2) * [0.5, 1.0]:
                 if now < schedule.start_time:
                     continue
-                new = aimed(schedule, random.uniform(-0.3, 0.3, 2))
+                steps = aimed(schedule, random.uniform(-0.3, 0.3, 2))
                 icp = plan.at(now).icp + random.uniform(-0.1, 0.1, 2)
-                new = plan.moved(
-                    schedule, (new, *schedule.footsteps[1:]), now, icp, MODEL
-                )
+                new = plan.moved(schedule, steps, now, icp, MODEL)
                 yield schedule, plan, now, icp, new, now
                 schedule, plan = new, plan_of(new)
             landed = aimed(schedule, random.uniform(-0.03, 0.03, 2))
-            schedule = replace(
-                schedule, footsteps=(landed, *schedule.footsteps[1:])
-            )
+            schedule = replace(schedule, footsteps=landed)
         new = successor(schedule, plan, t)
         steps = within_reach(new.footsteps, new.feet, MODEL.reach)
         new = replace(new, footsteps=steps)
@@ -235,11 +219,11 @@ def random_re_plans(seed):
 
 
 def aimed(schedule, shift):
-    """The next step, by `shift` elsewhere, but within reach."""
-    step = schedule.footsteps[0]
+    """The footsteps, the next one by `shift` elsewhere, but within reach."""
+    step, *later = schedule.footsteps
     pose = walking.FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
     moved = (replace(step, pose=pose),)
-    return within_reach(moved, schedule.feet, MODEL.reach)[0]
+    return *within_reach(moved, schedule.feet, MODEL.reach), *later
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -263,24 +247,17 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     """Oracle: the ICPs of both footholds by the paper's system; half a way."""
     schedule = walk()
     schedule = successor(schedule, plan_of(schedule))
-    step, t, plan = schedule.footsteps[0], 0.3, plan_of(schedule)
-    pose = walking.FootPose(step.pose.p_WF + [0.1, -0.05, 0.0], step.pose.yaw)
-    new = replace(step, pose=pose)
+    t, plan, new = 0.3, plan_of(schedule), aimed(schedule, [0.1, -0.05])
     icps = []
-    for first in step, new:
-        steps = (first, *schedule.footsteps[1:])
+    for steps in schedule.footsteps, new:
         other = as_printed(replace(schedule, footsteps=steps))
         icps.append(other.at(t).icp)
     way, was = icps[1] - icps[0], plan.at(t).icp
     normal = np.array([-way[1], way[0]])
     for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
         icp = was + ahead * way + 0.7 * normal
-        moved = plan.moved(
-            schedule, (new, *schedule.footsteps[1:]), t, icp, MODEL
-        )
-        np.testing.assert_allclose(
-            plan_of(moved).at(t).icp, was + part * way, atol=1e-6
-        )
+        moved = plan_of(plan.moved(schedule, new, t, icp, MODEL))
+        assert moved.at(t).icp == pytest.approx(was + part * way, abs=1e-6)
 
 
 @pytest.mark.parametrize("kwargs", WALKS)
@@ -318,6 +295,5 @@ def test_a_waiting_reference_holds_the_icp(phase):
     np.testing.assert_array_equal(held.ecmp, ecmp)
     np.testing.assert_array_equal(held.cop, ecmp)
     point = held.point()
-    np.testing.assert_allclose(
-        point.com + point.com_velocity / OMEGA, end.icp, atol=1e-15
-    )
+    icp = point.com + point.com_velocity / OMEGA
+    assert icp == pytest.approx(end.icp, abs=1e-15)

@@ -15,16 +15,7 @@ from nadia_balance.core.plan.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.core.walking.vocabulary import (
-    Adjustment,
-    FootPose,
-    FootPoses,
-    Phase,
-    ReferencePoint,
-    Side,
-    WalkingState,
-    support_polygon,
-)
+from nadia_balance.core.walking import vocabulary as walking
 from tests.example_walks import (
     FEET,
     MODEL,
@@ -48,7 +39,7 @@ class FakePlan:
 
     def at(self, t):
         zero = np.zeros(2)
-        point = ReferencePoint(np.array([t, 0.0]), zero, zero)
+        point = walking.ReferencePoint(np.array([t, 0.0]), zero, zero)
         return SimpleNamespace(
             **{"icp": zero, "com": point.com, "com_velocity": zero},
             **{"cop": zero, "point": lambda: point},
@@ -60,20 +51,11 @@ def standing(num_steps):
     return walking_start(Gait(num_steps=num_steps), MODEL)
 
 
-def step(
-    state,
-    forces=(400.0, 400.0),
-    icp=(0.0, 0.0),
-    feet=FEET,
-    period=PERIOD,
-    **proposal,
-):
+def step(state, forces=(4e2, 4e2), icp=(0, 0), feet=FEET, period=PERIOD, **new):
     """One period later."""
-    shares = np.array(forces) / WEIGHT
-    machine, measured = StateMachine(PARAMS, MODEL, period), (feet, shares)
-    return machine.advance(
-        state, FakePlan(), *measured, np.array(icp), **proposal
-    )
+    measured = feet, np.array(forces) / WEIGHT, np.array(icp)
+    machine = StateMachine(PARAMS, MODEL, period)
+    return machine.advance(state, FakePlan(), *measured, **new)
 
 
 def until(state, phase, **measured):
@@ -87,8 +69,8 @@ def until(state, phase, **measured):
 
 def swinging(num_steps=3):
     """At the start of the first swing."""
-    state, _ = until(standing(num_steps), Phase.TRANSFER)
-    return until(state, Phase.SWING)[0]
+    state, _ = until(standing(num_steps), walking.Phase.TRANSFER)
+    return until(state, walking.Phase.SWING)[0]
 
 
 def test_phases_last_as_planned_to_the_nearest_tick():
@@ -97,9 +79,9 @@ def test_phases_last_as_planned_to_the_nearest_tick():
         start = walking_start(
             Gait(num_steps=3, standing_duration=duration), MODEL
         )
-        state, ticks = until(start, Phase.TRANSFER)
+        state, ticks = until(start, walking.Phase.TRANSFER)
         assert ticks == expected
-    state, ticks = until(state, Phase.SWING)
+    state, ticks = until(state, walking.Phase.SWING)
     assert ticks == 400
     assert state.time_in_phase == 0.0
 
@@ -110,10 +92,10 @@ def test_a_glitch_of_the_force_is_no_touchdown():
     for k in range(340):
         force = 70.0 if k % 3 else 0.0
         state = step(state, forces=(400.0, force))
-    assert state.schedule.phase is Phase.SWING
+    assert state.schedule.phase is walking.Phase.SWING
     for _ in range(100):
         state = step(state, forces=(400.0, 33.0))
-    assert state.schedule.phase is Phase.SWING
+    assert state.schedule.phase is walking.Phase.SWING
 
 
 @pytest.mark.parametrize(
@@ -130,15 +112,17 @@ def test_a_foot_has_landed_after_an_impulse(force, period, ticks):
     state = step(swinging(), forces=(800.0, 0.0))
     state = replace(state, time_in_phase=0.6, elapsed=0.6)
     for _ in range(ticks):
-        assert state.schedule.phase is Phase.SWING
+        assert state.schedule.phase is walking.Phase.SWING
         state = step(state, forces=(400.0, force), period=period)
-    assert state.schedule.phase is Phase.TRANSFER
+    assert state.schedule.phase is walking.Phase.TRANSFER
 
 
 def test_the_next_plan_has_the_feet_and_the_reference_of_the_touchdown():
     """Oracle: the measured pose; the plan, asked for this time."""
-    landed = FEET.with_foot(Side.RIGHT, FootPose([0.02, -0.13, 0.0], 0.01))
-    state, ticks = until(swinging(), Phase.TRANSFER, feet=landed)
+    landed = FEET.with_foot(
+        walking.Side.RIGHT, walking.FootPose([0.02, -0.13, 0.0], 0.01)
+    )
+    state, ticks = until(swinging(), walking.Phase.TRANSFER, feet=landed)
     assert state.schedule.start.com == pytest.approx([ticks * PERIOD, 0.0])
     assert state.schedule.feet == landed
     assert len(state.schedule.footsteps) == 2
@@ -161,24 +145,24 @@ def test_the_clock_is_advanced_or_held_but_never_runs_back():
 
 def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
     """Oracle: max_held_wait; the ICP stays where no foot would be lifted."""
-    state, _ = until(standing(2), Phase.TRANSFER)
+    state, _ = until(standing(2), walking.Phase.TRANSFER)
     first = state.schedule.footsteps[0]
-    adjusts = {"adjustment": Adjustment(first, first.pose)}
-    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0), **adjusts)
+    adjusts = {"adjustment": walking.Adjustment(first, first.pose)}
+    _, ticks = until(state, walking.Phase.SWING, icp=(0.04, 0.0), **adjusts)
     wait = ticks * PERIOD - state.schedule.duration
     most = PARAMS.lift_off.max_held_wait  # it is well inside the support
     assert 0.8 * most < wait < most + 1.5 * PERIOD
     for _ in range(2 * ticks):
         state = step(state, icp=(0.04, 0.0))
-    assert state.schedule.phase is Phase.TRANSFER
+    assert state.schedule.phase is walking.Phase.TRANSFER
 
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():
     """Oracle: the pose; the command and the later steps stay."""
     state = step(swinging())
-    pose = FootPose([0.2, -0.3, 0.0])
+    pose = walking.FootPose([0.2, -0.3, 0.0])
     nominal = state.schedule.footsteps[0]
-    adjustment = Adjustment(nominal, pose, "base")
+    adjustment = walking.Adjustment(nominal, pose, "base")
     moved = step(state, adjustment=adjustment)
     assert moved.schedule.footsteps[0].pose is pose
     assert moved.schedule.footsteps[1:] == state.schedule.footsteps[1:]
@@ -187,14 +171,14 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     again = step(moved, adjustment=adjustment)
     assert again.schedule is moved.schedule  # nothing to plan anew
     assert moved.schedule.start_time == state.time_in_phase
-    landed, _ = until(again, Phase.TRANSFER)
+    landed, _ = until(again, walking.Phase.TRANSFER)
     assert landed.schedule.start_time == 0.0  # of the next phase
 
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
     """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
     state = step(swinging(), time_gain=0.4)
-    _, ticks = until(state, Phase.TRANSFER)
+    _, ticks = until(state, walking.Phase.TRANSFER)
     landed = (1 + ticks) * PERIOD
     assert landed == pytest.approx(0.15, abs=3 * PERIOD)
 
@@ -216,7 +200,7 @@ def lifts(offset, waited=0.0, params=LIFT_OFF, feet=None):
     """True if an ICP `offset` [m] from where it should be lets a foot lift."""
     schedule, plan, end = transfer()
     schedule = replace(schedule, feet=feet or schedule.feet)
-    state = WalkingState(schedule, waited=waited)
+    state = walking.WalkingState(schedule, waited=waited)
     machine = StateMachine(replace(PARAMS, lift_off=params), MODEL, PERIOD)
     icp = end + np.array(offset)
     return machine.may_lift(state, plan, icp, params.max_wait)
@@ -246,7 +230,7 @@ def test_waits_only_as_long_as_the_icp_can_return(angle, wait):
     """
     schedule, _, end = transfer()
     away = np.array([math.cos(angle), math.sin(angle)])
-    support = support_polygon(schedule, SOLE)
+    support = walking.support_polygon(schedule, SOLE)
     room = np.max((support - end) @ away) + 0.03
     inward = schedule.support_side.sign * away[1] < 0.0
     width = 0.015 if inward else 0.012
@@ -268,7 +252,7 @@ def test_waits_longer_for_an_icp_that_is_held(angle):
     """
     schedule, _, end = transfer()
     away = np.array([math.cos(angle), math.sin(angle)])
-    support = support_polygon(schedule, SOLE)
+    support = walking.support_polygon(schedule, SOLE)
     reach, t = np.max((support - end) @ away), 0.1
     length = reach - LIFT_OFF.held_room
     for more, held in ((-1e-3, True), (1e-3, False)):
@@ -293,5 +277,7 @@ def test_does_not_wait_longer_with_the_feet_far_apart_nor_if_they_cross():
         (0.3, 0.01, True, (0.04, 0.04), 0.0, endless),
         (0.3, -0.01, False, (0.04, 0.04), 0.0, endless),
     ):
-        feet = FootPoses(FootPose(right.p_WF + [x, y, 0.0], right.yaw), right)
+        feet = walking.FootPoses(
+            walking.FootPose(right.p_WF + [x, y, 0.0], right.yaw), right
+        )
         assert lifts(offset, waited, params, feet) is not waits

@@ -80,10 +80,7 @@ def test_passes_the_point_with_the_least_jerk():
     passing = quintic(BEGIN, aimed, TIMES, AT)
     assert passing[0] == pytest.approx(VIA, abs=1e-12)
     best = jerk_through(passing[1:])
-    for k in range(4):
-        unit = np.zeros(4)
-        unit[k] = 1.0
-        unit = unit.reshape(2, 2)
+    for unit in np.eye(4).reshape(4, 2, 2):
         up, down = (jerk_through(passing[1:] + s * unit) for s in (1, -1))
         curvature = up + down - 2.0 * best
         assert curvature > 0.0
@@ -96,18 +93,15 @@ DETOUR = IDEAL_DETOUR
 NOMINAL = (0.0, -0.25)  # beside the stance foot
 
 
+GOAL, START, STANCE = (0.4, -0.15), (-0.3, -0.12), (0.0, 0.12)
+
+
 def swing_state(
-    t,
-    goal=(0.4, -0.15, 0.0),
-    yaw=0.2,
-    duration=0.7,
-    start=(-0.3, -0.12),
-    stance=(0.0, 0.12),
-    gained=0.0,
+    t, goal=GOAL, yaw=0.2, duration=0.7, start=START, stance=STANCE, gained=0.0
 ):
     """The right foot swings from `start` to `goal`."""
     feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
-    step = Footstep(Side.RIGHT, FootPose(goal, yaw), 0.3, duration)
+    step = Footstep(Side.RIGHT, FootPose([*goal, 0.0], yaw), 0.3, duration)
     schedule = replace(
         standing(feet), phase=Phase.SWING, duration=duration, footsteps=(step,)
     )
@@ -116,9 +110,8 @@ def swing_state(
 
 def crossing(t, goal, start=NOMINAL, **kwargs):
     """The right foot swings past the left one, which stands in the origin."""
-    return swing_state(
-        t, (*goal, 0.0), yaw=0.0, start=start, stance=(0.0, 0.0), **kwargs
-    )
+    origin = (0.0, 0.0)
+    return swing_state(t, goal, 0.0, start=start, stance=origin, **kwargs)
 
 
 def follow(states, params=PARAMS, detour=DETOUR):
@@ -139,7 +132,7 @@ def times(duration=0.7):
 def test_what_is_asked_ahead_is_what_comes():
     """Oracle: the motion itself, so much later; at the end, the end."""
     path = follow([swing_state(t) for t in times()])
-    ticks, goal = 5, np.array([0.4, -0.15, 0.0, 0.2])
+    ticks = 5
     model = replace(MODEL, detour=DETOUR)
     foot = SwingFoot(PARAMS, model, PERIOD, ticks * PERIOD)
     for k in (50, 200, len(path) - 2):
@@ -147,7 +140,7 @@ def test_what_is_asked_ahead_is_what_comes():
         assert motion == pytest.approx(path[k], abs=1e-12)
         expected = path[min(k + ticks, len(path) - 1)]
         assert ahead[0] == pytest.approx(expected[0], abs=1e-4)
-    assert ahead[0] == pytest.approx(goal, abs=1e-3)
+    assert ahead[0] == pytest.approx([*GOAL, 0.0, 0.2], abs=1e-3)
 
 
 @pytest.mark.parametrize("y", [-0.01, 0.01])
@@ -237,15 +230,11 @@ def test_a_foot_that_is_sent_away_too_late_comes_later():
     Half a metre with 0.1 s left: it does not land on the way, and the clock
     does not hurry it.
     """
-    goal = (-0.1, -0.4, 0.0)
-    clock = np.minimum(np.arange(0.0, 1.0, PERIOD), 0.7)
-    path = follow(
-        [swing_state(t, goal) if t >= 0.6 else swing_state(t) for t in clock]
-    )
+    goal, clock = (-0.1, -0.4), np.minimum(np.arange(0.0, 1.0, PERIOD), 0.7)
+    path = follow([swing_state(t, goal if t >= 0.6 else GOAL) for t in clock])
     late = path[clock >= 0.7]
-    there = np.hypot(*(late[:, 0, :2] - goal[:2]).T) < 0.01
-    arrival = np.flatnonzero(there)[0]
-    way = math.dist(goal[:2], (0.4, -0.15))
+    there = np.hypot(*(late[:, 0, :2] - goal).T) < 0.01
+    arrival, way = np.flatnonzero(there)[0], math.dist(goal, GOAL)
     least = 2.0 * math.sqrt(way / DETOUR.max_acceleration)
     assert 0.1 + arrival * PERIOD == pytest.approx(least, abs=0.04)
     assert late[:arrival, 0, 2].min() > 0.0

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import given
-from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.math import RotationMatrix
 from shapely import affinity
 
 from nadia_balance.core.walking import vocabulary as walking
@@ -34,13 +32,6 @@ def test_points_go_to_the_world_and_back():
     world = POSE.to_world(points)
     assert world == pytest.approx(np.array([[1.0, 2.2], [0.9, 2.0]]))
     assert POSE.to_sole(world) == pytest.approx(points)
-
-
-def test_a_tilted_sole_turns_the_shortest_way():
-    """Oracle: Drake's rotation about the level axis z x n, by its angle."""
-    turn = AngleAxis(math.acos(0.8), np.array([0.6, 0.8, 0.0]))
-    found = walking.tilt(np.array([0.48, -0.36, 0.8]))
-    assert found == pytest.approx(RotationMatrix(turn).matrix(), abs=1e-15)
 
 
 @pytest.mark.parametrize("support", list(walking.Side))
@@ -86,10 +77,8 @@ def test_the_support_polygon_is_the_hull_of_the_soles_in_contact(schedule):
 @pytest.mark.parametrize("on", list(product([False, True], repeat=4)))
 def test_the_vector_has_the_order_of_the_columns_and_leads_back(on):
     """Oracle: the way back, for all sixteen."""
-    step, swing, transfer, cross_over = on
-    found = walking.Mechanisms(
-        step=step, swing=swing, transfer=transfer, cross_over=cross_over
-    )
+    names = "step", "swing", "transfer", "cross_over"
+    found = walking.Mechanisms(**dict(zip(names, on, strict=True)))
     assert found.as_vector().tolist() == list(on)
     assert walking.Mechanisms.from_vector(found.as_vector()) == found
 

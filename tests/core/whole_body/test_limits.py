@@ -24,6 +24,7 @@ from tests.whole_body_examples import (
     PERIOD,
     ROUNDING,
     command,
+    context_at,
     kinematics,
     model,
     nadia,
@@ -70,14 +71,9 @@ def test_wrenches_are_possible(contacts, friction):
     """Oracle: CoP in the sole, friction and force by their definitions."""
     params = WholeBodyQpParams()
     length, width = nadia().sole_length, nadia().sole_width
+    wish = {"momentum_rate": (300.0, 150.0, -100.0), "friction": friction}
     for seed in range(3):
-        hard_push = (300.0, 150.0, -100.0)
-        terms, found = solve(
-            random_state(seed),
-            contacts,
-            momentum_rate=hard_push,
-            friction=friction,
-        )
+        terms, found = solve(random_state(seed), contacts, **wish)
         for side, carries in enumerate(contacts):
             wrench = found.wrenches[6 * side : 6 * side + 6]
             if not carries:
@@ -106,9 +102,8 @@ def test_keeps_to_the_torque_limits():
     _, free = solve(standing_state(), **wish)
     limits = model().max_torque
     ratio = 0.5 * np.max(np.abs(free.torques) / limits)
-    weaker = ratio * limits
-    _, found = solve(standing_state(), max_torque=weaker, **wish)
-    used = np.abs(found.torques) / weaker
+    _, found = solve(standing_state(), max_torque=ratio * limits, **wish)
+    used = np.abs(found.torques) / (ratio * limits)
     assert used.max() == pytest.approx(1.0, abs=1e-6)
 
 
@@ -188,11 +183,10 @@ class Turn:
     weight = 100.0
 
     def __init__(self, rows, acceleration):
-        self._rows, self._acceleration = rows, np.array(acceleration)
+        self._rows, self._acceleration = rows, acceleration
 
     def motion(self, terms, command):
-        rows = terms.rows[self._rows]
-        return Motion(rows, self._acceleration)
+        return Motion(terms.rows[self._rows], self._acceleration)
 
 
 def leaning(body, yaw, tilt, rate):
@@ -202,8 +196,7 @@ def leaning(body, yaw, tilt, rate):
     turned by `yaw`.
     """
     plant, nq = kinematics().plant, kinematics().plant.num_positions()
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, standing_state())
+    context = context_at(standing_state())
     pelvis = plant.GetBodyByName(nadia().pelvis_body)
     R = RotationMatrix.MakeZRotation(yaw)
     turning, joints = np.zeros(3), {"SPINE": 1.0}
@@ -229,9 +222,8 @@ def tilt_ahead(terms, body, vdot, horizon):
     R = terms.rotations[2 if body is TORSO else 3]
     w = terms.velocities[body]
     acceleration = terms.rows[body] @ np.append(vdot, 1.0)
-    count = 300
-    step = horizon / count
-    for k in range(count):
+    step = horizon / 300
+    for k in range(300):
         turn = step * (w + (k + 0.5) * step * acceleration)
         angle = np.linalg.norm(turn)
         R = RotationMatrix(AngleAxis(angle, turn / angle)).matrix() @ R

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
@@ -20,6 +19,7 @@ from tests.whole_body_examples import (
     PERIOD,
     ROUNDING,
     command,
+    context_at,
     kinematics,
     model,
     nadia,
@@ -44,10 +44,8 @@ def test_torques_change_faster_if_nothing_else_is_possible():
 def test_damping_torques_slow_the_joints_down():
     """Oracles: Drake's mass matrix, the pelvis held; the limits."""
     params, plant = WholeBodyQpParams(), kinematics().plant
-    qp = WholeBodyQp(params, model(), PERIOD)
-    state = random_state(1)
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
+    qp, state = WholeBodyQp(params, model(), PERIOD), random_state(1)
+    context = context_at(state)
     M, v = plant.CalcMassMatrix(context)[6:, 6:], state[36:]
     torques = qp.damping_torques(terms_at(state))
     slowed = np.linalg.solve(M, torques)
@@ -58,16 +56,12 @@ def test_damping_torques_slow_the_joints_down():
     assert np.max(used) == pytest.approx(0.1)  # a tick away from nothing
 
 
-SIDES = (Side.LEFT, Side.RIGHT)
-
-
-def inverse_dynamics(plant: MultibodyPlant, state, found):
+def inverse_dynamics(state, found):
     """Generalised forces (nv,) for the accelerations and wrenches found."""
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
+    plant, context = kinematics().plant, context_at(state)
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
-    for side, wrench in zip(SIDES, np.split(found.wrenches, 2), strict=True):
+    for side, wrench in zip(Side, np.split(found.wrenches, 2), strict=True):
         foot = plant.GetBodyByName(nadia().foot_bodies[side])
         R_WB = plant.EvalBodyPoseInWorld(context, foot).rotation()
         foot.AddInForce(
@@ -87,7 +81,7 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
         state = random_state(seed)
         _, found = solve(state, contacts, momentum_rate=(30.0, -20.0, 10.0))
         expected = np.concatenate([np.zeros(6), found.torques])
-        by_drake = inverse_dynamics(kinematics().plant, state, found)
+        by_drake = inverse_dynamics(state, found)
         assert by_drake == pytest.approx(expected, abs=ROUNDING)
 
 
@@ -122,8 +116,7 @@ def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
         wish = wish._replace(edges=(edge, 0.0))
         found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
         assert found.qp.solved
-        context = plant.CreateDefaultContext()
-        plant.SetPositionsAndVelocities(context, random_state(seed))
+        context = context_at(random_state(seed))
         J = plant.CalcJacobianTranslationalVelocity(context, V, frame, at, W, W)
         bias = plant.CalcBiasTranslationalAcceleration(
             context, V, frame, at, W, W

@@ -19,6 +19,7 @@ from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
     command,
+    context_at,
     kinematics,
     model,
     nadia,
@@ -46,11 +47,9 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     _, *tasks = usual_tasks(params, model())
     torso, pelvis, foot = (task.motion(terms, wish) for task in tasks)
 
-    def turning(gain, yaw, body, rows, slope=0.0):
-        (yaw, rate, acceleration), R = (
-            yaw,
-            RotationMatrix(terms.rotations[body]),
-        )
+    def turning(gain, heading, body, rows, slope=0.0):
+        yaw, rate, acceleration = heading
+        R = RotationMatrix(terms.rotations[body])
         wanted = RotationMatrix.MakeYRotation(slope)
         wanted @= RotationMatrix.MakeZRotation(yaw)
         to_go = (wanted @ R.inverse()).ToAngleAxis()
@@ -76,9 +75,7 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
 
 def momentum_at(state):
     """Linear and angular momentum about the CoM, by Drake, per mass."""
-    plant = kinematics().plant
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
+    plant, context = kinematics().plant, context_at(state)
     momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
         context, plant.CalcCenterOfMassPositionInWorld(context)
     )
@@ -87,7 +84,7 @@ def momentum_at(state):
 
 
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)
-def test_momentum_rows_are_its_rate(contacts, seed=1):
+def test_momentum_rows_are_its_rate(contacts):
     """Oracle: finite differences of Drake's spatial momentum.
 
     J vdot + b - a is the rate minus what is wished for: for the horizontal part
@@ -96,15 +93,13 @@ def test_momentum_rows_are_its_rate(contacts, seed=1):
     unweighted = WholeBodyQpParams(
         momentum_weight=1.0, height_weight=1.0, angular_momentum_weight=1.0
     )
-    state, plant = random_state(seed), kinematics().plant
+    state, plant = random_state(1), kinematics().plant
     terms, wish = terms_at(state), np.array([10.0, -20.0, 30.0])
     rows, wanted = MomentumTask(unweighted, model()).motion(
         terms, command(terms, contacts, wish)
     )
-    vdot = np.random.default_rng(seed).normal(size=29)
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
-    qdot = plant.MapVelocityToQDot(context, terms.v)
+    vdot = np.random.default_rng(1).normal(size=29)
+    qdot = plant.MapVelocityToQDot(context_at(state), terms.v)
     ahead, behind = (
         momentum_at(state + sign * STEP * np.concatenate([qdot, vdot]))
         for sign in (1.0, -1.0)
@@ -115,9 +110,8 @@ def test_momentum_rows_are_its_rate(contacts, seed=1):
     damping = unweighted.angular_momentum_damping
     missing[3:] += damping * momentum_at(state)[3:]
     # Truncation and rounding at this step both leave about 1e-8.
-    assert rows @ np.append(vdot, 1.0) - wanted == pytest.approx(
-        missing, abs=1e-6
-    )
+    found = rows @ np.append(vdot, 1.0) - wanted
+    assert found == pytest.approx(missing, abs=1e-6)
 
 
 class JointTask:
