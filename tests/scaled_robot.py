@@ -14,8 +14,7 @@ ElementTree.register_namespace("drake", _DRAKE)  # Drake knows this prefix
 _POWERS = {
     ("origin", "xyz"): 1,
     ("mass", "value"): 3,
-    **{("inertia", f"i{axes}"): 5 for axes in ("xx", "yy", "zz")},
-    **{("inertia", f"i{axes}"): 5 for axes in ("xy", "xz", "yz")},
+    **{("inertia", f"i{ab}"): 5 for ab in "xx yy zz xy xz yz".split()},
     ("box", "size"): 1,
     **{
         (f"{prefix}{shape}", field): 1

@@ -105,17 +105,15 @@ ATLAS = {"icp_step_qp": IcpStepQpParams()}
         (
             {},
             {"icp_planner": Aside(())},
-            "icp_planner = Aside: must have the output port 'icp_plan'",
+            "icp_planner = Aside: must have the o",
         ),
         (
             {},
             {"step_adjuster": Aside(wind=3)},
             "step_adjuster = Aside: input port 'wind' must be one of adjust",
         ),
-        *(
-            (ATLAS, {role: Aside()}, f"block = '{role}': must be one of ")
-            for role in ("step_adjuster", "momentum_qp")
-        ),
+        (ATLAS, {"step_adjuster": Aside()}, "block = 'step_adjuster': must be"),
+        (ATLAS, {"momentum_qp": Aside()}, "block = 'momentum_qp': must be one"),
     ],
 )
 def test_refuses_parameters_and_blocks_that_do_not_fit(params, blocks, message):

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -32,6 +31,7 @@ from tests import run_cache
 from tests.results import made_up_run
 from tests.run_cache import data
 from tests.source_files import ROOT, imports
+from tests.test_fuzz import leaves
 
 README, DIAGRAM, OWN, FIELDS = (
     (ROOT / f"{page}.md").read_text(encoding="utf-8")
@@ -62,6 +62,15 @@ def once(page: str, block: str, make: Callable, more: str = ""):
     """What comes of a block of a page; made once, see run_cache."""
     modules = page, *MODULES, *imports(ast.parse(block))
     return run_cache.once(modules, block + more + data(), make)
+
+
+def said_by(code: str) -> str:
+    """What the code prints."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), pyplot.rc_context():
+        exec(code, {})
+    pyplot.close("all")
+    return said.getvalue()
 
 
 def test_25_lines_make_a_robot_walk_and_recover():
@@ -111,15 +120,7 @@ print(json.dumps({{
 def test_two_lines_push_the_robot():
     """Oracle: it recovers; the ICP has two coordinates."""
     (block,) = blocks(README, "python")
-
-    def printed() -> str:
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
-            exec(block, {})
-        return said.getvalue()
-
-    modules = "README", *MODULES, *imports(ast.parse(block))
-    told = run_cache.once(modules, block + data(), printed)
+    told = once("README", block, lambda: said_by(block))
     assert re.fullmatch(r"recovered 0\.\d+\n\(\d+, 2\)\n", told)
 
 
@@ -191,8 +192,7 @@ def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
         return tuple(reasons)
 
     keeps, falls = once("docs.own_blocks", block, executed)
-    assert not keeps
-    assert falls
+    assert falls and not keeps
 
 
 def test_some_20_lines_are_a_task_of_ones_own():
@@ -291,21 +291,12 @@ def test_links_lead_somewhere():
                 assert anchor in slugs, f"{page.name}: {link}#{anchor}"
 
 
-def values(params: object, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Every field of a dataclass, here and below, and its value."""
-    for field in fields(params):
-        value = getattr(params, field.name)
-        if is_dataclass(value):
-            yield from values(value, f"{prefix}{field.name}.")
-        else:
-            yield prefix + field.name, value
-
-
 def test_the_table_has_every_field_of_robot_yaml_and_its_default():
     """Oracle: the dataclasses; what is required has nothing to start with."""
     row = r"^\| `([\w.]+)` \|[^|]*\| ([^|]*?) \|[^|]*\|$"
     table = dict(re.findall(row, FIELDS, re.MULTILINE))
-    defaults = dict(values(RobotParams()))
+    named = leaves(RobotParams())
+    defaults = {name.replace(": {", "."): value for name, value in named}
     assert set(table) == set(defaults)
     for name, value in defaults.items():
         if table[name] == "required":
@@ -321,7 +312,7 @@ def test_the_reference_is_that_of_this_code():
     assert page == reference.page(), "python docs/figures/reference.py"
     run = nb.simulate("push", 0.012)
     assert {*reference.SUMMARY} == {*run.summary}
-    log = made_up_run.make_log(made_up_run.Recipe())
+    log = made_up_run.make_log()
     (push,) = made_up_run.summary_of(log)["pushes"]
     assert {*reference.PUSHES} == {*push}
     for name in run.logs:
@@ -343,15 +334,7 @@ def test_the_source_of_each_file_of_a_model_is_told():
 def test_the_notebook_tells_what_it_promises():
     """Oracle: its text: who recovers, and who does not."""
     code = "\n".join("".join(cell["source"]) for cell in CELLS)
-
-    def printed() -> str:
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), pyplot.rc_context():
-            exec(code, {})
-        pyplot.close("all")
-        return said.getvalue()
-
-    told = once("docs.learning", code, printed)
+    told = once("docs.learning", code, lambda: said_by(code))
     alone, ours = told.split("with our adjuster")
     assert alone.count("RECOVERED") == 2  # the point mass, and Nadia
     assert alone.count("FELL") == 1  # with ankles and hips alone

@@ -3,8 +3,6 @@
 import importlib
 import inspect
 import pkgutil
-import subprocess
-import sys
 import tomllib
 
 import pytest
@@ -12,6 +10,7 @@ from pydrake.systems.framework import LeafSystem
 
 import nadia_balance
 from nadia_balance import engines, systems, view
+from tests.scripts.running import ended, python
 from tests.source_files import ROOT
 
 
@@ -65,6 +64,5 @@ assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")
 """
-    how = {"cwd": ROOT, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-c", code], **how)
-    assert done.returncode == 0, done.stderr
+    done = ended(python("-c", code))
+    assert done.code == 0, done.err

@@ -5,14 +5,13 @@ diagram, clicks are tested in test_humanoid.
 """
 
 import subprocess
-import sys
 from collections.abc import Callable
 
 from playwright.sync_api import Browser, Page
 
 from nadia_balance.diagrams.live import SPEED
 from nadia_balance.robot.model import load_robot
-from tests.scripts.running import environment
+from tests.scripts import running
 
 PATIENCE = 60.0  # with a machine that is busy [s]
 BEGIN = "t = 0.80 s"  # the first swing, of this gait
@@ -60,12 +59,8 @@ def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
     There, m delta_v / 0.1 s: to the left at first; then what is typed into the
     boxes beside the sliders.
     """
-    argv = [
-        *(sys.executable, "-m", "nadia_balance.scripts.push", "--live"),
-        *("--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"),
-    ]
-    how = {"env": environment(), "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(argv, **how) as program:
+    argv = "--live", "--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"
+    with running.program("push", *argv, stderr=None) as program:
         try:
             use(browser, program)
             assert program.wait(PATIENCE) == 0

@@ -47,36 +47,23 @@ class World:
 
 ROBOTS = {name: load_robot(name, "realistic") for name in robot_names()}
 URDFS = {n: ElementTree.parse(r.urdf).getroot() for n, r in ROBOTS.items()}
+
+
+def both(sides: str, links: str) -> list[list[str]]:
+    """The names of these links, for each of the sides in place of %."""
+    return [links.replace("%", side).split() for side in sides.split()]
+
+
 # Thigh, shin and foot: left, right.
 LEGS = {
-    "atlas": (("l_uleg", "l_lleg", "l_foot"), ("r_uleg", "r_lleg", "r_foot")),
-    "g1": (
-        ("left_hip_yaw_link", "left_knee_link", "left_ankle_roll_link"),
-        ("right_hip_yaw_link", "right_knee_link", "right_ankle_roll_link"),
-    ),
-    "nadia": (
-        ("LEFT_THIGH_LINK", "LEFT_SHIN_LINK", "LEFT_FOOT_LINK"),
-        ("RIGHT_THIGH_LINK", "RIGHT_SHIN_LINK", "RIGHT_FOOT_LINK"),
-    ),
+    "atlas": both("l r", "%_uleg %_lleg %_foot"),
+    "g1": both("left right", "%_hip_yaw_link %_knee_link %_ankle_roll_link"),
+    "nadia": both("LEFT RIGHT", "%_THIGH_LINK %_SHIN_LINK %_FOOT_LINK"),
 }
 # Chains of links with shapes, other than legs, whose neighbours cannot touch.
-CHAINS = {
-    "atlas": (),
-    "g1": (
-        ("pelvis", "torso_link", "head_link"),
-        *(
-            (
-                "torso_link",
-                f"{side}_shoulder_yaw_link",
-                f"{side}_elbow_link",
-                f"{side}_wrist_pitch_link",
-                f"{side}_rubber_hand",
-            )
-            for side in ("left", "right")
-        ),
-    ),
-    "nadia": (),
-}
+ARM = "torso_link %_shoulder_yaw_link %_elbow_link %_wrist_pitch_link "
+ARMS = both("left right", f"{ARM}%_rubber_hand")
+CHAINS = {"g1": [["pelvis", "torso_link", "head_link"], *ARMS]}
 # Step widths that the legs reach [m], and one at which the shoes touch.
 WIDTHS = dict.fromkeys(("atlas", "nadia"), (0.17, 0.25, 0.8))
 WIDTHS["g1"] = (0.1, 0.237, 0.49)
@@ -182,7 +169,7 @@ def test_all_links_but_neighbours_can_touch(name):
     shaped = {link.get("name") for link in links if link.find("collision")}
     pairs = set(map(frozenset, itertools.combinations(shaped, 2)))
     legs = [(pelvis, *leg) for leg in LEGS[name]]
-    for chain in (*legs, *CHAINS[name]):
+    for chain in (*legs, *CHAINS.get(name, [])):
         pairs -= set(map(frozenset, itertools.pairwise(chain)))
     assert candidates(World(ROBOTS[name])) == (pairs, {"world"} | shaped)
 

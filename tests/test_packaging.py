@@ -57,11 +57,8 @@ def wheel(folder: Path) -> Path:
         shutil.copytree(ROOT / name, source / name, ignore=junk)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    run(
-        *(sys.executable, "-m", "build", "--wheel", "--no-isolation"),
-        *("--outdir", folder),
-        cwd=source,
-    )
+    build = "-m build --wheel --no-isolation --outdir".split()
+    run(sys.executable, *build, folder, cwd=source)
     (built,) = folder.glob("*.whl")
     return built
 
@@ -78,11 +75,8 @@ def installed(folder: Path, wheel: Path) -> Path:
     site_packages = Path(run(python, "-c", purelib, cwd=folder).strip())
     borrowed = sysconfig.get_path("purelib")
     (site_packages / "borrowed.pth").write_text(f"{borrowed}\n")
-    run(
-        *(sys.executable, "-m", "pip", "--python", python, "install"),
-        *("--no-index", "--no-deps", wheel),
-        cwd=folder,
-    )
+    install = "install", "--no-index", "--no-deps", wheel
+    run(sys.executable, "-m", "pip", "--python", python, *install, cwd=folder)
     return folder / "bin"
 
 
@@ -107,11 +101,8 @@ sys.modules.update(dict.fromkeys({EXTRAS}))
 {mains}"""
     helps = run(bin_folder / "python", "-c", code, **here)
     assert all((bin_folder / name).is_file() for name in PROJECT["scripts"])
-    printed = run(
-        *(bin_folder / "nadia-push", "--plant", "lipm", "--no-meshcat"),
-        *("--out", cwd / "run"),
-        **here,
-    )
+    argv = "--plant", "lipm", "--no-meshcat", "--out", cwd / "run"
+    printed = run(bin_folder / "nadia-push", *argv, **here)
     return helps, printed, (cwd / "run" / "summary.json").read_text()
 
 

@@ -67,18 +67,10 @@ def test_observes_and_acts_in_the_order_of_the_policy(made):
     assert controller.joints == NAMES
     for tick in (1, 2):  # the network counts in single precision
         phases = np.array([0.0, np.pi]) + 2.0 * np.pi * 0.02 / 0.8 * tick
-        seen = np.concatenate(
-            [
-                action,
-                0.25 * (R_BW @ state[NQ : NQ + 3]),
-                [0.1, 0.3, -0.2],
-                np.cos(phases),
-                q - q0,
-                0.05 * v,
-                -R_BW[:, 2],
-                np.sin(phases),
-            ]
-        )
+        turn, command = 0.25 * (R_BW @ state[NQ : NQ + 3]), [0.1, 0.3, -0.2]
+        joints, down = np.r_[q - q0, 0.05 * v], -R_BW[:, 2]
+        seen = np.r_[action, turn, command, np.cos(phases), joints, down]
+        seen = np.r_[seen, np.sin(phases)]
         assert controller.observe(context) == pytest.approx(seen, abs=1e-5)
         simulator.AdvanceTo((tick - 0.5) * 0.02)
         action = W @ seen + B

@@ -30,7 +30,7 @@ from nadia_balance.engines.plants import PointContacts
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.systems.push_source import ContactClock
 from nadia_balance.view.scene import start_meshcat
-from tests.blocks import fix
+from tests.blocks import answer, fix
 from tests.diagrams.simulated import EARLY
 from tests.example_walks import MODEL
 from tests.onnx_bytes import linear_policy
@@ -44,7 +44,10 @@ JOINT_CONTROL = (
 TIME_ADJUSTMENT = "icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
+HEIGHT_CONTROL = "com_state ecmp_command walking_state"
 STEPS = "adjustment", "capture_regions"
+WHOLE_BODY = "actuation", "foot_wrenches", "whole_body_qp_status"
+WHOLE_BODY += ("generalized_acceleration",)
 QP, REFERENCE = ("ecmp_command", "momentum_qp_status"), "icp_reference"
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
@@ -54,9 +57,7 @@ FEEDTHROUGH = {
         "predicted_state",
     ),
     "ContactClock": {"walking_state": ""},  # one tick late
-    "ComHeightController": {
-        "momentum_rate": "com_state ecmp_command walking_state"
-    },
+    "ComHeightController": {"momentum_rate": HEIGHT_CONTROL},
     "FootForceSensor": {"foot_forces": ""},  # held between two ticks
     "FrictionEstimator": {"friction": ""},  # one tick late
     "IcpStepController": dict.fromkeys((*STEPS, *QP, REFERENCE), STEP_CONTROL),
@@ -75,10 +76,8 @@ FEEDTHROUGH = {
         "contact_results": "actuation applied_spatial_force",
     },
     "PointMassPlant": {
-        "com_state": "",
-        "icp": "",
-        "foot_poses": "walking_state",
-        "foot_forces": "walking_state",
+        **{"com_state": "", "icp": ""},
+        **dict.fromkeys(("foot_poses", "foot_forces"), "walking_state"),
     },
     "PushSource": {"push_force": "", "push_signal": "", "spatial_forces": ""},
     "StatePredictor": {"predicted_state": "estimated_state"},
@@ -86,13 +85,7 @@ FEEDTHROUGH = {
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": "walking_state"},
     "WalkingStateMachine": {"walking_state": "", "walking_signal": ""},
-    "WholeBodyInverseDynamics": dict.fromkeys(
-        (
-            *("actuation", "foot_wrenches", "whole_body_qp_status"),
-            "generalized_acceleration",
-        ),
-        JOINT_CONTROL,
-    ),
+    "WholeBodyInverseDynamics": dict.fromkeys(WHOLE_BODY, JOINT_CONTROL),
 }
 
 
@@ -116,28 +109,19 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 
 @pytest.fixture(scope="module")
 def diagrams() -> list[Diagram]:
-    text = (
-        "fidelity: realistic, mechanisms: all_with_cross_over, "
-        "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
-    )
-    soon = f"{EARLY % 'num_steps: 2'}, "
-    scenario, by_qp, mujoco = (
-        load_scenario(
-            "walk_in_place",
-            text=f"{{{text}{soon}controller: {{{qp}}}}}",
-            **engine,
-        )
-        for text, qp, engine in (
-            (text, "", {"sensors": "consumer"}),
-            ("mechanisms: step_swing, ", "icp_step_qp: {}", {}),
-            ("", "", {"engine": "mujoco"}),
-        )
-    )
+    real = "fidelity: realistic, mechanisms: all_with_cross_over, "
+    real += "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
+    qp = "mechanisms: step_swing, controller: {icp_step_qp: {}}, "
+
+    def scenario(text="", **changes):
+        text = f"{{{text}{EARLY % 'num_steps: 2'}}}"
+        return load_scenario("walk_in_place", text=text, **changes)
+
     return [
-        HumanoidDiagram(scenario, start_meshcat()[0]),
-        LipmDiagram(replace(scenario, sensors="perfect")),
-        LipmDiagram(by_qp),
-        HumanoidDiagram(mujoco),
+        HumanoidDiagram(scenario(real, sensors="consumer"), start_meshcat()[0]),
+        LipmDiagram(scenario(real)),
+        LipmDiagram(scenario(qp)),
+        HumanoidDiagram(scenario(engine="mujoco")),
     ]
 
 
@@ -166,14 +150,11 @@ def systems(diagrams, tmp_path_factory) -> dict[type, System]:
     return found
 
 
-def input_names(system: System) -> list[str]:
-    ports = map(system.get_input_port, range(system.num_input_ports()))
-    return [port.get_name() for port in ports]
-
-
-def output_names(system: System) -> list[str]:
-    ports = map(system.get_output_port, range(system.num_output_ports()))
-    return [port.get_name() for port in ports]
+def names(system: System, kind: str) -> list[str]:
+    """Of its ports; `kind` is input or output."""
+    number = getattr(system, f"num_{kind}_ports")()
+    port = getattr(system, f"get_{kind}_port")
+    return [port(index).get_name() for index in range(number)]
 
 
 @pytest.mark.parametrize("kind", LEAVES + DIAGRAMS)
@@ -183,8 +164,8 @@ def test_docstring_lists_the_real_ports(kind, systems):
     documented = yaml.safe_load(textwrap.dedent(block))
     assert documented == {
         "name": kind.__name__,
-        "input_ports": input_names(systems[kind]),
-        "output_ports": output_names(systems[kind]),
+        "input_ports": names(systems[kind], "input"),
+        "output_ports": names(systems[kind], "output"),
     }
 
 
@@ -192,7 +173,7 @@ def test_docstring_lists_the_real_ports(kind, systems):
 def test_outputs_depend_at_once_on_no_more_than_they_must(kind, systems):
     """Oracle: the table of architecture decisions above."""
     system = systems[kind]
-    inputs, outputs = input_names(system), output_names(system)
+    inputs, outputs = names(system, "input"), names(system, "output")
     told = FEEDTHROUGH[kind.__name__]
     through, found = system.HasDirectFeedthrough, {}
     for j, output in enumerate(outputs):
@@ -207,8 +188,8 @@ def our_outputs(diagram: Diagram, root: Context) -> dict[str, str]:
         if not type(system).__module__.startswith("nadia_balance."):
             continue
         context = system.GetMyContextFromRoot(root)
-        for name in output_names(system):
-            value = system.GetOutputPort(name).Eval(context)
+        for name in names(system, "output"):
+            value = answer(system, context, name)
             values[f"{system.GetSystemPathname()}:{name}"] = text(value)
     return values
 

@@ -4,7 +4,6 @@ All by ankles and hips alone (icp_only), on Nadia.
 """
 
 import hashlib
-import json
 import math
 import os
 import subprocess
@@ -25,6 +24,7 @@ from nadia_balance.systems.signals import PHASES
 from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.view.scene import GHOST, start_meshcat
 from tests import run_cache
+from tests.blocks import answer
 from tests.clicks import click
 from tests.diagrams import simulated as runs
 from tests.source_files import ROOT
@@ -63,13 +63,10 @@ def test_stands_still_on_the_commanded_wrenches(text):
         diagram = runs.diagram_of(text)
         simulator = start(diagram)
         run = advance(simulator, 0.8)
-        found = run.summary
         plant, engine = diagram.plant, diagram.engine
         own = engine.GetMyContextFromRoot(simulator.get_context())
-        results, state = (
-            engine.GetOutputPort(name).Eval(own)
-            for name in ("contact_results", "state")
-        )
+        names = "contact_results", "state"
+        results, state = (answer(engine, own, name) for name in names)
         context = plant.CreateDefaultContext()
         plant.SetPositionsAndVelocities(context, state)
         measured = []
@@ -78,9 +75,10 @@ def test_stands_still_on_the_commanded_wrenches(text):
             X_WF = body.EvalPoseInWorld(context)
             p_WF = (X_WF @ diagram.robot.X_FootSole[side]).translation()
             measured.append(measured_wrench(results, body, p_WF))
-        return run.logs, found, measured, diagram.robot.mass * GRAVITY
+        return run, measured, diagram.robot.mass * GRAVITY
 
-    logs, found, measured, weight = once(text, stood)
+    run, measured, weight = once(text, stood)
+    logs, found = run.logs, run.summary
     assert found["recovered"]
     assert found["max_icp_error_m"] < 0.001
     assert found["stance_slip_m"] < 1e-5
@@ -147,8 +145,7 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
         simulator = start(diagram)
         simulator.AdvanceTo(0.6)
         monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
-        run = advance(simulator, 3.0)
-        return run.summary
+        return advance(simulator, 3.0).summary
 
     found = once("{}", fell)
     assert found["reason"] == "fell: pelvis too low, the controller gave up"
@@ -196,10 +193,8 @@ def digest(logs) -> str:
 def test_another_process_gives_the_same_bits():
     """Oracle: the digest of all logs; Python hashes differently there."""
     script = (
-        "import json\n"
-        "from tests.diagrams.simulated import simulated\n"
-        "from tests.diagrams.test_humanoid import REPEATED, digest\n"
-        "print(json.dumps(digest(simulated(REPEATED).logs)))\n"
+        "from tests.diagrams.test_humanoid import REPEATED, digest, runs\n"
+        "print(digest(runs.simulated(REPEATED).logs))\n"
     )
 
     def printed() -> str:
@@ -213,7 +208,7 @@ def test_another_process_gives_the_same_bits():
         ).stdout
 
     output = once(REPEATED, printed)
-    assert json.loads(output) == digest(runs.simulated(REPEATED).logs)
+    assert output.strip() == digest(runs.simulated(REPEATED).logs)
 
 
 def test_clicks_do_what_the_scenario_would():
@@ -267,16 +262,16 @@ def test_a_ghost_is_where_the_robot_is_estimated_to_be():
     diagram = HumanoidDiagram(scenario, meshcat)
     simulator = start(diagram)
     simulator.Initialize()
-    root = simulator.get_context()
-    estimator = diagram.GetSubsystemByName("state_estimator")
-    port = estimator.GetOutputPort("estimated_state")
+    state, query = (
+        answer(system, system.GetMyContextFromRoot(simulator.get_context()), it)
+        for system, it in (
+            (diagram.GetSubsystemByName("state_estimator"), "estimated_state"),
+            (diagram.GetSubsystemByName("ghost"), "query"),
+        )
+    )
     plant = diagram.robot.control_plant()
     own = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(
-        own, port.Eval(estimator.GetMyContextFromRoot(root))
-    )
-    ghost = diagram.GetSubsystemByName("ghost")
-    query = ghost.GetOutputPort("query").Eval(ghost.GetMyContextFromRoot(root))
+    plant.SetPositionsAndVelocities(own, state)
     inspector = query.inspector()
     frames = {inspector.GetName(f): f for f in inspector.GetAllFrameIds()}
     for body in "PELVIS_LINK", "LEFT_FOOT_LINK", "TORSO_LINK":

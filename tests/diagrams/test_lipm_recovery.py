@@ -12,16 +12,11 @@ from nadia_balance.diagrams.scenario import load_scenario
 from tests.diagrams.simulated import judged
 
 ALL = "all_with_cross_over"
-PUSH = """
-gait: {num_steps: 4}
-duration: 6
-pushes: [{delta_v: 0.0, at: right swing 25 %}]
-"""
+PUSH = "pushes: [{delta_v: 0.0, at: right swing 25 %}]"
+PUSH = f"{{gait: {{num_steps: 4}}, duration: 6, {PUSH}}}"
 
 
-def recovers(
-    mechanisms: str, direction: float, delta_v: float, qp=None
-) -> bool:
+def recovers(mechanisms, direction, delta_v, qp=None) -> bool:
     """Whether all steps of the gait end with the ICP error below 5 cm.
 
     It is pushed in this direction [deg], so hard [m/s].  Adjusted by the `qp`

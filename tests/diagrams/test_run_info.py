@@ -36,7 +36,6 @@ IN_SWING = (3.476, 2)  # 25 % of the third swing
         ("{}", IN_SWING, (2, True)),
         ("{duration: 12.476}", IN_SWING, (2, True)),
         ("{duration: 12.474}", IN_SWING, (2, False)),
-        ("{duration: 4.0}", IN_SWING, (2, False)),
         ("{calm_steps: 0, duration: 4.0}", IN_SWING, (0, True)),
         # Steps of 0.5 s: 9 of 4.524 s.
         ("{duration: 8.0, gait: {swing_duration: 0.2}}", IN_SWING, (2, True)),

@@ -33,18 +33,14 @@ BAD_TEXTS = {
     "mechanisms: luck": "mechanisms = 'luck': must be one of icp_only",
     "engine: bullet": "engine = 'bullet': must be one of drake, mujoco",
     "imperfections: {delay: 0.003}": "imperfections.delay = 0.003: must",
-    "imperfections: {pelvis_noise: -1}": "imperfections.pelvis_noise = -1",
     "{engine: mujoco, imperfections: {friction_ratio: 0.5}}": (
         "imperfections.friction_ratio = 0.5: must be 1"
     ),
-    "time_step: .nan": "time_step = nan: must be",
     "time_step: 0.0015": "time_step = 0.0015: must divide",
     "{mechanisms: all_with_cross_over, controller: {icp_step_qp: {}}}": (
         "mechanisms = 'all_with_cross_over': must not let the legs cross"
     ),
-    "mechanisms: feedback_step": (
-        "mechanisms = 'feedback_step': must go with controller.icp_step_qp"
-    ),
+    "mechanisms: feedback_step": "mechanisms = 'feedback_step': must go",
     "pushes: [{delta_v: 1, at: 10 s}]": "at = '10 s': must be before duration",
     "pushes: [{delta_v: 0.1, at: right swing 5 %}]": (
         "at = 'right swing 5 %': must come with steps in the gait"

@@ -1,4 +1,4 @@
-"""Nadia at another size moves as Nadia does, in lengths and times of its own.
+"""Nadia moves alike anywhere and, in its own lengths and times, at any size.
 
 Oracle: Froude's similarity, of the equations of motion in the same gravity.
 """
@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from tests.diagrams.simulated import run_of
+from tests.diagrams.simulated import EARLY, run_of
 from tests.scaled_robot import scaled_nadia
 
 SMALL = 0.25  # a power of 4: lengths and times are scaled without rounding
+FAR = "place: {x: 1000, y: 1000, yaw_deg: 114.59}"  # 2 rad
 
 
 def pushed(ratio, robot, delta_v, direction):
@@ -39,3 +40,26 @@ def test_a_small_point_mass_recovers_as_a_large_one(tmp_path, delta_v, way):
     expected = pushed(1.0, "nadia", delta_v, way)
     assert np.ptp(expected, axis=0).max() > 0.1
     np.testing.assert_allclose(found, expected, atol=2.5e-3)
+
+
+def test_a_pushed_robot_moves_as_at_the_origin():
+    """Oracle: the same run, turned and moved; its push is turned with it.
+
+    1e-6 m is the bar: coordinates of 1 km are rounded to 1e-13 m, which
+    contacts and QPs make 6e-9 m within 2 s.
+    """
+    push = "pushes: [{delta_v: 0.35, direction_deg: 60, at: 0.8 s}]"
+    rest = f"{push}, {EARLY % 'num_steps: 9'}"
+    near, far = (
+        load_scenario("push", text=f"{{{place}, {rest}}}")
+        for place in ("place: {}", FAR)
+    )
+    near.duration = far.duration = 1.4
+    expected, found = (run_of(scenario).logs for scenario in (near, far))
+    place = far.place.pose
+    assert np.linalg.norm(np.ptp(expected["icp"], axis=0)) > 0.1
+    moved = place.to_world(expected["icp"])
+    np.testing.assert_allclose(found["icp"], moved, rtol=0.0, atol=1e-6)
+    joints = slice(7, 7 + expected["actuation"].shape[1])
+    there, here = (log["state"][:, joints] for log in (found, expected))
+    np.testing.assert_allclose(there, here, atol=1e-6)

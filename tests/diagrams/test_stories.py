@@ -9,7 +9,7 @@ from shapely import Point, Polygon
 import nadia_balance.results as read
 from nadia_balance.core.body.reachability import FORWARD, ReachabilityParams
 from nadia_balance.core.body.reachability import cross_over_region as crossed
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from tests.diagrams.simulated import judged, run_of, soon
 
@@ -85,12 +85,6 @@ def pushed_in(story: Story) -> tuple[Side, float]:
     span = next(s for s in read.phase_spans(story.log) if start <= s.end)
     assert span.phase is Phase.SWING
     return span.swing_side, (start - span.start) / span.planned
-
-
-def distance(step: read.Step, x: float) -> float:
-    """How far it landed from the foothold x [m] ahead of the start."""
-    foothold = FootPose(np.array([x, step.side.sign * HALF_WIDTH, 0.0]))
-    return float(np.linalg.norm(step.achieved.p_WF - foothold.p_WF))
 
 
 @pytest.mark.parametrize(
@@ -179,7 +173,8 @@ def test_the_feet_go_back_to_their_footholds(name, after, length, request):
     The bar of the project: back within 3 cm, at most 6 steps after the push.
     """
     step = request.getfixturevalue(name).steps[after]
-    assert distance(step, length * step.number) < BACK
+    foothold = length * step.number, step.side.sign * HALF_WIDTH, 0.0
+    assert np.linalg.norm(step.achieved.p_WF - foothold) < BACK
 
 
 @pytest.mark.parametrize(

@@ -19,11 +19,6 @@ from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL, SOLE
 from tests.results.made_up_run import summary_of
 
-LARGE = """
-regions:
-- {name: large, vertices: [[-20, -20], [20, -20], [20, 20], [-20, 20]]}
-"""
-
 
 def test_stairs_fit_the_robot_that_climbs_them():
     """Oracle: by hand; T1's leg of 0.558 m and sole of 0.223 m, and its rise.
@@ -64,18 +59,13 @@ def test_a_hole_wider_than_the_reach_is_said_before_the_run(hole, crossed):
         walking_start(gait, model)
 
 
-def pushed(direction_deg, delta_v):
-    """Walks on the stones and is pushed."""
-    scenario = load_scenario("stepping_stones", duration=9.0)
-    (push,) = scenario.pushes
-    push.direction_deg, push.delta_v = direction_deg, delta_v
-    return run_of(scenario, "lipm")
-
-
 @pytest.mark.parametrize("degrees, delta_v", [(0, 0.8), (180, 1), (90, 0.5)])
 def test_whole_soles_land_on_stones(degrees, delta_v):
     """Oracle: shapely; 1 cm from the edge, the controller keeps 2 cm."""
-    run = pushed(degrees, delta_v)
+    scenario = load_scenario("stepping_stones", duration=9.0)
+    (push,) = scenario.pushes
+    push.direction_deg, push.delta_v = degrees, delta_v
+    run = run_of(scenario, "lipm")
     assert run.fell_at is None and not run.error
     stones = [shapely.Polygon(r) for r in ground_regions(run.logs)]
     inside = []
@@ -111,7 +101,8 @@ def test_what_cannot_be_walked_is_refused(tmp_path):
     with pytest.raises(ValueError, match="rise = 0.1: must be null, as gap "):
         HumanoidDiagram(scenario)
     scenario.terrain.rise = None
-    (tmp_path / "high.yaml").write_text(LARGE[:-2] + ", height: 0.1}")
+    high = "{name: a, height: 0.1, vertices: [[-9, -9], [9, -9], [0, 9]]}"
+    (tmp_path / "high.yaml").write_text(f"regions: [{high}]")
     scenario.terrain.name = str(tmp_path / "high.yaml")
     with pytest.raises(ValueError, match="left foot at the start: its region"):
         HumanoidDiagram(scenario)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from matplotlib.patches import Polygon
-from shapely import LineString, MultiPoint, Point
+from shapely import LineString, Point
 from shapely import Polygon as Shape
 
 import atlas_paper
@@ -48,13 +48,12 @@ def dot(ax, label):
 
 
 @functools.cache
-def axes_of(number):
-    """What that figure of the Nadia paper is drawn on; do not change it."""
-    return nadia.FIGURES[number]().axes
+def axes_of(number, paper=nadia):
+    """What that figure of a paper is drawn on; do not change it."""
+    return paper.FIGURES[number]().axes
 
 
-def atlas_axes(number):
-    return atlas_paper.FIGURES[number]().axes
+atlas_axes = functools.partial(axes_of, paper=atlas_paper)
 
 
 def test_draws_the_figures_that_it_is_told(tmp_path, capsys):
@@ -86,9 +85,7 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
     way = dot(with_it, "eCMP") - nadia.COP_R
     across = way[0] * nadia.ERROR[1] - way[1] * nadia.ERROR[0]
     assert abs(across) < 1e-2 * np.linalg.norm(way) * 0.065
-    assert limit.exterior.distance(
-        MultiPoint([dot(with_it, "eCMP")])
-    ) == pytest.approx(0.0, abs=1e-6)
+    assert limit.exterior.distance(Point(dot(with_it, "eCMP"))) < 1e-6
 
 
 def test_figure_4_nests_the_regions():
@@ -103,18 +100,13 @@ def test_figure_4_nests_the_regions():
 def test_figure_6_sweeps_the_very_regions_of_figure_4():
     """Oracle: shapely's hull of all swept copies, and Fig. 4."""
     for ax, of_figure_4 in zip(axes_of("6"), axes_of("4")[:2], strict=True):
-        swept = [
-            Shape(patch.get_xy())
-            for patch in ax.patches
-            if patch.get_linewidth() == 0.6
-        ]
+        thin = (one for one in ax.patches if one.get_linewidth() == 0.6)
+        swept = [Shape(patch.get_xy()) for patch in thin]
         assert len(swept) == 2 * 28
         for n, copies in (2, swept[:28]), (3, swept[28:]):
             region = polygon(of_figure_4, nadia.NAMES[n - 1])
-            label = "C₂: C₁ swept by -D₂" if n == 2 else "C₃: C₁ swept by -D₃"
-            assert polygon(ax, label).symmetric_difference(
-                region
-            ).area == pytest.approx(0.0, abs=1e-9)
+            drawn = polygon(ax, f"C{'₂₃'[n - 2]}: C₁ swept by -D{'₂₃'[n - 2]}")
+            assert drawn.symmetric_difference(region).area < 1e-9
             for copy in copies:
                 assert region.buffer(1e-9).contains(copy)
                 assert region.exterior.distance(copy.exterior) < 1e-9
@@ -219,7 +211,6 @@ def test_finds_the_time_by_which_the_icp_was_advanced(advance, aside=-0.2):
     end = icp_after(icp_r, ecmp, OMEGA, 0.7)
     normal = np.array([ecmp[1] - end[1], end[0] - ecmp[0]])
     icp = icp_after(icp_r, ecmp, OMEGA, advance) + aside * normal
-    found = atlas_paper.time_ahead(
-        atlas_paper.fraction_done(icp, icp_r, end), 0.7, OMEGA
-    )
+    done = atlas_paper.fraction_done(icp, icp_r, end)
+    found = atlas_paper.time_ahead(done, 0.7, OMEGA)
     assert found == pytest.approx(advance, abs=1e-12)

@@ -52,9 +52,7 @@ def make_log(recipe: Recipe | None = None) -> dict[str, np.ndarray]:
     return {name: values.copy() for name, values in log.items()}
 
 
-@functools.cache
-def _usual() -> dict[str, np.ndarray]:
-    return _log_of(Recipe())
+_usual = functools.cache(lambda: _log_of(Recipe()))
 
 
 def _log_of(recipe: Recipe) -> dict[str, np.ndarray]:

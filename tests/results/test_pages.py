@@ -10,11 +10,6 @@ from nadia_balance.view.scene import start_meshcat
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
-def second(log):
-    """When the second swing begins [s]."""
-    return steps(log)[1].swing.start
-
-
 def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
     """Oracle: the story of the made-up run, and the viewer's own clock.
 
@@ -48,7 +43,8 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
         share = min(time / log["t"][-1], 1.0)
         assert float(left.rstrip("%")) == pytest.approx(100.0 * share, abs=1e-3)
     # A jump to the push, and to a step: the robot is where it was then.
-    for title, time in ("push", pushes(log)[0].start), ("step 2", second(log)):
+    second = steps(log)[1].swing.start
+    for title, time in ("push", pushes(log)[0].start), ("step 2", second):
         page.click(f"#jumps button[title^='{title}, t = {time:.2f}']")
         x = f"viewer.scene_tree.find({MIDDLE[1:].split('/')}).object.position.x"
         page.wait_for_function(f"Math.abs({x} - {time}) < 0.3")

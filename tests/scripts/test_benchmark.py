@@ -4,6 +4,7 @@ import csv
 import json
 from contextlib import redirect_stdout
 from io import StringIO
+from unittest.mock import patch
 
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -16,41 +17,33 @@ from tests.diagrams.simulated import diagram_of, scenario_of
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    return tmp_path_factory.mktemp("speed") / "speed.csv"
-
-
-@pytest.fixture(scope="module")
-def figures(recorded):
-    """One short run, as --json prints it."""
+def told(tmp_path_factory):
+    """The file of records, and one short run, as --json prints it."""
+    recorded = tmp_path_factory.mktemp("speed") / "speed.csv"
     argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
     argv += f" --record {recorded}"
     out = StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
-        patch.setattr(benchmark, "TICKS", 20)
+    with patch.object(benchmark, "TICKS", 20), redirect_stdout(out):
         assert benchmark.main(argv.split()) == 0
-    return json.loads(out.getvalue())
+    return recorded, json.loads(out.getvalue())
 
 
-def test_the_figures_are_those_of_the_loop_and_the_plants(figures):
+def test_the_figures_are_those_of_the_loop_and_the_plants(told):
     """Oracle: the ratio's definition.
 
     Which of two is faster is not asserted: other work disturbs any clock.
     """
-    loop, in_loop, ratio = (
-        figures[name]
-        for name in (
-            "closed_loop_x_real_time",
-            "plant_in_loop_x_real_time",
-            "loop_over_plant_in_loop",
-        )
-    )
+    _, figures = told
+    names = "closed_loop_x_real_time", "plant_in_loop_x_real_time"
+    loop, in_loop = (figures[name] for name in names)
+    ratio = figures["loop_over_plant_in_loop"]
     assert ratio == pytest.approx(loop / in_loop)
     assert 0.0 < figures["tick_median_us"] <= figures["tick_p99_us"]
 
 
-def test_a_record_has_a_row_for_each_run(figures, recorded):
+def test_a_record_has_a_row_for_each_run(told):
     """Oracle: the figures; a second run adds a row under the same head."""
+    recorded, figures = told
     benchmark.record(recorded, scenario_of(), figures)
     with recorded.open(encoding="utf-8", newline="") as file:
         first, second = csv.DictReader(file)
@@ -61,17 +54,13 @@ def test_a_record_has_a_row_for_each_run(figures, recorded):
         assert found == pytest.approx([*figures.values()], rel=1e-3)
 
 
-def test_measures_a_whole_tick_of_the_controller(monkeypatch):
+def test_measures_a_whole_tick_of_the_controller():
     """Oracle: the quadratic programs of its update, which are solved anew."""
-    diagram, solved = diagram_of("{gait: {num_steps: 2}}"), []
+    diagram = diagram_of("{gait: {num_steps: 2}}")
     loop = start(diagram)
     loop.AdvanceTo(0.1)
     solve = DaqpSolver.solve
-
-    def count(*args, **options):
-        solved.append(args)
-        return solve(*args, **options)
-
-    monkeypatch.setattr(DaqpSolver, "solve", count)
-    tick_time(Simulator(diagram.controller), loop.get_context())
-    assert solved
+    with patch.object(DaqpSolver, "solve", autospec=True) as solved:
+        solved.side_effect = solve
+        tick_time(Simulator(diagram.controller), loop.get_context())
+    assert solved.called

@@ -1,8 +1,10 @@
-"""What the scripts share: flags, Meshcat, the results, Ctrl-C."""
+"""What the scripts share: flags, Meshcat, the results, Ctrl-C.
+
+By simulate.py, which is no more than that.
+"""
 
 import errno
 import io
-import json
 import os
 import signal
 from importlib.metadata import version
@@ -11,35 +13,51 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, simulate
 from tests.scripts import running
-from tests.scripts.running import assert_refused, ended, run_script
+from tests.scripts.running import assert_refused, ended, run_script, summary_of
 
-
-def piped(script, *argv, **options):
-    """Exit code and stderr of a program whose stdout is something else."""
-    done = ended(running.program(script, *argv, **options))
-    return done.code, done.err
-
-
-class Job:
-    """A script that simulates what the flags say."""
-
-    @staticmethod
-    def main(argv):
-        parser = command_line.CommandLine("job", "", "")
-        command_line.scenario_flags(parser, name="stand")
-        parser.set_defaults(scenario_name="stand")
-        make_scenario = command_line.scenario_from
-        return command_line.main_job(parser, argv, make_scenario)
-
-
-QUICK = ["--plant", "lipm", "--duration", "0.5"]
+LIPM = ["--plant", "lipm", "--no-meshcat"]
+STAND = ["--scenario_name", "stand", *LIPM, "--duration", "0.5"]
 
 
 def run(capsys, *argv):
-    return run_script(Job, [*QUICK, *argv], capsys)
+    """Stands for half a second, but for what the flags say."""
+    return run_script(simulate, [*STAND, *argv], capsys)
+
+
+def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
+    """Oracle: two steps, of which the file knows, and the one beside them."""
+    file = tmp_path / "mine.yaml"
+    gait = "gait: {num_steps: 2, step: {length: 0.1}}"
+    file.write_text(f"two: {{duration: 5.5, {gait}}}\n")
+    argv = ["--scenario_file", file, "--scenario_name", "two", *LIPM]
+    outcome = run_script(simulate, [*argv, "--out", tmp_path / "run"], capsys)
+    assert (outcome.code, outcome.err) == (0, [])
+    assert "WALKED 2 steps, and one to bring the feet tog" in outcome.out[0]
+    summary = summary_of(tmp_path / "run")
+    assert (summary["steps_taken"], summary["commanded_steps"]) == (3, 2)
+    assert summary["pushes"] == []
+    assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
+
+
+def test_a_long_run_leaves_its_last_minute(tmp_path, monkeypatch, capsys):
+    """Oracle: by hand, with minutes of 2 s; pushes 10 s apart, from 11 s on."""
+    pushes = load_scenario("hour").pushes
+    times = [push.moment.time for push in pushes]
+    assert times == pytest.approx(1.0 + 10.0 * np.arange(1, 360))
+    assert max(push.delta_v for push in pushes) <= 0.4
+    monkeypatch.setattr(command_line, "CHAPTER", 2.0)
+    argv = ["--scenario_name", "hour", "--duration", 5, "--out", tmp_path]
+    outcome = run(capsys, *argv)
+    assert (outcome.code, outcome.err) == (0, [])
+    told = [line.partition(":")[0] for line in outcome.out[:2]]
+    assert told == ["t=2 s  walks on", "t=4 s  walks on"]
+    with np.load(tmp_path / "log.npz") as log:
+        begun, ended = log["t"][[0, -1]]
+    assert (begun, ended) == pytest.approx((4.0, 5.0), abs=0.01)
 
 
 def test_an_error_writes_what_was_logged(tmp_path, monkeypatch, capsys):
@@ -55,7 +73,7 @@ def test_an_error_writes_what_was_logged(tmp_path, monkeypatch, capsys):
     assert outcome.code == 1
     told = "t=0.30 s  STOPPED: icp is not finite   max ICP error"
     assert outcome.out[0].startswith(told)
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary = summary_of(tmp_path)
     assert summary["reason"] == "stopped: icp is not finite"
     assert summary["fell_at"] is None
     with np.load(tmp_path / "log.npz") as log:
@@ -65,10 +83,10 @@ def test_an_error_writes_what_was_logged(tmp_path, monkeypatch, capsys):
 
 def test_engine_is_a_flag(tmp_path, capsys):
     """Oracles: what is left behind; the message, by hand."""
-    flags = ("--plant", "humanoid", "--no-meshcat", "--engine", "mujoco")
+    flags = ("--plant", "humanoid", "--engine", "mujoco")
     assert run(capsys, *flags, "--out", tmp_path).code == 0
     assert "engine: mujoco" in (tmp_path / "scenario.yaml").read_text()
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary = summary_of(tmp_path)
     assert summary["engine"] == "mujoco"
     assert summary["versions"]["mujoco"] == version("mujoco")
     message = "engine = 'mujoco': must be drake for a point mass"
@@ -123,14 +141,14 @@ sys.meta_path.insert(0, Press())
 runpy.run_module(f"nadia_balance.scripts.{script}", run_name="__main__")
 """
 
-STAND = ("simulate", "--scenario_name", "stand", "--out", "run", *QUICK)
-
 
 def test_results_are_whole_although_nobody_reads_the_story(tmp_path):
     """Oracle: a pipe whose reader has gone; the files, which can be read."""
     reader, writer = os.pipe()
     os.close(reader)
-    assert piped(*STAND, cwd=tmp_path, stdout=writer) == (0, [])
+    argv = "simulate", *STAND, "--out", "run"
+    outcome = ended(running.program(*argv, cwd=tmp_path, stdout=writer))
+    assert (outcome.code, outcome.err) == (0, [])
     os.close(writer)
     for name in "summary.json", "log.npz":
         assert (tmp_path / "run" / name).stat().st_size > 100
@@ -143,8 +161,7 @@ def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, capsys):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(pages, "write_plots", fill)
-    argv = ["--scenario_name", "stand", *QUICK, "--out", tmp_path]
-    outcome = run_script(simulate, argv, capsys)
+    outcome = run(capsys, "--out", tmp_path)
     assert outcome.code == 4
     assert outcome.err == ["simulate.py: [Errno 28] No space left on device"]
     assert "STOOD" in outcome.out[0]
@@ -165,5 +182,4 @@ def test_a_present_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
     """Oracle: the system's error; Drake's would be a traceback."""
     monkeypatch.chdir(tmp_path)
     tmp_path.rmdir()
-    outcome = run_script(simulate, ["--scenario_name", "stand"], capsys)
-    assert_refused(outcome, "present folder: must exist")
+    assert_refused(run(capsys), "present folder: must exist")

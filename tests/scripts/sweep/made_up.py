@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -73,12 +74,9 @@ def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
     """The limits that follow from these rows, beside a MadeUpLimit."""
     folder = Rows(Path("nowhere"), identity_of(search), rows)
     scenarios = dict.fromkeys(row["scenario"] for row in rows)
-    computed = limits.limits_of
-    limits.limits_of = lambda *_: (MadeUpLimit(1.86), MadeUpLimit(2.6))
-    try:
+    made_up = MadeUpLimit(1.86), MadeUpLimit(2.6)
+    with patch.object(limits, "limits_of", return_value=made_up):
         return limits.limit_table(folder, scenarios)
-    finally:
-        limits.limits_of = computed
 
 
 def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
@@ -145,15 +143,9 @@ class MadeUpRobot:
         self._spoil(cell)
         time.sleep(0.001)
         limit = largest(mechanisms, direction) - WEAKER * (replica % 2)
-        return {
-            **cell._asdict(),
-            **{"delta_v": delta_v, "replica": replica, "seed": replica},
-            "outcome": "recovered" if delta_v <= limit else "fell",
-            "reason": "" if delta_v <= limit else 'said "ouch", and\nfell',
-            "max_icp_error_m": delta_v / 7.0,
-            "predicted_at_push": -1,
-            "cpu_s": 0.0,
-        }
+        row = _row(cell, delta_v, replica, delta_v <= limit)
+        reason = row["reason"] and 'said "ouch", and\nfell'
+        return row | {"reason": reason, "max_icp_error_m": delta_v / 7.0}
 
 
 def stepping_sweep(duration: float = 3.5) -> Sweep:

@@ -50,7 +50,7 @@ SPOILT = {
     "size": (",0.0,0.2,", ",0.0,NaN,"),
     "list": (",0.0,0.2,", ",0.0,[0.2],"),
     "direction": (",0.0,0.2,", ",400.0,0.2,"),
-    "PNG": ("", ""),
+    "PNG": ("scenario,", "\x89PNG\r\n\xff,"),
 }
 
 
@@ -59,11 +59,8 @@ def test_another_kind_of_file_is_refused_and_kept(tmp_path, change):
     with Rows.opened(tmp_path, IDENTITY) as rows:
         rows.add(ROWS[0])
     text = (tmp_path / TRIALS).read_text()
-    spoilt = text.replace(*SPOILT[change])
-    if change == "PNG":
-        spoilt = "\x89PNG\r\n\xff"
-    assert spoilt != text
-    spoilt = spoilt.encode("latin-1")
+    assert SPOILT[change][0] in text
+    spoilt = text.replace(*SPOILT[change]).encode("latin-1")
     (tmp_path / TRIALS).write_bytes(spoilt)
     with pytest.raises(ValueError, match=f"^trials = .*{TRIALS}: must be rows"):
         Rows.read(tmp_path)

@@ -3,8 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
@@ -16,6 +14,7 @@ from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from
 from nadia_balance.scripts.sweep import Cell
 from nadia_balance.scripts.sweep.search import SearchParams
+from tests.scripts.running import ended, python
 from tests.scripts.sweep.made_up import made_up_sweep
 from tests.source_files import ROOT, module_name
 
@@ -108,9 +107,8 @@ def test_the_fingerprint_is_of_every_file_of_a_trial():
     """Oracle: what Python imports for one."""
     package = "nadia_balance.scripts.sweep"
     code = f"import sys, {package}.trial, {package}.search; print(*sys.modules)"
-    how = {"cwd": ROOT, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-c", code], **how)
-    modules = {m for m in done.stdout.split() if m.startswith("nadia_balance")}
+    (loaded,) = ended(python("-c", code)).out
+    modules = {m for m in loaded.split() if m.startswith("nadia_balance")}
     names = {
         f"{module.removeprefix(f'{package}.')}.py"
         for module in modules

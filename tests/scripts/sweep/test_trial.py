@@ -1,5 +1,9 @@
 """What is simulated, and what becomes of it: one whole run is the oracle."""
 
+import functools
+import os
+import signal
+
 import numpy as np
 import pytest
 
@@ -7,9 +11,9 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts.sweep import FROM_SUMMARY, Cell
 from nadia_balance.scripts.sweep import trial as module
 from nadia_balance.scripts.sweep.search import Sweep
-from nadia_balance.scripts.sweep.trial import run_trial
+from nadia_balance.scripts.sweep.trial import open_workers, run_trial
 from tests.diagrams import simulated
-from tests.scripts.sweep.made_up import cell_to, stepping_sweep
+from tests.scripts.sweep.made_up import PATIENCE, cell_to, facts, stepping_sweep
 
 CELL = cell_to(120.0)
 
@@ -78,21 +82,13 @@ def test_an_error_is_a_row_like_any_other(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("mechanisms", "delta_v", "direction", "outcome", "foretold"),
-    [
-        # Away from the stance foot, where the feet are not in the way.
-        ("all_with_cross_over", 0.7, 270.0, "recovered", 1),
-        ("icp_only", 0.7, 270.0, "fell", -1),
-    ],
+    ("mechanisms", "told"),
+    [("all_with_cross_over", ("recovered", 1)), ("icp_only", ("fell", -1))],
 )
-def test_what_becomes_of_a_push_is_foretold(
-    mechanisms, delta_v, direction, outcome, foretold
-):
-    """Oracle: the run, of what takes a step."""
-    cell = cell_to(direction, mechanisms)
-    row = tried(stepping_sweep(5.0), delta_v, cell)
-    assert row["outcome"] == outcome
-    assert row["predicted_at_push"] == foretold
+def test_what_becomes_of_a_push_is_foretold(mechanisms, told):
+    """Oracle: the run; it steps away from the stance foot."""
+    row = tried(stepping_sweep(5.0), 0.7, cell_to(270.0, mechanisms))
+    assert (row["outcome"], row["predicted_at_push"]) == told
 
 
 def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
@@ -103,3 +99,27 @@ def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
         assert (np.max(run.logs["icp"][:, 0]) < 0.105) == (expected == 0)
         row = tried(sweep, delta_v, cell)
         assert row["predicted_at_push"] == expected
+
+
+def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
+    """Oracle: run_trial here.  The cluster is a real one, of this machine.
+
+    It is also asked by its address.  A real signal ends the first worker that
+    tries the last trial.
+    """
+    free = {"dashboard_address": "127.0.0.1:0"}  # a sweep may have Dask's own
+    cluster = functools.partial(module.LocalCluster, scheduler_kwargs=free)
+    monkeypatch.setattr(module, "LocalCluster", cluster)
+    sweep, cell = stepping_sweep(), cell_to(120.0)
+    trials = (sweep, cell, 0.4, 1), (sweep, cell, 2.5, 0)
+    expected = [facts(run_trial(*trial)) for trial in trials]
+    with open_workers(1) as executor:
+        address = executor._client.scheduler.address
+        with open_workers(1, address) as remote:
+            futures = [remote.submit(run_trial, *trial) for trial in trials]
+            rows = [facts(future.result(PATIENCE)) for future in futures]
+        pid = executor.submit(os.getpid).result(PATIENCE)
+        future = executor.submit(run_trial, *trials[0])
+        os.kill(pid, signal.SIGKILL)
+        again = facts(future.result(PATIENCE))
+    assert [*rows, again] == [*expected, expected[0]]
