@@ -5,29 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.steps.capture_region import (
-    CaptureRegionStepAdjusterParams,
-    SwingGeometry,
-)
-from nadia_balance.core.steps.foothold_adjustment import (
-    CaptureRegions,
-    Landing,
-    capture_regions,
-    propose_adjustment,
-    touchdown_interval,
-    unadjusted,
-)
+from nadia_balance.core.steps import capture_region
+from nadia_balance.core.steps import foothold_adjustment as footholds
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, standing, swing, walk
 
-PARAMS = CaptureRegionStepAdjusterParams()
+PARAMS = capture_region.CaptureRegionStepAdjusterParams()
 PERIOD = 0.002  # [s]
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
-
-
 IN_PLACE = swing(length=0.0)
 IN_AIR = walking.WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 NEAR = walking.FootPose([0.03, -0.15, 0.0])
@@ -47,13 +35,17 @@ def drawn(adjuster, context):
 
 
 def landing(icp, gain=0.0, on=ALL):
-    geometry = SwingGeometry(IN_PLACE, PARAMS, MODEL, on)
-    return Landing(geometry, icp, touchdown_interval(IN_AIR, gain, PARAMS))
+    geometry = capture_region.SwingGeometry(IN_PLACE, PARAMS, MODEL, on)
+    times = footholds.touchdown_interval(IN_AIR, gain, PARAMS)
+    return footholds.Landing(geometry, icp, times)
 
 
 def expected(icp=OUT, gain=0.0, on=ALL):
-    case = landing(icp, gain, on)
-    return propose_adjustment(IN_AIR, case, PARAMS, PERIOD)
+    return proposed(landing(icp, gain, on))
+
+
+def proposed(case):
+    return footholds.propose_adjustment(IN_AIR, case, PARAMS, PERIOD)
 
 
 @pytest.mark.parametrize("gain", [None, 0.15])
@@ -68,7 +60,7 @@ def test_proposes_and_draws_what_the_core_does(adjuster, gain):
     found, wanted = adjustment(adjuster, context), expected(gain=gain or 0.0)
     assert found == wanted and found.moved
     ours = drawn(adjuster, context)
-    theirs = capture_regions(landing(OUT, gain or 0.0), wanted)
+    theirs = footholds.capture_regions(landing(OUT, gain or 0.0), wanted)
     for one, other in zip(ours.regions, theirs.regions, strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(ours.reach, theirs.reach)
@@ -79,7 +71,7 @@ def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster(adjuster):
     """Oracle: the core, with the place of the swing foot, or with none."""
     icp, feet = np.array([0.1, 0.6]), IN_PLACE.feet
     seen = replace(landing(icp), foot=feet.right.p_WF[:2])
-    wanted = propose_adjustment(IN_AIR, seen, PARAMS, PERIOD)
+    wanted = proposed(seen)
     context = asked(
         adjuster, walking_state=IN_AIR, alip_icp=icp, foot_poses=feet
     )
@@ -114,16 +106,13 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off(adjuster):
 
 
 @pytest.mark.parametrize(
-    "schedule",
-    [walk(), replace(walk(), footsteps=()), standing()],
-    ids=["transfer", "last transfer", "standing"],
+    "schedule", [walk(), replace(walk(), footsteps=()), standing()]
 )
 def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(adjuster, schedule):
     """Oracle: unadjusted(), and no regions; no foothold is needed."""
     context = asked(
         adjuster, walking_state=walking.WalkingState(schedule), alip_icp=OUT
     )
-    assert adjustment(adjuster, context) == unadjusted(schedule)
+    assert adjustment(adjuster, context) == footholds.unadjusted(schedule)
     found = drawn(adjuster, context)
-    assert isinstance(found, CaptureRegions)
     assert (found.regions, found.nominal, found.adjusted) == ((), None, None)

@@ -5,29 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback.icp_step_qp import (
-    IcpStepControl,
-    IcpStepQpParams,
-)
-from nadia_balance.core.plan.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.feedback import icp_step_qp
+from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
-from nadia_balance.systems.signals import EcmpCommand, IcpReference
+from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import answer, asked, fix
 from tests.example_walks import MODEL, swing
+from tests.systems.test_icp_planner import assert_tells
 
-PARAMS, PERIOD = IcpStepQpParams(), 0.002
+PARAMS, PERIOD = icp_step_qp.IcpStepQpParams(), 0.002
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 
 
 def plan_of(state):
-    return plan_atlas_icp(state.schedule, AtlasIcpPlanParams(), MODEL)
+    params = atlas_icp_plan.AtlasIcpPlanParams()
+    return atlas_icp_plan.plan_atlas_icp(state.schedule, params, MODEL)
 
 
 @pytest.fixture
@@ -36,12 +32,11 @@ def controller():
 
 
 def inputs(state=IN_AIR, icp=OUT):
-    plan = plan_of(state)
-    return dict(walking_state=state, icp=icp, icp_plan=plan)
+    return dict(walking_state=state, icp=icp, icp_plan=plan_of(state))
 
 
 def expected_of(state, icp=OUT):
-    control = IcpStepControl(PARAMS, MODEL)
+    control = icp_step_qp.IcpStepControl(PARAMS, MODEL)
     return control.feedback(state, control.phase(state), plan_of(state), icp)
 
 
@@ -56,19 +51,15 @@ def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
     assert np.array_equal(found.pose.p_WF, expected.adjustment.pose.p_WF)
     ecmp = EcmpCommand(answer(controller, context, "ecmp_command"))
     assert ecmp.ecmp.tolist() == ecmp.cop.tolist() == expected.ecmp.tolist()
-    view = IcpReference(answer(controller, context, "icp_reference"))
-    for name in "icp", "icp_velocity", "cop", "ecmp":
-        assert np.array_equal(
-            getattr(view, name), getattr(expected.reference, name)
-        )
+    assert_tells(controller, context, expected.reference)
 
 
 def test_can_be_switched_off_and_on(controller):
     """Oracle: off, it proposes None, and the foothold stays."""
     context = asked(controller, mechanisms=[1, 0, 0, 0], **inputs())
     found = answer(controller, context, "adjustment")
-    step = replace(IN_PLACE.footsteps[0], pose=found.pose)
-    steps = (step, *IN_PLACE.footsteps[1:])
+    first, *rest = IN_PLACE.footsteps
+    steps = replace(first, pose=found.pose), *rest
     moved = replace(IN_PLACE, footsteps=steps)
     state = replace(IN_AIR, schedule=moved, adjustment=found)
     fix(controller, context, mechanisms=[0, 0, 0, 0], **inputs(state))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.systems.hardware import Imperfections, StateSensor
 from tests.blocks import answer, fix, running
 from tests.whole_body_examples import nadia, standing_state
@@ -74,18 +73,3 @@ def test_noise_is_white_and_of_the_deviations_asked_for():
 def test_refuses_a_delay_between_ticks():
     with pytest.raises(ValueError, match=r"^delay = 0\.003: must be a mult"):
         StateSensor(PLANT, Imperfections(delay=0.003), PERIOD)
-
-
-@pytest.mark.parametrize(
-    ("given", "noisy"),
-    [
-        ({}, False),
-        ({"friction_ratio": 0.5, "delay": 0.01}, False),
-        ({"pelvis_speed_noise": 0.01}, True),
-    ],
-)
-def test_tells_those_of_the_measurements(given, noisy):
-    """Oracle: by hand."""
-    imperfections = Imperfections(**given)
-    check(imperfections)
-    assert imperfections.has_noise is noisy
