@@ -49,11 +49,15 @@ def random_state(seed: int, size: float = 1.0) -> np.ndarray:
     return np.concatenate([q, 0.2 * size * rng.normal(size=nv)])
 
 
+def context_at(state: np.ndarray):
+    """A context of the plant of kinematics()."""
+    context = kinematics().plant.CreateDefaultContext()
+    kinematics().plant.SetPositionsAndVelocities(context, state)
+    return context
+
+
 def terms_at(state: np.ndarray) -> whole_body_command.WholeBodyTerms:
-    plant = kinematics().plant
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, state)
-    return kinematics().calc(context)
+    return kinematics().calc(context_at(state))
 
 
 def standing_state() -> np.ndarray:

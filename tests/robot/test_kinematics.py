@@ -7,15 +7,15 @@ from nadia_balance.core.whole_body.command import PELVIS, SOLES, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
 from tests import whole_body_examples as examples
-from tests.whole_body_examples import kinematics, nadia, random_state, terms_at
+from tests.whole_body_examples import (
+    context_at,
+    kinematics,
+    nadia,
+    random_state,
+    terms_at,
+)
 
 STEP = 1e-6
-
-
-def context_at(state):
-    context = kinematics().plant.CreateDefaultContext()
-    kinematics().plant.SetPositionsAndVelocities(context, state)
-    return context
 
 
 @pytest.mark.parametrize("seed", range(3))

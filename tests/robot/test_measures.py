@@ -7,15 +7,14 @@ import pytest
 import yaml
 from pydrake.geometry import Box, Capsule, Convex, Cylinder
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot.model import MODELS, load_robot_params
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.urdf import with_lengths
-
-LENGTHS = ("sole", "legs", "com_height")
+from tests.boxes import register
 
 
 def nadia_with(tmp_path, **given) -> RobotParams:
@@ -74,10 +73,9 @@ def test_soles_are_where_shapes_meet_the_ground(shapes, ends):
     mass = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
     for foot in ("left", "right"):
         body = plant.AddRigidBody(foot, mass)
-        for i, (shape, p, rpy) in enumerate(shapes):
+        for shape, p, rpy in shapes:
             X_BG = RigidTransform(RollPitchYaw(*rpy), p)
-            what = body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
-            plant.RegisterCollisionGeometry(*what)
+            register(plant, body, shape, X_BG)
     plant.Finalize()
     params = RobotParams(left_foot_body="left", right_foot_body="right")
     inspector = scene_graph.model_inspector()
