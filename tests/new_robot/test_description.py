@@ -22,14 +22,10 @@ def seen_by_drake(file, folder):
     Without shapes, as Drake reads no STL, and without rotors.
     """
     tree = ElementTree.parse(file)
-    for drive in tree.findall("transmission"):
-        tree.getroot().remove(drive)
-    for link in tree.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
-    for joint in tree.findall("joint"):
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
+    for holder in list(tree.iter()):
+        for part in list(holder):
+            if part.tag in ("transmission", "visual", "collision", "mimic"):
+                holder.remove(part)
     bare = folder / "bare.urdf"
     tree.write(bare)
     plant = MultibodyPlant(0.001)

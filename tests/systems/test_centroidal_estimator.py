@@ -7,15 +7,11 @@ import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems.state import CentroidalEstimator
+from tests import whole_body_examples as examples
 from tests.blocks import answer, asked
-from tests.whole_body_examples import (
-    context_at,
-    kinematics,
-    nadia,
-    random_state,
-)
+from tests.whole_body_examples import context_at, nadia, random_state
 
-ROBOT, PLANT = nadia(), kinematics().plant
+ROBOT, PLANT = nadia(), examples.kinematics().plant
 
 
 def outputs(state, *names):

@@ -10,14 +10,10 @@ from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results import measurements
 from nadia_balance.systems.state_estimator import START, StateEstimator
 from tests import run_cache
+from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix
 from tests.diagrams import simulated as runs
-from tests.whole_body_examples import (
-    context_at,
-    kinematics,
-    nadia,
-    standing_positions,
-)
+from tests.whole_body_examples import nadia, standing_positions
 
 PERIOD, NJ = 0.004, 23
 TORSO = SensorParams(
@@ -39,7 +35,7 @@ def test_the_pelvis_moves_as_an_imu_on_the_torso_says():
     )
     found = answer(block, context, "estimated_state")
     assert found[:30] == pytest.approx(q, abs=1e-12)
-    plant, own = kinematics().plant, context_at(found)
+    plant, own = examples.kinematics().plant, examples.context_at(found)
     body = plant.GetBodyByName("TORSO_LINK")
     turn = RollPitchYaw(np.radians(TORSO.imu_rpy_deg))
     X_BI = RigidTransform(turn, TORSO.imu_position)

@@ -44,15 +44,12 @@ def test_gives_what_the_core_function_gives(tasks):
 
     With a task of a user's as well, which has its elbow accelerate.
     """
-    terms, system = (
-        examples.terms_at(examples.standing_state()),
-        system_with(tasks),
-    )
-    found = WholeBodyQp(
-        WholeBodyQpParams(), examples.model(), PERIOD, tasks
-    ).solve(terms, examples.command(terms, momentum_rate=PUSHED))
+    system, told = system_with(tasks), inputs()
+    terms = told["whole_body_terms"]
+    core = WholeBodyQp(WholeBodyQpParams(), examples.model(), PERIOD, tasks)
+    found = core.solve(terms, examples.command(terms, momentum_rate=PUSHED))
     assert (found.vdot[ELBOW] > 10.0) == bool(tasks)
-    actuation, wrenches, status = outputs(system, asked(system, **inputs()))
+    actuation, wrenches, status = outputs(system, asked(system, **told))
     B = examples.kinematics().plant.MakeActuationMatrix()
     assert B[6:] @ actuation == pytest.approx(found.torques, abs=1e-9)
     assert wrenches == pytest.approx(found.wrenches, abs=1e-9)

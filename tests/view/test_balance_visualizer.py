@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, ConsoleMessage, Page
-from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -34,14 +33,13 @@ from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import FOOTPRINTS, RADIUS
 from nadia_balance.view.balance_visualizer import BalanceVisualizer as View
 from nadia_balance.view.scene import LINE
-from tests.blocks import asked
+from tests.blocks import answer, asked, fix
 from tests.core.body.test_ground import square
-from tests.example_walks import MODEL, SOLE
+from tests.example_walks import MODEL, SOLE, at_rest
 
 URDF = Path(__file__).parents[2] / "models" / "nadia" / "nadia.urdf"
 DURATION, STEP_LENGTH, TRANSFER, SWING = 5.5, 0.2, 0.3, 0.7  # [s], [m]
 PUSH = (4.2, 4.3)  # [s]
-MEGABYTE = 1e6
 PARTS = (
     *("footprints", "footsteps", "support_polygon"),
     *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
@@ -64,15 +62,12 @@ def walking_state(time: float) -> walking.WalkingState:
     feet = walking.FootPoses(landed, landed)
     feet = feet.with_foot(side.other, foot(taken - 1)[1])
     swings = clock >= TRANSFER
+    phase = walking.Phase.SWING if swings else walking.Phase.TRANSFER
+    duration, start = SWING if swings else TRANSFER, at_rest(np.zeros(2))
     next_ones = map(foot, range(taken + 1, taken + 5))
-    steps = [walking.Footstep(*one, TRANSFER, SWING) for one in next_ones]
+    steps = tuple(walking.Footstep(*one, TRANSFER, SWING) for one in next_ones)
     schedule = walking.ContactSchedule(
-        walking.Phase.SWING if swings else walking.Phase.TRANSFER,
-        side,
-        SWING if swings else TRANSFER,
-        feet,
-        tuple(steps),
-        walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
+        phase, side, duration, feet, steps, start
     )
     told = {"steps_taken": taken}
     if not swings:
@@ -144,17 +139,13 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
 
     def draw(time: float) -> None:
         root.SetTime(time)
-        plant.SetFloatingBaseBodyPoseInWorldFrame(
-            robot, pelvis, RigidTransform(com(time))
-        )
-        port = diagram.GetInputPort("state")
-        port.FixValue(root, Value(walking_state(time)))
-        diagram.GetInputPort("icp").FixValue(root, icp(time))
-        for name, value in vectors(time).items():
-            visualizer.GetInputPort(name).FixValue(inputs, value)
+        X_WB = RigidTransform(com(time))
+        plant.SetFloatingBaseBodyPoseInWorldFrame(robot, pelvis, X_WB)
+        fix(diagram, root, state=walking_state(time), icp=icp(time))
+        fix(visualizer, inputs, **vectors(time))
         diagram.ForcedPublish(root)
-        port = adjuster.GetOutputPort("capture_regions")
-        regions[time] = port.Eval(adjuster.GetMyContextFromRoot(root))
+        own = adjuster.GetMyContextFromRoot(root)
+        regions[time] = answer(adjuster, own, "capture_regions")
 
     start_recording(meshcat)
     diagram.ExecuteInitializationEvents(root)
@@ -189,11 +180,8 @@ class Replay:
     def show(self, path: str, visible: bool) -> None:
         """Shows or hides all below `path`, in the next picture."""
         self.page.evaluate(
-            """([path, visible]) => {
-              const names = path.split("/").filter((name) => name);
-              viewer.set_property(names, "visible", visible);
-            }""",
-            [path, visible],
+            "([names, shown]) => viewer.set_property(names, 'visible', shown)",
+            [path.strip("/").split("/"), visible],
         )
 
     def look_up(self, path: str, script: str):
@@ -230,7 +218,7 @@ def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     """The replay, with every network blocked."""
     html = tmp_path_factory.mktemp("replay") / "replay.html"
     regions = write_imitation(html)
-    assert html.stat().st_size <= 3.8 * MEGABYTE, "5 MB for ten seconds"
+    assert html.stat().st_size <= 3.8e6, "5 MB for ten seconds"
     size = {"width": 480, "height": 360}
     context = browser.new_context(viewport=size, offline=True)
     replay = Replay(context.new_page(), regions)
