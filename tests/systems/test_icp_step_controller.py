@@ -15,7 +15,8 @@ from tests.blocks import answer, asked, fix
 from tests.example_walks import MODEL, swing
 from tests.systems.test_icp_planner import assert_tells
 
-PARAMS, PERIOD = icp_step_qp.IcpStepQpParams(), 0.002
+PARAMS = icp_step_qp.IcpStepQpParams()
+CONTROLLER = IcpStepController(PARAMS, MODEL, 0.002)
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
@@ -24,11 +25,6 @@ IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 def plan_of(state):
     params = atlas_icp_plan.AtlasIcpPlanParams()
     return atlas_icp_plan.plan_atlas_icp(state.schedule, params, MODEL)
-
-
-@pytest.fixture
-def controller():
-    return IcpStepController(PARAMS, MODEL, PERIOD)
 
 
 def inputs(state=IN_AIR, icp=OUT):
@@ -41,31 +37,31 @@ def expected_of(state, icp=OUT):
 
 
 @pytest.mark.parametrize("gain, later", [(0.0, 0.3), (0.1, 0.4), (-0.1, 0.3)])
-def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
+def test_its_outputs_are_those_of_the_core_at_t_plus(gain, later):
     """Oracle: IcpStepControl.feedback() with the clock advanced."""
-    context = asked(controller, time_adjustment=[gain, 0.5], **inputs())
+    context = asked(CONTROLLER, time_adjustment=[gain, 0.5], **inputs())
     expected = expected_of(replace(IN_AIR, time_in_phase=later))
-    found = answer(controller, context, "adjustment")
+    found = answer(CONTROLLER, context, "adjustment")
     assert found.nominal is IN_PLACE.footsteps[0]
     assert found.pose is not found.nominal.pose
     assert np.array_equal(found.pose.p_WF, expected.adjustment.pose.p_WF)
-    ecmp = EcmpCommand(answer(controller, context, "ecmp_command"))
+    ecmp = EcmpCommand(answer(CONTROLLER, context, "ecmp_command"))
     assert ecmp.ecmp.tolist() == ecmp.cop.tolist() == expected.ecmp.tolist()
-    assert_tells(controller, context, expected.reference)
+    assert_tells(CONTROLLER, context, expected.reference)
 
 
-def test_can_be_switched_off_and_on(controller):
+def test_can_be_switched_off_and_on():
     """Oracle: off, it proposes None, and the foothold stays."""
-    context = asked(controller, mechanisms=[1, 0, 0, 0], **inputs())
-    found = answer(controller, context, "adjustment")
+    context = asked(CONTROLLER, mechanisms=[1, 0, 0, 0], **inputs())
+    found = answer(CONTROLLER, context, "adjustment")
     first, *rest = IN_PLACE.footsteps
     steps = replace(first, pose=found.pose), *rest
     moved = replace(IN_PLACE, footsteps=steps)
     state = replace(IN_AIR, schedule=moved, adjustment=found)
-    fix(controller, context, mechanisms=[0, 0, 0, 0], **inputs(state))
-    assert answer(controller, context, "adjustment") is NOTHING
-    drawn = answer(controller, context, "capture_regions")
+    fix(CONTROLLER, context, mechanisms=[0, 0, 0, 0], **inputs(state))
+    assert answer(CONTROLLER, context, "adjustment") is NOTHING
+    drawn = answer(CONTROLLER, context, "capture_regions")
     assert drawn.adjusted is found.pose
-    fix(controller, context, mechanisms=[1, 0, 0, 0], **inputs())
-    again = answer(controller, context, "adjustment")
+    fix(CONTROLLER, context, mechanisms=[1, 0, 0, 0], **inputs())
+    again = answer(CONTROLLER, context, "adjustment")
     np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)

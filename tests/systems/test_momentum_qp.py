@@ -28,11 +28,6 @@ INPUTS = {
 }
 
 
-@pytest.fixture
-def system():
-    return MomentumQp(PARAMS, MODEL, PERIOD)
-
-
 def outputs(system, context) -> list[np.ndarray]:
     return [answer(system, context, name).copy() for name in OUTPUTS]
 
@@ -46,8 +41,9 @@ def solved_by_hand(params=PARAMS, previous=(0.0, 0.0, 0.0, 0.0)):
     )
 
 
-def test_commands_what_the_core_computes(system):
+def test_commands_what_the_core_computes():
     """Oracle: IcpFeedbackQp, called by hand."""
+    system = MomentumQp(PARAMS, MODEL, PERIOD)
     expected = solved_by_hand()
     command, status = outputs(system, asked(system, **INPUTS))
     assert command.tolist() == [*expected.cop, *expected.ecmp]
@@ -70,8 +66,9 @@ def test_remembers_the_feedback_for_the_rate_weight():
     assert second == pytest.approx([*expected.cop, *expected.ecmp], abs=1e-12)
 
 
-def test_counts_failures_and_holds_the_command(system, monkeypatch):
+def test_counts_failures_and_holds_the_command(monkeypatch):
     """Oracle: status and command of ticks without a solution."""
+    system = MomentumQp(PARAMS, MODEL, PERIOD)
     simulator, context = running(system, **INPUTS)
     before = outputs(system, context)[0]
     tick(simulator, PERIOD)

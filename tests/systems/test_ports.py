@@ -3,12 +3,7 @@
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
-    FootPose,
-    Footstep,
-    Side,
-)
+from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
 from nadia_balance.systems import ports
 from tests.blocks import asked, fix
 
@@ -61,12 +56,3 @@ def test_a_port_with_a_default_may_stay_open(sink):
     fix(sink, context, maybe=Side.LEFT)
     with pytest.raises(TypeError, match="'maybe' got a Side, needs a FootPose"):
         pose(context)
-
-
-def test_all_mechanisms_are_on_unless_they_are_told(sink):
-    """Oracle: the table of names."""
-    context = asked(sink)
-    assert sink.mechanisms(context) == MECHANISMS["all_with_cross_over"]
-    for on in MECHANISMS.values():
-        fix(sink, context, mechanisms=on.as_vector())
-        assert sink.mechanisms(context) == on
