@@ -11,16 +11,12 @@ from pydrake.multibody.tree import MultibodyForces
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.leg_strength import StandingLegs
 from nadia_balance.robot.model import MODELS, load_robot
+from nadia_balance.robot.plants import actuators
 from tests.robot.test_model import change, standing
 
 ROBOTS = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
 # Directions of a foot in the plane [rad].
 ANGLES = np.linspace(0.0, math.tau, 64, endpoint=False)
-
-
-@pytest.fixture(params=ROBOTS)
-def robot(request):
-    return ROBOTS[request.param]
 
 
 def limits(robot, speeds):
@@ -30,8 +26,7 @@ def limits(robot, speeds):
 def efforts(plant):
     """Effort limits (nv,); those of the base are endless."""
     found = np.full(plant.num_velocities(), np.inf)
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
+    for actuator in actuators(plant):
         found[actuator.joint().velocity_start()] = actuator.effort_limit()
     return found
 
@@ -60,6 +55,7 @@ def moving(plant, context, robot, side, angle):
     return found
 
 
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     """Oracle: Drake's inverse dynamics and velocities, the pelvis held.
 

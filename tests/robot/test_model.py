@@ -12,6 +12,7 @@ from nadia_balance.core.whole_body import params as of_qp
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
+from nadia_balance.robot.plants import actuators
 
 ROBOT = load_robot("nadia")
 
@@ -130,8 +131,9 @@ def test_transmissions_may_be_missing(copy):
 def effort_limits(robot):
     """Effort limits [N m] of the robot's plant, by joint."""
     plant = robot.control_plant()
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    return {a.joint().name(): a.effort_limit() for a in actuators}
+    return {
+        drive.joint().name(): drive.effort_limit() for drive in actuators(plant)
+    }
 
 
 def test_torque_limits_are_those_of_the_robot_yaml(copy):

@@ -35,9 +35,9 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
     """
     builder = DiagramBuilder()
     plant = ground(builder)
-    instance = plant.AddModelInstance("robot")
+    robot = plant.AddModelInstance("robot")
     for name, mass, p_WB in (("left", 3.0, left), ("right", 5.0, right)):
-        body = cube(plant, name, instance, mass, 2 * HALF, p_WB)
+        body = cube(plant, name, robot, mass, 2 * HALF, p_WB)
         for corner in CORNERS:
             register(plant, body, Sphere(KNOB), corner)
     plant.Finalize()

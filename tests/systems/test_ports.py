@@ -29,13 +29,9 @@ class Sink(LeafSystem):
         )
 
 
-@pytest.fixture
-def sink():
-    return Sink()
-
-
-def test_hands_out_the_value_itself_and_checks_its_type(sink):
+def test_hands_out_the_value_itself_and_checks_its_type():
     """Oracle: identity, also of huge numbers; the message names both types."""
+    sink = Sink()
     context = asked(sink, pose=POSE, pair=[1e150, -1e-150])
     assert sink.pose(context) is POSE
     assert sink.pair(context).tolist() == [1e150, -1e-150]
@@ -45,8 +41,9 @@ def test_hands_out_the_value_itself_and_checks_its_type(sink):
         sink.pose(context)
 
 
-def test_a_port_with_a_default_may_stay_open(sink):
+def test_a_port_with_a_default_may_stay_open():
     """Oracle: the default, itself or as a value; the message for all else."""
+    sink = Sink()
     pose = ports.Input(sink, "maybe", FootPose, None)
     context = asked(sink)
     assert pose(context) is None
