@@ -217,7 +217,7 @@ def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     page = context.new_page()
     seen = {event: [] for event in ("request", "pageerror", "console")}
     for event, found in seen.items():
-        page.on(event, found.append)
+        page.on(event, lambda what, found=found: found.append(what))
     page.goto(html.as_uri())
     page.wait_for_function("viewer.animator.duration > 0")
     yield Replay(page, regions, seen)
