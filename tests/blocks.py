@@ -1,5 +1,6 @@
 """How tests ask a block: inputs and outputs by the names of their ports."""
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, PortDataType, System
@@ -34,6 +35,18 @@ def running(system: System, **inputs: object) -> tuple[Simulator, Context]:
     context = simulator.get_mutable_context()
     fix(system, context, **inputs)
     return simulator, context
+
+
+def told(system: System, period: float, inputs: list[dict], *outputs: str):
+    """The values of each output (n, ...) in n ticks with their inputs."""
+    simulator, context = running(system, **inputs[0])
+    simulator.Initialize()
+    found = []
+    for i, now in enumerate(inputs, start=1):
+        fix(system, context, **now)
+        found.append([answer(system, context, name) for name in outputs])
+        simulator.AdvanceTo(i * period)
+    return [np.array(values) for values in zip(*found, strict=True)]
 
 
 def tick(simulator: Simulator, period: float) -> None:

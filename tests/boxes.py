@@ -8,6 +8,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 
@@ -27,9 +28,18 @@ def ground(builder: DiagramBuilder) -> MultibodyPlant:
     return plant
 
 
-def register(plant: MultibodyPlant, body, shape, p_BG=(0.0, 0.0, 0.0)) -> None:
-    """Gives the body a shape that touches others, at p_BG (3,)."""
+def register(plant: MultibodyPlant, body, shape, at=(0.0, 0.0, 0.0)) -> None:
+    """Gives the body a shape that touches others, at p_BG (3,) or X_BG."""
     count = len(plant.GetCollisionGeometriesForBody(body))
     plant.RegisterCollisionGeometry(
-        body, RigidTransform(p_BG), shape, f"{count}", properties()
+        body, RigidTransform(at), shape, f"{count}", properties()
     )
+
+
+def cube(plant: MultibodyPlant, name: str, model, mass: float, size: float, at):
+    """A new body of the model: a cube [m], [kg] that begins at p_WB (3,)."""
+    inertia = SpatialInertia.SolidBoxWithMass(mass, size, size, size)
+    body = plant.AddRigidBody(name, model, inertia)
+    register(plant, body, Box(size, size, size))
+    plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(at))
+    return body

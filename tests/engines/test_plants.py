@@ -7,7 +7,7 @@ import pytest
 from pydrake import geometry
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
@@ -17,6 +17,7 @@ from nadia_balance.engines import plants
 from nadia_balance.engines.plants import MujocoPlant
 from nadia_balance.robot.model import load_robot
 from tests.blocks import answer, running
+from tests.boxes import register
 from tests.example_walks import MODEL, ReferencePoint, replace, walk
 
 FACES = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
@@ -26,11 +27,6 @@ CUBE = "".join(
 
 PERIOD = 0.002
 START = ReferencePoint([0.01, 0.02], [0.1, -0.05], [0.0, 0.0])
-
-
-def touch(plant: MultibodyPlant, body, shape) -> None:
-    what = body, RigidTransform(), shape, "touches"
-    plant.RegisterCollisionGeometry(*what, CoulombFriction(0.8, 0.8))
 
 
 def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
@@ -46,15 +42,15 @@ def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
     }
     plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    touch(plant, plant.world_body(), geometry.HalfSpace())
-    bodies = {}
+    register(plant, plant.world_body(), geometry.HalfSpace())
+    bodies = []
     for i, (name, shape) in enumerate(shapes.items()):
         inertia = SpatialInertia.SolidSphereWithMass(1.0 + i, 0.1)
-        bodies[name] = plant.AddRigidBody(name, inertia)
-        touch(plant, bodies[name], shape)
+        bodies.append(plant.AddRigidBody(name, inertia))
+        register(plant, bodies[i], shape)
         high = 0.2 if name == "capsule" else 0.1
         pose = RigidTransform([float(i), 0.0, high])
-        plant.SetDefaultFloatingBaseBodyPose(bodies[name], pose)
+        plant.SetDefaultFloatingBaseBodyPose(bodies[i], pose)
     plant.Finalize()
     engine = MujocoPlant(plant, scene_graph)
     simulator, context = running(engine, actuation=np.zeros(0))
@@ -66,10 +62,9 @@ def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
         sign = 1.0 if a == 0 else -1.0
         found = forces.setdefault(max(a, b), np.zeros(3))
         found += sign * contact.contact_force()
-    for i, body in enumerate(bodies.values()):
-        weight = 9.81 * (1.0 + i)
+    for i, body in enumerate(bodies):
         found = forces[int(body.index())][2]
-        assert found == pytest.approx(weight, abs=0.05)
+        assert found == pytest.approx(9.81 * (1.0 + i), abs=0.05)
 
 
 @pytest.fixture(scope="module")

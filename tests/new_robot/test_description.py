@@ -22,14 +22,10 @@ def seen_by_drake(file, folder):
     Without shapes, as Drake reads no STL, and without rotors.
     """
     tree = ElementTree.parse(file)
-    for drive in tree.findall("transmission"):
-        tree.getroot().remove(drive)
-    for link in tree.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
-    for joint in tree.findall("joint"):
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
+    for holder in list(tree.iter()):
+        for part in list(holder):
+            if part.tag in ("transmission", "visual", "collision", "mimic"):
+                holder.remove(part)
     bare = folder / "bare.urdf"
     tree.write(bare)
     plant = MultibodyPlant(0.001)
@@ -148,11 +144,15 @@ WITH_BOW = WITH_BOW.replace(
 )
 
 
+def made(text, folder, name="made"):
+    """The notes of the robot of an MJCF, which is made in `folder / name`."""
+    (folder / "robot.xml").write_text(text)
+    return make_once(folder / "robot.xml", folder / name)
+
+
 def test_an_mjcf_becomes_a_robot(tmp_path):
     """Oracle: the figures in the file; MuJoCo's mass matrix, rotors in it."""
-    file = tmp_path / "robot.xml"
-    file.write_text(WITH_BOW)
-    make_once(file, tmp_path / "made")
+    made(WITH_BOW, tmp_path)
     robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
     sole, legs = robot.params.sole, robot.params.legs
     assert legs.length == pytest.approx(THIGH + SHIN)
@@ -188,9 +188,7 @@ def test_heavy_arms_are_not_taken_for_legs(tmp_path):
     chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
     assert chest in MJCF
     arms = (leg("a", 0.3) + leg("b", -0.3)).replace('mass="5"', 'mass="8"')
-    file = tmp_path / "robot.xml"
-    file.write_text(MJCF.replace(chest, chest + arms))
-    guessed = make_once(file, tmp_path / "made").of("guessed")
+    guessed = made(MJCF.replace(chest, chest + arms), tmp_path).of("guessed")
     assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
 
 
@@ -199,9 +197,7 @@ def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
     found = []
     held = MJCF.replace("<freejoint/>", "")
     for name, text in ("free", MJCF), ("held", held):
-        file = tmp_path / f"{name}.xml"
-        file.write_text(text)
-        notes = make_once(file, tmp_path / name)
+        notes = made(text, tmp_path, name)
         found.append((tmp_path / name / "robot.yaml").read_text())
     assert found[0] == found[1]
     assert "no longer welded to the world: pelvis" in notes.of("changed")
@@ -231,7 +227,5 @@ def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
 )
 def test_a_faulty_mjcf_is_refused(tmp_path, old, new, message):
     assert old in MJCF
-    file = tmp_path / "robot.xml"
-    file.write_text(MJCF.replace(old, new, 1))
     with pytest.raises(ValueError, match=message):
-        make_once(file, tmp_path / "made")
+        made(MJCF.replace(old, new, 1), tmp_path)

@@ -21,7 +21,6 @@ ElementTree.register_namespace("drake", "http://drake.mit.edu")
 PARAMS = of_qp.CollisionAvoidanceParams()
 MAX_PAIRS = collision_avoidance.MAX_PAIRS
 FAR = 0.4  # [m]
-ROBOTS = ("nadia", "atlas")
 
 
 class Links:
@@ -110,12 +109,7 @@ class Links:
 
 
 NADIA = Links(examples.nadia())
-
-
-@pytest.fixture(scope="module")
-def links(request):
-    """The link distances of a robot of ROBOTS."""
-    return NADIA if request.param == "nadia" else Links(load_robot("atlas"))
+ROBOTS = [NADIA, Links(load_robot("atlas"))]
 
 
 @pytest.fixture
@@ -131,7 +125,7 @@ def nearest(distances):
 
 
 @pytest.mark.usefixtures("all_pairs")
-@pytest.mark.parametrize("links", ROBOTS, indirect=True)
+@pytest.mark.parametrize("links", ROBOTS)
 def test_distances_are_those_of_the_shapes(links):
     """Oracle: brute force over each pair's axes, in random poses."""
     rng = np.random.default_rng(0)
@@ -143,7 +137,7 @@ def test_distances_are_those_of_the_shapes(links):
 
 
 @pytest.mark.usefixtures("all_pairs")
-@pytest.mark.parametrize("links", ROBOTS, indirect=True)
+@pytest.mark.parametrize("links", ROBOTS)
 def test_rows_are_the_rates_of_the_distances(links):
     """Oracle: finite differences of brute force along each velocity.
 
@@ -178,11 +172,9 @@ def with_other_shapes(folder):
     """Nadia, with a box for its left thigh and a cylinder for its torso."""
     params, urdf = load_robot_params("nadia")
     tree = ElementTree.parse(urdf)
-    sizes = {"radius": "0.16", "length": "0.3"}
-    for link, shape, size in (
-        ("LEFT_THIGH_LINK", "box", {"size": "0.12 0.14 0.3"}),
-        ("TORSO_LINK", "cylinder", sizes),
-    ):
+    box, sizes = {"size": "0.12 0.14 0.3"}, {"radius": "0.16", "length": "0.3"}
+    thigh = "LEFT_THIGH_LINK", "box", box
+    for link, shape, size in (thigh, ("TORSO_LINK", "cylinder", sizes)):
         geometry = tree.find(f"link[@name='{link}']/collision/geometry")
         geometry.clear()
         ElementTree.SubElement(geometry, shape, size)
@@ -217,20 +209,16 @@ def moving(joint, speed):
 
 
 @pytest.mark.parametrize(
-    ("joint", "speed", "seen"),
-    [
-        ("LEFT_SHOULDER_X", -10.0, 2),
-        ("LEFT_SHOULDER_X", -6.0, 0),
-        ("LEFT_SHOULDER_X", 10.0, 0),
-        ("LEFT_HIP_X", -6.0, 0),
-    ],
+    ("link", "speed", "seen"),
+    [("SHOULDER", v, n) for v, n in ((-10.0, 2), (-6.0, 0), (10.0, 0))]
+    + [("HIP", -6.0, 0)],
 )
-def test_an_arm_is_seen_from_afar_if_it_has_to_brake(joint, speed, seen):
+def test_an_arm_is_seen_from_afar_if_it_has_to_brake(link, speed, seen):
     """Oracle: the law, by hand.
 
     Legs may pass each other as closely, and as fast.
     """
-    q, v = examples.standing_positions(), moving(joint, speed)
+    q, v = examples.standing_positions(), moving(f"LEFT_{link}_X", speed)
     found, rows = NADIA.said(q, 0.08, v)
     assert len(found) == seen
     for d, rate in zip(found, rows @ v, strict=True):

@@ -6,11 +6,6 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import load_robot
 
 
-@pytest.fixture(params=["nadia", "atlas", "g1"])
-def robot(request):
-    return load_robot(request.param)
-
-
 def foot_distance(robot, apart):
     """Distance [m] of the feet's shapes, level soles `apart` [m] in y."""
     diagram, plant, scene_graph = robot.control_diagram()
@@ -28,8 +23,10 @@ def foot_distance(robot, apart):
     )
 
 
-def test_feet_at_the_least_width_keep_their_clearance(robot):
+@pytest.mark.parametrize("name", ["nadia", "atlas", "g1"])
+def test_feet_at_the_least_width_keep_their_clearance(name):
     """Oracle: Drake's distance of the shapes of the standing robot's feet."""
+    robot = load_robot(name)
     least = robot.point_mass.reach.width_min
     clearance = robot.params.whole_body.avoidance.clearance
     assert foot_distance(robot, least) >= clearance - 1e-3

@@ -12,17 +12,11 @@ from tests.whole_body_examples import kinematics, nadia, random_state, terms_at
 STEP = 1e-6
 
 
-def context_at(state):
-    context = kinematics().plant.CreateDefaultContext()
-    kinematics().plant.SetPositionsAndVelocities(context, state)
-    return context
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_velocities_of_a_state_that_is_ahead_are_those_of_now(seed):
     """Oracle: finite difference: at twice the lead, four times the error."""
     state, plant = random_state(seed), kinematics().plant
-    context, nq = context_at(state), plant.num_positions()
+    context, nq = examples.context_at(state), plant.num_positions()
     rates = plant.MapVelocityToQDot(context, state[nq:])
     now, errors = terms_at(state).velocities, []
     for lead in (1e-3, 2e-3):
@@ -42,7 +36,7 @@ def test_velocities_of_a_state_that_is_ahead_are_those_of_now(seed):
 def test_velocities_are_those_of_soles_and_torso(seed):
     """Oracle: Drake's spatial velocities, shifted to the sole's centre."""
     state, plant = random_state(seed), kinematics().plant
-    terms, context = terms_at(state), context_at(state)
+    terms, context = terms_at(state), examples.context_at(state)
     for index, side in enumerate((Side.LEFT, Side.RIGHT)):
         foot = plant.GetBodyByName(nadia().foot_bodies[side])
         X_WB = plant.EvalBodyPoseInWorld(context, foot)
@@ -66,7 +60,7 @@ def test_bias_is_the_rest_of_the_acceleration(seed):
     state, plant = random_state(seed), kinematics().plant
     terms = terms_at(state)
     vdot = np.random.default_rng(seed).normal(size=29)
-    qdot = plant.MapVelocityToQDot(context_at(state), terms.v)
+    qdot = plant.MapVelocityToQDot(examples.context_at(state), terms.v)
     way = STEP * np.concatenate([qdot, vdot])
     ahead, behind = terms_at(state + way), terms_at(state - way)
     change = (ahead.velocities - behind.velocities) / (2.0 * STEP)

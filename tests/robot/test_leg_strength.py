@@ -6,29 +6,17 @@ import shutil
 
 import numpy as np
 import pytest
-import yaml
 from pydrake.multibody.tree import MultibodyForces
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.leg_strength import StandingLegs
 from nadia_balance.robot.model import MODELS, load_robot
+from nadia_balance.robot.plants import actuators
+from tests.robot.test_model import change, standing
 
 ROBOTS = {name: load_robot(name) for name in ("nadia", "atlas", "g1")}
 # Directions of a foot in the plane [rad].
 ANGLES = np.linspace(0.0, math.tau, 64, endpoint=False)
-
-
-@pytest.fixture(params=ROBOTS)
-def robot(request):
-    return ROBOTS[request.param]
-
-
-def standing(robot):
-    """Its plant, and the context in which it stands."""
-    plant = robot.control_plant()
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, robot.standing_positions())
-    return plant, context
 
 
 def limits(robot, speeds):
@@ -38,8 +26,7 @@ def limits(robot, speeds):
 def efforts(plant):
     """Effort limits (nv,); those of the base are endless."""
     found = np.full(plant.num_velocities(), np.inf)
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
+    for actuator in actuators(plant):
         found[actuator.joint().velocity_start()] = actuator.effort_limit()
     return found
 
@@ -68,6 +55,7 @@ def moving(plant, context, robot, side, angle):
     return found
 
 
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     """Oracle: Drake's inverse dynamics and velocities, the pelvis held.
 
@@ -102,7 +90,10 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
 
 def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     """Oracle: by hand: torque over weight is the lever, from the ankle."""
-    robot = weaker(tmp_path, {"LEFT_ANKLE_X": 20.0, "RIGHT_ANKLE_Y": 120.0})
+    weak = shutil.copytree(MODELS / "nadia", tmp_path / "weak") / "robot.yaml"
+    change(weak, "LEFT_ANKLE_X: 184", "LEFT_ANKLE_X: 20")
+    change(weak, "RIGHT_ANKLE_Y: 377", "RIGHT_ANKLE_Y: 120")
+    robot = load_robot(str(weak))
     plant, context = standing(robot)
     ankle = plant.GetBodyByName("RIGHT_ANKLE_LINK")
     x = ankle.EvalPoseInWorld(context).translation()[0]
@@ -114,16 +105,6 @@ def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     most = [x + 120.0 / weight, half_width]
     assert area.max(axis=0) == pytest.approx(most, abs=1e-4)
     assert area.min(axis=0) == pytest.approx([-0.125, -half_width], abs=1e-4)
-
-
-def weaker(tmp_path, torques):
-    """Nadia with these torque limits, loaded from a robot.yaml."""
-    folder = shutil.copytree(MODELS / "nadia", tmp_path / "weak")
-    path = folder / "robot.yaml"
-    tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    tree["drives"]["max_torque"] |= torques
-    path.write_text(yaml.safe_dump(tree), encoding="utf-8")
-    return load_robot(str(path))
 
 
 def test_refuses_an_ankle_that_cannot_carry_the_robot():

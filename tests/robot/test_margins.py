@@ -43,9 +43,8 @@ def test_a_knee_that_carries_half_of_it_only_is_warned_of(tmp_path):
     text = robot.urdf.read_text("utf-8")
     urdf.write_text(text.replace('effort="139"', 'effort="13"'), "utf-8")
     found = too_weak(RobotModel(robot.params, urdf))
-    names = [
-        f"effort limit of {side}_knee_joint, 13" for side in ("left", "right")
-    ]
-    assert [line.split(": ")[1].removesuffix(" N m") for line in found] == names
+    for side, line in zip(("left", "right"), found, strict=True):
+        name = line.split(": ")[1].removesuffix(" N m")
+        assert name == f"effort limit of {side}_knee_joint, 13"
     (needed,) = {float(line.split()[-3]) for line in found}
     assert needed == pytest.approx(20.0, abs=3.0)

@@ -1,30 +1,21 @@
 """Lengths measured in a URDF: of Nadia, and of feet of other shapes."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
-import yaml
 from pydrake.geometry import Box, Capsule, Convex, Cylinder
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot.model import MODELS, load_robot_params
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.urdf import with_lengths
-
-LENGTHS = ("sole", "legs", "com_height")
-
-
-def nadia_with(tmp_path, **given) -> RobotParams:
-    """Nadia's parameters, with only these lengths `given`."""
-    text = (MODELS / "nadia" / "robot.yaml").read_text("utf-8")
-    tree = yaml.safe_load(text) | {"urdf": str(MODELS / "nadia" / "nadia.urdf")}
-    file = tmp_path / "robot.yaml"
-    file.write_text(yaml.safe_dump(tree | given), encoding="utf-8")
-    return load_robot_params(str(file))[0]
+from tests.boxes import register
+from tests.robot.test_model import change
 
 
 def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
@@ -35,7 +26,10 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
     known = load_robot_params("nadia")[0]
     assert (known.legs.hip_width, known.legs.ankle_height) == (0.26, 0.098)
     assert known.com_height == 0.888  # of the paper's robot
-    found = nadia_with(tmp_path, sole={"z": -0.1}, legs={"length": 0.7})
+    file = shutil.copytree(MODELS / "nadia", tmp_path / "own") / "robot.yaml"
+    given = "name: own\nsole: {z: -0.1}\nlegs: {length: 0.7}"
+    change(file, "name: nadia", given)
+    found = load_robot_params(str(file))[0]
     assert (found.sole.x_min, found.sole.x_max) == (-0.072, 0.178)
     assert (found.sole.half_width, found.sole.z) == (0.06, -0.1)
     assert (found.legs.length, found.legs.ankle_height) == (0.7, 0.11)
@@ -74,10 +68,9 @@ def test_soles_are_where_shapes_meet_the_ground(shapes, ends):
     mass = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
     for foot in ("left", "right"):
         body = plant.AddRigidBody(foot, mass)
-        for i, (shape, p, rpy) in enumerate(shapes):
+        for shape, p, rpy in shapes:
             X_BG = RigidTransform(RollPitchYaw(*rpy), p)
-            what = body, X_BG, shape, f"{i}", CoulombFriction(1.0, 1.0)
-            plant.RegisterCollisionGeometry(*what)
+            register(plant, body, shape, X_BG)
     plant.Finalize()
     params = RobotParams(left_foot_body="left", right_foot_body="right")
     inspector = scene_graph.model_inspector()

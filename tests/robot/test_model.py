@@ -8,42 +8,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body import params as of_qp
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
+from nadia_balance.robot.plants import actuators
 
 ROBOT = load_robot("nadia")
 
 
-def plant_at(q=None):
-    """The robot's plant, and its context at `q`; else at its posture."""
-    plant = ROBOT.control_plant()
+def standing(robot, width=None):
+    """Its plant, and the context in which it stands with this step width."""
+    plant = robot.control_plant()
     context = plant.CreateDefaultContext()
-    for joint, angle in ROBOT.posture.items():
-        plant.GetJointByName(joint).set_angle(context, angle)
-    if q is not None:
-        plant.SetPositions(context, q)
+    plant.SetPositions(context, robot.standing_positions(width))
     return plant, context
-
-
-def position(plant, context, body: str) -> np.ndarray:
-    return plant.GetBodyByName(body).EvalPoseInWorld(context).translation()
-
-
-def soles(plant, context):
-    """X_WF of both soles, by side."""
-    feet = {s: plant.GetBodyByName(ROBOT.foot_bodies[s]) for s in Side}
-    poses = {side: foot.EvalPoseInWorld(context) for side, foot in feet.items()}
-    return {side: X @ ROBOT.X_FootSole[side] for side, X in poses.items()}
 
 
 @pytest.mark.parametrize("width", [None, 0.125, 0.5])
 def test_stands_with_level_soles_and_the_com_over_their_middle(width):
     """Oracle: forward kinematics.  SNOPT is content with some 1e-7."""
-    plant, context = plant_at(ROBOT.standing_positions(width))
-    for side, X_WF in soles(plant, context).items():
+    plant, context = standing(ROBOT, width)
+    for side, X_FS in ROBOT.X_FootSole.items():
+        foot = plant.GetBodyByName(ROBOT.foot_bodies[side])
+        X_WF = foot.EvalPoseInWorld(context) @ X_FS
         y = 0.5 * side.sign * (width or 0.25)
         assert X_WF.translation() == pytest.approx([0.0, y, 0.0], abs=1e-6)
         assert X_WF.rotation().IsNearlyIdentity(1e-5)
@@ -102,10 +90,11 @@ def test_refuses_ankles_too_weak_to_stand(copy, strength):
 
     Less the weight of what is below the ankle.
     """
-    plant, context = plant_at(ROBOT.standing_positions())
-    ankle = position(plant, context, "LEFT_ANKLE_LINK")[0]
+    plant, context = standing(ROBOT)
+    ankle_link = plant.GetBodyByName("LEFT_ANKLE_LINK")
+    ankle = ankle_link.EvalPoseInWorld(context).translation()[0]
     needed = 0.5 * ROBOT.mass * 9.81 * (0.0 - ankle)
-    for link in map(plant.GetBodyByName, ("LEFT_ANKLE_LINK", "LEFT_FOOT_LINK")):
+    for link in ankle_link, plant.GetBodyByName("LEFT_FOOT_LINK"):
         p_LC = link.CalcCenterOfMassInBodyFrame(context)
         com = link.EvalPoseInWorld(context) @ p_LC
         needed -= link.get_mass(context) * 9.81 * (com[0] - ankle)
@@ -142,8 +131,9 @@ def test_transmissions_may_be_missing(copy):
 def effort_limits(robot):
     """Effort limits [N m] of the robot's plant, by joint."""
     plant = robot.control_plant()
-    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    return {a.joint().name(): a.effort_limit() for a in actuators}
+    return {
+        drive.joint().name(): drive.effort_limit() for drive in actuators(plant)
+    }
 
 
 def test_torque_limits_are_those_of_the_robot_yaml(copy):
@@ -208,7 +198,6 @@ def of_urdf(old, new, named):
     [
         of_yaml("urdf: nadia.urdf", "urdf: none.urdf", "urdf"),
         of_yaml("name: nadia", "name: a\ncom_height: 2.0", "com_height = 2.0"),
-        of_yaml("name: nadia", "name: a\nlegs: {length: -1}", "legs.length"),
         of_yaml("name: nadia", "name: a\nsole: {x_max: -0.1}", "sole.x_max"),
         of_yaml("TORSO_LINK", "TRUNK", "torso_body"),
         of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),

@@ -7,19 +7,18 @@ import pytest
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems.state import CentroidalEstimator
+from tests import whole_body_examples as examples
 from tests.blocks import answer, asked
-from tests.whole_body_examples import nadia, random_state
+from tests.whole_body_examples import context_at, nadia, random_state
 
-ROBOT = nadia()
-PLANT = ROBOT.control_plant()
-OUTPUTS = ("com_state", "icp", "foot_poses")
+ROBOT, PLANT = nadia(), examples.kinematics().plant
 
 
-def outputs(state, estimator=None):
-    """com_state, icp, foot_poses of a state."""
-    estimator = estimator or CentroidalEstimator(ROBOT)
+def outputs(state, *names):
+    """The outputs of these names."""
+    estimator = CentroidalEstimator(ROBOT)
     context = asked(estimator, predicted_state=state)
-    return [answer(estimator, context, name) for name in OUTPUTS]
+    return [answer(estimator, context, name) for name in names]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -29,26 +28,22 @@ def test_com_and_alip_icp_are_those_of_the_plant(seed):
     A point mass m at the CoM, v fast, has the momentum m z (-v_y, v_x) there.
     """
     state = random_state(seed, 10.0)
-    estimator = CentroidalEstimator(ROBOT)
-    inputs = asked(estimator, predicted_state=state)
-    context = PLANT.CreateDefaultContext()
-    PLANT.SetPositionsAndVelocities(context, state)
+    com_state, found, icp = outputs(state, "com_state", "alip_icp", "icp")
+    context = context_at(state)
     com = PLANT.CalcCenterOfMassPositionInWorld(context)
     velocity = PLANT.CalcCenterOfMassTranslationalVelocityInWorld(context)
-    com_state = answer(estimator, inputs, "com_state")
     assert com_state == pytest.approx([*com, *velocity], abs=1e-12)
     contact = com - [0.0, 0.0, ROBOT.com_height]
     momentum = PLANT.CalcSpatialMomentumInWorldAboutPoint(context, contact)
     x, y, _ = momentum.rotational() / (ROBOT.mass * ROBOT.com_height)
     expected = com[:2] + np.array([y, -x]) / ROBOT.point_mass.omega
-    found = answer(estimator, inputs, "alip_icp")
     assert found == pytest.approx(expected, abs=1e-12)
-    assert np.abs(found - answer(estimator, inputs, "icp")).max() > 0.01
+    assert np.abs(found - icp).max() > 0.01
 
 
 def test_icp_is_eq_1_with_the_omega_of_the_robot():
     """Oracle: x + xdot / omega by hand."""
-    com_state, icp, _ = outputs(random_state(3, 10.0))
+    com_state, icp = outputs(random_state(3, 10.0), "com_state", "icp")
     expected = com_state[:2] + com_state[3:5] / ROBOT.point_mass.omega
     assert icp == pytest.approx(expected, abs=1e-15)
 
@@ -56,9 +51,8 @@ def test_icp_is_eq_1_with_the_omega_of_the_robot():
 @pytest.mark.parametrize("side", list(Side))
 def test_foot_poses_are_those_of_the_soles(side):
     """Oracle: Drake's pose of the foot; where its x axis points to."""
-    state, context = random_state(1, 10.0), PLANT.CreateDefaultContext()
-    _, _, poses = outputs(state)
-    PLANT.SetPositionsAndVelocities(context, state)
+    state = random_state(1, 10.0)
+    (poses,), context = outputs(state, "foot_poses"), context_at(state)
     foot = PLANT.GetBodyByName(ROBOT.foot_bodies[side])
     X_WS = PLANT.EvalBodyPoseInWorld(context, foot) @ ROBOT.X_FootSole[side]
     x, y, _ = X_WS.rotation().col(0)

@@ -16,13 +16,12 @@ PARAMS = ComHeightParams()
 COM, ECMP = np.array([0.01, 0.1]), np.array([0.05, -0.02])
 
 
-def rate(state, height=MODEL.com_height):
-    """The momentum rate at rest at this height."""
+def rate(state):
+    """The momentum rate at rest at the height of the model."""
     system = ComHeightController(PARAMS, MODEL, 0.004)
-    com_state = [*COM, height, 0.2, 0.1, 0.0]
     context = asked(
         system,
-        com_state=com_state,
+        com_state=[*COM, MODEL.com_height, 0.2, 0.1, 0.0],
         ecmp_command=[0.3, 0.4, *ECMP],
         walking_state=state,
     )

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Sphere
-from pydrake.math import RigidTransform
+from pydrake.geometry import Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
@@ -15,14 +14,13 @@ from pydrake.systems.primitives import LogVectorOutput
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.systems.hardware import FootForceSensor
-from tests.boxes import ground, register
+from tests.boxes import cube, ground, register
 
 ROBOT = SimpleNamespace(
     foot_bodies={Side.LEFT: "left", Side.RIGHT: "right"}, mass=8.0
 )
 WEIGHT_LEFT, WEIGHT_RIGHT = 3.0 * 9.81, 5.0 * 9.81
 HALF, KNOB = 0.05, 0.01
-SHAPE = Box(2 * HALF, 2 * HALF, 2 * HALF)
 CORNERS = [[x, y, -HALF] for x in (-HALF, HALF) for y in (-HALF, HALF)]
 ON_GROUND_LEFT = [0.0, 0.3, HALF + KNOB]
 ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
@@ -37,12 +35,9 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
     """
     builder = DiagramBuilder()
     plant = ground(builder)
-    instance = plant.AddModelInstance("robot")
-    for name, mass in (("left", 3.0), ("right", 5.0)):
-        body = plant.AddRigidBody(
-            name, instance, SpatialInertia.SolidBoxWithMass(mass, *SHAPE.size())
-        )
-        register(plant, body, SHAPE)
+    robot = plant.AddModelInstance("robot")
+    for name, mass, p_WB in (("left", 3.0, left), ("right", 5.0, right)):
+        body = cube(plant, name, robot, mass, 2 * HALF, p_WB)
         for corner in CORNERS:
             register(plant, body, Sphere(KNOB), corner)
     plant.Finalize()
@@ -51,13 +46,7 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
     logger = LogVectorOutput(sensor.get_output_port(), builder, period)
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    for name, p_WB in (("left", left), ("right", right)):
-        plant.SetFreeBodyPose(
-            context, plant.GetBodyByName(name), RigidTransform(p_WB)
-        )
+    simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.6)
     return logger.FindLog(simulator.get_context()).data().T
 

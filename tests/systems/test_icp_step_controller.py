@@ -5,76 +5,63 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback.icp_step_qp import (
-    IcpStepControl,
-    IcpStepQpParams,
-)
-from nadia_balance.core.plan.atlas_icp_plan import (
-    AtlasIcpPlanParams,
-    plan_atlas_icp,
-)
+from nadia_balance.core.feedback import icp_step_qp
+from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
-from nadia_balance.systems.signals import EcmpCommand, IcpReference
+from nadia_balance.systems.signals import EcmpCommand
 from tests.blocks import answer, asked, fix
 from tests.example_walks import MODEL, swing
+from tests.systems.test_icp_planner import assert_tells
 
-PARAMS, PERIOD = IcpStepQpParams(), 0.002
+PARAMS = icp_step_qp.IcpStepQpParams()
+CONTROLLER = IcpStepController(PARAMS, MODEL, 0.002)
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
 IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 
 
 def plan_of(state):
-    return plan_atlas_icp(state.schedule, AtlasIcpPlanParams(), MODEL)
-
-
-@pytest.fixture
-def controller():
-    return IcpStepController(PARAMS, MODEL, PERIOD)
+    params = atlas_icp_plan.AtlasIcpPlanParams()
+    return atlas_icp_plan.plan_atlas_icp(state.schedule, params, MODEL)
 
 
 def inputs(state=IN_AIR, icp=OUT):
-    plan = plan_of(state)
-    return dict(walking_state=state, icp=icp, icp_plan=plan)
+    return dict(walking_state=state, icp=icp, icp_plan=plan_of(state))
 
 
 def expected_of(state, icp=OUT):
-    control = IcpStepControl(PARAMS, MODEL)
+    control = icp_step_qp.IcpStepControl(PARAMS, MODEL)
     return control.feedback(state, control.phase(state), plan_of(state), icp)
 
 
 @pytest.mark.parametrize("gain, later", [(0.0, 0.3), (0.1, 0.4), (-0.1, 0.3)])
-def test_its_outputs_are_those_of_the_core_at_t_plus(controller, gain, later):
+def test_its_outputs_are_those_of_the_core_at_t_plus(gain, later):
     """Oracle: IcpStepControl.feedback() with the clock advanced."""
-    context = asked(controller, time_adjustment=[gain, 0.5], **inputs())
+    context = asked(CONTROLLER, time_adjustment=[gain, 0.5], **inputs())
     expected = expected_of(replace(IN_AIR, time_in_phase=later))
-    found = answer(controller, context, "adjustment")
+    found = answer(CONTROLLER, context, "adjustment")
     assert found.nominal is IN_PLACE.footsteps[0]
     assert found.pose is not found.nominal.pose
     assert np.array_equal(found.pose.p_WF, expected.adjustment.pose.p_WF)
-    ecmp = EcmpCommand(answer(controller, context, "ecmp_command"))
+    ecmp = EcmpCommand(answer(CONTROLLER, context, "ecmp_command"))
     assert ecmp.ecmp.tolist() == ecmp.cop.tolist() == expected.ecmp.tolist()
-    view = IcpReference(answer(controller, context, "icp_reference"))
-    for name in "icp", "icp_velocity", "cop", "ecmp":
-        assert np.array_equal(
-            getattr(view, name), getattr(expected.reference, name)
-        )
+    assert_tells(CONTROLLER, context, expected.reference)
 
 
-def test_can_be_switched_off_and_on(controller):
+def test_can_be_switched_off_and_on():
     """Oracle: off, it proposes None, and the foothold stays."""
-    context = asked(controller, mechanisms=[1, 0, 0, 0], **inputs())
-    found = answer(controller, context, "adjustment")
-    step = replace(IN_PLACE.footsteps[0], pose=found.pose)
-    steps = (step, *IN_PLACE.footsteps[1:])
+    context = asked(CONTROLLER, mechanisms=[1, 0, 0, 0], **inputs())
+    found = answer(CONTROLLER, context, "adjustment")
+    first, *rest = IN_PLACE.footsteps
+    steps = replace(first, pose=found.pose), *rest
     moved = replace(IN_PLACE, footsteps=steps)
     state = replace(IN_AIR, schedule=moved, adjustment=found)
-    fix(controller, context, mechanisms=[0, 0, 0, 0], **inputs(state))
-    assert answer(controller, context, "adjustment") is NOTHING
-    drawn = answer(controller, context, "capture_regions")
+    fix(CONTROLLER, context, mechanisms=[0, 0, 0, 0], **inputs(state))
+    assert answer(CONTROLLER, context, "adjustment") is NOTHING
+    drawn = answer(CONTROLLER, context, "capture_regions")
     assert drawn.adjusted is found.pose
-    fix(controller, context, mechanisms=[1, 0, 0, 0], **inputs())
-    again = answer(controller, context, "adjustment")
+    fix(CONTROLLER, context, mechanisms=[1, 0, 0, 0], **inputs())
+    again = answer(CONTROLLER, context, "adjustment")
     np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)

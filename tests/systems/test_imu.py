@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.systems.sensors import SAMPLE, Imu
-from tests.blocks import answer, fix, running
+from tests import blocks
 from tests.whole_body_examples import nadia, standing_state
 
 PERIOD, NQ = 0.004, 30
@@ -20,14 +20,8 @@ NOISE = SensorParams(
 def told(sensors, states, seed=0):
     """What the IMU tells in each tick, of the states of the robot."""
     imu = Imu(nadia(), sensors, PERIOD, seed)
-    simulator, context = running(imu, state=states[0])
-    simulator.Initialize()
-    found = []
-    for i, state in enumerate(states):
-        fix(imu, context, state=state)
-        found.append(answer(imu, context, "imu"))
-        simulator.AdvanceTo((i + 1) * PERIOD)
-    return np.array(found)
+    inputs = [{"state": state} for state in states]
+    return blocks.told(imu, PERIOD, inputs, "imu")[0]
 
 
 def carousel(rate, t):

@@ -5,7 +5,7 @@ import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.systems.sensors import JointEncoders
-from tests.blocks import answer, running
+from tests import blocks
 from tests.whole_body_examples import nadia, standing_state
 
 PERIOD, NJ = 0.004, 23
@@ -13,13 +13,10 @@ PERIOD, NJ = 0.004, 23
 
 def told(sensors, ticks, seed=0):
     encoders = JointEncoders(nadia(), sensors, PERIOD, seed)
-    simulator, context = running(encoders, state=standing_state())
-    found = []
-    for i in range(ticks):
-        simulator.AdvanceTo(i * PERIOD)
-        found.append(answer(encoders, context, "joints"))
     state = standing_state()
-    return np.array(found) - np.concatenate((state[7 : 7 + NJ], state[-NJ:]))
+    inputs = [{"state": state}] * ticks
+    (found,) = blocks.told(encoders, PERIOD, inputs, "joints")
+    return found - np.concatenate((state[7 : 7 + NJ], state[-NJ:]))
 
 
 def test_errors_are_white_and_of_their_deviations():

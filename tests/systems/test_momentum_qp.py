@@ -7,33 +7,19 @@ import pytest
 
 from nadia_balance.core.feedback import momentum_qp
 from nadia_balance.core.math.qp import QpResult
-from nadia_balance.core.walking.vocabulary import (
-    ContactSchedule,
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-)
+from nadia_balance.core.walking.vocabulary import FootPose, Side, WalkingState
 from nadia_balance.systems.feedback import MomentumQp
 from nadia_balance.systems.signals import EcmpCommand
+from tests import example_walks
 from tests.blocks import answer, asked, running, tick
-from tests.example_walks import MODEL, SOLE, at_rest
+from tests.example_walks import MODEL, SOLE
 
 PARAMS, PERIOD = momentum_qp.MomentumQpParams(), 0.002
 OUTPUTS = ("ecmp_command", "momentum_qp_status")
-FEET = FootPoses(FootPose([0.0, 0.125, 0.0], 0.2), FootPose([0.0, -0.125, 0.0]))
-STEP = Footstep(Side.RIGHT, FootPose([0.7, -0.125, 0.0]), 0.3, 0.7)
-SWING = WalkingState(
-    ContactSchedule(
-        Phase.SWING, Side.LEFT, 0.7, FEET, (STEP,), at_rest(np.zeros(2))
-    ),
-    0.35,
-)
-TRANSFER = WalkingState(
-    replace(SWING.schedule, phase=Phase.TRANSFER, duration=0.3), 0.1
-)
+TURNED = FootPose([0.0, 0.125, 0.0], 0.2)
+FEET = example_walks.FEET.with_foot(Side.LEFT, TURNED)
+SWING = WalkingState(replace(example_walks.swing(), feet=FEET), 0.35)
+TRANSFER = WalkingState(replace(example_walks.walk(), feet=FEET), 0.1)
 COP_R, ECMP_R = np.array([0.02, 0.12]), np.array([0.03, 0.12])
 INPUTS = {
     "icp": np.array([0.05, 0.11]),
@@ -42,32 +28,24 @@ INPUTS = {
 }
 
 
-@pytest.fixture
-def system():
-    return MomentumQp(PARAMS, MODEL, PERIOD)
-
-
 def outputs(system, context) -> list[np.ndarray]:
     return [answer(system, context, name).copy() for name in OUTPUTS]
 
 
-def with_inputs(system, **changes) -> list[np.ndarray]:
-    return outputs(system, asked(system, **INPUTS | changes))
-
-
 def solved_by_hand(params=PARAMS, previous=(0.0, 0.0, 0.0, 0.0)):
-    left = FEET.left
-    limits = momentum_qp.feedback_limits(left.to_world(SOLE), left.yaw, params)
+    polygon, yaw = TURNED.to_world(SOLE), TURNED.yaw
+    limits = momentum_qp.feedback_limits(polygon, yaw, params)
     error = INPUTS["icp"] - INPUTS["icp_reference"][:2]
     return momentum_qp.IcpFeedbackQp(params).solve(
         error, COP_R, ECMP_R - COP_R, np.array(previous), limits
     )
 
 
-def test_commands_what_the_core_computes(system):
+def test_commands_what_the_core_computes():
     """Oracle: IcpFeedbackQp, called by hand."""
+    system = MomentumQp(PARAMS, MODEL, PERIOD)
     expected = solved_by_hand()
-    command, status = with_inputs(system)
+    command, status = outputs(system, asked(system, **INPUTS))
     assert command.tolist() == [*expected.cop, *expected.ecmp]
     qp = expected.result
     assert status.tolist() == [1.0, 0.0, qp.solves, qp.violation, 0.0]
@@ -88,8 +66,9 @@ def test_remembers_the_feedback_for_the_rate_weight():
     assert second == pytest.approx([*expected.cop, *expected.ecmp], abs=1e-12)
 
 
-def test_counts_failures_and_holds_the_command(system, monkeypatch):
+def test_counts_failures_and_holds_the_command(monkeypatch):
     """Oracle: status and command of ticks without a solution."""
+    system = MomentumQp(PARAMS, MODEL, PERIOD)
     simulator, context = running(system, **INPUTS)
     before = outputs(system, context)[0]
     tick(simulator, PERIOD)

@@ -3,12 +3,7 @@
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
-    FootPose,
-    Footstep,
-    Side,
-)
+from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
 from nadia_balance.systems import ports
 from tests.blocks import asked, fix
 
@@ -34,13 +29,9 @@ class Sink(LeafSystem):
         )
 
 
-@pytest.fixture
-def sink():
-    return Sink()
-
-
-def test_hands_out_the_value_itself_and_checks_its_type(sink):
+def test_hands_out_the_value_itself_and_checks_its_type():
     """Oracle: identity, also of huge numbers; the message names both types."""
+    sink = Sink()
     context = asked(sink, pose=POSE, pair=[1e150, -1e-150])
     assert sink.pose(context) is POSE
     assert sink.pair(context).tolist() == [1e150, -1e-150]
@@ -50,8 +41,9 @@ def test_hands_out_the_value_itself_and_checks_its_type(sink):
         sink.pose(context)
 
 
-def test_a_port_with_a_default_may_stay_open(sink):
+def test_a_port_with_a_default_may_stay_open():
     """Oracle: the default, itself or as a value; the message for all else."""
+    sink = Sink()
     pose = ports.Input(sink, "maybe", FootPose, None)
     context = asked(sink)
     assert pose(context) is None
@@ -61,12 +53,3 @@ def test_a_port_with_a_default_may_stay_open(sink):
     fix(sink, context, maybe=Side.LEFT)
     with pytest.raises(TypeError, match="'maybe' got a Side, needs a FootPose"):
         pose(context)
-
-
-def test_all_mechanisms_are_on_unless_they_are_told(sink):
-    """Oracle: the table of names."""
-    context = asked(sink)
-    assert sink.mechanisms(context) == MECHANISMS["all_with_cross_over"]
-    for on in MECHANISMS.values():
-        fix(sink, context, mechanisms=on.as_vector())
-        assert sink.mechanisms(context) == on

@@ -11,14 +11,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.core.walking import vocabulary as walk
 from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Phase,
-    Side,
-    WalkingState,
-)
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import PushSignal, connect
 from tests.blocks import answer, fix, running
@@ -27,22 +21,16 @@ from tests.example_walks import standing
 PERIOD = 0.002
 MASS = 90.0
 YAW = 0.6
-FEET = FootPoses(
-    FootPose([0.0, 0.125, 0.0], YAW), FootPose([0.0, -0.125, 0.0], -0.3)
+FEET = walk.FootPoses(
+    *(walk.FootPose([0.0, 0.125 * a, 0.0], a * YAW) for a in (1, -1))
 )
-RIGHT_SWING = WalkingState(
-    replace(standing(FEET), phase=Phase.SWING, duration=0.7)
+RIGHT_SWING = walk.WalkingState(
+    replace(standing(FEET), phase=walk.Phase.SWING, duration=0.7)
 )
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
 
-def signal_of(source, context) -> PushSignal:
-    return PushSignal(answer(source, context, "push_signal"))
-
-
-def run(
-    pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None
-) -> np.ndarray:
+def run(pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None):
     """The force that acts after each tick (ticks, 3) [N]."""
     source, found = PushSource(pushes, MASS, PERIOD), []
     simulator, context = running(source)
@@ -85,25 +73,20 @@ def test_pushes_once_for_exactly_its_ticks(at, delay, duration, first, count):
 
 
 @functools.cache
-def steps(skips=()) -> list[WalkingState]:
+def steps(skips=()) -> list[walk.WalkingState]:
     """Ticks of a right swing, a transfer to the right foot, a left swing, ...
 
     The clock leaves out the times of the phase [s] that are in `skips`.
     """
-    phases = [
-        (Phase.SWING, Side.LEFT, 0.7),
-        (Phase.TRANSFER, Side.RIGHT, 0.3),
-        (Phase.SWING, Side.RIGHT, 0.7),
-        (Phase.TRANSFER, Side.LEFT, 0.3),
-    ]
-    in_phase, found = RIGHT_SWING.schedule, []
-    for phase, side, duration in 4 * phases:
-        in_phase = replace(
-            in_phase, phase=phase, support_side=side, duration=duration
-        )
+    swing, found = RIGHT_SWING.schedule, []
+    shift = replace(swing, phase=walk.Phase.TRANSFER, duration=0.3)
+    left, right = ({"support_side": side} for side in walk.Side)
+    phases = (swing, left), (shift, right), (swing, right), (shift, left)
+    for phase, support in 4 * phases:
+        in_phase, duration = replace(phase, **support), phase.duration
         for time in PERIOD * np.arange(round(duration / PERIOD)):
             if not any(first <= time < last for first, last in skips):
-                found.append(WalkingState(in_phase, float(time)))
+                found.append(walk.WalkingState(in_phase, float(time)))
     return found
 
 
@@ -190,13 +173,11 @@ def pushed_body(pushes, time, live=(0.0, 0.0, 0.0, 0.1)):
 def test_changes_the_momentum_of_a_body_by_exactly_m_delta_v(body):
     """Oracle: Newton; the force is constant, so rounding only."""
     push = Push(body=body, delta_v=0.5, at="0.05 s", direction_deg=90.0)
-    if body == "live":
-        plant, context = pushed_body([], 0.3, live=(1.0, 0.5, 90.0, 0.1))
-    else:
-        plant, context = pushed_body([push], 0.3)
-    v_WB = plant.EvalBodySpatialVelocityInWorld(
-        context, plant.GetBodyByName("base")
-    )
+    live = (1.0, 0.5, 90.0, 0.1)
+    how = ([], 0.3, live) if body == "live" else ([push], 0.3)
+    plant, context = pushed_body(*how)
+    base = plant.GetBodyByName("base")
+    v_WB = plant.EvalBodySpatialVelocityInWorld(context, base)
     expected = 0.5 * np.array([-math.sin(YAW), math.cos(YAW), 0.0])
     assert v_WB.translational() == pytest.approx(expected, abs=1e-12)
     # At the centre of mass: it does not begin to spin.
@@ -239,7 +220,7 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
     ]:
         fix(source, context, live_push=[clicks, 0.3, 90.0, 0.1])
         simulator.AdvanceTo((ticks + 0.5) * PERIOD)
-        signal = signal_of(source, context)
+        signal = PushSignal(answer(source, context, "push_signal"))
         assert (signal.number, signal.waiting) == (number, waiting)
         assert signal.delta_v == pytest.approx(newtons * duration / MASS)
         assert np.linalg.norm(signal.force) == pytest.approx(newtons)
@@ -249,9 +230,8 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
 def test_a_live_push_that_is_not_finite_is_an_error_that_tells_when(entry):
     """Oracle: by hand; one tick before it, all is well."""
     source, live = PushSource([], MASS, PERIOD), [1.0, 0.3, 90.0, 0.1]
-    simulator, context = running(
-        source, walking_state=RIGHT_SWING, live_push=live
-    )
+    inputs = {"walking_state": RIGHT_SWING, "live_push": live}
+    simulator, context = running(source, **inputs)
     simulator.AdvanceTo(9.5 * PERIOD)
     live[entry] = math.nan
     fix(source, context, live_push=live)

@@ -10,14 +10,9 @@ from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results import measurements
 from nadia_balance.systems.state_estimator import START, StateEstimator
 from tests import run_cache
+from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix
-from tests.diagrams.simulated import (
-    EARLY,
-    all_of,
-    diagram_of,
-    scenario_of,
-    simulated,
-)
+from tests.diagrams import simulated as runs
 from tests.whole_body_examples import nadia, standing_positions
 
 PERIOD, NJ = 0.004, 23
@@ -40,9 +35,7 @@ def test_the_pelvis_moves_as_an_imu_on_the_torso_says():
     )
     found = answer(block, context, "estimated_state")
     assert found[:30] == pytest.approx(q, abs=1e-12)
-    plant = nadia().control_plant()
-    own = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(own, found)
+    plant, own = examples.kinematics().plant, examples.context_at(found)
     body = plant.GetBodyByName("TORSO_LINK")
     turn = RollPitchYaw(np.radians(TORSO.imu_rpy_deg))
     X_BI = RigidTransform(turn, TORSO.imu_position)
@@ -77,8 +70,8 @@ def test_the_robot_is_told_where_it_stands_not_quite():
 )
 def test_walks_by_its_sensors(engine, estimator, velocity):
     """Oracle: the plant's state: velocity, tilt, place, and 3 deviations."""
-    run = simulated(
-        f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, sensors: consumer, "
+    run = runs.simulated(
+        f"{{duration: 2.4, {runs.EARLY % 'num_steps: 2'}, sensors: consumer, "
         f"seed: 3, engine: {engine}, estimator: {estimator}}}"
     )
     assert not run.error
@@ -113,10 +106,10 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
 
     Friction 0.4, and soles slip; feet that swing are loaded for the filter.
     """
-    scenario = scenario_of(
+    scenario = runs.scenario_of(
         "{mechanisms: all_with_cross_over, duration: 3.5, sensors: consumer, "
-        f"{EARLY % 'num_steps: 4'}, imperfections: {{friction_ratio: 0.5}}, "
-        f"pushes: [{{delta_v: {delta_v}, at: right swing 25 %, "
+        f"{runs.EARLY % 'num_steps: 4'}, imperfections: {{friction_ratio: "
+        f"0.5}}, pushes: [{{delta_v: {delta_v}, at: right swing 25 %, "
         f"direction_deg: {direction}}}]}}"
     )
 
@@ -125,7 +118,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
             patch.setattr(humanoid, "StateEstimator", Misled)
             return simulate(closed_loop(scenario), scenario.duration)
 
-    key = all_of(scenario, "humanoid")
+    key = runs.all_of(scenario, "humanoid")
     run = run_cache.once((__name__,), key, misled)
     assert not run.error
     assert run.fell_at is None
@@ -161,7 +154,7 @@ def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
     """Oracle: by hand: told a place 0.1 m off, 20 deviations, at once."""
     step = np.eye(30)[4] * 0.1
     monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
-    run = simulate(diagram_of("{sensors: consumer}"), 1.0)
+    run = simulate(runs.diagram_of("{sensors: consumer}"), 1.0)
     assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
     assert measurements.lost_at(run.logs) == pytest.approx(0.2)
     assert (run.error, run.fell_at) == ("", None)

@@ -84,20 +84,16 @@ def test_a_walking_robot_is_where_it_is_predicted():
     simulator = Simulator(built)
     context = simulator.get_mutable_context()
     built.set_initial_state(context)
-    errors = []
+    sensor, errors = built.GetSubsystemByName("state_sensor"), []
+    asked_of = (
+        *((predictor, "predicted_state"), (sensor, "measured_state")),
+        (built.engine, "state"),
+    )
     for i in range(100):
         simulator.AdvanceTo(0.352 + i * 0.004)  # a swing from 0.45 s on
-        known, late = (
-            system.GetOutputPort(name).Eval(
-                system.GetMyContextFromRoot(context)
-            )
-            for system, name in (
-                (predictor, "predicted_state"),
-                (built.GetSubsystemByName("state_sensor"), "measured_state"),
-            )
-        )
-        state = built.engine.GetOutputPort("state").Eval(
-            built.engine.GetMyContextFromRoot(context)
+        known, late, state = (
+            answer(system, system.GetMyContextFromRoot(context), name)
+            for system, name in asked_of
         )
         errors.append(np.abs(np.stack((known, late)) - state))
     known, late = np.median(errors, axis=0)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.systems.hardware import Imperfections, StateSensor
-from tests.blocks import answer, fix, running
+from tests.blocks import told
 from tests.whole_body_examples import nadia, standing_state
 
 PERIOD = 0.002
@@ -23,20 +22,13 @@ NOISY = Imperfections(
 def sensed(imperfections, ticks, seed=0, shift=0.0):
     """Both outputs in each of `ticks`, as the inputs grow by `shift`."""
     sensor = StateSensor(PLANT, imperfections, PERIOD, seed)
-    start, states, forces = standing_state(), [], []
-    simulator, context = running(sensor, state=start, foot_forces=FORCES)
-    simulator.Initialize()
-    for i in range(ticks):
-        fix(
-            sensor,
-            context,
-            state=start + i * shift,
-            foot_forces=FORCES + i * shift,
-        )
-        states.append(answer(sensor, context, "measured_state"))
-        forces.append(answer(sensor, context, "measured_foot_forces"))
-        simulator.AdvanceTo((i + 1) * PERIOD)
-    return np.array(states), np.array(forces)
+    start = {"state": standing_state(), "foot_forces": FORCES}
+    inputs = [
+        {name: value + i * shift for name, value in start.items()}
+        for i in range(ticks)
+    ]
+    outputs = "measured_state", "measured_foot_forces"
+    return told(sensor, PERIOD, inputs, *outputs)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 5])
@@ -74,18 +66,3 @@ def test_noise_is_white_and_of_the_deviations_asked_for():
 def test_refuses_a_delay_between_ticks():
     with pytest.raises(ValueError, match=r"^delay = 0\.003: must be a mult"):
         StateSensor(PLANT, Imperfections(delay=0.003), PERIOD)
-
-
-@pytest.mark.parametrize(
-    ("given", "noisy"),
-    [
-        ({}, False),
-        ({"friction_ratio": 0.5, "delay": 0.01}, False),
-        ({"pelvis_speed_noise": 0.01}, True),
-    ],
-)
-def test_tells_those_of_the_measurements(given, noisy):
-    """Oracle: by hand."""
-    imperfections = Imperfections(**given)
-    check(imperfections)
-    assert imperfections.has_noise is noisy

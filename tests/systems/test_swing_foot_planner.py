@@ -7,18 +7,14 @@ import pytest
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.swing_detour import edges_on_way
-from nadia_balance.core.steps.swing_foot import (
-    SwingFoot,
-    SwingFootParams,
-    as_reference,
-)
+from nadia_balance.core.steps import swing_foot
 from nadia_balance.core.walking.vocabulary import WalkingState
 from nadia_balance.systems.steps import SwingFootPlanner
 from tests.blocks import answer, asked
 from tests.core.body.test_ground import square
 from tests.example_walks import MODEL, swing
 
-PERIOD, PARAMS = 0.002, SwingFootParams()
+PERIOD, PARAMS = 0.002, swing_foot.SwingFootParams()
 LAST = np.array([0.0, -0.125, 0.05, 0.1, 0.5, 0, 0.5, 0, 0, 0, 0, 0])
 
 
@@ -33,8 +29,8 @@ def test_continues_from_the_last_motion_over_the_edges_of_its_model(lead):
     assert edges is not None
     context = asked(planner, walking_state=state)
     context.SetDiscreteState(np.concatenate((np.zeros(12), LAST)))
-    foot = SwingFoot(PARAMS, model, PERIOD, lead)
+    foot = swing_foot.SwingFoot(PARAMS, model, PERIOD, lead)
     _, ahead = foot.motion(LAST.reshape(3, 4), state, edges)
-    expected = as_reference(ahead, lead)
+    expected = swing_foot.as_reference(ahead, lead)
     found = answer(planner, context, "swing_foot_reference")
     assert found == pytest.approx(expected, abs=1e-15)

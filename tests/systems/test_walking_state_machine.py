@@ -4,19 +4,15 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.plan.walking_state_machine import (
-    StateMachine,
-    WalkingStateMachineParams,
-)
+from nadia_balance.core.plan import walking_state_machine as core
 from nadia_balance.core.walking.vocabulary import Phase, WalkingState
 from nadia_balance.systems.plan import WalkingStateMachine
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 from tests.blocks import answer, fix, running
-from tests.example_walks import FEET, MODEL, walk
+from tests.example_walks import FEET, MODEL, planned, walk
 
 PERIOD = 0.002
-PARAMS = WalkingStateMachineParams()
+PARAMS = core.WalkingStateMachineParams()
 FORCES, ICP = np.array([400.0, 500.0]), np.array([0.01, 0.02])
 
 
@@ -26,7 +22,7 @@ def inputs(state):
         "foot_poses": FEET,
         "foot_forces": FORCES,
         "icp": ICP,
-        "icp_plan": plan_icp(state.schedule, IcpPlanParams(), MODEL),
+        "icp_plan": planned(state.schedule),
     }
 
 
@@ -51,7 +47,7 @@ def test_advances_once_a_period(time, gain):
         fix(machine, context, time_adjustment=[gain, 0.2])
     assert walking_state(machine, context) is state
     simulator.AdvanceTo(0.5 * PERIOD)
-    expected = StateMachine(PARAMS, MODEL, PERIOD).advance(
+    expected = core.StateMachine(PARAMS, MODEL, PERIOD).advance(
         state,
         inputs(state)["icp_plan"],
         FEET,
@@ -67,14 +63,11 @@ def test_advances_once_a_period(time, gain):
     assert walking_state(machine, context) is now
 
 
-def signal_of(state):
-    machine, _, context = machine_in(state)
-    return WalkingSignal(answer(machine, context, "walking_signal"))
-
-
 def test_signal_says_what_the_state_says():
     """Oracle: the state's own fields, by name."""
-    found = signal_of(WalkingState(walk(length=0.3), 0.125, steps_taken=4))
+    state = WalkingState(walk(length=0.3), 0.125, steps_taken=4)
+    machine, _, context = machine_in(state)
+    found = WalkingSignal(answer(machine, context, "walking_signal"))
     assert PHASES[int(found.phase)] is Phase.TRANSFER
     assert (found.support_side, found.target_side) == (1.0, -1.0)
     assert (found.time_in_phase, found.duration) == (0.125, 0.3)

@@ -10,28 +10,16 @@ from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.systems.signals import QpStatus
 from nadia_balance.systems.whole_body import WholeBodyInverseDynamics
 from tests import example_walks
+from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix, running
 from tests.core.whole_body.test_tasks import ELBOW, JointTask
-from tests.whole_body_examples import (
-    PERIOD,
-    command,
-    kinematics,
-    model,
-    nadia,
-    standing_state,
-    terms_at,
-)
+from tests.whole_body_examples import PERIOD, nadia
 
 PUSHED = np.array([200.0, 100.0, 0.0])
 OUTPUTS = ("actuation", "foot_wrenches", "whole_body_qp_status")
 
 
-@pytest.fixture
-def system():
-    return system_with([])
-
-
-def system_with(tasks):
+def system_with(tasks=()):
     params = WholeBodyQpParams()
     return WholeBodyInverseDynamics(params, nadia(), PERIOD, tasks=tasks)
 
@@ -39,7 +27,7 @@ def system_with(tasks):
 def inputs():
     """Nadia stands, and is asked to move aside."""
     return {
-        "whole_body_terms": terms_at(standing_state()),
+        "whole_body_terms": examples.terms_at(examples.standing_state()),
         "momentum_rate": PUSHED,
         "swing_foot_reference": np.zeros(12),
         "walking_state": WalkingState(example_walks.standing()),
@@ -56,13 +44,13 @@ def test_gives_what_the_core_function_gives(tasks):
 
     With a task of a user's as well, which has its elbow accelerate.
     """
-    terms, system = terms_at(standing_state()), system_with(tasks)
-    found = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, tasks).solve(
-        terms, command(terms, momentum_rate=PUSHED)
-    )
+    system, told = system_with(tasks), inputs()
+    terms = told["whole_body_terms"]
+    core = WholeBodyQp(WholeBodyQpParams(), examples.model(), PERIOD, tasks)
+    found = core.solve(terms, examples.command(terms, momentum_rate=PUSHED))
     assert (found.vdot[ELBOW] > 10.0) == bool(tasks)
-    actuation, wrenches, status = outputs(system, asked(system, **inputs()))
-    B = kinematics().plant.MakeActuationMatrix()
+    actuation, wrenches, status = outputs(system, asked(system, **told))
+    B = examples.kinematics().plant.MakeActuationMatrix()
     assert B[6:] @ actuation == pytest.approx(found.torques, abs=1e-9)
     assert wrenches == pytest.approx(found.wrenches, abs=1e-9)
     qp = found.qp
@@ -72,19 +60,20 @@ def test_gives_what_the_core_function_gives(tasks):
 
 @pytest.mark.parametrize("unsolved", [3, 25, 26])
 def test_damps_without_a_solution_and_gives_up_in_the_end(
-    system, monkeypatch, unsolved
+    monkeypatch, unsolved
 ):
     """Oracles: at rest no damping, reached by the drives' rate; the count.
 
     The QP has no solution by an impossible bound; then it has one again.
     """
+    system = system_with()
     simulator, context = running(system, **inputs())
     good, *_ = outputs(system, context)
     simulator.AdvanceTo(PERIOD)
     make_infeasible(monkeypatch)
     fix(system, context, momentum_rate=PUSHED + 1.0)
     step = nadia().drives.max_torque_rate * PERIOD
-    step *= kinematics().plant.GetEffortUpperLimits()
+    step *= examples.kinematics().plant.GetEffortUpperLimits()
     for failures in range(1, unsolved + 1):
         actuation, wrenches, status = outputs(system, context)
         left = np.maximum(np.abs(good) - failures * step, 0.0)
