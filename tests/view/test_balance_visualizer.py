@@ -8,13 +8,14 @@ import io
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, ConsoleMessage, Page
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -27,19 +28,20 @@ from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.results.pages import start_recording, write_replay
-from nadia_balance.systems.signals import wire
+from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import FOOTPRINTS, RADIUS
 from nadia_balance.view.balance_visualizer import BalanceVisualizer as View
 from nadia_balance.view.scene import LINE
-from tests.blocks import answer, asked, fix
+from tests.blocks import asked
 from tests.core.body.test_ground import square
-from tests.example_walks import MODEL, SOLE, at_rest
+from tests.example_walks import MODEL, SOLE
 
 URDF = Path(__file__).parents[2] / "models" / "nadia" / "nadia.urdf"
 DURATION, STEP_LENGTH, TRANSFER, SWING = 5.5, 0.2, 0.3, 0.7  # [s], [m]
 PUSH = (4.2, 4.3)  # [s]
+MEGABYTE = 1e6
 PARTS = (
     *("footprints", "footsteps", "support_polygon"),
     *("icp", "icp_reference", "com", "com_ground", "cop", "ecmp"),
@@ -62,12 +64,15 @@ def walking_state(time: float) -> walking.WalkingState:
     feet = walking.FootPoses(landed, landed)
     feet = feet.with_foot(side.other, foot(taken - 1)[1])
     swings = clock >= TRANSFER
-    phase = walking.Phase.SWING if swings else walking.Phase.TRANSFER
-    duration, start = SWING if swings else TRANSFER, at_rest(np.zeros(2))
     next_ones = map(foot, range(taken + 1, taken + 5))
-    steps = tuple(walking.Footstep(*one, TRANSFER, SWING) for one in next_ones)
+    steps = [walking.Footstep(*one, TRANSFER, SWING) for one in next_ones]
     schedule = walking.ContactSchedule(
-        phase, side, duration, feet, steps, start
+        walking.Phase.SWING if swings else walking.Phase.TRANSFER,
+        side,
+        SWING if swings else TRANSFER,
+        feet,
+        tuple(steps),
+        walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
     )
     told = {"steps_taken": taken}
     if not swings:
@@ -97,10 +102,9 @@ def icp(time: float) -> np.ndarray:
 
 
 def vectors(time: float) -> dict[str, np.ndarray]:
-    """The vector inputs of the diagram."""
+    """The vector inputs of the visualizer."""
     pushed = PUSH[0] <= time < PUSH[1]
     return {
-        **dict.fromkeys(("icp", "alip_icp"), icp(time)),
         "com_state": np.concatenate([com(time), np.zeros(3)]),
         "icp_reference": np.concatenate([icp(time) + 0.02, np.zeros(6)]),
         "ecmp_command": np.concatenate([icp(time) - 0.05, icp(time) - 0.1]),
@@ -121,26 +125,36 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
     scene.add_robot_view(builder, scene_graph, meshcat)
     stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
     ground = Ground(tuple(stones), SOLE)
+    visualizer = builder.AddSystem(View(meshcat, SOLE, ground))
     params = capture_region.CaptureRegionStepAdjusterParams()
     adjuster = CaptureRegionStepAdjuster(params, MODEL, period=0.002)
-    visualizer = View(meshcat, SOLE, ground)
-    blocks = {"adjuster": adjuster, "visualizer": visualizer}
-    others = "walking_state", "time_adjustment", "foot_poses", "mechanisms"
-    wire(builder, blocks, (*vectors(0.0), *others))
+    builder.AddSystem(adjuster)
+    connect(builder, adjuster, visualizer, "capture_regions")
+    builder.ExportInput(visualizer.GetInputPort("walking_state"), "state")
+    builder.ConnectInput("state", adjuster.GetInputPort("walking_state"))
+    builder.ExportInput(visualizer.GetInputPort("icp"), "icp")
+    builder.ConnectInput("icp", adjuster.GetInputPort("alip_icp"))
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
     robot = plant.GetMyMutableContextFromRoot(root)
+    inputs = visualizer.GetMyMutableContextFromRoot(root)
     pelvis = plant.GetBodyByName("PELVIS_LINK")
     scene.set_scene(meshcat)
     regions = {}
 
     def draw(time: float) -> None:
         root.SetTime(time)
-        X_WB = RigidTransform(com(time))
-        plant.SetFloatingBaseBodyPoseInWorldFrame(robot, pelvis, X_WB)
-        fix(diagram, root, walking_state=walking_state(time), **vectors(time))
+        plant.SetFloatingBaseBodyPoseInWorldFrame(
+            robot, pelvis, RigidTransform(com(time))
+        )
+        port = diagram.GetInputPort("state")
+        port.FixValue(root, Value(walking_state(time)))
+        diagram.GetInputPort("icp").FixValue(root, icp(time))
+        for name, value in vectors(time).items():
+            visualizer.GetInputPort(name).FixValue(inputs, value)
         diagram.ForcedPublish(root)
-        regions[time] = answer(diagram, root, "capture_regions")
+        port = adjuster.GetOutputPort("capture_regions")
+        regions[time] = port.Eval(adjuster.GetMyContextFromRoot(root))
 
     start_recording(meshcat)
     diagram.ExecuteInitializationEvents(root)
@@ -156,7 +170,9 @@ class Replay:
 
     page: Page
     regions: dict[float, CaptureRegions]  # that were drawn, by their times [s]
-    seen: dict[str, list]  # what the page did, by the names of its events
+    requests: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+    console: list[ConsoleMessage] = field(default_factory=list)
 
     def seek(self, time: float) -> None:
         """Shows the frame at `time` [s]."""
@@ -173,8 +189,11 @@ class Replay:
     def show(self, path: str, visible: bool) -> None:
         """Shows or hides all below `path`, in the next picture."""
         self.page.evaluate(
-            "([names, shown]) => viewer.set_property(names, 'visible', shown)",
-            [path.strip("/").split("/"), visible],
+            """([path, visible]) => {
+              const names = path.split("/").filter((name) => name);
+              viewer.set_property(names, "visible", visible);
+            }""",
+            [path, visible],
         )
 
     def look_up(self, path: str, script: str):
@@ -211,16 +230,17 @@ def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     """The replay, with every network blocked."""
     html = tmp_path_factory.mktemp("replay") / "replay.html"
     regions = write_imitation(html)
-    assert html.stat().st_size <= 3.8e6, "5 MB for ten seconds"
+    assert html.stat().st_size <= 3.8 * MEGABYTE, "5 MB for ten seconds"
     size = {"width": 480, "height": 360}
     context = browser.new_context(viewport=size, offline=True)
-    page = context.new_page()
-    seen = {event: [] for event in ("request", "pageerror", "console")}
-    for event, found in seen.items():
-        page.on(event, lambda what, found=found: found.append(what))
+    replay = Replay(context.new_page(), regions)
+    page = replay.page
+    page.on("request", lambda request: replay.requests.append(request.url))
+    page.on("pageerror", lambda error: replay.errors.append(str(error)))
+    page.on("console", lambda message: replay.console.append(message))
     page.goto(html.as_uri())
     page.wait_for_function("viewer.animator.duration > 0")
-    yield Replay(page, regions, seen)
+    yield replay
     context.close()
 
 
@@ -232,9 +252,9 @@ def changed_pixels(a: np.ndarray, b: np.ndarray) -> int:
 def test_the_replay_opens_offline_and_whole(replay):
     """Oracle: the browser asks for the file alone, and complains of nothing."""
     local = ("file:", "data:", "blob:")
-    assert all(r.url.startswith(local) for r in replay.seen["request"])
-    complaints = [m.text for m in replay.seen["console"] if m.type == "error"]
-    assert replay.seen["pageerror"] == complaints == []
+    assert all(url.startswith(local) for url in replay.requests)
+    complaints = [m.text for m in replay.console if m.type == "error"]
+    assert replay.errors == complaints == []
     assert replay.page.evaluate("viewer.animator.duration") == DURATION
     legend = replay.page.inner_text("#legend")
     for name in (*palette.LEGEND, "foothold as adjusted"):
