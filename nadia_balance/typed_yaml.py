@@ -57,7 +57,7 @@ def load_tree(text: str, child_name: str | None = None) -> typing.Any:
     try:
         tree = yaml_load_data(text)
     except Exception as error:
-        # Of any class, as for an invalid date or a structure nested too deeply.
+        # The error has any class, as for a date or a structure nested too deep.
         reason, mark = error, getattr(error, "problem_mark", None)
         if mark is not None:
             place = f"line {mark.line + 1}, column {mark.column + 1}"

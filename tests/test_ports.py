@@ -151,7 +151,7 @@ def systems(diagrams, tmp_path_factory) -> dict[type, System]:
 
 
 def names(system: System, kind: str) -> list[str]:
-    """Of its ports; `kind` is input or output."""
+    """Names of a block's ports; `kind` is input or output."""
     number = getattr(system, f"num_{kind}_ports")()
     port = getattr(system, f"get_{kind}_port")
     return [port(index).get_name() for index in range(number)]

@@ -310,7 +310,7 @@ _MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
     "max_joint_speed": ("state", joint_speed),
     "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
     "max_power_w": ("torques", lambda x: _powers(x).sum(axis=1)),
-    # Of the drives that do not brake.
+    # Power of the drives that do not brake.
     "positive_power_w": ("torques", lambda x: _powers(x).clip(0.0).sum(axis=1)),
     "mean_swing_foot_speed": ("foot_poses", _swing_speeds),
     # Each force is the mean of a tick.

@@ -295,8 +295,8 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
             text += f"\n({span.planned:.2f})" * math.isfinite(span.planned)
         look = {"color": palette.foot_color(span.swing_side), "fontsize": 7.5}
         if span.phase is Phase.TRANSFER:
-            # Those to the left and to the right foot have a line each, as those
-            # before and after a short step would overlap.
+            # Transfers to the left and to the right foot have a line each: the
+            # times before and after a short step would overlap.
             y, look["color"] = 1.0 + 0.3 * span.swing_side.sign, TEXT
         where = 0.5 * (span.start + span.end), y
         ax.text(*where, text, ha="center", va="center", **look)
