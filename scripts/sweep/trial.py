@@ -13,6 +13,7 @@ from concurrent import futures
 from distributed import Client, LocalCluster
 from distributed.comm import get_address_host_port
 from pydrake.common.yaml import yaml_dump_typed
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from tqdm import tqdm
 
@@ -52,7 +53,8 @@ def open_workers(
     if scheduler is None:
         if workers < 1:
             raise ValueError(f"workers = {workers}: must be >= 1")
-        less = {"dashboard_address": None, "memory_limit": None}
+        # The scheduler's pages: at any free port, as 8787 may be taken.
+        less = {"dashboard_address": "127.0.0.1:0", "memory_limit": None}
         less |= {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
         cluster = LocalCluster(n_workers=workers, host="127.0.0.1", **less)
         with cluster, Client(cluster, set_as_default=False) as client:
@@ -144,9 +146,11 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     row = cell._asdict() | {"delta_v": delta_v, "replica": replica}
     row["seed"] = walk.seed
     system = sweep.plant, sweep.controller, threading.get_ident()
-    walked = _walked(yaml_dump_typed(walk), *system)
+    diagram, walked, run = _walked(yaml_dump_typed(walk), *system)
+    direction = cell.direction_deg
     try:
-        row |= _pushed(*walked, delta_v, cell.direction_deg)
+        push = simulation.pushed(diagram, walked, delta_v, direction)
+        row |= _ended(diagram, push, run)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         row |= {"outcome": "error", "reason": reason}
@@ -161,8 +165,8 @@ def _walked(text: str, plant: str, controller: str, thread: int) -> tuple:
     return diagram, *simulation.walk_to_push(diagram)
 
 
-def _pushed(diagram: ClosedLoop, walked, run: Run, delta_v, direction) -> dict:
-    """Returns the row of a push, unless the `run` ended before it.
+def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> dict:
+    """Returns how a `push` ends, unless the `run` until it ended before.
 
     `predicted_at_push` is the least number of steps that capture the point mass
     at the end of the push, -1 for none; None if the push did not end, or for a
@@ -181,7 +185,6 @@ def _pushed(diagram: ClosedLoop, walked, run: Run, delta_v, direction) -> dict:
         return watch(context)
 
     if run.until:
-        push = simulation.pushed(diagram, walked, delta_v, direction)
         ends = {"stop_at_failure": True, "until": decided}
         run = simulation.advance(push, scenario.duration, **ends)
     summary = run.summary

@@ -16,6 +16,7 @@ from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 
 _FORCE = slice(3, 6)  # columns of the base's rows
+_TO_HIGHEST = 0.5  # place of the sole's height from centre to corner [-]
 
 
 class Motion(NamedTuple):
@@ -118,15 +119,18 @@ class SwingFootTask:
 
     Its height has a weight of its own: at the end of a long step the torques do
     not suffice for all, and a foot that is too low lands while it is fast.  The
+    height is the mean of those of the centre and of the highest corner, so that
+    a tilted sole lands sooner: while it is in the air, the ICP diverges.  The
     weight of its orientation is times the command's `flatness`.
     """
 
     name = "swing_foot"
 
-    def __init__(self, params: Params):
+    def __init__(self, params: Params, model: Model):
         over, height = params.swing_position_weight, params.swing_height_weight
         turn = [params.swing_orientation_weight] * 3
         self.weight = np.array([*turn, over, over, height])
+        self._to_corner = 0.5 * model.sole_length, 0.5 * model.sole_width
         self._kp = np.repeat(
             [params.swing_orientation_gain, params.swing_position_gain], 3
         )
@@ -143,6 +147,8 @@ class SwingFootTask:
         R_TF = R_WT.T @ terms.rotations[side]
         turn = R_WT @ rotation_error(float(yaw), R_TF)
         error = np.concatenate((turn, p - terms.sole_positions[side]))
+        rise = np.abs(R_TF[2, :2]) @ self._to_corner
+        error[5] -= _TO_HIGHEST * rise
         velocity = np.array((0.0, 0.0, rate, *v.tolist()))
         wanted = np.array((0.0, 0.0, acceleration, *a.tolist()))
         wanted += self._kp * error
@@ -159,7 +165,7 @@ def usual_tasks(params: Params, model: Model) -> list[Task]:
         MomentumTask(params, model),
         TrunkTask("torso", params),
         TrunkTask("pelvis", params),
-        SwingFootTask(params),
+        SwingFootTask(params, model),
     ]
 
 

@@ -1,6 +1,7 @@
 """Oracles: PD laws written out; Drake's momentum by finite differences."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -35,7 +36,8 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     """Oracle: PD laws written out, with Drake's angle and axis.
 
     The swing sole is to be tilted forward by `slope` [rad], on which it is
-    turned.
+    turned; it is led lower by half the height of its highest corner above its
+    centre, across the ground.
     """
     terms, params = terms_at(random_state(0, 2.0)), WholeBodyQpParams()
     swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
@@ -65,7 +67,11 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     assert pelvis.acceleration == pytest.approx(expected)
     expected = turning(200.0, swing[9:], 1, sole, slope)
     assert foot.acceleration[:3] == pytest.approx(expected)
-    move = swing[6:9] + 300.0 * np.array([0.01, 0.02, 0.03])
+    size = 0.5 * np.array([model().sole_length, model().sole_width])
+    corners = np.array(list(itertools.product(*np.outer(size, [1.0, -1.0]))))
+    corners = corners @ terms.rotations[1][:, :2].T
+    rise = 0.5 * float((corners @ wish.normals[1]).max())
+    move = swing[6:9] + 300.0 * np.array([0.01, 0.02, 0.03 - rise])
     slower = swing[3:6] - terms.velocities[9:12]
     move += 2.0 * math.sqrt(300.0) * slower
     assert foot.acceleration[3:] == pytest.approx(move)
