@@ -85,7 +85,11 @@ def mcap_of(log: Log, columns: dict, robot: RobotModel) -> bytes:
     import foxglove
 
     here, file = {"context": foxglove.Context()}, io.BytesIO()
-    topics = {name: foxglove.Channel(f"/{name}", **here) for name in columns}
+    topics = {}
+    for name, names in columns.items():
+        kind = {"properties": dict.fromkeys(names, {"type": "number"})}
+        kind |= {"title": name, "type": "object"}
+        topics[name] = foxglove.Channel(f"/{name}", schema=kind, **here)
     scene = foxglove.channels.SceneUpdateChannel("/scene", **here)
     pictures = scenes(log, robot)
     with foxglove.open_mcap(file, **here):
