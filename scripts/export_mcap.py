@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv` and returns 0; bad input exits."""
     codes = "0 written, 2 bad input, 4 cannot write, 130 Ctrl-C."
     parser = command_line.CommandLine(__file__, __doc__, codes)
-    parser.add_argument("run", type=command_line.place, help="the folder")
+    parser.add_argument("run", type=command_line.place, help="its folder")
     run = parser.parse_args(argv).run
     with contextlib.ExitStack() as held:
         with parser.refusing():
