@@ -26,8 +26,9 @@ FILES = {
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
+DISTRIBUTIONS |= {"foxglove": "foxglove-sdk", "google": "protobuf"}
 # What a normal installation lacks: `--help` needs none of them.
-EXTRAS = ("mujoco", "onnxruntime", "trimesh")
+EXTRAS = ("foxglove", "mujoco", "onnxruntime", "trimesh")
 # What our imports load by themselves: trimesh reads .dae with it.
 PLUGINS = {"pycollada"}
 
@@ -161,7 +162,7 @@ def test_declares_what_it_imports():
     """Oracle: the imports in the syntax trees of all files."""
     needed = names(PROJECT["dependencies"])
     extras = PROJECT["optional-dependencies"]
-    names_of = ("docs", "mujoco", "policies", "robots")
+    names_of = ("docs", "mcap", "mujoco", "policies", "robots")
     more = set().union(*(names(extras[extra]) for extra in names_of))
     extra = names(extras["test"])
     imported = third_party_imports(*FOLDERS, "docs/figures")
