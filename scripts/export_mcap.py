@@ -21,7 +21,7 @@ from nadia_balance.typed_yaml import load_tree
 
 FILE, EVERY = "run.mcap", 8  # ticks from picture to picture
 POINTS = {"icp": ICP, "icp_reference": ICP_REFERENCE, "ecmp_command": COP}
-_COLOR = "phong", "diffuse", rgba(FLOOR)  # where it stands, and if it does not
+_COLOR = "phong", "diffuse", rgba(FLOOR)  # property and default
 _BROKEN = EOFError, LookupError, TypeError, ValueError, zipfile.BadZipFile
 
 
@@ -129,7 +129,7 @@ def scenes(log: Log, robot: RobotModel) -> Iterator:
     query = graph.get_query_output_port().Eval(graph.GetMyContextFromRoot(root))
     for row in range(0, len(log["t"]), EVERY):
         balls, boxes = [], []
-        for name in POINTS.keys() & log.keys():
+        for name in filter(log.__contains__, POINTS):
             X_WP = RigidTransform([*log[name][row, :2], 0.0])
             balls.append(looks(X_WP, [0.03] * 3, rgba(POINTS[name])))
         if "state" in log:
