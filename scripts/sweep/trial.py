@@ -166,7 +166,7 @@ def _walked(text: str, plant: str, controller: str, thread: int) -> tuple:
 
 
 def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> dict:
-    """Returns how a `push` ends, unless the `run` until it ended before.
+    """Returns the verdict of a `push`; of the `run` to it if that ended early.
 
     `predicted_at_push` is the least number of steps that capture the point mass
     at the end of the push, -1 for none; None if the push did not end, or for a

@@ -21,7 +21,7 @@ from tests.scripts.running import assert_refused, run_script
 from tests.whole_body_examples import context_at, kinematics, random_state
 
 ROWS = 17  # of which 0, 8 and 16 are pictures
-# Of the URDF: primitive, lengths and centre in the frame of the foot [m].
+# Shapes of the URDF: kind, lengths and centre in the frame of the foot [m].
 SOLE = "cubes", [0.25, 0.12, 0.014], [0.053, 0.0, -0.081]
 SHOE = "spheres", [0.236, 0.114, 0.06], [0.05, 0.0, -0.058]
 
@@ -60,7 +60,7 @@ def told(run: Path, capsys) -> dict[str, list]:
 
 
 def parser(schema):
-    """What reads a message, by the description that is in the file."""
+    """A reader of messages, by the description that is in the file."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
         pool.Add(file)
