@@ -149,10 +149,13 @@ def whole_body_model(
             found[plant.GetJointByName(joint).velocity_start() - 6] = value
         return found
 
-    is_leg_joint = np.zeros(n, dtype=bool)
-    for foot in robot.foot_bodies.values():
+    is_leg_joint, ankles = np.zeros(n, dtype=bool), []
+    for side, foot in robot.foot_bodies.items():
         leg = plants.joints_above(plant, foot)
         is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
+        X_FootAnkle = leg[0].frame_on_child().GetFixedPoseInBodyFrame()
+        X_SoleFoot = robot.X_FootSole[side].inverse()
+        ankles.append(X_SoleFoot @ X_FootAnkle.translation())
 
     lower = values(params.joint_lower_limits, -np.inf)
     upper = values(params.joint_upper_limits, np.inf)
@@ -160,6 +163,7 @@ def whole_body_model(
         mass=robot.mass,
         sole_length=robot.sole_length,
         sole_width=robot.sole_width,
+        ankles=np.array(ankles),
         posture=values(robot.posture, 0.0),
         position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
         position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),

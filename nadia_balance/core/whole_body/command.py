@@ -33,12 +33,14 @@ class WholeBodyModel:
     `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
     `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
     sole size [m].  Without `drives`, torques have no speed or rate limits; a
-    `max_speed` may be infinite.
+    `max_speed` may be infinite.  `ankles` (2, 3) [m]: the last joint of the
+    (left, right) leg, in the frame of the sole.
     """
 
     mass: float
     sole_length: float
     sole_width: float
+    ankles: Array
     posture: Array
     position_lower: Array
     position_upper: Array

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.arrays import Array, cross
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import tilt
 from nadia_balance.core.whole_body.command import BASE, PELVIS, SOLES, TORSO
@@ -115,13 +115,15 @@ class TrunkTask:
 
 
 class SwingFootTask:
-    """PD laws for orientation and position of the swing sole.
+    """PD laws for the sole's orientation and the ankle's position.
 
-    Its height has a weight of its own: at the end of a long step the torques do
-    not suffice for all, and a foot that is too low lands while it is fast.  The
-    height is the mean of those of the centre and of the highest corner, so that
-    a tilted sole lands sooner: while it is in the air, the ICP diverges.  The
-    weight of its orientation is times the command's `flatness`.
+    The ankle is to be where the reference of the sole has it.  So the leg moves
+    the foot, and not a tilt of the sole, whose orientation has little weight
+    until it lands: it is times the command's `flatness`.  The height has a
+    weight of its own: at the end of a long step the torques do not suffice for
+    all, and a foot that is too low lands while it is fast.  A tilted sole is
+    led lower, so that it lands sooner: while it is in the air, the ICP
+    diverges.
     """
 
     name = "swing_foot"
@@ -131,32 +133,59 @@ class SwingFootTask:
         turn = [params.swing_orientation_weight] * 3
         self.weight = np.array([*turn, over, over, height])
         self._to_corner = 0.5 * model.sole_length, 0.5 * model.sole_width
+        self._ankles = model.ankles
         self._kp = np.repeat(
             [params.swing_orientation_gain, params.swing_position_gain], 3
         )
         self._kd = 2.0 * params.damping_ratio * np.sqrt(self._kp)
 
     def motion(self, terms: Terms, command: Command) -> Motion | None:
-        """Returns the rows (6, nv + 1) of the sole; None if both carry."""
+        """Returns the rows (6, nv + 1) of the foot; None if both carry."""
         if all(command.contacts):
             return None
         side = command.contacts.index(False)
         sole = SOLES[side]
-        p, v, a, (yaw, rate, acceleration) = command.swing.reshape(4, 3)
-        R_WT = tilt(command.normals[side])
-        R_TF = R_WT.T @ terms.rotations[side]
-        turn = R_WT @ rotation_error(float(yaw), R_TF)
-        error = np.concatenate((turn, p - terms.sole_positions[side]))
-        rise = np.abs(R_TF[2, :2]) @ self._to_corner
-        error[5] -= _TO_HIGHEST * rise
-        velocity = np.array((0.0, 0.0, rate, *v.tolist()))
-        wanted = np.array((0.0, 0.0, acceleration, *a.tolist()))
-        wanted += self._kp * error
-        wanted += self._kd * (velocity - terms.velocities[sole])
-        rows, root = terms.rows[sole].copy(), math.sqrt(command.flatness)
+        yaw, rate, acceleration = command.swing[9:].tolist()
+        R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
+        R_TF = R_WT.T @ R_WF
+        turn = R_WT @ rotation_error(yaw, R_TF)
+        # The reference of the ankle, and the arm to it from the sole's centre.
+        aim = command.swing[:9].reshape(3, 3)
+        aim = aim + self._turned(side, yaw, rate, acceleration) @ R_WT.T
+        arm = R_WF @ self._ankles[side]
+        error = aim[0] - terms.sole_positions[side] - arm
+        error[2] -= _TO_HIGHEST * np.abs(R_TF[2, :2]) @ self._to_corner
+        rows, now = terms.rows[sole].copy(), terms.velocities[sole].copy()
+        w, root = now[:3].copy(), math.sqrt(command.flatness)
+        now[3:] += cross(w, arm)
+        rows[3:] += cross(rows[:3], arm)
+        rows[3:, -1] += cross(w, cross(w, arm))
+        wanted = np.array((0.0, 0.0, acceleration, *aim[2].tolist()))
+        wanted += self._kp * np.concatenate((turn, error))
+        wanted += self._kd * ((0.0, 0.0, rate, *aim[1].tolist()) - now)
         rows[:3] *= root
         wanted[:3] *= root
         return Motion(rows, wanted)
+
+    def _turned(
+        self, side: int, yaw: float, rate: float, acceleration: float
+    ) -> Array:
+        """Rows p, v, a (3, 3) of the ankle relative to a sole that turns."""
+        x, y, z = self._ankles[side].tolist()
+        c, s = math.cos(yaw), math.sin(yaw)
+        x, y = c * x - s * y, s * x + c * y
+        square = rate * rate
+        return np.array(
+            (
+                (x, y, z),
+                (-rate * y, rate * x, 0.0),
+                (
+                    -acceleration * y - square * x,
+                    acceleration * x - square * y,
+                    0.0,
+                ),
+            )
+        )
 
 
 def usual_tasks(params: Params, model: Model) -> list[Task]:

@@ -25,7 +25,7 @@ from tests.example_walks import standing
 
 MASS = 900.0 / GRAVITY
 NO_JOINTS = [np.zeros(0)] * 6
-MODEL = WholeBodyModel(MASS, 0.25, 0.12, *NO_JOINTS)
+MODEL = WholeBodyModel(MASS, 0.25, 0.12, np.zeros((2, 3)), *NO_JOINTS)
 
 
 def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):

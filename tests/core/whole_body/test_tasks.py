@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
+from pydrake.multibody.tree import JacobianWrtVariable
 
+from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
@@ -36,8 +38,7 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     """Oracle: PD laws written out, with Drake's angle and axis.
 
     The swing sole is to be tilted forward by `slope` [rad], on which it is
-    turned; it is led lower by half the height of its highest corner above its
-    centre, across the ground.
+    turned.
     """
     terms, params = terms_at(random_state(0, 2.0)), WholeBodyQpParams()
     swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
@@ -67,16 +68,63 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     assert pelvis.acceleration == pytest.approx(expected)
     expected = turning(200.0, swing[9:], 1, sole, slope)
     assert foot.acceleration[:3] == pytest.approx(expected)
+    for motion, rows in (torso, TORSO), (pelvis, PELVIS):
+        assert np.array_equal(motion.rows, terms.rows[rows])
+    assert np.array_equal(foot.rows[:3], terms.rows[sole])
+
+
+def ankle_rows(state):
+    """[J, Jdot v] (3, nv + 1) of the right ankle, by Drake."""
+    plant, context = kinematics().plant, context_at(state)
+    ankle = plant.GetJointByName("RIGHT_ANKLE_X").frame_on_child()
+    world, zero = plant.world_frame(), np.zeros(3)
+    at = context, JacobianWrtVariable.kV, ankle, zero, world, world
+    J = plant.CalcJacobianTranslationalVelocity(*at)
+    bias = plant.CalcBiasTranslationalAcceleration(*at)
+    return np.column_stack((J, bias))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_the_ankle_follows_the_reference_of_the_sole(slope):
+    """Oracle: Drake's motion of the ankle; differences of its reference.
+
+    The reference is that of an ankle on a sole which keeps to its slope [rad],
+    turns and accelerates; it is lower by half the height of the highest corner
+    of the true sole above its centre, across the ground.
+    """
+    state = random_state(0, 2.0)
+    terms, params = terms_at(state), WholeBodyQpParams()
+    swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
+    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
+    wish = command(terms, (True, False))._replace(swing=swing)
+    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
+    foot = usual_tasks(params, model())[-1].motion(terms, wish)
+
+    rows = ankle_rows(state)
+    assert foot.rows[3:] == pytest.approx(rows, abs=1e-9)
+
+    plant, context = kinematics().plant, context_at(state)
+    ankle = plant.GetJointByName("RIGHT_ANKLE_X").frame_on_child()
+    X_SoleFoot = nadia().X_FootSole[Side.RIGHT].inverse()
+    p_SA = X_SoleFoot @ ankle.GetFixedPoseInBodyFrame().translation()
+
+    def reference(t):
+        p, v, a, turn = swing.reshape(4, 3)
+        R = RotationMatrix.MakeYRotation(slope)
+        R @= RotationMatrix.MakeZRotation(turn @ [1.0, t, 0.5 * t * t])
+        return p + t * v + 0.5 * t * t * a + R @ p_SA
+
+    before, now, after = (reference(t) for t in (-1e-4, 0.0, 1e-4))
     size = 0.5 * np.array([model().sole_length, model().sole_width])
     corners = np.array(list(itertools.product(*np.outer(size, [1.0, -1.0]))))
     corners = corners @ terms.rotations[1][:, :2].T
     rise = 0.5 * float((corners @ wish.normals[1]).max())
-    move = swing[6:9] + 300.0 * np.array([0.01, 0.02, 0.03 - rise])
-    slower = swing[3:6] - terms.velocities[9:12]
-    move += 2.0 * math.sqrt(300.0) * slower
-    assert foot.acceleration[3:] == pytest.approx(move)
-    for motion, rows in (torso, TORSO), (pelvis, PELVIS), (foot, slice(6, 12)):
-        assert np.array_equal(motion.rows, terms.rows[rows])
+    p_WA = ankle.CalcPoseInWorld(context).translation()
+    wanted = (after - 2.0 * now + before) / 1e-8
+    wanted += 300.0 * (now - [0.0, 0.0, rise] - p_WA)
+    slower = (after - before) / 2e-4 - rows[:, :-1] @ terms.v
+    wanted += 2.0 * math.sqrt(300.0) * slower
+    assert foot.acceleration[3:] == pytest.approx(wanted, rel=1e-5)
 
 
 def momentum_at(state):
@@ -169,17 +217,19 @@ def test_refuses_a_negative_weight():
         ("torso_weight", slice(-6, -3)),
         ("pelvis_weight", slice(-3, None)),
         ("swing_orientation_weight", slice(6, 9)),
-        ("swing_position_weight", slice(9, 11)),
-        ("swing_height_weight", slice(11, 12)),
+        ("swing_position_weight", slice(2)),
+        ("swing_height_weight", slice(2, 3)),
     ],
 )
 def test_weights_are_those_of_the_squares(name, rows):
     """Oracle: twice the weight adds weight J'J to H, J the rows of the terms.
 
-    That of the angular momentum is about the CoM; the flatness is a share of
-    the weight of the swing sole's orientation only.
+    That of the angular momentum is about the CoM, those of the ankle are
+    Drake's; the flatness is a share of the weight of the swing sole's
+    orientation only.
     """
-    terms = terms_at(random_state(0))
+    state = random_state(0)
+    terms = terms_at(state)
     wish, params = command(terms, (True, False)), WholeBodyQpParams()
     wish, weight = wish._replace(flatness=0.3), getattr(params, name)
     twice = dataclasses.replace(params, **{name: 2.0 * weight})
@@ -190,6 +240,8 @@ def test_weights_are_those_of_the_squares(name, rows):
     if rows is None:
         moment, force = terms.rows[BASE, :-1].reshape(2, 3, 29)
         J = moment - moment[:, 3:6] @ force
+    elif name in ("swing_position_weight", "swing_height_weight"):
+        J = ankle_rows(state)[rows, :-1]
     else:
         J = terms.rows[rows, :-1]
     weight *= 0.3 if name == "swing_orientation_weight" else 1.0
