@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from nadia_balance.core.math.arrays import Array, cross
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import tilt
 from nadia_balance.core.whole_body.command import BASE, PELVIS, SOLES, TORSO
@@ -157,9 +157,11 @@ class SwingFootTask:
         error[2] -= _TO_HIGHEST * np.abs(R_TF[2, :2]) @ self._to_corner
         rows, now = terms.rows[sole].copy(), terms.velocities[sole].copy()
         w, root = now[:3].copy(), math.sqrt(command.flatness)
-        now[3:] += cross(w, arm)
-        rows[3:] += cross(rows[:3], arm)
-        rows[3:, -1] += cross(w, cross(w, arm))
+        x, y, z = arm.tolist()
+        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))  # w x arm
+        now[3:] += across @ w
+        rows[3:] += across @ rows[:3]
+        rows[3:, -1] += w * (w @ arm) - arm * (w @ w)
         wanted = np.array((0.0, 0.0, acceleration, *aim[2].tolist()))
         wanted += self._kp * np.concatenate((turn, error))
         wanted += self._kd * ((0.0, 0.0, rate, *aim[1].tolist()) - now)
