@@ -88,6 +88,7 @@ clean:
 		exit 1; }
 	$(PYTHON) -m venv .venv
 	$(PIP_INSTALL) .
+	$(BIN)/python -m pip uninstall --quiet --yes setuptools  # of Python 3.11
 	$(BIN)/python -c 'import pydrake.common' || sh .ci/apt libglib2.0-0
 	@touch $@
 
