@@ -150,12 +150,15 @@ def whole_body_model(
         return found
 
     is_leg_joint, ankles = np.zeros(n, dtype=bool), []
+    context = plant.CreateDefaultContext()
     for side, foot in robot.foot_bodies.items():
         leg = plants.joints_above(plant, foot)
         is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
-        X_FootAnkle = leg[0].frame_on_child().GetFixedPoseInBodyFrame()
-        X_SoleFoot = robot.X_FootSole[side].inverse()
-        ankles.append(X_SoleFoot @ X_FootAnkle.translation())
+        ankle, body = leg[0].frame_on_child(), plant.GetBodyByName(foot)
+        # Links welded to each other may lie between the two.
+        of = context, ankle, _ORIGIN, body.body_frame()
+        p_FootA = plant.CalcPointsPositions(*of)[:, 0]
+        ankles.append(robot.X_FootSole[side].inverse() @ p_FootA)
 
     lower = values(params.joint_lower_limits, -np.inf)
     upper = values(params.joint_upper_limits, np.inf)
