@@ -1,11 +1,16 @@
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
 import numpy as np
 import pytest
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.command import PELVIS, SOLES, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
+from nadia_balance.robot.model import MODELS
 from tests import whole_body_examples as examples
 from tests.whole_body_examples import kinematics, nadia, random_state, terms_at
 
@@ -117,3 +122,25 @@ def test_refuses_a_limit_of_a_joint_that_does_not_exist():
     """Oracle: the message names it."""
     with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
         examples.model(TAIL=0.1)
+
+
+def test_an_ankle_is_found_above_a_foot_that_is_welded_on():
+    """Oracle: Nadia's ankles; a foot 3 cm lower and 1 cm ahead on a cuff."""
+    text = (MODELS / "nadia" / "nadia.urdf").read_text(encoding="utf-8")
+    top = ElementTree.fromstring(text)
+    (roll,) = top.findall("joint[@name='LEFT_ANKLE_X']")
+    roll.find("child").set("link", "cuff")
+    SubElement(top, "link", name="cuff")
+    weld = SubElement(top, "joint", name="weld", type="fixed")
+    SubElement(weld, "parent", link="cuff")
+    SubElement(weld, "child", link="LEFT_FOOT_LINK")
+    SubElement(weld, "origin", xyz="0.01 0 -0.03")
+    plant = MultibodyPlant(0.0)
+    text = ElementTree.tostring(top, encoding="unicode")
+    Parser(plant).AddModelsFromString(text, "urdf")
+    plant.Finalize()
+    known, params = kinematics().plant, WholeBodyQpParams()
+    left, right = whole_body_model(nadia(), known, params).ankles
+    left_welded, same = whole_body_model(nadia(), plant, params).ankles
+    assert left_welded == pytest.approx(left + [-0.01, 0.0, 0.03])
+    assert same == pytest.approx(right)
