@@ -158,7 +158,8 @@ class SwingFootTask:
         rows, now = terms.rows[sole].copy(), terms.velocities[sole].copy()
         w, root = now[:3].copy(), math.sqrt(command.flatness)
         x, y, z = arm.tolist()
-        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))  # w x arm
+        # across @ w = w x arm.
+        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
         now[3:] += across @ w
         rows[3:] += across @ rows[:3]
         rows[3:, -1] += w * (w @ arm) - arm * (w @ w)
