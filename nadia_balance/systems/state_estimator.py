@@ -24,8 +24,9 @@ FILTERS = {"invariant": ekf.InvariantEkf, "complementary": Complementary}
 # 50 ms of a hurried landing a sole turns by up to 40 mrad.
 LANDED, RELEASED = 0.4, 0.3
 SETTLING = 0.06  # [s]
-# Errors of what the robot is told of its pose at the start (see `begin`).
-START = 0.005, 1e-3, 0.005  # [rad], [m/s], [m]
+# Errors of what the robot is told at the start (see `begin`): tilt and height
+# are measured, while W is where the robot stands and heads, but for rounding.
+START = np.array(((5e-3, 5e-3, 1e-4), (1e-3,) * 3, (1e-4, 1e-4, 5e-3)))
 
 _V = JacobianWrtVariable.kV
 _SHAPES = {"R": (3, 3), "x": (4, 3), "bias": (2, 3), "heading": (2,)}

@@ -125,12 +125,13 @@ class InvariantEkf:
     def begin(self, R: Array, p: Array, error: Array) -> Estimate:
         """The estimate of a robot at rest, told where it is; soles: see touch.
 
-        `error` (3,) are standard deviations of the rotation [rad], of velocity
-        [m/s] and position [m].
+        `error` (3, 3) has standard deviations in W, a row each of rotation
+        [rad], velocity [m/s] and position [m].
         """
         x = np.vstack((np.zeros(3), p, p, p))
         cov = np.zeros((SIZE, SIZE))
-        deviations = np.repeat((*error, 0.0, 0.0, *self._biases), 3)
+        others = np.repeat((0.0, 0.0, *self._biases), 3)
+        deviations = np.concatenate((error.ravel(), others))
         np.fill_diagonal(cov[:21, :21], np.square(deviations))
         # The error of the position itself, not that of a rotation about W.
         A = np.eye(SIZE)

@@ -31,7 +31,7 @@ STILL = Legs(
 def standing(R=None):
     """At the origin, on both soles."""
     R = np.eye(3) if R is None else R
-    state = FILTER.begin(R, np.zeros(3), (0.0, 0.0, 0.0))
+    state = FILTER.begin(R, np.zeros(3), np.zeros((3, 3)))
     for i in (0, 1):
         state = FILTER.touch(state, i, STILL)
     return state
