@@ -98,6 +98,20 @@ class WholeBodyTerms(NamedTuple):
         """[M, bias] (nv, nv + 1), per unit of mass."""
         return self.rows[BASE.start : TORSO.start]
 
+    def at_point(self, side: int, arm: Array) -> tuple[Array, Array]:
+        """Rows (6, nv + 1) and velocities (6,) of a sole at another point.
+
+        `arm` (3,) [m] in W is from its centre to the point of the foot.
+        """
+        sole = SOLES[side]
+        rows, velocities = self.rows[sole].copy(), self.velocities[sole].copy()
+        w, (x, y, z) = velocities[:3].copy(), arm.tolist()
+        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
+        velocities[3:] += across @ w  # w x arm
+        rows[3:] += across @ rows[:3]
+        rows[3:, -1] += w * (w @ arm) - arm * (w @ w)
+        return rows, velocities
+
     @property
     def angular_momentum(self) -> Array:
         """Angular momentum (3,) about the CoM in W, per unit of mass."""

@@ -186,25 +186,20 @@ class WholeBodyQp:
         """
         sole, nv = whole_body_command.SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
-        px, py, pz = p = edge * x
-        cross = np.array([[0.0, -pz, py], [pz, 0.0, -px], [-py, px, 0.0]])
-        turn, move = A[sole, :nv].reshape(2, 3, nv)
-        # At the edge: a + alpha x p + w x (w x p).
-        w = terms.velocities[sole][:3]
-        rest, bias = b[sole].copy(), -terms.rows[sole, -1]
-        slip = terms.velocities[sole][3:] + np.cross(w, p)
+        moved, velocities = terms.at_point(side, edge * x)
+        turn, rest = A[sole, :nv][:3], b[sole][:3].copy()
         rows, values = np.zeros((6, A.shape[1])), np.zeros(6)
-        rows[:3, :nv] = move - cross @ turn
-        values[:3] = bias[3:] - cross @ bias[:3]
-        values[:3] -= np.cross(w, np.cross(w, p))
-        values[:3] -= self._params.stance_damping * slip
+        rows[:3, :nv] = moved[3:, :nv]
+        values[:3] = -self._params.stance_damping * velocities[3:]
+        values[:3] -= moved[3:, -1]
         axes = np.stack((x, z))
-        rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest[:3]
+        rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest
         roll, weight = y @ turn, self._params.swing_orientation_weight
         H[:nv, :nv] += weight * np.outer(roll, roll)
-        g[:nv] -= weight * (y @ rest[:3]) * roll
+        g[:nv] -= weight * (y @ rest) * roll
         wrench = rows[5, nv + sole.start : nv + sole.stop]
-        wrench[:3], wrench[3:] = y, -y @ cross
+        # The moment about the axis, y . (tau - p x f).
+        wrench[:3], wrench[3:] = y, edge * z
         A[sole], b[sole] = rows, values
 
     def _rest(self, terms: Terms, normals: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import tilt
-from nadia_balance.core.whole_body.command import BASE, PELVIS, SOLES, TORSO
+from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
 from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
@@ -144,7 +144,6 @@ class SwingFootTask:
         if all(command.contacts):
             return None
         side = command.contacts.index(False)
-        sole = SOLES[side]
         yaw, rate, acceleration = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
         R_TF = R_WT.T @ R_WF
@@ -155,14 +154,8 @@ class SwingFootTask:
         arm = R_WF @ self._ankles[side]
         error = aim[0] - terms.sole_positions[side] - arm
         error[2] -= _TO_HIGHEST * np.abs(R_TF[2, :2]) @ self._to_corner
-        rows, now = terms.rows[sole].copy(), terms.velocities[sole].copy()
-        w, root = now[:3].copy(), math.sqrt(command.flatness)
-        x, y, z = arm.tolist()
-        # across @ w = w x arm.
-        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-        now[3:] += across @ w
-        rows[3:] += across @ rows[:3]
-        rows[3:, -1] += w * (w @ arm) - arm * (w @ w)
+        rows, now = terms.at_point(side, arm)
+        root = math.sqrt(command.flatness)
         wanted = np.array((0.0, 0.0, acceleration, *aim[2].tolist()))
         wanted += self._kp * np.concatenate((turn, error))
         wanted += self._kd * ((0.0, 0.0, rate, *aim[1].tolist()) - now)
