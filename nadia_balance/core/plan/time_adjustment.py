@@ -133,7 +133,7 @@ class Timing:
         error = icp - plan.at(state.time_in_phase).icp
         hurried = math.hypot(*error) >= params.icp_error_threshold
         least = params.min_transfer_duration - state.elapsed
-        if swings and (hurried or state.gained_time > _NOTHING):
+        if swings and (hurried or abs(state.gained_time) > _NOTHING):
             foot = feet[state.schedule.support_side.other]
             if (late := self.time_to_return(state, foot)) > 0.0:
                 return TimeAdjustment(-late, -late)
@@ -196,14 +196,17 @@ class Timing:
 
         The foothold may have moved away from the foot, now at its measured pose
         `foot`, since the clock was advanced.  The result is at most the
-        `gained_time`.
+        `gained_time`, and the time by which the swing may be prolonged.
         """
         goal = state.schedule.footsteps[0].pose.p_WF
         if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
             return 0.0
         needed = UNDER_WAY * self._time_to_foothold(state, foot)
         late = needed - self.params.tolerated_delay - state.remaining_time
-        return min(max(late, 0.0), state.gained_time)
+        most = state.gained_time
+        if state.adjustment:
+            most += state.adjustment.prolonged
+        return max(min(late, most), 0.0)
 
     def _time_to_foothold(self, state: WalkingState, foot: FootPose) -> float:
         """Returns the time [s] from rest at `foot` to landing at the foothold.

@@ -72,6 +72,8 @@ class CaptureRegionStepAdjusterParams:
     # Times before touchdown and after lift-off without foothold changes.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
+    # Time by which a swing may last longer than planned.
+    prolongation: float = bounded(0.3, least=0.0, unit="s")
     # Time for which the capture region must cover the nominal foothold before
     # the step returns to it.
     return_time: float = bounded(0.05, least=0.0, unit="s")

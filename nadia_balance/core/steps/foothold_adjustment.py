@@ -117,6 +117,20 @@ class Landing(walking.Immutable):
         one_step = self.geometry.one_step_region(self.icp, times)
         return capture.capture_region(one_step, self.geometry.offsets[-1])
 
+    def missed(self, adjustment: Adjustment) -> float:
+        """Distance [m] of a foothold from the region if later steps hurry.
+
+        The region is that of the foot's touchdown there, at full speed.
+        """
+        p, (first, last) = adjustment.pose.p_WF[:2], self.touchdown
+        soonest = max(first, UNDER_WAY * self.time_to(p))
+        times = soonest, soonest + last - first
+        one_step = self.geometry.one_step_region(self.icp, times)
+        region = self.geometry.hurried_region(one_step)
+        if convex.contains(p, region):
+            return 0.0
+        return math.dist(p, convex.project(p, region))
+
     def time_to(self, goal: Array) -> float:
         """Time [s] from rest to landing at `goal` (2,) [m]; 0 without foot."""
         if self.foot is None:
@@ -132,15 +146,27 @@ def propose_adjustment(
 
     The foothold does not change in the first `settling_time` of a swing, as
     the measured ICP jumps when the contacts change, nor in the last
-    `freeze_time`.
+    `freeze_time`.  The swing is prolonged for a foothold that the foot cannot
+    reach in time, if it misses the capture region by less, although the ICP
+    diverges meanwhile: a foot that is pushed outward late in its swing would
+    else land where the other one has to cross it.
+    Erratum: the paper's swings are only shortened.
     """
     current = current_adjustment(state)
-    settles = state.elapsed < params.settling_time
-    if settles or landing.touchdown[0] < params.freeze_time:
+    if state.elapsed < params.settling_time:
         return current
     wanted = adjust_foothold(current, landing, params, period)
-    time = state.remaining_time + state.gained_time
-    return in_time(current, wanted, landing, time)
+    left, lead = state.remaining_time, state.gained_time
+    soon, late = current, left + lead + params.prolongation
+    if landing.touchdown[0] >= params.freeze_time:
+        soon = in_time(current, wanted, landing, left + max(lead, 0.0))
+    if soon is wanted or wanted.pose == current.pose or landing.foot is None:
+        return soon
+    later = in_time(current, wanted, landing, late)
+    better = params.rules.distance_hysteresis
+    if landing.missed(later) > landing.missed(soon) - better:
+        return soon
+    return replace(later, prolonged=params.prolongation)
 
 
 def adjust_foothold(

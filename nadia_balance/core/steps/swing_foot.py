@@ -30,6 +30,7 @@ _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
 
 _SINKING = 0.04  # horizon of the way to the touchdown velocity [s]
 _GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
+_TO_SPARE = 1.5  # ratio of the times to land and to sink that lifts a foot [-]
 _SOON = 0.02  # via points closer in time than this are dropped [s]
 
 
@@ -138,8 +139,10 @@ class SwingFoot:
             left = braking
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
         ground = float(end[0, 2]) if edges is None else edges.top
-        apex = self._apex(start[:2, 2], ground, left, state)
         landing = end[:, Z].copy()
+        apex = None
+        if not self._sinks(height, descent, left):
+            apex = self._apex(float(start[0, 2]), ground, left, state)
         if apex is not None:
             end[:, Z] = _aim(start[:, Z], landing, left, apex)
         if edges and edges.are_in_the_way(start[0, :3]):
@@ -211,10 +214,18 @@ class SwingFoot:
             left *= _STRETCH
         return aim, left
 
+    def _sinks(self, height: float, descent: float, left: float) -> bool:
+        """True for a foot that descends to land in the time `left` [s].
+
+        One that would be down from its `height` [m] long before is lifted.
+        """
+        mean = 0.5 * (descent + self.params.touchdown_velocity)
+        return descent > 0.0 and left * mean < _TO_SPARE * height
+
     def _apex(
-        self, start: Array, ground: float, left: float, state: WalkingState
+        self, z: float, ground: float, left: float, state: WalkingState
     ) -> Array | None:
-        """The apex (1,) [m]; None if `start` (p, v) is above it, or sinks."""
+        """Returns the apex (1,) [m]; None if a foot at `z` [m] is above it."""
         schedule, params = state.schedule, self.params
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         height = params.height
@@ -222,7 +233,7 @@ class SwingFoot:
             height = min(height, params.uncrossing_height)
         height *= min(1.0, (left / params.fall_time) ** 2)
         apex = max(lift_off, ground) + height
-        return np.array([apex]) if start[0] < apex and start[1] >= 0.0 else None
+        return np.array([apex]) if z < apex else None
 
 
 def _aim(start: Array, end: Array, left: float, via: Array) -> Array:

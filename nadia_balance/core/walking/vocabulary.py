@@ -203,6 +203,7 @@ class Adjustment(Immutable):
     covered_ticks: int = 0
     later: tuple[Adjustment, ...] = ()  # of the steps after it
     ground: int = 0  # index of the ground region, 0 if it is flat
+    prolonged: float = 0.0  # time [s] by which the swing may last longer
 
     @property
     def moved(self) -> bool:
@@ -224,6 +225,7 @@ class WalkingState(Immutable):
     waiting: bool = False  # the clock has run out, the phase has not ended
     waited: float = 0.0  # waiting time for the ICP at a transfer's end [s]
     contact_impulse: float = 0.0  # of the swing foot, per weight [s]
+    contact_time: float = 0.0  # of the foot that lands or has landed [s]
     steps_taken: int = 0
     commanded: tuple[Footstep, ...] = ()
     adjustment: Adjustment | None = None  # of the next step
@@ -235,8 +237,8 @@ class WalkingState(Immutable):
 
     @property
     def gained_time(self) -> float:
-        """Time [s] by which the clock leads real time; most to be returned."""
-        return max(self.time_in_phase - self.elapsed, 0.0)
+        """Time [s] by which the clock leads real time; negative: it lags."""
+        return self.time_in_phase - self.elapsed
 
 
 @dataclass(frozen=True)

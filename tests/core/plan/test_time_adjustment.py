@@ -144,21 +144,27 @@ def test_a_foot_near_its_foothold_lands():
 
 
 @pytest.mark.parametrize(
-    ("distance", "gained", "expected"),
+    ("distance", "gained", "more", "expected"),
     [
-        (1.2, 0.3, NEEDED - 0.1),  # 0.1 s left
-        (1.2, 0.05, 0.05),  # no more than was gained
-        (1.2, 0.0, 0.0),
-        (0.2, 0.3, 0.0),  # in time
+        (1.2, 0.3, 0.0, NEEDED - 0.1),  # 0.1 s left
+        (1.2, 0.05, 0.0, 0.05),  # no more than was gained
+        (1.2, 0.05, 0.04, 0.09),  # and than the swing may last longer
+        (1.2, -0.03, 0.05, 0.02),  # some of that has passed
+        (1.2, 0.0, 0.0, 0.0),
+        (0.2, 0.3, 0.1, 0.0),  # in time
     ],
 )
 def test_time_is_given_back_if_the_foothold_moves_away(
-    distance, gained, expected
+    distance, gained, more, expected
 ):
     """Oracle: by hand."""
     schedule, plan = swing(swing=1.0)
-    state = walking.WalkingState(schedule, 0.9, 0.9 - gained)
-    target = schedule.footsteps[0].pose
+    step = schedule.footsteps[0]
+    target = step.pose
+    longer = walking.Adjustment(step, target, prolonged=more)
+    state = walking.WalkingState(
+        schedule, 0.9, 0.9 - gained, adjustment=longer if more else None
+    )
     foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
     feet = schedule.feet.with_foot(walking.Side.RIGHT, foot)
     found = timing_of().time_to_return(state, foot)

@@ -558,6 +558,39 @@ def test_the_time_that_the_clock_has_gained_counts():
         assert found.pose.p_WF[0] < wanted.pose.p_WF[0]
 
 
+@pytest.mark.parametrize("left", [0.03, 0.06])  # in the frozen time, before
+@pytest.mark.parametrize("icp", [(-0.2, -0.35), (0.3, -0.3), (0.0, -0.15)])
+def test_a_swing_is_prolonged_for_a_foothold_that_misses_less(icp, left):
+    """Oracle: shapely's distances from the regions of both arrivals.
+
+    The foot is over its nominal foothold when the ICP leaves on its side.
+    """
+    foot, first = NOMINAL.p_WF[:2], unadjusted(IN_PLACE)
+    times = (left, left + PARAMS.waiting_time)
+    case = Landing(GEOMETRY, np.array(icp), times, foot)
+    wanted = adjust_foothold(first, case, PARAMS, TICK)
+
+    def missed(pose):
+        soonest = max(left, math.sqrt(0.5) * case.time_to(pose.p_WF[:2]))
+        arrival = soonest, soonest + PARAMS.waiting_time
+        one_step = GEOMETRY.one_step_region(case.icp, arrival)
+        region = shapely.Polygon(GEOMETRY.hurried_region(one_step))
+        return region.distance(shapely.Point(pose.p_WF[:2]))
+
+    state = state_at(IN_PLACE.duration - left)
+    found = propose_adjustment(state, case, PARAMS, TICK)
+    late = left + PARAMS.prolongation
+    later = in_time(first, wanted, case, late).pose
+    soon = in_time(first, wanted, case, left).pose if left > 0.05 else NOMINAL
+    pays = missed(later) < missed(soon) - PARAMS.rules.distance_hysteresis
+    assert found.pose == (later if pays else soon)
+    assert found.prolonged == (PARAMS.prolongation if pays else 0.0)
+    assert pays == (np.hypot(*icp) > 0.2)
+    never = replace(PARAMS, prolongation=0.0)
+    found = propose_adjustment(state, case, never, TICK)
+    assert (found.pose, found.prolonged) == (soon, 0.0)
+
+
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
 def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
     """Oracle: by hand: two stones meet in front of the nominal foothold.

@@ -244,6 +244,32 @@ def test_a_foot_that_is_sent_away_too_late_comes_later():
     assert np.hypot(*path[:, 2, :2].T).max() < most
 
 
+@pytest.mark.parametrize(
+    ("left", "goal", "lifted"), [(0.05, GOAL, False), (0.3, (0.3, -0.2), True)]
+)
+def test_a_foot_that_sinks_long_before_it_may_land_is_lifted(
+    left, goal, lifted
+):
+    """Oracle: the quintic without a way point dips below the ground.
+
+    The foot is 2 cm high, sinks at 0.6 m/s, and is sent away.
+    """
+    start = np.zeros((3, 4))
+    start[0], start[1, 2] = (0.4, -0.15, 0.02, 0.2), -0.6
+    end = np.array([[0.0], [-PARAMS.touchdown_velocity], [0.0]])
+    t = np.linspace(0.05, 0.95, 19)[:, None] * left
+    plain = quintic(start[:, 2:3], end, np.full(1, left), t)[0]
+    assert (plain.min() < -0.005) == lifted
+    motion, path = start, []
+    foot = SwingFoot(PARAMS, replace(MODEL, detour=DETOUR), PERIOD)
+    for time in np.arange(0.7 - left, 0.7, PERIOD):
+        motion, _ = foot.motion(motion, swing_state(time, goal))
+        path.append(motion[0, 2])
+    assert min(path) > -1e-3
+    assert (max(path) > 0.03) == lifted
+    assert path[-1] < 0.01
+
+
 def test_velocities_now_of_a_reference_ahead():
     """Oracle: a motion of constant acceleration, its velocities in closed form.
 
