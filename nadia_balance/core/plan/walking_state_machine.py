@@ -38,6 +38,8 @@ class LiftOffParams:
     )
     # Largest distance of the eCMP from the support.
     ecmp_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
+    # Time for which the foot that has landed must carry, without interruption.
+    contact_time: float = bounded(0.01, least=0.0, unit="s")
     # The longest wait, if the footholds can be adjusted; infinite otherwise.
     max_wait: float = bounded(0.2, least=0.0, finite=False, unit="s")
     # The wait is extended to `max_held_wait` while the support extends
@@ -106,7 +108,8 @@ class StateMachine:
                 landed, commanded = state.commanded[:1], state.commanded[1:]
                 steps = state.steps_taken + 1
                 state = replace(state, commanded=commanded, steps_taken=steps)
-                return self._start_transfer(state, plan, feet, *landed)
+                begun = self._start_transfer(state, plan, feet, *landed)
+                return replace(begun, contact_time=state.contact_time)
         return state
 
     def _tick(
@@ -119,15 +122,16 @@ class StateMachine:
         time = schedule.duration if done else time
         elapsed = state.elapsed + period
         waits = done and schedule.phase is Phase.TRANSFER
-        impulse = 0.0
+        impulse, support = 0.0, schedule.support_side
+        lands = support.other if schedule.phase is Phase.SWING else support
+        force = float(forces[0 if lands is walking.Side.LEFT else 1])
+        carries = force > params.contact_force
         if schedule.phase is Phase.SWING:
             # A share of real time: an advanced clock may pass half of the plan
             # before the foot has left the ground.
             whole = elapsed + schedule.duration - time
             may_land = elapsed >= params.earliest_touchdown * whole
-            left_swings = schedule.support_side is walking.Side.RIGHT
-            force = float(forces[0 if left_swings else 1])
-            if may_land and force > params.contact_force:
+            if may_land and carries:
                 impulse = state.contact_impulse + period * force
         return replace(
             state,
@@ -136,6 +140,7 @@ class StateMachine:
             waiting=done,
             waited=state.waited + period if waits else 0.0,
             contact_impulse=impulse,
+            contact_time=state.contact_time + period if carries else 0.0,
         )
 
     def may_lift(
@@ -151,6 +156,12 @@ class StateMachine:
         """
         schedule, waited = state.schedule, state.waited
         params = self.params.lift_off
+        if (
+            state.steps_taken > 0
+            and state.contact_time < params.contact_time
+            and waited < max_wait
+        ):
+            return False
         if schedule.legs_crossed or not schedule.footsteps:
             return True
         error = icp - plan.at(schedule.duration).icp

@@ -131,6 +131,8 @@ class WholeBodyCommand(NamedTuple):
     assumed for both.  `edges` [m] are the positions x of the axes about which
     the (left, right) sole may roll; 0: it stays flat.  `flatness` in (0, 1] is
     the share of the weight that the swing sole's orientation has by now.
+    `sinking` [m/s] are the velocities at which the (left, right) sole is to
+    meet its ground, against the normal; 0: it stands there.
     """
 
     momentum_rate: Array
@@ -143,6 +145,7 @@ class WholeBodyCommand(NamedTuple):
     friction: float
     edges: tuple[float, ...] = (0.0, 0.0)
     flatness: float = 1.0
+    sinking: tuple[float, ...] = (0.0, 0.0)
 
 
 def whole_body_command(
@@ -158,20 +161,46 @@ def whole_body_command(
     `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
     `friction` coefficient to assume.
     """
+    left, right = Side
+    of = params, model
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
         turn=crossing_turn(state, swing, params.crossing_turn),
-        contacts=tuple(state.schedule.in_contact(side) for side in Side),
-        max_normal_forces=tuple(
-            max_normal_force(state, side, params, model) for side in Side
+        contacts=(
+            state.schedule.in_contact(left),
+            state.schedule.in_contact(right),
+        ),
+        max_normal_forces=(
+            max_normal_force(state, left, *of),
+            max_normal_force(state, right, *of),
         ),
         swing=swing,
         normals=sole_normals(state),
         friction=friction,
-        edges=tuple(rolling_edge(state, side, params, model) for side in Side),
+        edges=(rolling_edge(state, left, *of), rolling_edge(state, right, *of)),
         flatness=flatness(state, params),
+        sinking=sinking(state, params),
     )
+
+
+def sinking(state: WalkingState, params: Params) -> tuple[float, float]:
+    """Returns the velocities [m/s] at which the (left, right) sole sinks.
+
+    That is the one which has landed in this transfer, while it measures no
+    force: it has left the ground again.
+    """
+    schedule = state.schedule
+    if (
+        schedule.phase is not Phase.TRANSFER
+        or state.steps_taken == 0
+        or state.contact_time > 0.0
+    ):
+        return 0.0, 0.0
+    speed = params.sinking_velocity
+    if schedule.support_side is Side.LEFT:
+        return speed, 0.0
+    return 0.0, speed
 
 
 def sole_normals(state: WalkingState) -> Array:
@@ -286,18 +315,19 @@ def max_normal_force(
 ) -> float:
     """Upper bound [N] of a sole's normal force, linear in time in a transfer.
 
-    The bound of a landed foot rises to the weight within `loading_time`.  That
-    of the trailing foot falls from the weight in the last part of a transfer
-    before a step.  A transfer that waits for the ICP has no bound on it.
+    That of a landed foot rises to the weight in `loading_time` of contact.
+    That of the trailing foot falls from the weight in the last part of a
+    transfer before a step.  A transfer that waits for the ICP has no bound on
+    it.
     """
     schedule, weight = state.schedule, model.mass * GRAVITY
     if (
         schedule.phase is Phase.TRANSFER
         and side is schedule.support_side
         and state.steps_taken > 0
-        and state.elapsed < params.loading_time
+        and state.contact_time < params.loading_time
     ):
-        done = state.elapsed / params.loading_time
+        done = state.contact_time / params.loading_time
         return done * weight + (1.0 - done) * params.unloaded_force
     unloads = (
         schedule.phase is Phase.TRANSFER

@@ -123,8 +123,10 @@ class WholeBodyQpParams:
     # force bound at its end.
     unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
     unloaded_force: float = bounded(50.0, least=0.0, unit="N")
-    # Time in which the force bound of a landed foot rises to the weight: full
-    # load while it bounces causes impacts.
+    # Velocity at which a landed sole that measures no force sinks.
+    sinking_velocity: float = bounded(0.3, least=0.0, unit="m/s")
+    # Time of contact in which the force bound of a landed foot rises to the
+    # weight: full load while it bounces causes impacts.
     loading_time: float = bounded(0.01, least=0.0, unit="s")
     # Joint limits [rad] by name, tighter than those of the URDF.
     joint_lower_limits: dict[str, float] = field(default_factory=dict)

@@ -9,6 +9,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.whole_body import command as whole_body_command
+from nadia_balance.core.whole_body.command import SOLES
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
 from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
@@ -155,7 +156,7 @@ class WholeBodyQp:
         motion[:, :nv] = terms.forces[:, :nv]
         motion[:, nv:] = -J.T
         b = -terms.rows[: whole_body_command.BASE.stop, -1]
-        b[:12] += self._rest(terms, command.normals)
+        b[:12] += self._rest(terms, command)
         b = np.concatenate((b[soles], b[whole_body_command.BASE]))
         limits = bounds[:, len(A) :]
         self._limits.fill(C, limits, terms, command, last_torques)
@@ -184,7 +185,7 @@ class WholeBodyQp:
         is zero.  Keeping the sole flat is a soft task in H and g instead, with
         the weight of a swing foot.
         """
-        sole, nv = whole_body_command.SOLES[side], terms.v.size
+        sole, nv = SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
         moved, velocities = terms.at_point(side, edge * x)
         turn, rest = A[sole, :nv][:3], b[sole][:3].copy()
@@ -202,12 +203,16 @@ class WholeBodyQp:
         wrench[:3], wrench[3:] = y, edge * z
         A[sole], b[sole] = rows, values
 
-    def _rest(self, terms: Terms, normals: Array) -> Array:
-        """Accelerations (12,) that damp and align soles to `normals`."""
+    def _rest(self, terms: Terms, command: Command) -> Array:
+        """Accelerations (12,) that damp, align and sink the soles."""
         params = self._params
         rest = -params.stance_damping * terms.velocities[:12]
         x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
-        nx, ny, nz = normals.T
+        nx, ny, nz = command.normals.T
+        for side, speed in enumerate(command.sinking):
+            if speed:
+                down = params.stance_damping * speed * command.normals[side]
+                rest[SOLES[side]][3:] -= down
         rest[0::6] += y * nz - z * ny
         rest[1::6] -= x * nz - z * nx
         rest[2::6] += x * ny - y * nx

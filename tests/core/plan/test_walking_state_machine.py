@@ -117,6 +117,32 @@ def test_a_foot_has_landed_after_an_impulse(force, period, ticks):
     assert state.schedule.phase is walking.Phase.TRANSFER
 
 
+def test_the_other_foot_is_lifted_when_the_one_that_landed_carries():
+    """Oracle: by hand, 10 ms of contact without a gap; else the longest wait.
+
+    It has been hit by 0.9 of the weight and has left the ground again.
+    """
+    swings = replace(swinging(), time_in_phase=0.6, elapsed=0.6)
+    landed = step(swings, forces=(400.0, 900.0))
+    first = landed.schedule.footsteps[0]
+    adjusts = {"adjustment": walking.Adjustment(first, first.pose)}
+    assert landed.contact_time == PERIOD
+    state = replace(landed, time_in_phase=landed.schedule.duration)
+    for force, ticks in (0.0, 20), (200.0, 4), (0.0, 1), (200.0, 4):
+        for k in range(1, ticks + 1):
+            state = step(state, forces=(800.0, force), **adjusts)
+            assert state.schedule.phase is walking.Phase.TRANSFER
+            contact = k * PERIOD if force else 0.0
+            assert state.contact_time == pytest.approx(contact)
+    state = step(state, forces=(800.0, 200.0), **adjusts)
+    assert state.schedule.phase is walking.Phase.SWING
+    state = replace(landed, time_in_phase=landed.schedule.duration)
+    forces = {"forces": (800.0, 0.0), **adjusts}
+    _, ticks = until(state, walking.Phase.SWING, **forces)
+    most = PARAMS.lift_off.max_wait
+    assert ticks * PERIOD == pytest.approx(most, abs=1.5 * PERIOD)
+
+
 def test_the_next_plan_has_the_feet_and_the_reference_of_the_touchdown():
     """Oracle: the measured pose; the plan, asked for this time."""
     landed = FEET.with_foot(

@@ -108,6 +108,24 @@ def test_the_trailing_foot_unloads_at_the_end_of_a_transfer(time, expected):
 
 
 @pytest.mark.parametrize(
+    ("contact", "expected", "sinks"),
+    [(0.0, 50.0, 0.3), (0.004, 390.0, 0.0), (0.01, math.inf, 0.0)],
+)
+def test_a_foot_that_has_landed_is_loaded_when_it_measures_a_force(
+    contact, expected, sinks
+):
+    """Oracle: linear in the time of contact, to the weight in 10 ms."""
+    landed = state(
+        Phase.TRANSFER, steps_taken=1, elapsed=0.1, contact_time=contact
+    )
+    found = command(
+        landed, loading_time=0.01, unloaded_force=50.0, sinking_velocity=0.3
+    )
+    assert found.max_normal_forces == pytest.approx((expected, math.inf))
+    assert found.sinking == (sinks, 0.0)
+
+
+@pytest.mark.parametrize(
     ("ahead", "yaw", "edge"),
     [(0.65, 0.0, 0.115), (-0.65, 0.0, -0.115), (0.55, 0.0, 0.0),
      (0.65, math.pi, -0.115)],

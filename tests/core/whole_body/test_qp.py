@@ -139,16 +139,22 @@ def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
 
 @pytest.mark.parametrize("ground", [0.0, 0.17])
 def test_a_tilted_sole_is_brought_on_its_ground(ground):
-    """Oracle: it turns towards the normal by the gain times the sine."""
+    """Oracle: it turns towards the normal by the gain times the sine.
+
+    The left one is in the air and sinks along the normal.
+    """
     state = standing_state()
     state[0:4] = [math.cos(0.01), math.sin(0.01), 0.0, 0.0]  # roll 0.02
     terms, params = terms_at(state), WholeBodyQpParams()
     normals = np.array([[0.0, -math.sin(ground), math.cos(ground)]] * 2)
-    wish = command(terms)._replace(normals=normals)
+    wish = command(terms)._replace(normals=normals, sinking=(0.3, 0.0))
     found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
-    turn = (terms.rows @ np.append(found.vdot, 1.0))[0:3]
+    moves = (terms.rows @ np.append(found.vdot, 1.0))[:12]
     expected = params.stance_tilt_gain * math.sin(ground - 0.02)
-    assert turn == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
+    assert moves[:3] == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
+    down = -0.3 * params.stance_damping * normals[0]
+    assert moves[3:6] == pytest.approx(down, abs=1e-6)
+    assert moves[9:] == pytest.approx(np.zeros(3), abs=1e-6)
 
 
 @pytest.mark.parametrize("speed", [6.0, 15.0, -15.0])
