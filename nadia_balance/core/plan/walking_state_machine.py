@@ -152,7 +152,8 @@ class StateMachine:
         double support, the eCMP can be held beyond the ICP, on the far side of
         the support.  If this cannot return the ICP within `max_wait` [s], the
         foot is lifted at once.  Crossed legs are always uncrossed at once, as
-        the rear thigh approaches the other shin while the CoM moves on.
+        the rear thigh approaches the other shin while the CoM moves on.  All
+        this holds once the foot that has landed carries, or for `max_wait`.
         """
         schedule, waited = state.schedule, state.waited
         params = self.params.lift_off
