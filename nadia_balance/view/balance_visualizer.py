@@ -160,12 +160,12 @@ class BalanceVisualizer(LeafSystem):
         for side, outlines in self._footsteps.items():
             if schedule.in_contact(side):
                 number = state.steps_taken - (side is not landed)
-                self._draw_print(side, number, schedule.feet[side], time)
+                self._draw_sole(side, number, schedule.feet[side], time)
             poses = [s.pose for s in schedule.footsteps if s.side is side]
             for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
                 outline.place(pose and scene.sole_transform(pose), time)
 
-    def _draw_print(self, side: walking.Side, number: int, pose, time) -> None:
+    def _draw_sole(self, side: walking.Side, number: int, pose, time) -> None:
         """Draws the print that step `number` left on `side`."""
         path = f"{FOOTPRINTS}/{side.value}_{number}"
         if is_new := not self._meshcat.HasPath(path):

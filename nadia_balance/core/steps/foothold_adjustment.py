@@ -111,25 +111,26 @@ class Landing(walking.Immutable):
         soonest = self.time_to(goal)
         if under_way:
             soonest *= UNDER_WAY
-        soonest = max(soonest, least)
-        first, last = self.touchdown
-        times = soonest, soonest + last - first
-        one_step = self.geometry.one_step_region(self.icp, times)
+        one_step = self._one_step_from(max(soonest, least))
         return capture.capture_region(one_step, self.geometry.offsets[-1])
 
     def missed(self, adjustment: Adjustment) -> float:
-        """Distance [m] of a foothold from the region if later steps hurry.
+        """Distance [m] of a foothold from C_N if later steps hurry.
 
-        The region is that of the foot's touchdown there, at full speed.
+        C_N is that of the touchdown there, of a foot under way at full speed,
+        but not before the clock; 0 inside.
         """
-        p, (first, last) = adjustment.pose.p_WF[:2], self.touchdown
-        soonest = max(first, UNDER_WAY * self.time_to(p))
-        times = soonest, soonest + last - first
-        one_step = self.geometry.one_step_region(self.icp, times)
+        p = adjustment.pose.p_WF[:2]
+        soonest = max(self.touchdown[0], UNDER_WAY * self.time_to(p))
+        one_step = self._one_step_from(soonest)
         region = self.geometry.hurried_region(one_step)
-        if convex.contains(p, region):
-            return 0.0
         return math.dist(p, convex.project(p, region))
+
+    def _one_step_from(self, soonest: float) -> Array:
+        """C_1 (n, 2) [m] in W for a touchdown at `soonest` [s] or later."""
+        first, last = self.touchdown
+        times = soonest, soonest + last - first
+        return self.geometry.one_step_region(self.icp, times)
 
     def time_to(self, goal: Array) -> float:
         """Time [s] from rest to landing at `goal` (2,) [m]; 0 without foot."""
