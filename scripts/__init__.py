@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 _PROGRAMS = """benchmark envelope estimate export_mcap new_robot push
-    random_pushes simulate _m""".split()  # the last: `python -m`
+    simulate single_pushes _m""".split()  # the last: `python -m`
 if (
     Path(sys.argv[0]).stem.removeprefix("nadia-").replace("-", "_") in _PROGRAMS
     and signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -55,10 +55,6 @@ def main(argv: list[str] | None = None) -> int:
         sweep = sweep_from(args)
         if args.known is not None:
             sweep.known_limits = limits.known_limits(args.known)
-        # Building a diagram checks the robot and the blocks, too.
-        for cell in {cell.scenario: cell for cell in sweep.cells()}.values():
-            walk = sweep.walk(cell, replica=0)
-            closed_loop(walk, sweep.plant, sweep.controller)
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     args.out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     return carry_out(
@@ -119,6 +115,10 @@ def carry_out(parser, args, argv, sweep: Sweep, report: Callable) -> int:
     argv = sys.argv[1:] if argv is None else argv
     with contextlib.ExitStack() as stack:
         with parser.refusing():
+            # Building a diagram checks the robot and the blocks, too.
+            for cell in {cell[0]: cell for cell in sweep.cells()}.values():
+                walk = sweep.walk(cell, replica=0)
+                closed_loop(walk, sweep.plant, sweep.controller)
             workers = trial.open_workers(args.workers, args.scheduler)
             executor = stack.enter_context(workers)
             folder = prepare_folder(args.out)
@@ -165,10 +165,7 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
 def sweep_from(args: argparse.Namespace) -> Sweep:
     """Returns the sweep of the flags; ValueError names an invalid one."""
     asked = dict(vars(limits.PROTOCOLS[args.protocol]))
-    controller = ""
-    if args.controller is not None:
-        command_line.refuse_with_policy(args)
-        controller = str(args.controller.resolve())
+    controller = policy(args)
     if args.quick or controller:
         asked["mechanisms"] = asked["mechanisms"].split(",")[-1]
     if args.quick:
@@ -177,11 +174,11 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     search = set(vars(SearchParams())) & set(asked)
     names = _words("scenario_name", asked)
     sweep = Sweep(
-        scenarios={name: _scenario(args, name) for name in names},
+        scenarios={name: scenario_of(args, name) for name in names},
         plant=args.plant,
         controller=controller,
-        directions=_directions(asked),
-        at=tuple(str(Moment.parse(text)) for text in _words("at", asked)),
+        directions=directions(asked),
+        at=moments(asked),
         mechanisms=_words("mechanisms", asked),
         search=SearchParams(**{name: asked[name] for name in search}),
     )
@@ -189,7 +186,15 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     return sweep
 
 
-def _scenario(args: argparse.Namespace, name: str) -> Scenario:
+def policy(args: argparse.Namespace) -> str:
+    """Returns the file of the learned policy, or ""."""
+    if args.controller is None:
+        return ""
+    command_line.refuse_with_policy(args)
+    return str(args.controller.resolve())
+
+
+def scenario_of(args: argparse.Namespace, name: str) -> Scenario:
     """Returns the scenario `name`, with its own mechanisms."""
     one = vars(args) | {"scenario_name": name, "mechanisms": None}
     scenario = command_line.scenario_from(argparse.Namespace(**one))
@@ -199,7 +204,12 @@ def _scenario(args: argparse.Namespace, name: str) -> Scenario:
     return scenario
 
 
-def _directions(asked: dict[str, str]) -> tuple[float, ...]:
+def moments(asked: dict[str, str]) -> tuple[str, ...]:
+    """Returns the moments `at` which one is to be pushed."""
+    return tuple(str(Moment.parse(text)) for text in _words("at", asked))
+
+
+def directions(asked: dict[str, str]) -> tuple[float, ...]:
     """Returns the `directions` [deg] that are asked for, listed or counted."""
     text = asked["directions"].strip()
     with contextlib.suppress(ValueError):

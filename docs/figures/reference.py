@@ -33,7 +33,7 @@ from nadia_balance.systems.hardware import Imperfections
 
 PAGE = Path(__file__).parents[1] / "reference.md"
 SCRIPTS = (
-    *("push", "simulate", "envelope", "random_pushes", "estimate"),
+    *("push", "simulate", "envelope", "single_pushes", "estimate"),
     *("new_robot", "benchmark", "export_mcap"),
 )
 # Entries of summary.json: unit, and what it is.

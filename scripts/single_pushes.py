@@ -1,0 +1,191 @@
+"""Pushes the robot once a run, at a share of the limits that a sweep found.
+
+At random: direction, moment, side, length and body (pelvis, torso) of each push
+are drawn.  With --directions or --at: in each of these directions, at each of
+these moments.  The size of a push is the share of the limit in its direction,
+which is for the moment of the sweep.  The same flags go on after Ctrl-C.
+
+Example:
+    python scripts/single_pushes.py --pushes 40 --out envelopes/random
+"""
+
+import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import argparse
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from nadia_balance.core.walking.push import Moment, Push
+from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase, Side
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.folder import appearing
+from nadia_balance.robot.model import load_robot
+from nadia_balance.scripts import command_line, envelope
+from nadia_balance.scripts.sweep import Cell, Results, Rows, Trial, limits
+from nadia_balance.scripts.sweep.report import outcomes, table
+from nadia_balance.scripts.sweep.search import AT, Sweep
+
+LENGTHS = 0.05, 0.4  # of a push at random [s]
+FAILURES = "failures.md"
+
+
+@dataclass(kw_only=True)
+class SinglePushes(Sweep):
+    """A sweep whose cells have one push each, a share of a known limit."""
+
+    share: float  # of the limits [-]
+    drawn: dict[Cell, Push]  # body and length at random; empty: no such
+
+    def cells(self) -> list[Cell]:
+        """Returns the cell of each push."""
+        return list(self.drawn) or super().cells()
+
+    def curve(self) -> dict[float, float]:
+        """Returns direction [deg] -> limit [m/s], for pushes in right swings.
+
+        Raises ValueError: no limit is of this scenario and these mechanisms.
+        """
+        wanted = *self.scenarios, *self.mechanisms
+        known = {c: v for c, v in self.known_limits.items() if c[::2] == wanted}
+        if not known:
+            raise ValueError(f"limits: must have some of {', '.join(wanted)}")
+        first = next(iter(known)).at
+        return {c.direction_deg: v for c, v in known.items() if c.at == first}
+
+    def attempts(self, cell: Cell, results: Results) -> list[Trial]:
+        """Returns the only trial of a `cell`, unless it has results.
+
+        Limits between directions are interpolated; a left swing has their
+        mirror image.
+        """
+        left = Moment.parse(cell.at).swing is Side.LEFT
+        seen = -cell.direction_deg if left else cell.direction_deg
+        known = zip(*self.curve().items(), strict=True)
+        delta_v = self.share * float(np.interp(seen, *known, period=360.0))
+        return [] if results else [(round(delta_v, 3), 0)]
+
+    def walk(self, cell: Cell, replica: int) -> Scenario:
+        """Returns the scenario of a push, which is zero."""
+        scenario = super().walk(cell, replica)
+        if push := self.drawn.get(cell):  # not that of the identity
+            (zero,) = scenario.pushes
+            zero.body, zero.duration = push.body, push.duration
+        return scenario
+
+    def identity(self) -> dict:
+        """Returns the JSON data that all trials of one folder share."""
+        return super().identity() | {"share": self.share}
+
+
+def drawn(name: str, scenario: Scenario, most: str, count: int) -> dict:
+    """Returns the body and length of `count` pushes, by their cells.
+
+    They are drawn by the seed of the `scenario`, which has this `name`: uniform
+    in direction, in the time of the gait, in side, body and length.
+    """
+    rng, gait = np.random.default_rng(scenario.seed), scenario.gait
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    period = scenario.controller.control_period
+    ticks = math.ceil(LENGTHS[0] / period), round(LENGTHS[1] / period) + 1
+    pushes: dict[Cell, Push] = {}
+    for _ in range(count):
+        side, direction = rng.choice(list(Side)), rng.uniform(0.0, 360.0)
+        time = rng.uniform(0.0, gait.transfer_duration + gait.swing_duration)
+        fraction, phase = time / gait.transfer_duration, Phase.TRANSFER
+        if fraction >= 1.0:
+            time -= gait.transfer_duration
+            fraction, phase = time / gait.swing_duration, Phase.SWING
+        at = str(Moment(phase, side, round(fraction, 2)))
+        pushes[Cell(name, at, most, round(direction, 3))] = Push(
+            body=str(rng.choice([robot.pelvis_body, robot.torso_body])),
+            delta_v=0.0,
+            duration=round(period * int(rng.integers(*ticks)), 9),
+            at=at,
+        )
+    return pushes
+
+
+def failures_text(sweep: SinglePushes, rows: Rows) -> str:
+    """Returns the page of each push that failed.
+
+    A trial ends at the first figure that excludes a recovery: its reason.
+    """
+    failed = []
+    for row in rows.all:
+        if row["outcome"] != "recovered":
+            (push,) = sweep.walk(Cell.of(row), replica=0).pushes
+            size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
+            where = row["at"], push.body, f"{push.duration:g}"
+            failed.append((*size, *where, row["outcome"], row["reason"]))
+    head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
+    title = f"# Single pushes, at {sweep.share:g} of the limits"
+    about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
+    return "\n\n".join([title, about, table(head, failed)]) + "\n"
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line `argv`; returns the exit code."""
+    codes = "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
+    parser = command_line.CommandLine(__file__, __doc__, codes + "130 Ctrl-C.")
+    add, shown = (
+        parser.add_argument_group("pushes").add_argument,
+        "(%(default)s)",
+    )
+    share = {"type": command_line.finite, "default": 0.6}
+    add("--share", **share, help=f"of the limits {shown}")
+    folder = {"type": command_line.place, "metavar": "FOLDER"}
+    about = f"with a {limits.LIMITS} {shown}"
+    add("--limits", **folder, default="docs/results/fig10", help=about)
+    add("--pushes", type=int, default=1000, help=f"at random {shown}")
+    add("--directions", help="not at random, as of envelope.py")
+    add("--at", help="not at random, as of envelope.py")
+    command_line.scenario_flags(parser, name="push")
+    add = parser.add_argument_group("running").add_argument
+    envelope.running_flags(add, "envelopes/single")
+    parser.set_defaults(out=Path("envelopes/single"), scenario_name="push")
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        sweep = sweep_from(args)
+
+    def report(rows: Rows) -> int:
+        with appearing(rows.folder) as drafts:
+            text = failures_text(sweep, rows)
+            (drafts / FAILURES).write_text(text, encoding="utf-8")
+        command_line.say(outcomes(rows), f"wrote {rows.folder}/{FAILURES}")
+        return command_line.DONE
+
+    return envelope.carry_out(parser, args, argv, sweep, report)
+
+
+def sweep_from(args: argparse.Namespace) -> SinglePushes:
+    """Returns the sweep of the flags; ValueError names an invalid one."""
+    if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
+        why = "must be in [1, 100000] and (0, 3]"
+        given = f"pushes = {args.pushes}, share = {args.share}"
+        raise ValueError(f"{given}: {why}")
+    name, most = args.scenario_name, args.mechanisms or list(MECHANISMS)[-1]
+    scenario = envelope.scenario_of(args, name)
+    random = args.directions is None and args.at is None
+    asked = {"directions": args.directions or "12", "at": args.at or AT}
+    sweep = SinglePushes(
+        share=args.share,
+        drawn=drawn(name, scenario, most, args.pushes) if random else {},
+        scenarios={name: scenario},
+        plant=args.plant,
+        controller=envelope.policy(args),
+        directions=envelope.directions(asked),
+        at=envelope.moments(asked),
+        mechanisms=(most,),
+        known_limits=limits.known_limits(Path(args.limits)),
+    )
+    sweep.validate()
+    sweep.curve()
+    return sweep
+
+
+if __name__ == "__main__":
+    sys.exit(main())

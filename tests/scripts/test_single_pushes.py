@@ -1,0 +1,105 @@
+"""Single pushes: which they are, and the page of those that fail."""
+
+import contextlib
+import re
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from nadia_balance.core.walking.push import Moment
+from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.scripts import single_pushes
+from nadia_balance.scripts.sweep import Rows
+from tests.scripts.running import assert_refused, run_script
+from tests.scripts.sweep.made_up import MadeUpRobot
+from tests.source_files import ROOT
+
+FIG10 = ROOT / "docs" / "results" / "fig10"
+
+
+def sweep_of(capsys, *argv) -> single_pushes.SinglePushes:
+    """The sweep of the flags, with limits that grow with the direction."""
+    with patch.object(single_pushes.envelope, "carry_out") as carry_out:
+        carry_out.return_value = 0
+        argv = ["--limits", FIG10, *argv]
+        assert run_script(single_pushes, argv, capsys).code == 0
+    sweep = carry_out.call_args.args[3]
+    known = sweep.known_limits
+    sweep.known_limits = {c: 1.0 + c.direction_deg / 360.0 for c in known}
+    return sweep
+
+
+def test_a_push_is_a_share_of_the_limit_of_its_direction(capsys):
+    """Oracle: by hand, between two limits; a left swing is mirrored."""
+    sweep = sweep_of(capsys, "--share", 0.5, "--pushes", 300)
+    cells = sweep.cells()
+    assert len(cells) == 300
+    for cell in cells:
+        moment = Moment.parse(cell.at)
+        seen = cell.direction_deg
+        if moment.swing is Side.LEFT:
+            seen = 360.0 - seen
+        if seen < 330.0:  # beyond, the curve goes back to that of 0
+            expected = 0.5 + seen / 720.0
+            ((delta_v, replica),) = sweep.attempts(cell, {})
+            assert (delta_v, replica) == (pytest.approx(expected, abs=1e-3), 0)
+        assert 0.05 <= sweep.walk(cell, 0).pushes[0].duration <= 0.4
+    moments = [Moment.parse(cell.at) for cell in cells]
+    swings = np.mean([moment.phase.value == "swing" for moment in moments])
+    assert swings == pytest.approx(0.7, abs=0.1)
+    bodies = {sweep.walk(cell, 0).pushes[0].body for cell in cells}
+    assert bodies == {"PELVIS_LINK", "TORSO_LINK"}
+
+
+def test_pushes_come_where_they_are_asked_for(capsys):
+    """Oracle: by hand; body and length are the scenario's."""
+    at = "left transfer 50 %", "right swing 10 %"
+    argv = "--directions", "45,300", "--at", ",".join(at), "--engine", "mujoco"
+    sweep = sweep_of(capsys, *argv, "--mechanisms", "step")
+    asked = [(*cell[1:3], cell.direction_deg) for cell in sweep.cells()]
+    assert asked == [(a, "step", d) for a in at for d in (45.0, 300.0)]
+    sizes = [sweep.attempts(cell, {})[0][0] for cell in sweep.cells()]
+    # The next swing of a left transfer is the left one.
+    seen = 315.0, 60.0, 45.0, 300.0
+    expected = [0.6 * (1.0 + angle / 360.0) for angle in seen]
+    assert sizes == pytest.approx(expected, abs=1e-3)
+    walk = sweep.walk(sweep.cells()[0], 0)
+    assert (walk.engine, walk.pushes[0].duration) == ("mujoco", 0.1)
+
+
+@pytest.fixture
+def made_up(monkeypatch):
+    """A robot whose limit is 0.5 m/s, in every direction."""
+    robot = MadeUpRobot()
+    largest = "tests.scripts.sweep.made_up.largest"
+    monkeypatch.setattr(largest, lambda *_: 0.5)
+    opened = contextlib.nullcontext(robot)
+    trial = single_pushes.envelope.trial
+    monkeypatch.setattr(trial, "open_workers", lambda *_: opened)
+    monkeypatch.setattr(trial, "run_trial", robot.trial)
+    return robot
+
+
+def test_every_failure_is_a_line_of_the_page(made_up, tmp_path, capsys):
+    """Oracle: the rows; none is tried again."""
+    argv = ["--pushes", 20, "--limits", FIG10, "--out", tmp_path]
+    for _ in range(2):
+        assert run_script(single_pushes, argv, capsys).code == 0
+    rows = Rows.read(tmp_path).all
+    assert len(made_up.tried) == len(rows) == 20
+    bad = [row for row in rows if row["outcome"] != "recovered"]
+    failed = {row["direction_deg"] for row in bad}
+    assert 0 < len(failed) < 20
+    page = (tmp_path / "failures.md").read_text("utf-8")
+    lines = re.findall(r'^\|[^|]*\| +([\d.]+) \|.*"ouch"', page, re.MULTILINE)
+    assert {float(direction) for direction in lines} == failed
+
+
+def test_refuses_what_has_no_meaning(tmp_path, capsys):
+    argv = ["--limits", FIG10, "--out", tmp_path]
+    refused = run_script(single_pushes, [*argv, "--share", 0], capsys)
+    assert_refused(refused, "pushes = 1000, share = 0.0: must be in ")
+    of_another = [*argv, "--scenario_name", "atlas_in_place_slow"]
+    refused = run_script(single_pushes, of_another, capsys)
+    assert_refused(refused, "limits: must have some of atlas_in_place_slow")
