@@ -219,9 +219,7 @@ def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
             if args.live:
                 scenario = live.endless(scenario)
             meshcat = _meshcat(args.port) if shown else None
-            if args.controller is not None:
-                refuse_with_policy(args)
-            system = args.plant, args.controller or "", meshcat
+            system = args.plant, policy_of(args), meshcat
             diagram = simulation.closed_loop(scenario, *system)
             if not args.live:
                 simulator = simulation.start(diagram)
@@ -265,11 +263,17 @@ def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
 
 
-def refuse_with_policy(args: argparse.Namespace) -> None:
-    """Raises ValueError: a flag is of our own controller only."""
+def policy_of(args: argparse.Namespace) -> str:
+    """Returns the file of the learned policy, or "" for our controller.
+
+    Raises ValueError: a flag is of our own controller only.
+    """
+    if args.controller is None:
+        return ""
     if args.plant == "lipm" or args.mechanisms is not None:
         why = "must not come with plant = lipm or mechanisms"
         raise ValueError(f"controller = {str(args.controller)!r}: {why}")
+    return str(args.controller.resolve())
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:

@@ -165,7 +165,7 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
 def sweep_from(args: argparse.Namespace) -> Sweep:
     """Returns the sweep of the flags; ValueError names an invalid one."""
     asked = dict(vars(limits.PROTOCOLS[args.protocol]))
-    controller = policy(args)
+    controller = command_line.policy_of(args)
     if args.quick or controller:
         asked["mechanisms"] = asked["mechanisms"].split(",")[-1]
     if args.quick:
@@ -184,14 +184,6 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     )
     sweep.validate()
     return sweep
-
-
-def policy(args: argparse.Namespace) -> str:
-    """Returns the file of the learned policy, or ""."""
-    if args.controller is None:
-        return ""
-    command_line.refuse_with_policy(args)
-    return str(args.controller.resolve())
 
 
 def scenario_of(args: argparse.Namespace, name: str) -> Scenario:

@@ -1,9 +1,8 @@
 """Pushes the robot once a run, at a share of the limits that a sweep found.
 
-At random: direction, moment, side, length and body (pelvis, torso) of each push
-are drawn.  With --directions or --at: in each of these directions, at each of
-these moments.  The size of a push is the share of the limit in its direction,
-which is for the moment of the sweep.  The same flags go on after Ctrl-C.
+Direction, moment, side, length and body of each are drawn; with --directions or
+--at, each of these is pushed.  The size is the share of the limit in that
+direction, at the sweep's moment.  The same flags go on after Ctrl-C.
 
 Example:
     python scripts/single_pushes.py --pushes 40 --out envelopes/random
@@ -131,18 +130,16 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code."""
     codes = "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
     parser = command_line.CommandLine(__file__, __doc__, codes + "130 Ctrl-C.")
-    add, shown = (
-        parser.add_argument_group("pushes").add_argument,
-        "(%(default)s)",
-    )
+    add = parser.add_argument_group("pushes").add_argument
+    shown = "(%(default)s)"
     share = {"type": command_line.finite, "default": 0.6}
     add("--share", **share, help=f"of the limits {shown}")
     folder = {"type": command_line.place, "metavar": "FOLDER"}
     about = f"with a {limits.LIMITS} {shown}"
     add("--limits", **folder, default="docs/results/fig10", help=about)
     add("--pushes", type=int, default=1000, help=f"at random {shown}")
-    add("--directions", help="not at random, as of envelope.py")
-    add("--at", help="not at random, as of envelope.py")
+    for name in ("--directions", "--at"):
+        add(name, help="not at random, as of envelope.py")
     command_line.scenario_flags(parser, name="push")
     add = parser.add_argument_group("running").add_argument
     envelope.running_flags(add, "envelopes/single")
@@ -176,7 +173,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         drawn=drawn(name, scenario, most, args.pushes) if random else {},
         scenarios={name: scenario},
         plant=args.plant,
-        controller=envelope.policy(args),
+        controller=command_line.policy_of(args),
         directions=envelope.directions(asked),
         at=envelope.moments(asked),
         mechanisms=(most,),
