@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser results clean
+.PHONY: push test lint browser results robustness clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -67,6 +67,39 @@ $(MADE)/%.swept:
 		--from $(MADE)/known_$* --out $(MADE)/$*
 	cp $(MADE)/$*/* docs/results/$*
 	touch $@
+
+# What the limits of `make results` are worth elsewhere: single pushes at a share
+# of them, the G1 at other moments and in MuJoCo, Nadia with sensors.
+SINGLE := 95 80 60 moments errors mujoco
+SWEPT := g1_moments g1_mujoco sensors
+
+robustness: .venv/installed-test \
+		$(SINGLE:%=$(MADE)/%.pushed) $(SWEPT:%=$(MADE)/%.swept)
+
+$(MADE)/95.pushed: PUSHES := --share 0.95 --directions 24
+$(MADE)/80.pushed: PUSHES := --share 0.8 --directions 24
+$(MADE)/60.pushed: PUSHES := --share 0.6 --directions 24
+$(MADE)/moments.pushed: PUSHES := --share 0.6 --directions 6 \
+	--at "right transfer 50 %, right swing 10 %, right swing 30 %, \
+	right swing 50 %, right swing 70 %, right swing 90 %"
+$(MADE)/errors.pushed: PUSHES := --share 0.8 --directions 8 \
+	--scenario_text "{imperfections: {joint_noise: 0.0005, \
+	joint_speed_noise: 0.02, pelvis_noise: 0.001, pelvis_speed_noise: 0.02, \
+	delay: 0.012, friction_ratio: 0.5, torso_mass_ratio: 1.1}}"
+$(MADE)/mujoco.pushed: PUSHES := --share 0.9 --directions 12 --engine mujoco
+$(MADE)/%.pushed:
+	$(BIN)/python scripts/single_pushes.py $(PUSHES) --out $(MADE)/$*
+	mkdir -p docs/results/single/$*
+	cp $(MADE)/$*/* docs/results/single/$*
+	touch $@
+
+G1_MORE := --robot g1 --resolution 0.1 --stride 4 \
+	--mechanisms all_with_cross_over
+$(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --engine mujoco
+$(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 \
+	--at "right swing 50 %, right swing 75 %, left transfer 50 %"
+$(MADE)/sensors.swept: SWEEP := --sensors consumer \
+	--mechanisms all_with_cross_over
 
 $(MADE)/push/replay.html:
 	$(BIN)/python scripts/push.py --out $(@D)

@@ -113,16 +113,17 @@ def failures_text(sweep: SinglePushes, rows: Rows) -> str:
     A trial ends at the first figure that excludes a recovery: its reason.
     """
     failed = []
-    for row in rows.all:
+    for row in sorted(rows.all, key=Cell.of):
         if row["outcome"] != "recovered":
             (push,) = sweep.walk(Cell.of(row), replica=0).pushes
             size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
-            where = row["at"], push.body, f"{push.duration:g}"
+            where = row["at"], push.body or "base", f"{push.duration:g}"
             failed.append((*size, *where, row["outcome"], row["reason"]))
     head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
     title = f"# Single pushes, at {sweep.share:g} of the limits"
     about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
-    return "\n\n".join([title, about, table(head, failed)]) + "\n"
+    parts = [title, about, *([table(head, failed)] if failed else [])]
+    return "\n\n".join(parts) + "\n"
 
 
 @command_line.program

@@ -81,6 +81,16 @@ def test_a_torn_line_is_left_out(tmp_path):
         assert (tmp_path / TRIALS).read_bytes() == whole
 
 
+def test_the_page_tells_how_the_single_pushes_ended():
+    """Oracle: their rows."""
+    page = (RESULTS / "README.md").read_text("utf-8").splitlines()
+    for folder in (RESULTS / "single").iterdir():
+        ended = [row["outcome"] for row in Rows.read(folder).all]
+        link = f"(single/{folder.name}/failures.md)"
+        (line,) = (line for line in page if link in line)
+        assert f"| {ended.count('recovered')} of {len(ended)} |" in line
+
+
 def test_results_and_pictures_are_of_this_code():
     """Oracle: the fingerprints of this code, and of what `make results` makes.
 
@@ -91,12 +101,13 @@ def test_results_and_pictures_are_of_this_code():
     # `same`: later code of which some rows were remade, equal in all digits.
     _, code, *same, _, major, minor = first.split()
     assert f"code `{code}`" in page, "docs/results/README.md"
-    for name in "fig10", "g1":
-        rows = Rows.read(RESULTS / name)
-        assert rows.identity["code"] == code, f"{name}: make results"
-        assert name != "fig10" or f"{len(rows.all)} trials" in page
+    known = [code, *same[1:]]
+    for path in RESULTS.rglob(TRIALS):
+        rows = Rows.read(path.parent)
+        if "controller" not in rows.identity:
+            assert rows.identity["code"] in known, f"{path}: make results"
+    assert f"{len(Rows.read(RESULTS / 'fig10').all)} trials" in page
     if (int(major), int(minor)) == sys.version_info[:2]:
-        known = [code, *same[1:]]
         assert code_hash() in known, "other control code: make results"
     made = dict(line.split()[::-1] for line in lines)
     docs = [path for path in (ROOT / "docs").rglob("*.*") if path.suffix in ART]
